@@ -227,7 +227,7 @@ def test_what_moves_alike_along_the_whole_span_is_told_from_what_does_not() -> N
         depth=0.1,
         edge=np.ones(3),
         plane=SimpleNamespace(mesh=SimpleNamespace(plane=SimpleNamespace(centres=centres))),
-        since=lambda begin, end: zip(times, snapshots, strict=True),
+        since=lambda begin: zip(times, snapshots, strict=True),
     )
     found = span_means(spec, record, 0.0)  # type: ignore[arg-type]
     np.testing.assert_allclose(found.stresses[:, 0], 0.5 * (alike**2 + waving**2))

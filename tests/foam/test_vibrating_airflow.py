@@ -19,12 +19,12 @@ from wakeflow.field import FlowField
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
 from wakeflow.foam.history import CD, CL, read_table
-from wakeflow.foam.mesh_motion import MeshMotion, repeats
+from wakeflow.foam.mesh_motion import MeshMotion
 from wakeflow.foam.prepare import prepare_case
 from wakeflow.foam.programs import call
 from wakeflow.foam.read import CaseFields, loop_of, read_flow, time_folders
 from wakeflow.foam.solver import holds_a_state
-from wakeflow.foam.start import _write_internal
+from wakeflow.foam.start import write_internal
 from wakeflow.foam.time_resolved import best_loop
 from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.planning.lock_in import frequency_ratios, vibration_of_air, vibration_of_scene
@@ -100,7 +100,7 @@ class TestMovingMesh:
             inlet = f"inlet {{ type uniformFixedValue; {sine} }}"
             path.write_text(re.sub(r"\$inletsU;", inlet, path.read_text()))
             cells = json.loads((case.parent / "mesh.json").read_text())["cells"]
-            _write_internal(path, np.tile([0.0, -1.0 - vibration.peak_speed], (cells, 1)))
+            write_internal(path, np.tile([0.0, -1.0 - vibration.peak_speed], (cells, 1)))
 
         a, b = (tmp_path / name for name in ("moving", "ridden"))
         seen = forces(moving, a, end, step)
@@ -268,14 +268,6 @@ class TestChoice:
         assert mismatch < 0.8
         with pytest.raises(FoamError, match="shorter than a loop"):
             best_loop(clock, signal, 3.0, 20.0)
-
-    def test_what_repeats_and_what_does_not(self) -> None:
-        clock = np.linspace(0, 30, 3000)
-        locked, free = np.sin(np.pi * clock + 1) + 0.2 * np.sin(3 * np.pi * clock), np.sin(0.9 * np.pi * clock)
-        assert repeats(clock, locked, 2.0) > 0.999
-        assert repeats(clock, locked, 1.0) < 0.05
-        assert repeats(clock, free, 2.0) < 0.05
-        assert repeats(clock, 0 * clock, 2.0) == 1.0
 
     def test_a_steady_airflow_does_not_vibrate(self) -> None:
         with pytest.raises(SceneError, match="rung standard"):

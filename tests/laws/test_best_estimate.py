@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from proofs.studies.laws import left_one_out
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.best_estimate import (
     FAR,
@@ -11,7 +12,6 @@ from wakeflow.laws.best_estimate import (
     WakeEntry,
     best_estimate,
     blocked,
-    left_one_out,
     read_wakes,
     wakes,
 )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from support import DOCS, ROOT
 from wakeflow.core.errors import SceneError
-from wakeflow.laws.collision import ImpactModel, bounce, collide, collide_pair, impact, impact_models, thrown
+from wakeflow.laws.collision import ImpactModel, collide, collide_pair, impact, impact_models, thrown
 from wakeflow.laws.impaction import sphere_caught
 from wakeflow.laws.random_numbers import normal_pair
 
@@ -151,14 +151,6 @@ def test_every_inertial_frame_and_direction_sees_the_same(
         return np.array([*(spun.T @ out[:2] - boost), out[2], out[3], out[4]])
 
     np.testing.assert_allclose(run(np.array(frame), turn), run(np.zeros(2), 0.0), atol=1e-11)
-
-
-def test_bounce_is_the_same_collision_for_many_point_masses() -> None:
-    n = np.array([np.sin(BETA), np.cos(BETA)])
-    out = bounce([[0.0, -1.4]] * 3, n, [0.0, 0.3], [0.5, 0.5, 0.1], [0.3, 9.0, 0.6])
-    np.testing.assert_allclose(out[0], impact(BETA, 1.4, 0.3, 0.5, 0.3).velocity)
-    np.testing.assert_allclose(out[1], impact(BETA, 1.4, 0.3, 0.5, 9.0).velocity)
-    np.testing.assert_allclose(out[2], [0.3740, 0.0960], atol=5e-5)
 
 
 def test_the_printed_form_makes_energy_and_the_docs_show_the_table() -> None:

@@ -14,7 +14,6 @@ from scipy.integrate import solve_ivp
 import wakeflow as wf
 from support import FLOOR, G
 from wakeflow.core.errors import SceneError
-from wakeflow.laws.collision import bounce
 from wakeflow.laws.drag import drag_laws, relaxation_time, slip_correction
 from wakeflow.laws.lift import lift_coefficient, magnus_factor, spin_decay, spin_rate
 from wakeflow.laws.restitution import restitution_laws, restitution_table
@@ -329,8 +328,6 @@ def test_a_slope_that_moves_and_the_impact_law_agree() -> None:
     np.testing.assert_allclose(tracks.velocity[0], expected.velocity, rtol=1e-6)
     assert tracks.spin[0] == pytest.approx(float(expected.spin), rel=1e-6)
     assert expected.restitution == pytest.approx(float(law(1.5 * np.cos(b))))
-    point = wf.impact(b, 1.2, lift, law, 0.2).velocity
-    np.testing.assert_allclose(bounce([0.0, -1.2], [np.sin(b), np.cos(b)], [0.0, lift], law, 0.2), point)
 
 
 @every_law

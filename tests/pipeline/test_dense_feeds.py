@@ -20,7 +20,7 @@ from wakeflow.pipeline.cache import code_of
 from wakeflow.pipeline.landings import Landings
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.slab import SlabFlight, SlabFound, _grouped, load_crowd, step_of
+from wakeflow.pipeline.slab import SlabFlight, SlabFound, _grouped, step_of
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.coupling import COUPLING
 from wakeflow.planning.make import make_plan
@@ -261,9 +261,9 @@ def test_it_goes_on_where_it_stopped_and_all_fly_with_the_step_that_the_first_ha
     replace(flight, tell=told.append).fly_all(stopped, 2)
     assert told == ["replicate 2", "2 of 2 replicates"]
     replace(flight, step=step_of(tmp_path)).fly_all(given, 2)
-    one = load_crowd(tmp_path, scene, 2)
+    one = flight.found(tmp_path, 2)
     assert one.step_error < 1e-3
-    for other in (load_crowd(folder, scene, 2) for folder in (stopped, given)):
+    for other in (flight.found(folder, 2) for folder in (stopped, given)):
         assert one.step == other.step
         for name in scene.fraction:
             np.testing.assert_array_equal(one.landings[name].position, other.landings[name].position)

@@ -14,14 +14,13 @@ import pytest
 from scipy.spatial import Delaunay
 
 from proofs.airflow import airflow, measured
-from proofs.airflow.measured import DustyWake, SolvedAirflow, estimate_without, quantities
+from proofs.airflow.measured import DustyWake, SolvedAirflow, core_seconds, estimate_without, quantities
 from proofs.airflow.published import Case, Published, cases, read_cases, verification_scenes
 from proofs.report import Table
 from wakeflow.cli import main
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.record import from_json
 from wakeflow.field import FlowField
-from wakeflow.foam.programs import core_seconds
 from wakeflow.laws.best_estimate import best_estimate
 from wakeflow.laws.best_estimate import wakes as wakes_data
 from wakeflow.laws.momentum import momentum_pressure

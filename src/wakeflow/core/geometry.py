@@ -76,7 +76,11 @@ def distance_between(one: Array, other: Array) -> float:
 
 def distance_to(points: Array, outline: Array) -> Array:
     """Distance (n,) m of points (n, 2) from the nearest edge of the outline, inside or out."""
-    start, end = edges(outline)
+    return distance_to_edges(points, *edges(outline))
+
+
+def distance_to_edges(points: Array, start: Array, end: Array) -> Array:
+    """Distance (n,) m of points (n, 2) from the nearest of the edges between ``start`` and ``end`` (m, 2)."""
     along = end - start
     offset = points[:, None] - start
     share = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)

@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError, known
-from .flow import NODAL, FlowField
+from .flow import FlowField, nodal
 from .modes import fit
 from .triangles import Triangles
 
-# -- The wake between its two ends: a steady solution and one in time, blended on the nodes of the ---------------------
+# -- The wake between its two ends -------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 POSITIVE = ("k", "dissipation")
 NEAR = 8  # triangles tried for a point outside the mesh: those whose centres are nearest
@@ -52,18 +52,20 @@ def blended_wake(resolved: FlowField, steady: FlowField, theta: float, strength:
     if resolved.times is None or theta == strength == 1.0:
         return resolved
     share = resolved.time_axis.mean_weights()
-    own = {name: values for name in NODAL if (values := getattr(resolved, name)) is not None}
+    own = nodal(resolved)
     middle = {name: np.tensordot(share, values, axes=1) for name, values in own.items()}
     still = _with_boundary(resolved, interpolated(steady, _like(steady, own), resolved.points), middle["velocity"])
-    mean = {name: (1.0 - theta) * still[name] + theta * middle[name] for name in own}
+    mean: dict[str, Any] = {name: (1.0 - theta) * still[name] + theta * middle[name] for name in own}
     if strength == 0.0 and resolved.motion is None:
-        return replace(resolved, times=None, period=None, coefficients=None, truncation=None, **_any(mean))
+        return replace(resolved, times=None, period=None, coefficients=None, truncation=None, **mean)
     kept = {name: min(strength, theta) if name in POSITIVE else strength for name in own}
     if resolved.coefficients is None:
-        nodal = {name: mean[name] + kept[name] * (values - middle[name]) for name, values in own.items()}
+        nodes: dict[str, Any] = {
+            name: mean[name] + kept[name] * (values - middle[name]) for name, values in own.items()
+        }
     else:  # part 0 is the mean, the others have none
-        nodal = {name: np.concatenate([mean[name][None], kept[name] * values[1:]]) for name, values in own.items()}
-    made = replace(resolved, **_any(nodal))
+        nodes = {name: np.concatenate([mean[name][None], kept[name] * values[1:]]) for name, values in own.items()}
+    made = replace(resolved, **nodes)
     return made if resolved.motion is None else _swinging(made, still["velocity"], 1.0 - strength)
 
 
@@ -129,15 +131,11 @@ def _swinging(field: FlowField, still: Array, share: float) -> FlowField:
     count = len(known(field.times))
     times = known(field.times)[0] + np.arange(SAMPLES * count) * (known(field.period) / (SAMPLES * count))
     found = fit(times, (known(field.motion).velocity(times) @ along)[:, None], known(field.period), count)
-    nodal = {name: values for name in NODAL if (values := getattr(field, name)) is not None}
-    more = {name: np.concatenate([values, np.zeros_like(values[:1])]) for name, values in nodal.items()}
+    more: dict[str, Any] = {
+        name: np.concatenate([values, np.zeros_like(values[:1])]) for name, values in nodal(field).items()
+    }
     more["velocity"][-1] = share * pushed
-    return replace(field, coefficients=np.hstack([field.coefficients, found - found.mean(axis=0)]), **_any(more))
-
-
-def _any(arrays: Mapping[str, Array]) -> dict[str, Any]:
-    """Arrays by name as the arguments of :func:`replace`, whose other fields are of other types."""
-    return dict(arrays)
+    return replace(field, coefficients=np.hstack([field.coefficients, found - found.mean(axis=0)]), **more)
 
 
 # -- A record of an irregular wake made periodic: its end is faded into what came before its beginning -----------------
@@ -193,7 +191,7 @@ def changed_as(field: FlowField, before: FlowField, after: FlowField) -> FlowFie
     the error of interpolation. The change of a field as of ``before`` itself gives ``after``.
     Raises SceneError where before and after differ in their mesh or in what they hold, or lack what ``field`` has.
     """
-    own = {name: values for name in NODAL if (values := getattr(field, name)) is not None}
+    own = nodal(field)
     change = _change(own, before, after)
     same = len(field.points) == len(before.points) and bool(np.array_equal(field.points, before.points))
     if not same:
@@ -235,7 +233,7 @@ def _walls(field: FlowField) -> NDArray[np.int64]:
     return np.asarray(edge[speed[edge] < AT_REST * speed.max()])
 
 
-# -- The same airflow at another speed, or with other turbulence: what uncertain numbers of the air make ---------------
+# -- The same airflow at another speed, or with other turbulence -------------------------------------------------------
 def varied(field: FlowField, speed: float = 1.0, energy: float = 1.0, lifetime: float = 1.0) -> FlowField:
     """``field`` with the factor ``speed`` on its velocity, ``energy`` on the kinetic energy of its turbulence beside
     that, ``lifetime`` on that of the eddies k / dissipation beside both.
@@ -252,9 +250,7 @@ def varied(field: FlowField, speed: float = 1.0, energy: float = 1.0, lifetime: 
         "k": energy * speed**2,
         "dissipation": energy**1.5 * speed**3 / lifetime,
     }
-    made: dict[str, Any] = {
-        name: factors[name] * values for name in NODAL if (values := getattr(field, name)) is not None
-    }
+    made: dict[str, Any] = {name: factors[name] * values for name, values in nodal(field).items()}
     if field.times is not None and field.motion is None:
         made["times"] = field.times / speed
         made["period"] = None if field.period is None else field.period / speed

@@ -8,7 +8,7 @@ splines).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,28 +25,6 @@ from .modes import TimeAxis, Truncation, compress, design
 from .recovery import gradient_operators
 from .triangles import Divergence, Triangles, divergence_of
 
-
-# -- A flow field's arrays in one .npz file ----------------------------------------------------------------------------
-def write_arrays(path: Path | str, arrays: Mapping[str, ArrayLike], short: Collection[str]) -> None:
-    """Write ``arrays`` by name to ``path``, whole or not at all; those in ``short`` in single precision."""
-    save_arrays(path, {name: np.asarray(a, dtype=np.float32 if name in short else None) for name, a in arrays.items()})
-
-
-def read_arrays(path: Path | str, needed: Collection[str], known: Collection[str]) -> dict[str, Any]:
-    """Every array of the file by name. Raises SceneError when it cannot be read, lacks one that is ``needed``, or holds
-    one that is not ``known``.
-    """
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            content = {name: data[name] for name in data.files}
-    except (OSError, ValueError) as error:
-        raise SceneError(f"{path}: cannot be read as a flow field ({error})") from None
-    if not set(needed) <= set(content) <= set(known):
-        raise SceneError(f"{path}: is not a flow field written by wakeflow")
-    return content
-
-
-# -- FlowField: velocity and pressure on a triangle mesh, steady or in time; linear inside every -----------------------
 Array = NDArray[np.float64]
 NODAL = ("velocity", "pressure", "k", "dissipation", "given_gradient")  # the arrays with a value at every node
 LEAST = 0.05  # of their means: k and dissipation of a compressed field are no smaller. Chosen: a lifetime stays finite
@@ -209,7 +187,7 @@ class FlowField(Triangles):
         if self.times is None or self.coefficients is not None:
             return self
         parts, coefficients, lost = compress(
-            self.times, self.period, self._nodal(), self.node_area, error=error, knots=knots
+            self.times, self.period, nodal(self), self.node_area, error=error, knots=knots
         )
         assert self.period is not None
         start = self.times[0] + np.arange(len(coefficients)) * (self.period / len(coefficients))
@@ -253,27 +231,21 @@ class FlowField(Triangles):
         The x components of velocity and pressure gradient change sign across the axis and are zero on it.
         Raises SceneError when points lie on both sides, or none on the axis.
         """
-        points, triangles, nodal = mirrored(self.points, self.triangles, self._nodal(), x)
+        points, triangles, whole = mirrored(self.points, self.triangles, nodal(self), x)
         if self.motion is not None and self.motion.x != 0.0:
             raise SceneError("mirrored: the mesh moves across the axis")
-        changes: dict[str, Any] = nodal
-        return replace(self, points=points, triangles=triangles, **changes)
+        return replace(self, points=points, triangles=triangles, **whole)
 
     def reflected(self, x: float = 0.0) -> FlowField:
         """The mirror image of the field about the vertical line at ``x``."""
-        points, triangles, nodal = reflected(self.points, self.triangles, self._nodal(), x)
+        points, triangles, image = reflected(self.points, self.triangles, nodal(self), x)
         motion = None if self.motion is None else self.motion._replace(x=-self.motion.x)
-        changes: dict[str, Any] = nodal
-        return replace(self, points=points, triangles=triangles, motion=motion, **changes)
+        return replace(self, points=points, triangles=triangles, motion=motion, **image)
 
     def mapped(self, function: Callable[[Array], Array]) -> FlowField:
         """The same field with ``function`` applied to every nodal array."""
-        changes: dict[str, Any] = {name: function(values) for name, values in self._nodal().items()}
+        changes: dict[str, Any] = {name: function(values) for name, values in nodal(self).items()}
         return replace(self, **changes)
-
-    def _nodal(self) -> dict[str, Array]:
-        """The nodal arrays that the field has, by name."""
-        return {name: values for name in NODAL if (values := getattr(self, name)) is not None}
 
     # -- files -----------------------------------------------------------------------------------------------------
 
@@ -284,12 +256,23 @@ class FlowField(Triangles):
         arrays = {name: getattr(self, name) for name in names}
         if self.truncation is not None:
             arrays["truncation"] = astuple(self.truncation)
-        write_arrays(path, arrays, short)
+        save_arrays(path, {n: np.asarray(a, dtype=np.float32 if n in short else None) for n, a in arrays.items()})
 
     @classmethod
     def load(cls, path: Path | str) -> FlowField:
         """Read what :meth:`save` wrote. Raises SceneError when the file is missing or is no field."""
-        content = read_arrays(path, needed=("points", "triangles", "velocity"), known=cls.__dataclass_fields__)
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                content: dict[str, Any] = {name: data[name] for name in data.files}
+        except (OSError, ValueError) as error:
+            raise SceneError(f"{path}: cannot be read as a flow field ({error})") from None
+        if not {"points", "triangles", "velocity"} <= set(content) <= set(cls.__dataclass_fields__):
+            raise SceneError(f"{path}: is not a flow field written by wakeflow")
         scalars = {n: float(content.pop(n)) for n in ("period", "density", "viscosity") if n in content}
         gradient = content.pop("given_gradient", None)
         return cls.from_arrays(**content, pressure_gradient=gradient, **scalars)
+
+
+def nodal(field: FlowField) -> dict[str, Any]:
+    """The nodal arrays that a ``field`` has, by name."""
+    return {name: values for name in NODAL if (values := getattr(field, name)) is not None}

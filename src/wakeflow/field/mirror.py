@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +19,7 @@ SLACK = 1e-9  # of the mesh's largest extent: how far off the line a node still 
 
 def mirrored(
     points: Array, triangles: Index, nodal: Mapping[str, Array], x: float
-) -> tuple[Array, Index, dict[str, Array]]:
+) -> tuple[Array, Index, dict[str, Any]]:
     """Points (2 N - A, 2) m, triangles (2 M, 3) and nodal arrays by name of the whole, from a half beside the line at
     ``x`` (m) with A nodes on it, which the halves share: points (N, 2), triangles (M, 3), arrays (.., N) or (.., N, 2).
 
@@ -54,7 +54,7 @@ def mirrored(
 
 def reflected(
     points: Array, triangles: Index, nodal: Mapping[str, Array], x: float
-) -> tuple[Array, Index, dict[str, Array]]:
+) -> tuple[Array, Index, dict[str, Any]]:
     """Points, triangles and nodal arrays by name of the mirror image about the line at ``x`` (m); shapes stay."""
     turned = {name: values * (-1.0, 1.0) if name in VECTORS else values for name, values in nodal.items()}
     return (2 * x, 0.0) + points * (-1.0, 1.0), np.ascontiguousarray(triangles[:, ::-1]), turned

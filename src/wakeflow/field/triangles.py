@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.errors import SceneError
 from ..core.lazy import cached_property
 
-# -- Triangles: a mesh of triangles, its geometry, and which triangle holds a point ------------------------------------
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 INSIDE = -1e-9  # smallest barycentric coordinate that still counts as inside a triangle
@@ -156,7 +155,7 @@ class Triangles:
         return result
 
 
-# -- The discrete divergence of a velocity on triangles: what interpolation makes of air that keeps its ----------------
+# -- The discrete divergence of a velocity on triangles ----------------------------------------------------------------
 @dataclass(frozen=True)
 class Divergence:
     """Discrete divergence: ``values`` (M,) or (T, M) 1/s, and rms and max of |div u| h / U.

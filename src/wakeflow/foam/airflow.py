@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..core.geometry import ForceDensity
 from ..core.record import save
-from .airflow_result import AirflowResult, CheckMesh
+from .airflow_result import AirflowResult
 from .case import FlowSpec
 from .failure import disk_trouble_named
 from .ladder import climb, first_order_start, schemes_in
@@ -22,7 +22,6 @@ from .time_resolved import run_time_resolved
 from .watch import ProgressListener
 
 
-# -- One airflow from mesh to numbers ----------------------------------------------------------------------------------
 def solve_airflow(
     spec: FlowSpec,
     msh: Path,
@@ -30,17 +29,16 @@ def solve_airflow(
     *,
     start: Path | None = None,
     listener: ProgressListener = lambda _: None,
-    timeout: float | None = None,
 ) -> AirflowResult:
     """Solve the airflow in the case ``folder`` on the mesh file ``msh``; ``airflow.json`` there holds the result.
 
     Goes on from what an interrupted call left in ``folder``. ``start``: the case folder of any solved airflow to start
     from (best of the same bodies; another mesh, speed, size and Reynolds number are scaled). ``listener`` gets a
-    :class:`Progress` several times a second; an exception it raises ends the solver. ``timeout`` (s) bounds each
-    program. A numerical failure, or a solution that is not possible (:mod:`wakeflow.foam.sanity`), is tried again with
-    safer settings (:mod:`wakeflow.foam.ladder`); the result names those that served and what failed before. Raises
-    MeshError for a mesh that checkMesh refuses; AirflowFailure (a FoamError) when OpenFOAM is missing or fails, when
-    the disk is full, or when no settings serve.
+    :class:`Progress` several times a second; an exception it raises ends the solver. A numerical failure, or a solution
+    that is not possible (:mod:`wakeflow.foam.sanity`), is tried again with safer settings
+    (:mod:`wakeflow.foam.ladder`); the result names those that served and what failed before. Raises MeshError for a
+    mesh that checkMesh refuses; AirflowFailure (a FoamError) when OpenFOAM is missing or fails, when the disk is full,
+    or when no settings serve.
     """
     begun = time.monotonic()
     log = folder / ("log.simpleFoam" if spec.stepping == "steady" else "log.pimpleFoam")
@@ -50,40 +48,17 @@ def solve_airflow(
         def solve(how: FlowSpec, first_order: bool) -> AirflowResult:
             check = prepare_case(how, msh, folder)
             if first_order:
-                first_order_start(how, folder, start, listener, timeout)
-            return _solve(how, folder, check, log, start, listener, timeout)
+                first_order_start(how, folder, start, listener)
+            run = run_steady if how.stepping == "steady" else run_time_resolved
+            verdict = run(how, folder, start=start, listener=listener)
+            check_finite(folder)
+            result = measure(how, folder, verdict, residuals=_last_residuals(log), mesh=check)
+            return replace(result, checks={check.name: check.used for check in check_airflow(how, folder, result)})
 
         solved, settings, tried = climb(spec, folder, solve, log.name)
         result = replace(solved, settings=settings, attempts=tuple(tried), seconds=time.monotonic() - begun)
         save(folder / "airflow.json", result)
     return result
-
-
-def _solve(
-    spec: FlowSpec,
-    folder: Path,
-    mesh: CheckMesh,
-    log: Path,
-    start: Path | None,
-    listener: ProgressListener,
-    timeout: float | None,
-) -> AirflowResult:
-    """One attempt: run, measure, and hold the result against what is possible."""
-    if spec.stepping == "steady":
-        verdict = run_steady(spec, folder, start=start, listener=listener, timeout=timeout)
-    else:
-        verdict = run_time_resolved(spec, folder, start=start, listener=listener, timeout=timeout)
-    check_finite(folder)
-    result = measure(
-        spec,
-        folder,
-        verdict,
-        seconds=0.0,
-        residuals=_last_residuals(log),
-        mesh=mesh,
-    )
-    checks = check_airflow(spec, folder, result)
-    return replace(result, checks={check.name: check.used for check in checks})
 
 
 def _last_residuals(log: Path) -> dict[str, float]:
@@ -103,7 +78,6 @@ def solve_loaded(
     *,
     start: Path,
     listener: ProgressListener = lambda _: None,
-    timeout: float | None = None,
 ) -> AirflowResult:
     """Solve the steady airflow ``spec`` under ``force`` in the case ``folder``, from the case ``start`` of the same
     airflow without it, by the same stopping rule and with the settings that served there, so that the force alone is
@@ -116,4 +90,4 @@ def solve_loaded(
         spec = replace(spec, settings=schemes_in(start))
         prepare_case(replace(spec, stepping="steady"), msh, folder)
         write_source(folder, force, spec.density)
-    return solve_airflow(spec, msh, folder, start=start, listener=listener, timeout=timeout)
+    return solve_airflow(spec, msh, folder, start=start, listener=listener)

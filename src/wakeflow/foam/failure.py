@@ -32,7 +32,6 @@ class Cause(Enum):
     NOT_FINITE = ("not finite", True, "")
     NONSENSE = ("implausible", True, "")
     SILENT = ("silent", False, "look whether the machine or its disk hangs, then start the same command again")
-    TIMED_OUT = ("timed out", False, "the same command goes on from there")
     DISK_FULL = ("disk full", False, "free some space or set WAKEFLOW_CACHE to another disk; the same command goes on")
     KILLED = ("killed", False, "by hand, or by the system when memory ran out; the same command goes on from there")
     CRASHED = ("crashed", False, "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,42 +17,45 @@ WIGGLE = 0.5  # of the signal's rms: a rise through the mean counts once the sig
 AGAIN = 0.5  # autocorrelation that a periodic signal reaches again after it was negative. Chosen
 
 
-def read_table(case: Path, what: str, columns: tuple[int, ...]) -> Array:
-    """Rows (n, 1 + c) of time and ``columns`` of ``postProcessing/WHAT/*/*``, each restart replacing what it
-    computed again.
+def read_table(case: Path, what: str, columns: tuple[int, ...] | None) -> Array:
+    """Rows (n, 1 + c) of time and ``columns`` (None: all) of ``postProcessing/WHAT/*/*``, each restart replacing what
+    it computed again.
     """
-    rows = np.zeros((0, 1 + len(columns)))
+    rows = _parsed("", columns)
     folder = case / "postProcessing" / what
     starts = sorted(folder.iterdir(), key=lambda path: float(path.name)) if folder.is_dir() else []
     for start in starts:
         for path in sorted((p for p in start.iterdir() if p.is_file()), key=lambda p: p.stat().st_mtime):
-            new = np.array([[float(line[i]) for i in (0, *columns)] for line in _lines(path, max(columns))])
-            if len(new):
-                rows = np.vstack([rows[rows[:, 0] < new[0, 0]], new])
+            rows = _joined(rows, _parsed(path.read_text(), columns))
     return rows
-
-
-def _lines(path: Path, last: int) -> list[list[str]]:
-    words = [line.split() for line in path.read_text().splitlines() if line and not line.lstrip().startswith("#")]
-    return [line for line in words if len(line) > last]
 
 
 def read_vectors(case: Path, what: str) -> Array:
     """Rows (n, 1 + 3 c): time and the c vectors that velocity probes wrote; probes outside the mesh are left out."""
-    rows: list[list[float]] = []
-    for path in sorted((case / "postProcessing" / what).glob("*/U"), key=lambda path: float(path.parent.name)):
-        lines = path.read_text().splitlines(keepends=True)
-        whole = (line for line in lines if line.endswith("\n") and not line.lstrip().startswith("#"))
-        new = [[float(word) for word in line.replace("(", " ").replace(")", " ").split()] for line in whole]
-        rows = [row for row in rows if not new or row[0] < new[0][0]] + new
-    table = np.array(rows)
-    return table[:, (np.abs(table) < ABSENT).all(axis=0)] if len(table) else np.zeros((0, 1))
+    table = read_table(case, what, None)
+    return table[:, (np.abs(table) < ABSENT).all(axis=0)]
+
+
+def _parsed(text: str, columns: tuple[int, ...] | None) -> Array:
+    """Time and ``columns`` of the whole lines of a table, whose vectors stand in brackets and comments behind #."""
+    lines = re.sub("[()]", " ", text[: text.rfind("\n") + 1]).splitlines()
+    words = [row for row in map(str.split, lines) if row and row[0][0] != "#"]
+    chosen = range(len(words[0]) if words else 1) if columns is None else (0, *columns)
+    rows = [[float(row[i]) for i in chosen] for row in words if len(row) > max(chosen)]
+    return np.array(rows).reshape(-1, len(chosen))
+
+
+def _joined(rows: Array, new: Array) -> Array:
+    """``rows`` with the ``new`` ones in place of those that are no earlier."""
+    if not (len(rows) and len(new)):
+        return new if len(new) else rows
+    return np.concatenate([rows[: np.searchsorted(rows[:, 0], new[0, 0])], new])
 
 
 class Tail:
     """Rows (time, Cd, Cl, base pressure coefficient) of a growing case: what is there, then what each :meth:`update`
-    finds. The pressure is the probe's on the body less the inlet's, over half the squared inlet speed; 0 in a case that
-    does not record it.
+    finds. The pressure is the mean of the probes on the body less the inlet's, over half the squared inlet speed; 0 in
+    a case that does not record it.
     """
 
     def __init__(self, case: Path) -> None:
@@ -60,7 +64,7 @@ class Tail:
         speed = read_parameters(case).get("inletSpeed")
         self.dynamic = None if speed is None else 0.5 * float(speed) ** 2
         if self.dynamic:
-            self.parts += [HistoryTable(case, "basePressure", (1,)), HistoryTable(case, "inletPressure", (1,))]
+            self.parts += [HistoryTable(case, "basePressure", None), HistoryTable(case, "inletPressure", (1,))]
 
     def update(self) -> Array:
         """All rows (n, 4) so far."""
@@ -70,14 +74,14 @@ class Tail:
         base, inlet = pressures
         last = min(base[-1, 0], inlet[-1, 0]) * (1 + 1e-6)  # one file may lag by a line, and their times have 6 digits
         forces = forces[forces[:, 0] <= last]
-        at_base, at_inlet = (np.interp(forces[:, 0], part[:, 0], part[:, 1]) for part in (base, inlet))
+        at_base, at_inlet = (np.interp(forces[:, 0], part[:, 0], part[:, 1:].mean(axis=1)) for part in (base, inlet))
         return np.column_stack([forces, (at_base - at_inlet) / self.dynamic])
 
 
 class HistoryTable:
     """Rows (n, 1 + c) of one function object's output, as of :func:`read_table`, read on from the last look."""
 
-    def __init__(self, case: Path, what: str, columns: tuple[int, ...]) -> None:
+    def __init__(self, case: Path, what: str, columns: tuple[int, ...] | None) -> None:
         self.folder, self.columns = case / "postProcessing" / what, columns
         self.rows = read_table(case, what, columns)
         self.known = {path: path.stat().st_mtime_ns for path in self._files()}
@@ -98,11 +102,7 @@ class HistoryTable:
                 text = stream.read()
             text = text[: text.rfind(b"\n") + 1]
             self.at += len(text)
-            lines = (line.split() for line in text.decode().splitlines() if not line.lstrip().startswith("#"))
-            new = [[float(line[i]) for i in (0, *self.columns)] for line in lines if len(line) > max(self.columns)]
-            if new:
-                kept = np.searchsorted(self.rows[:, 0], new[0][0])
-                self.rows = np.concatenate([self.rows[:kept], np.array(new)])
+            self.rows = _joined(self.rows, _parsed(text.decode(), self.columns))
         return self.rows
 
 

@@ -23,7 +23,7 @@ from .read import LOOP
 from .sanity import is_sane
 from .solver import PHASE, drop_after, ended_early, last_state, run_segment, states
 from .start import first_step, perturb, start_from
-from .time_resolved import COLLAPSED
+from .time_resolved import watch_over
 from .watch import ProgressListener, Watch
 
 Result = TypeVar("Result")
@@ -116,9 +116,7 @@ def warning(settings: str, attempts: Sequence[Attempt]) -> str | None:
     return f"airflow solved with {settings} settings ({LADDER[settings]}){failed}{lower}"
 
 
-def first_order_start(
-    spec: FlowSpec, folder: Path, start: Path | None, listener: ProgressListener, timeout: float | None
-) -> None:
+def first_order_start(spec: FlowSpec, folder: Path, start: Path | None, listener: ProgressListener) -> None:
     """Bring a case through its start with first-order schemes; the caller writes the parameters that follow.
 
     300 iterations, or ten convective times. Does nothing when it was done before.
@@ -133,13 +131,13 @@ def first_order_start(
         start_from(spec, folder, start)
         perturb(spec, folder)
     write_parameters(folder, replace(spec, settings="first-order").parameters())
-    watch = Watch(
-        folder, "steady" if steady else "first-order start", listener, expected=end,
-        least_step=0.0 if steady else COLLAPSED * scale,
-    )  # fmt: skip
+    if steady:
+        watch = Watch(folder, "steady", listener, expected=end)
+    else:
+        watch = watch_over(spec, folder, "first-order start", listener, end)
     if not ended_early(folder):  # and was interrupted before it said so
         program = "simpleFoam" if steady else "pimpleFoam"
-        run_segment(folder, program, end, {"deltaT": 1.0 if steady else first_step(spec)}, watch, timeout)
+        run_segment(folder, program, end, {"deltaT": 1.0 if steady else first_step(spec)}, watch)
     write_parameters(folder, spec.parameters())
     write_json(folder / STARTED, {"end": end})
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +16,9 @@ from ..laws.turbulence import NUT
 from .airflow_result import AirflowResult, CheckMesh, MeshMotionSummary, RunStatistics
 from .case import FlowSpec, axis_points
 from .history import CD, Tail, read_table, spread
-from .read import LOOP, STATES, CaseFields, Snapshot, late_states, loop_of, read_flow
-from .reconstruction import PlaneMesh
-from .statistics import Statistics, evaluate, is_still
+from .read import LOOP, STATES, CaseFields, Snapshot, late_states, loop_of, nodes_of
+from .reconstruction import PlaneMesh, triangulate
+from .statistics import evaluate, is_still
 from .steady import WINDOW
 from .suction import suction_zone
 
@@ -74,21 +74,14 @@ def coefficients_of(spec: FlowSpec, rows: Array, loop: JsonTable | None, since: 
         note = f"the airflow shed too few vortices in {rows[-1, 0]:.3g} s for intervals: they are the ranges it spanned"
         said = [] if swings else [note]
         return Coefficients(_range(late[:, 1]), wide, _range(late[:, 3]), None, notes=said)
-    told = averaged(spec, found)
-    if found.stands:
-        return told
+    number = None if found.frequency is None else found.frequency.times(spec.convective_time)
+    made_of = RunStatistics(found.periods, found.begin, spec.accuracy, found.excess)
     note = (
         f"the airflow's intervals are up to {found.excess:.1f} times as wide as asked after "
         f"{rows[-1, 0] / spec.convective_time:.0f} widths of travel, where the run was ended"
     )
-    return replace(told, notes=[note])
-
-
-def averaged(spec: FlowSpec, found: Statistics) -> Coefficients:
-    """The coefficients of a run in time that ``found`` was made of."""
-    number = None if found.frequency is None else found.frequency.times(spec.convective_time)
-    told = RunStatistics(found.periods, found.begin, spec.accuracy, found.excess)
-    return Coefficients(found.cd, found.cl_rms, found.cp_base, number, told)
+    said = [] if found.stands else [note]
+    return Coefficients(found.cd, found.cl_rms, found.cp_base, number, made_of, said)
 
 
 def _unsettled(drag: Array) -> str:
@@ -118,13 +111,12 @@ def measure(
     folder: Path,
     verdict: str,
     *,
-    seconds: float,
     residuals: dict[str, float] | None = None,
     mesh: CheckMesh | None = None,
 ) -> AirflowResult:
     """Measure the solved case ``folder``: the latest time of a steady airflow, the loop of a time-resolved one.
 
-    ``verdict``, ``seconds``, ``residuals`` and the quality of the ``mesh`` are passed on into the result. Raises
+    ``verdict``, ``residuals`` and the quality of the ``mesh`` are passed on into the result. Raises
     FoamError for a case without a solved time, or whose values are not finite.
     """
     loop, states = loop_of(folder), late_states(folder)
@@ -140,7 +132,6 @@ def measure(
         cl_rms=history.cl_rms,
         strouhal=history.strouhal,
         steps=len(rows),
-        seconds=seconds,
         field_time="all" if loop else "states" if states else "latest",
         period=loop["period"] if loop else None,
         motion=motion_in(loop),
@@ -160,26 +151,54 @@ def _from_fields(spec: FlowSpec, folder: Path, loop: JsonTable | None, rows: Arr
     names = loop["times"] if loop else late_states(folder)
     times = [fields.folder(name) for name in names or ["latest"]]
     shots = [fields.snapshot(time) for time in times]
-    flow = read_flow(folder, "mean" if names else "latest", density=1.0)
-    plane = fields.mesh.plane
-    at_inlet, at_outlet = (mean_pressure(plane, shots, plane.on(patch)) for patch in ("inlet", "outlet"))
-    cp = (flow["pressure"] - at_inlet) / (0.5 * spec.speed**2)
-    middle, front, rear = axis_points(spec)
-    body = fields.wall & plane.on(*(name for name in plane.patches if name.startswith("body_")))
-    edges, points = plane.faces[body], flow["points"]
-    at_rear = on_edges(points, edges, cp, np.array([middle, rear * spec.along]))
+    nodes = nodes_of(fields, times[0], shots).mean()
+    found, at_rear = plane_numbers(spec, fields, times[-1], shots, nodes.pressure, nodes.velocity)
     flow_rate, mass_error = _mass_balance(spec, fields, shots)
     return {
-        "cells": len(plane.cells),
+        "cells": len(fields.mesh.plane.cells),
         "cp_base": _base(probed, rows, names, at_rear),
-        "cp_front": on_edges(points, edges, cp, np.array([middle, front * spec.along])),
-        "p_inlet": spec.density * at_inlet,
-        "pressure_drop": spec.density * (at_inlet - at_outlet),
         "flow_rate": flow_rate,
         "mass_error": mass_error,
-        "suction": suction_zone(spec, points, flow["triangles"], cp, flow["velocity"], np.unique(edges)),
-        "y_plus": y_plus(spec, fields, times[-1], shots[-1], body),
+        **found,
     }
+
+
+def plane_numbers(
+    spec: FlowSpec,
+    fields: CaseFields,
+    time: Path,
+    shots: Sequence[Snapshot],
+    pressure: Array,
+    velocity: Array,
+    *,
+    ends: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None,
+    body: NDArray[np.bool_] | None = None,
+) -> tuple[JsonTable, float]:
+    """What ``shots`` and their mean at the nodes, kinematic ``pressure`` (n,) and ``velocity`` (n, 2), say of a plane
+    airflow by the names of :class:`AirflowResult`, and Cp at the rear of the first body.
+
+    Boundary edges (b,) of ``ends``, inlet and outlet, and of the bodies: by the names of patches where not given.
+    ``time`` is the folder of the last shot.
+    """
+    plane = fields.mesh.plane
+    if body is None:
+        body = fields.wall & plane.on(*(name for name in plane.patches if name.startswith("body_")))
+    inlet, outlet = ends or (plane.on("inlet"), plane.on("outlet"))
+    at_inlet, at_outlet = (_mean_pressure(plane, shots, end) for end in (inlet, outlet))
+    cp = (pressure - at_inlet) / (0.5 * spec.speed**2)
+    middle, front, rear = axis_points(spec)
+    edges = plane.faces[body]
+    triangles = triangulate(plane.points, plane.cells)
+    at_front, at_rear = (
+        _on_edges(plane.points, edges, cp, np.array([middle, end * spec.along])) for end in (front, rear)
+    )
+    return {
+        "cp_front": at_front,
+        "p_inlet": spec.density * at_inlet,
+        "pressure_drop": spec.density * (at_inlet - at_outlet),
+        "suction": suction_zone(spec, plane.points, triangles, cp, velocity, np.unique(edges)),
+        "y_plus": _y_plus(spec, fields, time, shots[-1], body),
+    }, at_rear
 
 
 def motion_in(loop: dict[str, object] | None) -> MeshMotionSummary | None:
@@ -187,13 +206,13 @@ def motion_in(loop: dict[str, object] | None) -> MeshMotionSummary | None:
     return None if loop is None or "motion" not in loop else from_json(MeshMotionSummary, loop["motion"], LOOP)
 
 
-def mean_pressure(plane: PlaneMesh, shots: Sequence[Snapshot], chosen: NDArray[np.bool_]) -> float:
+def _mean_pressure(plane: PlaneMesh, shots: Sequence[Snapshot], chosen: NDArray[np.bool_]) -> float:
     """Mean kinematic static pressure (m2/s2) over boundary edges (b,), by length and over the snapshots."""
     weight = plane.lengths[chosen]
     return float(np.mean([np.average(shot.pressure_faces[chosen], weights=weight) for shot in shots]))
 
 
-def on_edges(points: Array, edges: NDArray[np.intp], values: Array, where: Array) -> float:
+def _on_edges(points: Array, edges: NDArray[np.intp], values: Array, where: Array) -> float:
     """Value at ``where`` (2,) m on the nearest of the boundary ``edges`` (e, 2), linear along it; ``values`` (n,) at
     the ``points`` (n, 2) m.
     """
@@ -239,7 +258,7 @@ def _mass_balance(spec: FlowSpec, fields: CaseFields, shots: Sequence[Snapshot])
     return inflow * (2 if spec.mesh.half else 1), lost / inflow
 
 
-def y_plus(
+def _y_plus(
     spec: FlowSpec, fields: CaseFields, time: Path, shot: Snapshot, body: NDArray[np.bool_]
 ) -> tuple[float, float]:
     """Least and largest y+ of the first cells on the bodies: sqrt(nu_eff |u_t| / y) y / nu."""

@@ -5,13 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 SNAPSHOTS = 12  # a vibration, at least: the field between them is interpolated
 ROUND_OFF = 1e-6  # rad: of a time that is meant to be whole vibrations
-HARMONICS = 6  # of a period: more would explain by chance
 STEPS = 48  # time steps a vibration period, at least: a second-order step follows the motion to 0.3 % there
 
 
@@ -65,17 +60,3 @@ class MeshMotion:
             "omega": self.omega,
             "maxDeltaT": self.period / STEPS,
         }
-
-
-def repeats(clock: Array, signal: Array, period: float) -> float:
-    """How much of a signal's variance repeats with ``period`` (s): 1 for a signal locked to it, near 0 without.
-
-    ``clock`` (n,) s, even; ``signal`` (n,). The share of the variance that a least-squares sum of the first HARMONICS
-    harmonics of the period explains; a neighbouring frequency counts as different once it slips by one cycle over the
-    clock. A signal that does not move repeats with any period.
-    """
-    angle = np.arange(1, HARMONICS + 1) * (2.0 * math.pi / period * (clock - clock[0]))[:, None]
-    waves = np.column_stack([np.ones(len(clock)), np.cos(angle), np.sin(angle)])
-    left = signal - waves @ np.linalg.lstsq(waves, signal, rcond=None)[0]
-    variance = float(np.var(signal))
-    return 1.0 if variance == 0.0 else 1.0 - float(np.mean(left**2)) / variance

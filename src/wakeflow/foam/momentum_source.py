@@ -63,7 +63,7 @@ def cell_forces(force: ForceDensity, mesh: PlaneMesh) -> Array:
     if "axis" in mesh.patches:
         side = np.sign(mesh.centres[:, 0].mean())
         each = np.where((side * middles[:, 0] > 0.0)[:, None], each, 0.0)
-    area = _areas(mesh)
+    area = mesh.areas
     place, found = boxes.holding(mesh.centres), np.zeros((len(area), 2))
     held = (np.abs(mesh.centres - middles[place]) <= 0.5 * boxes.pitch * (1.0 + 1e-9)).all(axis=1)
     covered = np.bincount(place[held], area[held], len(each))
@@ -80,7 +80,7 @@ def write_source(folder: Path, force: ForceDensity, density: float) -> LaidForce
     before goes. What was written is in ``constant/momentum_source.json`` too. Raises FoamError where there is no mesh.
     """
     mesh = read_polymesh(folder).plane
-    cells, area = cell_forces(force, mesh), _areas(mesh)
+    cells, area = cell_forces(force, mesh), mesh.areas
     sets = folder / "constant" / "polyMesh" / "sets"
     if sets.exists():
         shutil.rmtree(sets)
@@ -113,12 +113,3 @@ def _levels(values: Array, area: Array) -> list[tuple[NDArray[np.int64], float]]
     number = np.minimum(((values[felt] - low) / max(high - low, np.finfo(float).tiny) * LEVELS).astype(int), LEVELS - 1)
     members = [felt[number == level] for level in np.unique(number)]
     return [(cells, float(np.average(values[cells], weights=area[cells]))) for cells in members]
-
-
-def _areas(mesh: PlaneMesh) -> Array:
-    """Area of every cell, (m,) m2."""
-    found = np.empty(len(mesh.cells))
-    for i, cell in enumerate(mesh.cells):
-        x, y = (mesh.points[cell] - mesh.points[cell[0]]).T
-        found[i] = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
-    return found

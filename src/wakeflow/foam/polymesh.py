@@ -47,9 +47,9 @@ def read_polymesh(case: Path) -> FoamMesh:
     folder = case / "constant" / "polyMesh"
     if not any((folder / name).exists() for name in ("boundary", "boundary.gz")):
         raise FoamError(f"{case} holds no mesh (constant/polyMesh): give the folder of an OpenFOAM case")
-    points = _points(folder)
+    points = _numbers(folder, "points", "<f8", 3).astype(float).reshape(-1, 3)
     ends, corners = _faces(folder)
-    owner = _labels(folder, "owner")
+    owner = _numbers(folder, "owner").astype(np.intp)
     patches = _boundary(folder)
     flat = np.concatenate(
         [np.arange(p.start, p.start + p.size) for p in patches.values() if p.type == "empty"] or [np.zeros(0, int)]
@@ -161,19 +161,13 @@ def _take(body: bytes, at: int, kind: str, width: int) -> tuple[NDArray[np.gener
     return np.frombuffer(body, kind, count * width, match.end()), match.end() + size + 1
 
 
-def _points(folder: Path) -> NDArray[np.float64]:
-    body, binary, _ = _open(folder, "points")
-    if binary:
-        return np.array(_take(body, 0, "<f8", 3)[0], dtype=float).reshape(-1, 3)
-    words = body[body.index(b"(") + 1 : body.rindex(b")")].replace(b"(", b" ").replace(b")", b" ")
-    return np.array(words.split(), dtype=float).reshape(-1, 3)
-
-
-def _labels(folder: Path, name: str) -> Index:
+def _numbers(folder: Path, name: str, kind: str | None = None, width: int = 1) -> NDArray[np.generic]:
+    """The numbers of a list, ``width`` in each entry: of a numpy ``kind``, by default labels."""
     body, binary, label = _open(folder, name)
     if binary:
-        return np.array(_take(body, 0, label, 1)[0], dtype=np.intp)
-    return np.array(body[body.index(b"(") + 1 : body.rindex(b")")].split(), dtype=np.intp)
+        return _take(body, 0, kind or label, width)[0]
+    words = body[body.index(b"(") + 1 : body.rindex(b")")].translate(bytes.maketrans(b"()", b"  "))
+    return np.array(words.split(), dtype=kind or np.intp)
 
 
 def _faces(folder: Path) -> tuple[Index, Index]:

@@ -12,6 +12,7 @@ from ..core.errors import FoamError
 from ..core.process import Finished, capture, run_program, tail
 from .case import INSTALL, environment, read_parameters
 from .failure import AirflowFailure, Cause, diagnose, disk_is_full
+from .read import every_time
 
 # -- Start one OpenFOAM program in a case; its failure becomes one line with a cause -----------------------------------
 SOLVERS = ("simpleFoam", "pimpleFoam")  # only what these compute can be cured by safer settings
@@ -25,7 +26,6 @@ def call(
     on_line: Callable[[str], None] | None = None,
     *,
     launcher: Sequence[str] = (),
-    timeout: float | None = None,
 ) -> Finished:
     """Run ``command`` in the case ``folder``, its output appended to log.PROGRAM there.
 
@@ -45,7 +45,7 @@ def call(
     try:
         return run_program(
             words, cwd=folder, log=log, env=environment(), append=True, error=FoamError, hint=INSTALL,
-            on_line=on_line, on_idle=idle, timeout=timeout,
+            on_line=on_line, on_idle=idle,
         )  # fmt: skip
     except FoamError as problem:
         if not problem.ended:  # raised by on_line: it says why itself
@@ -58,10 +58,7 @@ def _diagnosed(problem: FoamError, program: str, log: Path, before: int, folder:
     """The failure of a program that ended by itself, with its cause; ``before``: where in the log it began (bytes)."""
     if problem.ended == "missing":
         return AirflowFailure(Cause.MISSING, str(problem), command=problem.command)
-    if problem.ended == "timed out":
-        cause, why = Cause.TIMED_OUT, str(problem).split("; log:")[0].split(" ", 1)[1]
-    else:
-        cause, why = diagnose(problem.returncode or 0, _since(log, before), folder)
+    cause, why = diagnose(problem.returncode or 0, _since(log, before), folder)
     if cause.numerical and program not in SOLVERS:
         cause = Cause.CRASHED
     return _failure(cause, f"{program} {why}", log, problem.command)
@@ -99,16 +96,12 @@ def gather(folder: Path) -> None:
     parts = sorted(folder.glob("processor[0-9]*"))
     if not parts:
         return
-    written = [{path.name for path in part.iterdir() if _is_time(path.name)} for part in parts]
+    written = [{path.name for path in every_time(part)} for part in parts]
     new = set.intersection(*written) - {path.name for path in folder.iterdir()}
     if new:
         call(folder, ["reconstructPar", "-time", ",".join(sorted(new, key=float))])
     for part in parts:
         shutil.rmtree(part)
-
-
-def _is_time(name: str) -> bool:
-    return re.fullmatch(r"[0-9.e+-]*[1-9][0-9.e+-]*", name) is not None
 
 
 def _ranks(folder: Path) -> int:
@@ -125,25 +118,3 @@ def openfoam_version() -> str:
         raise FoamError(f"OpenFOAM's simpleFoam does not start; {INSTALL}", command=" ".join(command), tail=text[-500:])
     found = re.search(r"OpenFOAM-\s*\(?v?(\w+)\)?.*?\((patch=\w+)\)", text, re.S)
     return f"{found[1]} {found[2]}" if found else " ".join(text.split())[-80:]
-
-
-# -- What a solved case cost, by its solvers' own logs -----------------------------------------------------------------
-ENTRY = re.compile(r"^(nProcs|ExecutionTime) *[:=] *([0-9.e+]+)", re.M)
-
-
-def core_seconds(case: Path) -> float:
-    """Processor seconds (all ranks) that the solvers spent in ``case``, restarts and failed attempts counted.
-
-    OpenFOAM prints ``nProcs`` when it starts and its ExecutionTime, processor time since then, after every step. Unlike
-    wall seconds it does not grow when other programs share the machine.
-    """
-    total = 0.0
-    for log in sorted([*case.glob("log.[sp]imple*"), *case.glob("failed-*.log")]):
-        ranks, last = 1, 0.0
-        for name, value in ENTRY.findall(log.read_text(errors="replace")):
-            if name == "nProcs":
-                total, last, ranks = total + ranks * last, 0.0, int(value)
-            else:
-                last = float(value)
-        total += ranks * last
-    return total

@@ -22,19 +22,18 @@ from .reconstruction import Reconstruction, triangulate
 
 # -- The fields of one OpenFOAM case: values at cells and on boundary edges, time by time ------------------------------
 Array = NDArray[np.float64]
+NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?(e[+-]?[0-9]+)?", re.I)  # the name of a time folder
+
+
+def every_time(case: Path) -> list[Path]:
+    """The case's time folders in order of time, whole or not; 0 is left out."""
+    found = [path for path in case.iterdir() if path.is_dir() and NUMBER.fullmatch(path.name)] if case.is_dir() else []
+    return sorted((path for path in found if float(path.name) > 0), key=lambda path: float(path.name))
 
 
 def time_folders(case: Path) -> list[Path]:
-    """The case's time folders that hold a velocity, in order of time; 0 is left out."""
-    found = []
-    for path in case.iterdir() if case.is_dir() else []:
-        try:
-            time = float(path.name)
-        except ValueError:
-            continue
-        if time > 0 and any((path / name).exists() for name in ("U", "U.gz")):
-            found.append((time, path))
-    return [path for _, path in sorted(found)]
+    """Those of :func:`every_time` that hold a velocity."""
+    return [path for path in every_time(case) if any((path / name).exists() for name in ("U", "U.gz"))]
 
 
 @dataclass(frozen=True)
@@ -233,16 +232,26 @@ def read_flow(case_dir: Path | str, time: str | float = "latest", density: float
     folders, suffix = _folders_of(fields, time, loop)
     shots = [fields.snapshot(folder, suffix) for folder in folders]
     nodes = nodes_of(fields, folders[0], shots)
-    looped = time in ("all", "states") and len(folders) > 1
-    if not looped:
-        nodes = nodes.mean()
-    flow = FlowArrays(
-        points=fields.mesh.plane.points,
-        triangles=triangulate(fields.mesh.plane.points, fields.mesh.plane.cells),
+    if time not in ("all", "states") or len(folders) == 1:
+        return flow_arrays(fields, nodes.mean(), density)
+    flow = flow_arrays(fields, nodes, density, np.array([float(path.name) for path in folders]))
+    if loop:
+        flow["period"] = loop["period"]
+        if "motion" in loop:
+            flow["motion"] = [*loop["motion"]["amplitude"], loop["motion"]["omega"], loop["motion"]["phase"]]
+    return flow
+
+
+def flow_arrays(fields: CaseFields, nodes: _Nodes, density: float, clock: Array | None = None) -> FlowArrays:
+    """The ``nodes`` of a case in air of ``density`` (kg/m3); ``clock`` (T,) s of its snapshots, whose first is at 0."""
+    points, cells = fields.mesh.plane.points, fields.mesh.plane.cells
+    return FlowArrays(
+        points=points,
+        triangles=triangulate(points, cells),
         velocity=nodes.velocity,
         pressure=nodes.pressure * density,
         pressure_gradient=None,
-        times=None,
+        times=None if clock is None else clock - clock[0],
         period=None,
         k=nodes.k,
         dissipation=nodes.dissipation,
@@ -250,13 +259,6 @@ def read_flow(case_dir: Path | str, time: str | float = "latest", density: float
         viscosity=fields.viscosity() * density,
         motion=None,
     )
-    if looped:
-        clock = np.array([float(path.name) for path in folders])
-        flow["times"] = clock - clock[0]
-        flow["period"] = loop["period"] if loop else None
-        if loop and "motion" in loop:
-            flow["motion"] = [*loop["motion"]["amplitude"], loop["motion"]["omega"], loop["motion"]["phase"]]
-    return flow
 
 
 def _folders_of(fields: CaseFields, time: str | float, loop: JsonTable | None) -> tuple[list[Path], str]:

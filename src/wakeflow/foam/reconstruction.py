@@ -19,11 +19,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.geometry import area
+
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
-# -- From cell values to node values, second order up to the walls -----------------------------------------------------
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 WORST = 1e-3  # least singular value over the largest of a node's scaled fit; below it the stencil grows by one ring
@@ -66,6 +67,11 @@ class PlaneMesh:
         normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / self.lengths[:, None]
         inward = ((self.midpoints - self.centres[self.owner]) * normal).sum(axis=1) < 0
         return np.where(inward[:, None], -normal, normal)
+
+    @property
+    def areas(self) -> Array:
+        """Area of every cell, (m,) m2."""
+        return np.array([area(self.points[cell] - self.points[cell[0]]) for cell in self.cells])
 
     def on(self, *names: str) -> NDArray[np.bool_]:
         """Which boundary edges belong to the named patches."""

@@ -10,7 +10,6 @@ dropped before the next one begins.
 from __future__ import annotations
 
 import json
-import re
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,23 +19,22 @@ from ..laws.turbulence import USUAL, turbulence_models
 from .case import read_parameters, write_parameters
 from .failure import AirflowFailure, Cause, disk_is_full
 from .programs import call, gather, scatter
-from .read import time_folders
+from .read import NUMBER, every_time, time_folders
 from .watch import Watch
 
-# -- Run a solver once, on one rank or several, and see that it left its times whole -----------------------------------
 PHASE = "phase.json"  # in the case: which part of its run is done
 DIGITS = 15  # timePrecision in the template
 
 
-def run_solver(folder: Path, program: str, watch: Watch, timeout: float | None) -> None:
+def run_solver(folder: Path, program: str, watch: Watch) -> None:
     """Run a solver from the time and to the end that system/parameters says, on as many ranks; ``watch`` follows it.
 
     Raises AirflowFailure, also when it ended well but left a time cut short: then the disk was full.
     """
     launcher, options = scatter(folder)
-    call(folder, [program, *options], watch, launcher=launcher, timeout=timeout)
+    call(folder, [program, *options], watch, launcher=launcher)
     gather(folder)
-    for path in _times(folder):
+    for path in every_time(folder):
         if not holds_a_state(folder, path):
             why = "the disk is full or its quota used up" if disk_is_full(folder) else "the disk was full for a while"
             raise AirflowFailure(
@@ -45,14 +43,9 @@ def run_solver(folder: Path, program: str, watch: Watch, timeout: float | None) 
     _name_plainly(folder)
 
 
-def _times(folder: Path) -> list[Path]:
-    """Time folders, whole or not; 0 is left out."""
-    return [p for p in folder.iterdir() if re.fullmatch(r"[0-9.e+-]*[1-9][0-9.e+-]*", p.name) and p.is_dir()]
-
-
 def _name_plainly(folder: Path) -> None:
     """Give time folders the names that a restart looks for: OpenFOAM adds digits where two times nearly coincide."""
-    for path in _times(folder):
+    for path in every_time(folder):
         plain = path.with_name(f"{float(path.name):.{DIGITS}g}")
         if not plain.exists():
             path.rename(plain)
@@ -78,7 +71,7 @@ def _ends_well(file: Path) -> bool:
         return stream.read().rstrip().endswith(b"* //")
 
 
-# -- A solver's run in segments: their ends are flow times or iterations that the case fixes, and ----------------------
+# -- A solver's run in segments ----------------------------------------------------------------------------------------
 LEDGER = "segments.json"  # in the case: {"ends": names of the time folders in which segments ended, "early": settings}
 SAME = 1e-9  # times that differ by less, relative, are the same: OpenFOAM rounds their names
 
@@ -122,11 +115,11 @@ def drop_after(folder: Path, time: float) -> None:
         write_json(folder / LEDGER, {"ends": kept, "early": None})
     for part in folder.glob("processor[0-9]*"):
         shutil.rmtree(part)
-    for path in _time_folders(folder):
+    for path in every_time(folder):
         if _later(float(path.name), time) or not holds_a_state(folder, path):
             shutil.rmtree(path)
     for path in folder.glob("postProcessing/*/*"):  # named by the time at which the program began
-        if _is_number(path.name) and not _later(time, float(path.name)):
+        if NUMBER.fullmatch(path.name) and not _later(time, float(path.name)):
             shutil.rmtree(path)
 
 
@@ -136,7 +129,6 @@ def run_segment(
     end: float,
     parameters: Mapping[str, str | float | int],
     watch: Watch,
-    timeout: float | None = None,
 ) -> float:
     """Run ``program`` from the last whole state of the case to ``end`` (s, or iterations), which it writes. Returns
     where it ended: earlier than ``end`` only where a steady solver found itself converged.
@@ -156,7 +148,7 @@ def run_segment(
     })  # fmt: skip
     watch.begin()
     try:
-        run_solver(folder, program, watch, timeout)
+        run_solver(folder, program, watch)
     except AirflowFailure:
         watch.end()  # an impossible drag that came before goes before
         raise
@@ -176,14 +168,9 @@ def purge(folder: Path, kept: int = 0) -> None:
     """
     stored = time_folders(folder)
     spared = {path.name for path in [*stored[max(len(stored) - kept, 0) :], *states(folder)[-2:]]}
-    for path in _time_folders(folder):
+    for path in every_time(folder):
         if path.name not in spared:
             shutil.rmtree(path)
-
-
-def _time_folders(folder: Path) -> list[Path]:
-    """Time folders, whole or not; 0 is left out."""
-    return [path for path in folder.iterdir() if path.is_dir() and _is_number(path.name) and float(path.name) > 0]
 
 
 def _ledger(folder: Path) -> list[str]:
@@ -193,11 +180,3 @@ def _ledger(folder: Path) -> list[str]:
 
 def _later(time: float, than: float) -> bool:
     return time > than + SAME * abs(than)
-
-
-def _is_number(name: str) -> bool:
-    try:
-        float(name)
-    except ValueError:
-        return False
-    return True

@@ -70,8 +70,8 @@ class SpanMeans:
         return found[0], found[1], found[2]
 
 
-def span_means(spec: FlowSpec, record: SpanRecord, begin: float, end: float = np.inf) -> SpanMeans:
-    """Means over the record's snapshots from ``begin`` to ``end`` (s). Raises FoamError where there are less than 2."""
+def span_means(spec: FlowSpec, record: SpanRecord, begin: float) -> SpanMeans:
+    """Means over the record's snapshots from ``begin`` (s) on. Raises FoamError where there are less than 2."""
     near = _near(spec, record)
     layers, cells = record.order.shape
     total, square = np.zeros((cells, 6)), np.zeros((cells, 3))
@@ -79,7 +79,7 @@ def span_means(spec: FlowSpec, record: SpanRecord, begin: float, end: float = np
     products = np.zeros((layers // 2 + 1, len(near), 3))
     local = np.zeros((len(near), 3))
     times, spread = [], []
-    for time, values in record.since(begin, end):
+    for time, values in record.since(begin):
         wide = values.astype(float)
         alike = wide.mean(axis=0)
         total += alike

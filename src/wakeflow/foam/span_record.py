@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from ..core.errors import FoamError
 from ..core.files import atomic_write
+from ..core.geometry import area
 from ..core.lazy import cached_property
 from .case import FlowSpec
-from .read import CaseFields, FlowArrays, Snapshot, nodes_of
+from .read import NUMBER, CaseFields, FlowArrays, Snapshot, flow_arrays, nodes_of
 from .reconstruction import solenoidal, triangulate
 
-# -- What a three-dimensional run leaves: snapshots of its layers, each a plane wake on the mesh that ------------------
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 PACKED, LAYERS = "packed", "layers.npz"
@@ -30,7 +30,6 @@ COLUMNS = ("U", "p", "k", "omega")  # fields of a snapshot; U takes three column
 P_AT, K_AT, OMEGA_AT = 3, 4, 5
 C_DES = 0.60  # OpenFOAM's of the k-epsilon branch, which holds in a wake (0.82 near walls): Gritskevich et al. 2012
 C_MU = 0.09
-NUMBER = re.compile(r"[0-9][0-9.e+-]*")
 
 
 def pack(time: Path, folder: Path) -> None:
@@ -111,21 +110,18 @@ class SpanRecord:
         """One snapshot (l, m, 6), layer by layer."""
         return np.asarray(np.load(self.files[index])[self.order])
 
-    def since(self, begin: float, end: float = np.inf) -> Iterator[tuple[float, Single]]:
-        """Time (s) and values (l, m, 6) of the snapshots from ``begin`` to ``end`` (s)."""
+    def since(self, begin: float) -> Iterator[tuple[float, Single]]:
+        """Time (s) and values (l, m, 6) of the snapshots from ``begin`` (s) on."""
         for index, time in enumerate(self.times):
-            if begin <= time <= end:
+            if begin <= time:
                 yield float(time), self.values(index)
 
     @cached_property
     def edge(self) -> Array:
         """Edge (m,) m of a cube as large as each cell: the filter of the detached-eddy model."""
         plane = self.plane.mesh.plane
-        area = np.empty(len(plane.cells))
-        for cell, corners in enumerate(plane.cells):
-            x, y = plane.points[corners].T
-            area[cell] = 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
-        return np.asarray(np.cbrt(area * self.depth / len(self.order)))
+        areas = np.array([abs(area(plane.points[corners])) for corners in plane.cells])
+        return np.asarray(np.cbrt(areas * self.depth / len(self.order)))
 
     def snapshot(self, values: NDArray[np.floating]) -> Snapshot:
         """A layer's values (m, 6), or a mean over layers, as a snapshot of the plane case with its edges' values."""
@@ -195,23 +191,9 @@ def read_layers(record: SpanRecord, layers: Sequence[int], begin: float, density
     triangles = triangulate(plane.points, plane.cells)
     project = solenoidal(plane, triangles, np.unique(plane.faces[record.plane.wall]))
     times = np.array([time for time, _ in chosen])
-    found = []
+    found: list[FlowArrays] = []
     for number in range(len(layers)):
         nodes = nodes_of(record.plane, latest, [record.snapshot(values[number]) for _, values in chosen])
-        found.append(
-            FlowArrays(
-                points=plane.points,
-                triangles=triangles,
-                velocity=project(nodes.velocity),
-                pressure=nodes.pressure * density,
-                pressure_gradient=None,
-                times=times - times[0],
-                period=None,
-                k=nodes.k,
-                dissipation=nodes.dissipation,
-                density=density,
-                viscosity=record.plane.viscosity() * density,
-                motion=None,
-            )
-        )
+        flow = flow_arrays(record.plane, nodes, density, times)
+        found.append({**flow, "velocity": project(nodes.velocity)})
     return found

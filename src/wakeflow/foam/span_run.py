@@ -40,11 +40,11 @@ from .sanity import check_airflow
 from .solver import PHASE, drop_after, last_state, purge, run_segment, segment_ends
 from .span_measure import measure_span
 from .span_record import LAYERS, PACKED, SpanRecord, pack
-from .start import first_step, perturb, start_from
-from .time_resolved import COLLAPSED
-from .watch import ProgressListener, Watch
+from .start import first_step, perturb, start_from, write_internal
+from .time_resolved import watch_over
+from .watch import ProgressListener
 
-# -- What an airflow in three dimensions starts from: the plane wake in every layer, and modes along the ---------------
+# -- What an airflow in three dimensions starts from -------------------------------------------------------------------
 Array = NDArray[np.float64]
 # Chosen: no result remembers them once the start-up is over.
 MODES = 8  # waves along the span: of its whole length, half of it, ... an eighth
@@ -67,7 +67,7 @@ def start_span(spec: FlowSpec, plane: Path, folder: Path) -> None:
         if name == "U":
             places = np.column_stack([fields.mesh.plane.centres[at], z])
             values = np.column_stack([values, np.zeros(len(at))]) + span_modes(spec, places)
-        _write_internal(folder / "0" / name, values)
+        write_internal(folder / "0" / name, values)
 
 
 def span_modes(spec: FlowSpec, places: Array) -> Array:
@@ -87,19 +87,7 @@ def span_modes(spec: FlowSpec, places: Array) -> Array:
     return np.asarray(STRENGTH * spec.speed / rms * envelope[:, None] * waves)
 
 
-def _write_internal(path: Path, values: Array) -> None:
-    """Replace a field's internalField by one value (n,) or vector (n, 3) a cell."""
-    if values.ndim == 2:
-        kind, rows = "vector", "\n".join(f"({x:.10g} {y:.10g} {z:.10g})" for x, y, z in values)
-    else:
-        kind, rows = "scalar", "\n".join(f"{value:.10g}" for value in values)
-    entry = f"internalField   nonuniform List<{kind}>\n{len(values)}\n(\n{rows}\n);"
-    text = re.sub(r"internalField\s+uniform[^;]*;", lambda _: entry, path.read_text(), count=1)
-    with atomic_write(path) as stream:
-        stream.write(text)
-
-
-# -- From a one-layer case to one with a periodic span: the mesh, its patches, and which cell stands -------------------
+# -- From a one-layer case to one with a periodic span -----------------------------------------------------------------
 BASE_POINTS = 8  # places along the span at which the base pressure is recorded
 OFF = 1e-6  # body widths by which a cell may miss the plane cell it was extruded from: round-off
 
@@ -200,29 +188,25 @@ CAREFUL = 0.5  # this one, when a segment fails numerically
 SAME = 1e-6  # cadences
 
 
-def run_span(
-    spec: FlowSpec, msh: Path, folder: Path, start: Path | None, listener: ProgressListener, timeout: float | None
-) -> CheckMesh:
+def run_span(spec: FlowSpec, msh: Path, folder: Path, start: Path | None, listener: ProgressListener) -> CheckMesh:
     """Run the airflow of ``spec`` with its span to the end of its record; goes on from what is there.
 
-    ``start``: any solved plane case that the plane wake starts from. ``timeout`` (s) bounds each program. Raises
-    MeshError for a mesh that checkMesh refuses, AirflowFailure where a program fails or no Courant number serves.
+    ``start``: any solved plane case that the plane wake starts from. Raises MeshError for a mesh that checkMesh
+    refuses, AirflowFailure where a program fails or no Courant number serves.
     """
     flat = replace(spec, turbulence=USUAL, span=None, ranks=1)
     check = prepare_case(flat, msh, folder)
-    _plane_wake(flat, folder, start, listener, timeout)
+    _plane_wake(flat, folder, start, listener)
     deep, phase = folder / SPAN, folder / PHASE
     if not phase.exists():
         extrude(spec, folder, deep)
         start_span(spec, folder, deep)
         write_json(phase, {"phase": "span", "courant": COURANT})
-    _record(spec, known(spec.span), folder, listener, timeout)
+    _record(spec, known(spec.span), folder, listener)
     return check
 
 
-def _plane_wake(
-    spec: FlowSpec, folder: Path, start: Path | None, listener: ProgressListener, timeout: float | None
-) -> None:
+def _plane_wake(spec: FlowSpec, folder: Path, start: Path | None, listener: ProgressListener) -> None:
     """The plane wake that every layer starts from, time-resolved for PLANE convective times."""
     end = PLANE * spec.convective_time
     if last_state(folder) >= end * (1 - SAME):
@@ -230,8 +214,8 @@ def _plane_wake(
     drop_after(folder, 0.0)
     start_from(spec, folder, start)
     perturb(spec, folder)
-    watch = Watch(folder, "plane wake", listener, expected=end, least_step=COLLAPSED * spec.convective_time)
-    run_segment(folder, "pimpleFoam", end, {"deltaT": first_step(spec)}, watch, timeout)
+    watch = watch_over(spec, folder, "plane wake", listener, end)
+    run_segment(folder, "pimpleFoam", end, {"deltaT": first_step(spec)}, watch)
 
 
 def record_ends(span: Span, scale: float) -> list[float]:
@@ -243,11 +227,11 @@ def record_ends(span: Span, scale: float) -> list[float]:
     return [beat * CADENCE * scale for beat in ends]
 
 
-def _record(spec: FlowSpec, span: Span, folder: Path, listener: ProgressListener, timeout: float | None) -> None:
+def _record(spec: FlowSpec, span: Span, folder: Path, listener: ProgressListener) -> None:
     """Run segment after segment; where one fails numerically, the last two again with half the Courant number."""
     deep, scale = folder / SPAN, spec.convective_time
     ends = record_ends(span, scale)
-    watch = Watch(deep, "three dimensions", listener, expected=ends[-1], least_step=COLLAPSED * scale)
+    watch = watch_over(spec, deep, "three dimensions", listener, ends[-1])
     while True:
         now, state = last_state(deep), json.loads((folder / PHASE).read_text())
         _pack_new(folder, now, span.start_up * scale)
@@ -258,7 +242,7 @@ def _record(spec: FlowSpec, span: Span, folder: Path, listener: ProgressListener
             run_segment(deep, "pimpleFoam", following[0], {
                 "deltaT": first_step(spec), "maxCo": state["courant"], "writeInterval": CADENCE * scale,
                 "ranks": spec.ranks,
-            }, watch, timeout)  # fmt: skip
+            }, watch)  # fmt: skip
         except AirflowFailure as failure:
             if not failure.cause.numerical or state["courant"] <= CAREFUL:
                 raise
@@ -295,7 +279,6 @@ def solve_span(
     *,
     start: Path | None = None,
     listener: ProgressListener = lambda _: None,
-    timeout: float | None = None,
 ) -> AirflowResult:
     """Solve the airflow of ``spec``, which has a span, in the case ``folder`` on the plane mesh ``msh``.
 
@@ -305,7 +288,7 @@ def solve_span(
     begun = time.monotonic()
     with disk_trouble_named(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        mesh = run_span(spec, msh, folder, start, listener, timeout)
+        mesh = run_span(spec, msh, folder, start, listener)
         record = SpanRecord(folder, CaseFields(folder))
         result = measure_span(spec, record, folder / SPAN, seconds=time.monotonic() - begun)
         checks = {check.name: check.used for check in check_airflow(spec, folder, result)}

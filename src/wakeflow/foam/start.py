@@ -58,7 +58,7 @@ def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
             values = np.concatenate([values, values * (-1.0, 1.0) if name == "U" else values])
         found[name] = values
     for name, values in (found if alike or not found else _interpolated(centres, found, target)).items():
-        _write_internal(folder / "0" / name, values)
+        write_internal(folder / "0" / name, values)
 
 
 def first_step(spec: FlowSpec) -> float:
@@ -76,7 +76,7 @@ def perturb(spec: FlowSpec, folder: Path) -> None:
     offset = (centres - (outline[:, 0].min() + 0.5 * size, spec.along * rear)) / (REACH * size)
     swirl = np.exp(0.5 - (offset**2).sum(axis=1)) * np.sqrt(2.0)  # r exp(-r^2) peaks at 1/sqrt(2 e)
     velocity += PUSH * spec.speed * swirl[:, None] * np.column_stack([-offset[:, 1], offset[:, 0]])
-    _write_internal(folder / "0" / "U", velocity)
+    write_internal(folder / "0" / "U", velocity)
 
 
 def _read_start(spec: FlowSpec, folder: Path, count: int) -> Array:
@@ -104,10 +104,11 @@ def _interpolated(centres: Array, fields: dict[str, Array], target: Array) -> di
     }
 
 
-def _write_internal(path: Path, values: Array) -> None:
-    """Replace a field's internalField by one value a cell."""
+def write_internal(path: Path, values: Array) -> None:
+    """Replace a field's internalField by one value (n,) or vector (n, 2) or (n, 3) a cell."""
     if values.ndim == 2:
-        kind, rows = "vector", "\n".join(f"({x:.10g} {y:.10g} 0)" for x, y in values)
+        whole = np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
+        kind, rows = "vector", "\n".join(f"({x:.10g} {y:.10g} {z:.10g})" for x, y, z in whole)
     else:
         kind, rows = "scalar", "\n".join(f"{value:.10g}" for value in values)
     entry = f"internalField   nonuniform List<{kind}>\n{len(values)}\n(\n{rows}\n);"

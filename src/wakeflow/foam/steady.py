@@ -37,7 +37,6 @@ def run_steady(
     start: Path | None = None,
     listener: ProgressListener = lambda _: None,
     most: int = 3000,
-    timeout: float | None = None,
 ) -> str:
     """Iterate simpleFoam until what is measured stands still, until it is clear that it will not, or ``most``
     iterations; go on from what is there, or from ``start`` (another solved case). Returns the verdict.
@@ -58,7 +57,7 @@ def run_steady(
         purge(folder)
         while not _is_over(spec, folder, most):
             end = min(max(WINDOW, last_state(folder) + SEGMENT), most)
-            run_segment(folder, "simpleFoam", end, {"deltaT": 1}, watch, timeout)
+            run_segment(folder, "simpleFoam", end, {"deltaT": 1}, watch)
             purge(folder)
             watch.expected = expected_end(Tail(folder).update()[:, 1], most)
         drag = Tail(folder).update()[:, 1]
@@ -68,7 +67,7 @@ def run_steady(
         write_json(done, {"phase": "done" if settled else "late", "verdict": verdict, **({} if settled else late)})
     state = json.loads(done.read_text())
     if state["phase"] == "late":
-        _keep_states(folder, state["begin"], state["every"], watch, timeout)
+        _keep_states(folder, state["begin"], state["every"], watch)
         write_json(done, {**state, "phase": "done"})
     return str(state["verdict"])
 
@@ -129,11 +128,11 @@ def _apart(drag: Array) -> int:
     return least + int(off.argmin())
 
 
-def _keep_states(folder: Path, begin: float, every: int, watch: Watch, timeout: float | None) -> None:
+def _keep_states(folder: Path, begin: float, every: int, watch: Watch) -> None:
     """Iterate on from ``begin`` and keep STATES_KEPT states, ``every`` so many iterations one."""
     end = watch.expected = begin + STATES_KEPT * every
     if not ended_early(folder):
-        run_segment(folder, "simpleFoam", end, {"deltaT": 1, "writeInterval": every}, watch, timeout)
+        run_segment(folder, "simpleFoam", end, {"deltaT": 1, "writeInterval": every}, watch)
     purge(folder, STATES_KEPT)
     names = [path.name for path in time_folders(folder) if float(path.name) > begin]
     write_json(folder / STATES, {"begin": begin, "states": names})

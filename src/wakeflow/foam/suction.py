@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.geometry import area
 from .airflow_result import SuctionZone
 from .case import FlowSpec, axis_points
 
@@ -84,7 +85,7 @@ def suction_zone(
         cp_min=float(cp[inside].min()),
         length=max(float(corners[:, 1].max()) - rear, 0.0),
         width=float(across),
-        area=twice * sum(_area(piece) for piece in pieces),
+        area=twice * sum(abs(area((piece - piece[0])[:, :2])) for piece in pieces),
         reversal_length=reversal,
     )
 
@@ -116,11 +117,6 @@ def _cut(corners: Array, widest: float) -> Array:
                 kept.append(a + da / (da - db) * (b - a))
         corners = np.array(kept).reshape(-1, 3)
     return corners
-
-
-def _area(corners: Array) -> float:
-    x, y = corners[:, 0] - corners[0, 0], corners[:, 1] - corners[0, 1]
-    return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
 
 
 def _reversal(spec: FlowSpec, points: Array, triangles: NDArray[np.intp], forward: Array) -> float:

@@ -53,18 +53,16 @@ def run_time_resolved(
     *,
     start: Path | None = None,
     listener: ProgressListener = lambda _: None,
-    periods: int | None = None,
-    timeout: float | None = None,
 ) -> str:
     """Run pimpleFoam until the statistics stand (:class:`Stopping`, FlowSpec.accuracy). Returns the verdict.
 
     From ``start`` (any solved case, best the draft of the same bodies) or a uniform flow, with a transverse push behind
     the body that sets off the shedding. Once three periods look alike, or after 80 widths of travel, snapshots are
-    written, 24 a period, of which the last are kept; when the run ends, the loop of ``periods`` whole periods (3
-    when periodic, 6 when broadband) that closes best stays, listed in loop.json. A wake that does not shed is kept as
-    one steady time. The run ends unfinished after 300 widths of travel: the intervals say what is lacking. Where the
-    body vibrates (``spec.vibration``) the loop is whole periods of the vibration, and loop.json holds the motion of the
-    mesh and its phase at the loop's start; a wake that only swings with the body is kept as such a loop too.
+    written, 24 a period, of which the last are kept; when the run ends, the loop of whole periods (3 when periodic, 6
+    when broadband) that closes best stays, listed in loop.json. A wake that does not shed is kept as one steady time.
+    The run ends unfinished after 300 widths of travel: the intervals say what is lacking. Where the body vibrates
+    (``spec.vibration``) the loop is whole periods of the vibration, and loop.json holds the motion of the mesh and its
+    phase at the loop's start; a wake that only swings with the body is kept as such a loop too.
     """
     phase = folder / PHASE
     if not phase.exists():
@@ -72,7 +70,7 @@ def run_time_resolved(
         if not last_state(folder):
             start_from(spec, folder, start)
             perturb(spec, folder)
-        _start_up(spec, folder, listener, timeout)
+        _start_up(spec, folder, listener)
         write_json(phase, {
             "phase": "loop", "begin": last_state(folder), "period": _period(Tail(folder).update(), spec),
         })  # fmt: skip
@@ -81,12 +79,12 @@ def run_time_resolved(
         return "steady"
     if state["phase"] == "loop":
         if not (folder / LOOP).exists():  # else its snapshots were chosen, and the others are being removed
-            _record(spec, folder, state, periods or BROADBAND_PERIODS, listener, timeout)
+            _record(spec, folder, state, listener)
         verdict = _verdict(spec, Tail(folder).update())
         if verdict == "steady":
             write_json(phase, {**state, "phase": "done", "period": None})
             return verdict
-        _close_loop(spec, folder, state, periods or (LOOP_PERIODS if verdict == "periodic" else BROADBAND_PERIODS))
+        _close_loop(spec, folder, state, LOOP_PERIODS if verdict == "periodic" else BROADBAND_PERIODS)
         state = {**state, "phase": "done", "verdict": verdict}
         write_json(phase, state)
     return str(state["verdict"])
@@ -100,7 +98,7 @@ def _verdict(spec: FlowSpec, rows: Array) -> str:
     return found.verdict if found else "broadband"
 
 
-def _start_up(spec: FlowSpec, folder: Path, listener: ProgressListener, timeout: float | None) -> None:
+def _start_up(spec: FlowSpec, folder: Path, listener: ProgressListener) -> None:
     """Run on until the start-up is over, in segments of five convective times. With a vibration they are equal parts or
     multiples of one, and the start-up ends with a whole one: the recording, and so the loop, begins at phase zero.
     """
@@ -108,7 +106,7 @@ def _start_up(spec: FlowSpec, folder: Path, listener: ProgressListener, timeout:
     if vibration is not None:
         parts = round(vibration.period / length)
         length = vibration.period / parts if parts > 1 else vibration.period * ceil(length / vibration.period)
-    watch = _watch(spec, folder, "start-up", listener, TYPICAL * spec.convective_time)
+    watch = watch_over(spec, folder, "start-up", listener, TYPICAL * spec.convective_time)
     while True:
         purge(folder)
         now = last_state(folder)
@@ -116,7 +114,7 @@ def _start_up(spec: FlowSpec, folder: Path, listener: ProgressListener, timeout:
         if now and begins and _has_started(Tail(folder).update(), spec):
             return
         end = (int(now / length + WHOLE) + 1) * length
-        run_segment(folder, "pimpleFoam", end, {"deltaT": first_step(spec)}, watch, timeout)
+        run_segment(folder, "pimpleFoam", end, {"deltaT": first_step(spec)}, watch)
 
 
 def _has_started(rows: Array, spec: FlowSpec) -> bool:
@@ -134,7 +132,7 @@ def alike(rows: Array) -> bool:
     return len(last) == 3 and bool((np.ptp(last[:, 1:3], axis=0) <= ALIKE * np.abs(last[:, 1:3].mean(axis=0))).all())
 
 
-def _watch(spec: FlowSpec, folder: Path, stage: str, listener: ProgressListener, end: float) -> Watch:
+def watch_over(spec: FlowSpec, folder: Path, stage: str, listener: ProgressListener, end: float) -> Watch:
     """A watch that expects the run to end at ``end`` (s) and knows time steps that will never arrive."""
     return Watch(folder, stage, listener, expected=end, least_step=COLLAPSED * spec.convective_time)
 
@@ -154,17 +152,15 @@ def _record(
     spec: FlowSpec,
     folder: Path,
     state: dict[str, float],
-    periods: int,
     listener: ProgressListener,
-    timeout: float | None,
 ) -> None:
     """Run on, writing snapshots at a fixed cadence, until the statistics stand and a loop can be chosen."""
     begin, step, scale = state["begin"], _cadence(spec, state), spec.convective_time
     vibration = 0.0 if spec.vibration is None else spec.vibration.period  # the loop begins and ends on a whole one
-    kept = int(((periods + SPARE_PERIODS) * state["period"] + 2 * vibration) / step) + 2
+    kept = int(((BROADBAND_PERIODS + SPARE_PERIODS) * state["period"] + 2 * vibration) / step) + 2
     least = (LOOP_PERIODS + 1) * state["period"] + 2 * vibration + 2 * step
     end = max(LONGEST * scale - begin, least)
-    watch = _watch(spec, folder, "recording", listener, min(max(TYPICAL * scale, begin + least), begin + end))
+    watch = watch_over(spec, folder, "recording", listener, min(max(TYPICAL * scale, begin + least), begin + end))
     most = LONG * scale / step  # snapshots in a segment, about
     drop_after(folder, last_state(folder))
     while True:
@@ -178,7 +174,6 @@ def _record(
         parts = max(1, round((until - done) / most))
         run_segment(
             folder, "pimpleFoam", begin + (done + ceil((until - done) / parts)) * step, {"writeInterval": step}, watch,
-            timeout,
         )  # fmt: skip
 
 

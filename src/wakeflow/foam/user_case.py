@@ -11,15 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
-from ..core.geometry import distance_to
+from ..core.geometry import distance_to, distance_to_edges
 from ..core.number import Number
 from ..laws.turbulence import NUT
 from .airflow_result import AirflowResult
-from .case import FlowSpec, axis_points
-from .measure import mean_pressure, motion_in, on_edges, y_plus
+from .case import FlowSpec
+from .measure import motion_in, plane_numbers
 from .read import CaseFields, Snapshot, loop_of, read_flow, time_folders
 from .reconstruction import PlaneMesh
-from .suction import suction_zone
 
 Array = NDArray[np.float64]
 MATCH = 0.01  # widths of the first body: how far the case's walls may lie from the scene's outlines; viscosities too
@@ -80,18 +79,19 @@ def _from_fields(
     inflow = -float(outward[outward < 0].sum())
     _check_air(spec, fields, -float(outward[inlet].sum() / plane.lengths[inlet].sum()))
     drag = [_drag(spec, fields, folder, shot, wall) for folder, shot in zip(folders, shots, strict=True)]
-    at_inlet, at_outlet = mean_pressure(plane, shots, inlet), mean_pressure(plane, shots, outlet)
+    flow = read_flow(fields.case, "latest" if time == "latest" else "mean", density=1.0)
+    found, base = plane_numbers(
+        spec, fields, folders[-1], shots, flow["pressure"], flow["velocity"], ends=(inlet, outlet), body=wall
+    )
     return {
         "turbulence": "laminar" if shots[0].k is None else "given",
         "cells": len(plane.cells),
         "reynolds": spec.reynolds,
         "cd": Number(float(np.mean(drag))),
-        **_on_body(spec, plane, fields.case, time, at_inlet, wall),
-        "p_inlet": spec.density * at_inlet,
-        "pressure_drop": spec.density * (at_inlet - at_outlet),
+        "cp_base": Number(base),
         "flow_rate": inflow * (2.0 if spec.mesh.half else 1.0),
         "mass_error": float(-outward.sum()) / inflow,
-        "y_plus": y_plus(spec, fields, folders[-1], shots[-1], wall),
+        **found,
     }
 
 
@@ -132,17 +132,10 @@ def _check_bodies(spec: FlowSpec, plane: PlaneMesh, wall: NDArray[np.bool_]) -> 
     start, end = (plane.points[plane.faces[wall, i]] for i in (0, 1))
     for name, outline in zip(spec.mesh.names, outlines, strict=True):
         corners = outline[outline[:, 0] >= 0] if spec.mesh.half else outline
-        gap = _distance_to_edges(corners, start, end)
+        gap = distance_to_edges(corners, start, end)
         if gap.max() > slack:
             x, y = corners[gap.argmax()]
             raise SceneError(f"air.case has no wall at x = {x:.4g}, y = {y:.4g} m, where body.{name} has a corner")
-
-
-def _distance_to_edges(points: Array, start: Array, end: Array) -> Array:
-    """Distance (n,) m of points (n, 2) from the nearest of the edges (m, 2)."""
-    along = end - start
-    share = np.clip(((points[:, None] - start) * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(points[:, None] - start - share[..., None] * along, axis=2).min(axis=1))
 
 
 def _outward(fields: CaseFields, folders: Sequence[Path], shots: Sequence[Snapshot]) -> Array:
@@ -180,23 +173,6 @@ def _check_air(spec: FlowSpec, fields: CaseFields, speed: float) -> None:
         raise SceneError(
             f"air.viscosity = {spec.viscosity:.4g} Pa s, but air.case has {viscosity:.4g} Pa s at this density"
         )
-
-
-def _on_body(
-    spec: FlowSpec, plane: PlaneMesh, case: Path, time: str, at_inlet: float, wall: NDArray[np.bool_]
-) -> dict[str, object]:
-    """Pressure coefficients on the first body and the suction zone behind it."""
-    arrays = read_flow(case, "latest" if time == "latest" else "mean", density=1.0)
-    cp = (arrays["pressure"] - at_inlet) / (0.5 * spec.speed**2)
-    points, edges = arrays["points"], plane.faces[wall]
-    middle, front, rear = axis_points(spec)
-    base = on_edges(points, edges, cp, np.array([middle, rear * spec.along]))
-    zone = suction_zone(spec, points, arrays["triangles"], cp, arrays["velocity"], np.unique(edges))
-    return {
-        "cp_base": Number(base),
-        "cp_front": on_edges(points, edges, cp, np.array([middle, front * spec.along])),
-        "suction": zone,
-    }
 
 
 def _drag(spec: FlowSpec, fields: CaseFields, folder: Path, shot: Snapshot, wall: NDArray[np.bool_]) -> float:

@@ -110,7 +110,7 @@ def arrival(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, spe
     level = np.array([(-1.0, 0.0), (1.0, 0.0)])
     tracks = tracking.track(
         column, still, until=1e3, tolerance=1e-6, length=scene.width, drag=plan.drag, lines=(level,),
-        forces=[force for force in plan.forces if forces[force].calm], gravity=(0.0, -GRAVITY),
+        forces=[force for force in plan.forces if forces[force].calm],
     )  # fmt: skip
     return np.where(tracks.line == 0, -tracks.velocity[:, 1], np.nan)
 

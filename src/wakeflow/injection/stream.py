@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import tracking
+from ..core.errors import known
 from ..field import FlowField
 from ..laws.constants import GRAVITY
 from ..laws.restitution import Restitution, restitution_at
@@ -68,14 +69,13 @@ def slab_stream(
     ``operation`` (s) that counts, and as long again as the start-up, until what counts has landed among others; its
     granules as a ``variation`` has them.
     """
-    crowd = plan.crowd
-    assert crowd is not None
+    crowd = known(plan.crowd)
     rng = np.random.default_rng([scene.feed.seed, zlib.crc32(b"slab"), replicate])
     whole = operation + 2.0 * start_up
     parts = []
     for number, name in enumerate(scene.fraction):
-        known = scene, plan, field, name, number, variation.of(name), rng, whole, depth
-        parts += [_fed(*known, tracers=tracers) for tracers in (False, True)]
+        given = scene, plan, field, name, number, variation.of(name), rng, whole, depth
+        parts += [_fed(*given, tracers=tracers) for tracers in (False, True)]
     order = np.argsort(np.concatenate([part.granules.time for part in parts]), kind="stable")
     granules = _joined([part.granules for part in parts])[order]
     fraction, mass = (np.concatenate([getattr(part, key) for part in parts])[order] for key in ("fraction", "mass"))
@@ -94,8 +94,7 @@ def _fed(
     rng: np.random.Generator, whole: float, depth: float, *, tracers: bool,
 ) -> SlabFeed:  # fmt: skip
     """The real granules, or the tracers, of one fraction over ``whole`` (s); times from 0, unsorted."""
-    fraction, crowd = scene.fraction[name], plan.crowd
-    assert crowd is not None
+    fraction, crowd = scene.fraction[name], known(plan.crowd)
     time, p = (
         _tracers(crowd, name, rng, whole) if tracers else _singles(scene, crowd, name, variation, rng, whole, depth)
     )
@@ -171,7 +170,7 @@ def _born(
     whole = np.linspace(0.0, field.period or 0.0, len(x), endpoint=False)
     found = tracking.track(
         field, grains.replace(position=position, velocity=velocity, time=whole), until=LONGEST, tolerance=TOLERANCE,
-        length=scene.width, drag=how.drag, forces=how.forces, lines=(line,), gravity=(0.0, -GRAVITY), seed=seed,
+        length=scene.width, drag=how.drag, forces=how.forces, lines=(line,), seed=seed,
     )  # fmt: skip
     comes = (found.line == 0)[:, None]  # upward air does not let others come so far: they begin where the feed does
     return grains.replace(

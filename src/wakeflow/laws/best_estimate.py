@@ -172,17 +172,6 @@ def best_estimate(
     return WakeEstimate(theta.value, strength.value, f"theta: {theta.why}; strength: {strength.why}")
 
 
-def left_one_out() -> list[tuple[WakeEntry, Number, Number]]:
-    """Each entry, what it gives, and what the others give for its body."""
-    known = wakes()
-    found = []
-    for entry in known:
-        rest = [other for other in known if other is not entry]
-        others = best_estimate(entry.family, entry.blockage, max(entry.reynolds), rest, slope=entry.slope)
-        found.append((entry, entry.given, others.theta if entry.of_theta else others.strength))
-    return found
-
-
 def _alike(one: float | None, other: float | None) -> bool:
     return one is None or other is None or abs(one - other) <= ALIKE
 

@@ -46,7 +46,6 @@ from ..core.errors import SceneError
 from ..core.registry import Registry
 from .restitution import Restitution, restitution_at
 
-# -- The collision of a granule with a wall or another granule: one law of impulses for the impact of ------------------
 Array = NDArray[np.float64]
 TINY = np.finfo(float).tiny
 STEEPEST = 1.5708  # rad, a vertical wall with room for round-off
@@ -146,21 +145,6 @@ def approach_speed(vx: Any, vy: Any, nx: Any, ny: Any, wx: Any, wy: Any) -> Any:
     return np.maximum(-((vx - wx) * nx + (vy - wy) * ny), 0.0)
 
 
-def bounce(
-    velocity: ArrayLike,
-    normal: ArrayLike,
-    wall_velocity: ArrayLike,
-    restitution: ArrayLike | Restitution,
-    friction: ArrayLike,
-) -> Array:
-    """Velocities (..., 2) of point masses after they hit walls with unit outward normals (..., 2); all broadcast."""
-    v, n, w = (np.asarray(a, dtype=float) for a in (velocity, normal, wall_velocity))
-    ways = v[..., 0], v[..., 1], n[..., 0], n[..., 1], w[..., 0], w[..., 1]
-    e = restitution_at(restitution, approach_speed(*ways))
-    after = collide(*ways[:2], 0.0, *ways[2:], e, np.asarray(friction), 0.0, 1.0)
-    return np.stack(np.broadcast_arrays(after[0], after[1]), axis=-1)
-
-
 @dataclass(frozen=True)
 class Impact:
     """The outcome of :func:`impact`; arrays of the broadcast shape."""
@@ -228,35 +212,19 @@ def impact(
     )
 
 
-# -- Hertz' contact of elastic spheres: how long a collision lasts and how deep it goes --------------------------------
-def _stiffness(diameter: float, density: float, modulus: float, poisson: float) -> tuple[float, float, float]:
-    """Effective mass (kg), radius (m) and modulus (Pa) of two equal spheres."""
-    return (
-        density * math.pi / 12 * diameter**3,
-        0.25 * diameter,
-        modulus / (2 * (1 - poisson**2)),
-    )
-
-
+# -- Hertz' contact of elastic spheres: how long a collision lasts ----------------------------------------------------
 def contact_time(diameter: float, density: float, modulus: float, speed: float, poisson: float = 0.25) -> float:
     """Duration (s) of the collision of two equal spheres at relative ``speed`` (m/s).
 
     2.868 (m^2 / (R E^2 v))^(1/5) with the effective mass m, radius R and modulus E; ``diameter`` m, ``density`` kg/m3,
     Young's ``modulus`` Pa.
     """
-    mass, radius, stiff = _stiffness(diameter, density, modulus, poisson)
+    mass, radius, stiff = density * math.pi / 12 * diameter**3, 0.25 * diameter, modulus / (2 * (1 - poisson**2))
     value: float = 2.868 * (mass**2 / (radius * stiff**2 * speed)) ** 0.2
     return value
 
 
-def depth(diameter: float, density: float, modulus: float, speed: float, poisson: float = 0.25) -> float:
-    """Deepest approach (m) in the same collision: (15 m v^2 / (16 sqrt(R) E))^(2/5)."""
-    mass, radius, stiff = _stiffness(diameter, density, modulus, poisson)
-    value: float = (15 * mass * speed**2 / (16 * radius**0.5 * stiff)) ** 0.4
-    return value
-
-
-# -- The rebound of granules that are no spheres: the wall's normal, as the impact feels it, turned by a ---------------
+# -- The rebound of granules that are no spheres -----------------------------------------------------------------------
 HALVINGS = 40  # of an angle: then it is round-off, and none
 
 

@@ -17,7 +17,6 @@ from ..core.errors import SceneError
 from ..core.registry import Registry
 from .constants import GRAVITY
 
-# -- Drag laws: the factor f = Cd Re / 24 by which drag exceeds Stokes' on a sphere (f -> 1 for a sphere ---------------
 Array = NDArray[np.float64]
 TABLE_DECADES = (-8, 7)  # log10 Re at the table's ends; 1000, where two laws break, is a boundary between cells
 TABLE_CELLS = 96  # cells per decade
@@ -132,18 +131,6 @@ def drag_table(law: str, sphericity: float = 1.0) -> Array:
     reynolds = 10.0 ** (low + (np.arange(cells)[:, None] + w) / TABLE_CELLS)
     values = np.asarray(drag_laws[law].factor(reynolds, sphericity))
     return np.ascontiguousarray(np.linalg.solve(w[:, None] ** np.arange(4), values.T).T)
-
-
-def table_factor(table: Array, reynolds: ArrayLike) -> Array:
-    """f from a :func:`drag_table`: constant below its range, constant Cd above. The tracker's kernel does the same."""
-    re = np.asarray(reynolds, dtype=float)
-    low, high = TABLE_DECADES
-    y = (np.log10(np.clip(re, 10.0**low, 10.0**high)) - low) * TABLE_CELLS
-    cell = np.clip(y.astype(int), 0, len(table) - 1)
-    c, w = table[cell], y - cell
-    f = c[..., 0] + w * (c[..., 1] + w * (c[..., 2] + w * c[..., 3]))
-    value: Array = f * np.maximum(re / 10.0**high, 1.0)
-    return value
 
 
 def relaxation_time(diameter: ArrayLike, density: ArrayLike, viscosity: float) -> Array:

@@ -277,7 +277,7 @@ def _step(z: Complex, v: Complex, final: Complex, tau: Array, dt: Array) -> tupl
     return z + final * dt + (v - final) * tau * (1.0 - left), final + (v - final) * left
 
 
-# -- Impaction of fine granules on a sphere that moves through their air: which of those in its way it -----------------
+# -- Impaction of fine granules on a sphere that moves through their air -----------------------------------------------
 WIDE = 2.0 / 3.0
 
 

@@ -20,7 +20,6 @@ from ..core.errors import SceneError
 from ..core.registry import Registry, did_you_mean
 from .restitution import Restitution
 
-# -- Granule materials: size, density, terminal velocity and rebound, each with its source and how far -----------------
 SPREAD = ("restitution", "friction", "terminal_velocity")  # quantities with a mean and a standard deviation
 PARTS = (*SPREAD, "rebound_scatter", "tangential_restitution", "impact")  # quantities with evidence of their own
 CONFIDENCES = ("measured", "typical", "low")
@@ -147,7 +146,7 @@ def _shipped() -> None:
 _shipped()
 
 
-# -- How far an input may be off where nobody says it: defaults by quantity and confidence, with their -----------------
+# -- How far an input may be off where nobody says it ------------------------------------------------------------------
 STATUSES = ("read", "derived", "chosen")
 MARGIN_CONFIDENCES = ("measured", "typical", "low", "given", "all")
 

@@ -191,7 +191,7 @@ def load_on_wall(
     )
 
 
-# -- Mass flow of granules through an orifice under gravity, without vibration: Beverloo's law and its -----------------
+# -- Mass flow of granules through an orifice under gravity, without vibration -----------------------------------------
 BEVERLOO_C = 0.58  # Beverloo, Leniger & van de Velde (1961); later authors: 0.55 to 0.65
 BEVERLOO_K = 1.4  # spheres; the same source: 1.3 to 2.9 with the shape
 STAGNANT_ANGLE = math.radians(45)  # angle of the stagnant zone's edge to the horizontal, where it is not measured

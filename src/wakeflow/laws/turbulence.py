@@ -20,7 +20,7 @@ from typing import Any, Literal
 from ..core.registry import Registry
 from .constants import C_MU
 
-# -- Turbulent dispersion of a granule as a Langevin process of the fluid velocity seen, and Brownian ------------------
+# -- Turbulent dispersion of a granule as a Langevin process of the fluid velocity seen, and Brownian motion ----------
 C0 = 2.1  # of the simplified Langevin model, as in Minier & Peirano and in code_saturne
 LIFETIME = 1.0 / (0.5 + 0.75 * C0)
 EULERIAN = 0.8  # ratio of the Lagrangian to the Eulerian integral time, as in code_saturne
@@ -88,7 +88,7 @@ def brownian_diffusivity(
     return BOLTZMANN * temperature * slip_correction / (3.0 * math.pi * viscosity * diameter)
 
 
-# -- Turbulence models: what OpenFOAM solves for beside velocity and pressure, and what the program --------------------
+# -- Turbulence models -------------------------------------------------------------------------------------------------
 MIXING_LENGTH = 0.07  # of the width of the opening that air enters through: usual estimate for developed duct flow
 SPANWISE = "kOmegaSSTDDES"  # the model of an airflow that is resolved in three dimensions
 USUAL = "kOmegaSST"  # the model of the case template; it also stands for the unknown model of a user's own case
@@ -185,8 +185,7 @@ NUT = TurbulenceField("nut", "eddy viscosity", 2, 1)
 FROM_OMEGA = Dissipation("omega", lambda k, omega: C_MU * k * omega)  # Wilcox, D.C. 1988, AIAA J. 26, 1299
 FROM_EPSILON = Dissipation("epsilon", lambda _, epsilon: epsilon)  # of the k-epsilon models: the field itself
 
-turbulence_models.add(
-    "laminar",
+for _model in (
     TurbulenceModel(
         name="laminar",
         means="no model: all fluctuations are resolved",
@@ -201,9 +200,6 @@ turbulence_models.add(
         # error of mean Cd from 5 to 2 % and that of Cl's rms from 19 to 4 %.
         convection="LUST grad(U)",
     ),
-)
-turbulence_models.add(
-    "kOmegaSST",
     TurbulenceModel(
         name="kOmegaSST",
         means="k-omega SST: k-omega near walls, k-epsilon away from them, with a limit on the shear stress",
@@ -217,9 +213,6 @@ turbulence_models.add(
         # Cells are too coarse for central differences.
         convection="linearUpwind grad(U)",
     ),
-)
-turbulence_models.add(
-    SPANWISE,
     TurbulenceModel(
         name=SPANWISE,
         means="delayed detached-eddy simulation: k-omega SST in attached layers, a subgrid model of k in the wake",
@@ -231,7 +224,8 @@ turbulence_models.add(
         # One part upwind to three central: linearUpwind damps the eddies that the model leaves to the cells.
         convection="LUST grad(U)",
     ),
-)
+):
+    turbulence_models.add(_model.name, _model)
 
 
 def model_at(reynolds: float) -> TurbulenceModel:

@@ -54,13 +54,8 @@ class Record:
     def reach(self) -> float:
         """Largest |displacement| (m): at a sample or where the velocity between two passes zero."""
         h = np.diff(self.time)
-        first = self._zeros(
-            self.velocity[:-1], self.acceleration[:-1] * h, 0.5 * h * np.diff(self.acceleration), sign=1.0
-        )
-        other = self._zeros(
-            self.velocity[:-1], self.acceleration[:-1] * h, 0.5 * h * np.diff(self.acceleration), sign=-1.0
-        )
-        return max(self._peak(*first, part=0), self._peak(*other, part=0))
+        parabola = self.velocity[:-1], self.acceleration[:-1] * h, 0.5 * h * np.diff(self.acceleration)
+        return max(self._peak(*self._zeros(*parabola, sign=sign), part=0) for sign in (1.0, -1.0))
 
     @property
     def pace(self) -> float:

@@ -42,7 +42,6 @@ from .realisations import Realisations
 from .solved_air import SolvedAir
 from .tracks import Flight
 
-# -- The air feels the granules: their force on it, gathered along tracks, is given to the steady ----------------------
 LEAST = 0.01  # of rho U^2 a body width: less is left out. Chosen: keeps 95 % of the shipped rhombus's, out of the wake
 MOST_PASSES = 3  # solutions under a force
 TOWARDS = 0.7  # of the way to the force gathered last. Chosen: slower air drags less, so that the whole way oversteps

@@ -39,8 +39,7 @@ def mesh_spec(scene: Scene, plan: Plan, grid: int = 0) -> MeshSpec:
     """What the plan wants meshed, on one of its grids."""
     from ..meshing import SideInlet, plan_mesh
 
-    channel, air = scene.channel, scene.air
-    assert air is not None
+    channel, air = scene.channel, scene.airstream
     return plan_mesh(
         [body.outline() for body in scene.body.values()],
         width=channel.width,
@@ -62,9 +61,8 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
     from ..foam import FlowSpec, Stream
     from ..foam.mesh_motion import MeshMotion
 
-    air, how = scene.air, plan.airflow
+    air, how = scene.airstream, plan.airflow
     amplitude, omega = scene.motion
-    assert air is not None
     return FlowSpec(
         mesh=mesh,
         speed=air.speed,
@@ -84,7 +82,7 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
     )
 
 
-# -- The kinds of airflow: how the air of a scene comes about, and what is known and not known of it -------------------
+# -- The kinds of airflow ----------------------------------------------------------------------------------------------
 @dataclass
 class AirflowKind(ABC):
     """The airflow of one scene under one plan.
@@ -213,14 +211,13 @@ class CaseAir(AirflowKind):
         from .case_field import case_field, state_fields
 
         key = content_key("field", self.solution[0], code_of("field"), version_of("foamlib"))
-        air, table = self.scene.air, self.measured
-        assert air is not None
+        density, table = self.scene.airstream.density, self.measured
 
         def work(part: Path) -> None:
             self.cache.tell("field", "reading the airflow")
-            field = case_field(self.case, known(table.field_time), air.density, half=self.half)
+            field = case_field(self.case, known(table.field_time), density, half=self.half)
             field.save(part / "field.npz")
-            for number, state in enumerate(state_fields(self.case, air.density, half=self.half)):
+            for number, state in enumerate(state_fields(self.case, density, half=self.half)):
                 state.save(part / f"state-{number}.npz")
 
         return key, self.cache.make("field", key, work)

@@ -39,8 +39,7 @@ def duct_field(scene: Scene, *, turbulent: bool) -> FlowField:
     Pressure (Pa) falls along parabolic air by 12 mu U / W^2 a metre and is constant in uniform air; it is 0 where the
     air leaves.
     """
-    channel, air = scene.channel, scene.air
-    assert air is not None
+    channel, air = scene.channel, scene.airstream
     sign, slack = (1.0 if air.direction == "up" else -1.0), 2.0 * SLACK * channel.width
     parabolic = air.profile == "parabolic"
     x = np.linspace(-0.5 * channel.width, 0.5 * channel.width, (COLUMNS if parabolic else 2) + 1)
@@ -74,8 +73,7 @@ def _strip(x: Array, y: Array) -> tuple[Array, NDArray[np.int64]]:
 
 def duct_airflow(scene: Scene) -> Airflow:
     """What is known of the air; null for what only a body has."""
-    air, channel = scene.air, scene.channel
-    assert air is not None
+    air, channel = scene.airstream, scene.channel
     parabolic = air.profile == "parabolic"
     slope = 12.0 * air.viscosity * air.speed / channel.width**2 if parabolic else 0.0
     return Airflow(

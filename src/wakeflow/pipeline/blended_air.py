@@ -55,7 +55,7 @@ class BestEstimateAir(TimeResolvedAir):
         return residence_times(self.scene, self.cache, airs)
 
 
-# -- The numbers of a best estimate: what the air between the two ends amounts to, and the ends with it ----------------
+# -- The numbers of a best estimate ------------------------------------------------------------------------------------
 ON_EDGE = 1e-6  # of the mesh's extent: how far inside the channel's edges a body's nodes lie at least
 
 

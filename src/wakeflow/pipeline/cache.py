@@ -31,7 +31,7 @@ class StageTime:
     cached: bool = column("", "whether it came from the cache now")
 
 
-# -- The cached stages of a run: what computes them, where they are kept, how long they took, who hears ----------------
+# -- The cached stages of a run ----------------------------------------------------------------------------------------
 SECONDS = "seconds.json"  # in a stage's folder: what it took
 Listener = Callable[[str, str], None]  # (stage, text): hears of progress
 

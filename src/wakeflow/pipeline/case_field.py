@@ -42,7 +42,7 @@ def state_fields(case: Path, density: float, *, half: bool) -> tuple[FlowField, 
     return tuple(alone.mapped(itemgetter(number)) for number in range(len(every.velocity)))
 
 
-# -- From the snapshots of an airflow in three dimensions to the plane fields that the tracker reads, a ----------------
+# -- From the snapshots of an airflow in three dimensions to the plane fields that the tracker reads -------------------
 def layer_file(folder: Path, number: int) -> Path:
     """Where the field of the ``number``-th of the layers that are flown in is kept."""
     return folder / f"layer-{number}.npz"

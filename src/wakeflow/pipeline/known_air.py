@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..field import FlowField
 
 
-# -- The kinds of airflow that nobody has to solve: none, and that of a channel in which nothing stands ----------------
+# -- The kinds of airflow that nobody has to solve ---------------------------------------------------------------------
 @airflow_kinds.register("none")
 class NoAir(AirflowKind):
     """No air: granules fly in a vacuum."""

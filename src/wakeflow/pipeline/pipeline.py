@@ -24,7 +24,7 @@ from ..planning.stages import OWN, AirLabel, StageKey
 from ..scene import Scene
 from . import blended_air, known_air, solved_air, span_air  # noqa: F401 - they register kinds of airflow
 from .air_loading import AirLoading
-from .airflow import Airflow, FieldDivergence, ResidenceTimes
+from .airflow import Airflow, FieldDivergence
 from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
 from .cache import Listener, StageCache, StageTime, silent
 from .compilation import Compilation
@@ -34,12 +34,10 @@ from .slab import CrowdCompanion, CrowdStage, SlabFound
 from .track_stage import Companion, TrackStage
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from ..field import FlowField, Truncation
+    from ..field import FlowField
     from ..meshing import MeshReport, MeshSpec
     from ..scene import Picture
-    from .landings import Landings, Tracked
+    from .landings import Tracked
 
 
 @dataclass
@@ -159,20 +157,10 @@ class Pipeline:
         return content_key(key, self.loading.key), self.loading.apply(field)
 
     @property
-    def truncation(self) -> Truncation | None:
-        """What the time-resolved field lost when it was stored as a mean and modes; None for a steady one."""
-        return self.kind.truncation
-
-    @property
     def divergence(self) -> FieldDivergence:
         """How well the triangles that the tracker reads conserve volume."""
         found = self.field[1].divergence()
         return FieldDivergence(found.rms, found.max)
-
-    @property
-    def residence(self) -> ResidenceTimes | None:
-        """How long the near wakes of a best estimate and of its ends keep fine dust; None for another airflow."""
-        return self.kind.residence
 
     # -- the same scene in another airflow -----------------------------------------------------------------------------
 
@@ -216,8 +204,7 @@ class Pipeline:
 
     @cached_property
     def _crowd_stage(self) -> CrowdStage:
-        known = self._track_stage.airs, self.tracks_key, self.tracks(), self.workers
-        return CrowdStage(self.scene, self.plan, self.cache, *known)
+        return CrowdStage(self._track_stage)
 
     @property
     def crowd_key(self) -> str | None:
@@ -232,14 +219,6 @@ class Pipeline:
             return None
         self.compilation.finish_slab()
         return self._crowd_stage.fly(companion)
-
-    def crowd_drawn(self, number: int) -> Mapping[str, Landings]:
-        """The landings of granules that meet each other under draw ``number`` of what nobody knows exactly, from some
-        replicates. The plan must have a slab.
-        """
-        stage = self.draw_stage
-        made = stage.variation(number)
-        return self._crowd_stage.fly_drawn(number, made, stage.air(made.air))
 
     def shown(self, picture: Picture) -> dict[str, list[Columns]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""

@@ -16,8 +16,7 @@ from .realisations import Realisations
 
 def residence_times(scene: Scene, cache: StageCache, airs: Mapping[str, tuple[str, Realisations]]) -> ResidenceTimes:
     """H = tau U / D behind the first body in each of ``airs``, by its name: the key of its fields and the fields."""
-    body, air = next(iter(scene.body.values())), scene.air
-    assert air is not None
+    body, air = next(iter(scene.body.values())), scene.airstream
     where = body.outline(), air.direction, air.speed
     asked = [(key, found.cycles) for key, found in airs.values()]
     key = content_key("residence", asked, where[0].tolist(), *where[1:], code_of("residence"))

@@ -20,6 +20,7 @@ from ..core.process import cores
 from ..core.store import content_key
 from ..core.tables import Columns, save_arrays
 from ..field import FlowField
+from ..injection.feed import Feedstock
 from ..injection.stream import SlabFeed, slab_stream
 from ..laws.constants import GRAVITY
 from ..laws.forces import forces
@@ -27,18 +28,17 @@ from ..planning.crowd import CrowdPlan
 from ..planning.plan import Plan
 from ..planning.variation import AS_GIVEN, Variation
 from ..scene import Scene
-from .cache import StageCache, code_of
+from .cache import code_of
 from .landings import Landings
 from .realisations import Realisations
-from .tracks import PATIENCE, bodies_and_walls, end_lines, seed_of
+from .tracks import PATIENCE, bodies_and_walls, end_lines, landing_columns, seed_of
 
 if TYPE_CHECKING:
-    from .landings import Tracked
+    from .track_stage import TrackStage
 
 
 # -- The stage of the slab: the landings of granules that meet each other, from the cache, or flown --------------------
 FEWEST = 2  # replicates of a companion
-DRAWN = 4  # replicates of a draw
 SMALL = 0.3  # of the accuracy asked for: landing error that a step of the slab may make, body widths (docs/crowd.md)
 
 
@@ -55,92 +55,71 @@ class CrowdCompanion:
 
 @dataclass(frozen=True)
 class SlabFound:
-    """What the slab found: the landings of every fraction's granules that came in steady operation; the slab's
-    ``depth`` (m), the ``start_up`` (s) that was dropped, and the ``replicates`` that were flown; the ``step`` of its
-    clock (s) with the landing error that it was seen to make (body widths), and in how many replicates the feed
-    ``jammed``.
+    """What a slab of ``depth`` (m) found after the ``start_up`` (s) that was dropped: ``landings`` by fraction of the
+    granules that came in steady operation, in so many ``replicates``; the ``step`` of its clock (s) with the landing
+    error that it was seen to make (body widths), NaN where the step was given; in how many replicates the feed
+    ``jammed``; ``steps`` of granules in all.
     """
 
     landings: Mapping[str, Landings]
-    depth: float
-    start_up: float
-    replicates: int
     step: float
     step_error: float
     jammed: int
+    steps: int
+    replicates: int
+    depth: float
+    start_up: float
 
 
 @dataclass
 class CrowdStage:
-    """The slab of one scene under one plan through one airflow, in whose ``airs`` ``tracked`` has flown alone before.
+    """The slab of one scene under one plan through one airflow, in which its ``tracks`` have flown alone before."""
 
-    ``tracks_key``: everything that those tracks depend on.
-    """
-
-    scene: Scene
-    plan: Plan
-    cache: StageCache
-    airs: Realisations
-    tracks_key: str
-    tracked: Tracked
-    workers: int | None = None
+    tracks: TrackStage
 
     @property
     def crowd(self) -> CrowdPlan:
         """What the plan says of the slab. The plan must have one."""
-        return known(self.plan.crowd)
+        return known(self.tracks.plan.crowd)
 
     @cached_property
     def start_up(self) -> float:
         """Seconds until the slab is steady."""
-
-        return steady_after(self.plan, self.tracked.landings)
+        return steady_after(self.tracks.plan, self.tracks.fly().landings)
 
     @property
     def tolerance(self) -> float:
         """Landing error (body widths) of a step of the slab's clock: a mean shift moves about half of it as a share."""
-        numerics = self.scene.numerics
-        return max(numerics.tolerance, SMALL * self.plan.target_error)
+        return max(self.tracks.scene.numerics.tolerance, SMALL * self.tracks.plan.target_error)
 
     @cached_property
     def key(self) -> str:
         """Everything the slab's landings depend on."""
-        feed, crowd = self.scene.feed, self.crowd
-        fed = feed.mass_flow, feed.depth, self.scene.mass_shares(), repr(self.scene.collisions)
+        scene, crowd = self.tracks.scene, self.crowd
+        fed = scene.feed.mass_flow, scene.feed.depth, scene.mass_shares(), repr(scene.collisions)
         flown = crowd.tracers, crowd.operation, crowd.count, crowd.replicates
-        return content_key("crowd", self.tracks_key, self.tolerance, *fed, *flown, code_of("slab"))
+        return content_key("crowd", self.tracks.key, self.tolerance, *fed, *flown, code_of("slab"))
+
+    def flight(self, name: str, depth: float, step: float | None) -> SlabFlight:
+        """What flies a slab of ``depth`` (m) under the ``name`` of a stage."""
+        stage = self.tracks
+        return SlabFlight(
+            stage.scene, stage.plan, stage.airs, depth, self.start_up, self.crowd.operation, self.tolerance, step,
+            stage.workers, partial(stage.cache.tell, name),
+        )  # fmt: skip
 
     def fly(self, companion: CrowdCompanion | None = None) -> SlabFound:
         """The slab; under a ``companion``'s change some of its replicates."""
-
         change = companion or CrowdCompanion("slab")
-        depth = change.depth * self.crowd.depth
         replicates = self.crowd.replicates if companion is None else max(FEWEST, self.crowd.replicates // 4)
         step = None if companion is None else change.step * self.fly().step
-        flight = SlabFlight(
-            self.scene, self.plan, self.airs, depth, self.start_up, self.crowd.operation, self.tolerance,
-            step, self.workers, partial(self.cache.tell, change.name),
-        )  # fmt: skip
-        key = content_key(self.key, change.step, depth, replicates)
-        folder = self.cache.make(change.name, key, partial(flight.fly_all, replicates=replicates))
-        found = load_crowd(folder, self.scene, replicates)
-        how = found.step, found.step_error, found.jammed
-        return SlabFound(found.landings, depth, self.start_up, replicates, *how)
-
-    def fly_drawn(self, number: int, variation: Variation, airs: Realisations) -> Mapping[str, Landings]:
-        """Landings of the first replicates under draw ``number``: what it makes of the granules, and its ``airs``."""
-
-        name, step = f"slab-draw-{number}", self.fly().step
-        flight = SlabFlight(
-            variation.fed(self.scene), self.plan, airs, self.crowd.depth, self.start_up, self.crowd.operation,
-            self.tolerance, step, self.workers, partial(self.cache.tell, name), variation=variation,
-        )  # fmt: skip
-        key = content_key(self.key, "draw", number, repr(variation), DRAWN, code_of("draws"))
-        folder = self.cache.make(name, key, partial(flight.fly_all, replicates=DRAWN))
-        return load_crowd(folder, self.scene, DRAWN).landings
+        flight = self.flight(change.name, change.depth * self.crowd.depth, step)
+        key = content_key(self.key, change.step, flight.depth, replicates)
+        folder = self.tracks.cache.make(change.name, key, partial(flight.fly_all, replicates=replicates))
+        return flight.found(folder, replicates)
 
 
-# -- The slab flown: replicates of steady operation in which granules meet each other, one after the -------------------
+# -- The slab flown ----------------------------------------------------------------------------------------------------
 LATE = 0.99  # share of a fraction's granules that have landed when its flight counts as over
 SEVERAL = 3.0  # flights of a granule that landed late, within which one that met others does
 
@@ -220,27 +199,48 @@ class SlabFlight:
         timing = {"begin": self._begin(number), "start_up": self.start_up, "operation": operation, "depth": self.depth}
         stream = slab_stream(self.scene, self.plan, field, number, **timing, variation=self.variation)
         tracks = self._track(field, stream, number)
-        kept = stream.counted
-        bin_, fate = tracks.ends(len(self.scene.bin))
-        assert tracks.crowd is not None
+        kept = np.flatnonzero(stream.counted)
+        feed = Feedstock(stream.granules[kept], np.full(len(kept), pair), np.zeros(len(kept), dtype=bool))
+        cycle = self.airs.cycle_of(feed.granules.time)
+        crowd = known(tracks.crowd)
         return {
-            "step": np.array([tracks.crowd.step, tracks.crowd.step_error]),
-            "jammed": np.array(tracks.crowd.jammed),
-            "flown": np.array(tracks.crowd.flown),
+            **landing_columns(feed, tracks.some(kept), len(self.scene.bin), realisation, cycle),
+            "step": np.array([crowd.step, crowd.step_error]),
+            "jammed": np.array(crowd.jammed),
+            "flown": np.array(crowd.flown),
             "fraction": stream.fraction[kept].astype(np.int16),
-            "position": tracks.position[kept],
-            "bin": bin_[kept].astype(np.int16),
-            "replicate": np.full(int(kept.sum()), pair, dtype=np.uint8),
-            "diameter": stream.granules.diameter[kept].astype(np.float32),
-            "fate": fate[kept].astype(np.int8),
-            "time": (tracks.time - stream.granules.time)[kept].astype(np.float32),
-            "impacts": tracks.impacts[kept].astype(np.int32),
-            "realisation": np.full(int(kept.sum()), realisation, dtype=np.uint8),
-            "cycle": self.airs.cycle_of(stream.granules.time)[kept],
             "weight": stream.mass[kept],
             "meetings": known(tracks.meetings)[kept].astype(np.int32),
-            "drag": stream.granules.drag_scale[kept].astype(np.float32),
         }
+
+    def found(self, folder: Path, replicates: int) -> SlabFound:
+        """What :meth:`fly_all` kept in a folder."""
+        parts = []
+        for number in range(replicates):
+            with np.load(_file(folder, number)) as data:
+                parts.append({key: data[key] for key in data.files})
+        step, error = parts[0]["step"].tolist()
+        jammed, flown = (sum(int(part[key]) for part in parts) for key in ("jammed", "flown"))
+        parts = [
+            {key: part[key] for key in part if key not in ("step", "jammed", "flown", "injected")} for part in parts
+        ]
+        columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+        fraction = columns.pop("fraction")
+        columns["replicate"] = _grouped(
+            fraction, columns["replicate"], columns["realisation"], len(self.scene.fraction)
+        )
+        landed = {}
+        for number, name in enumerate(self.scene.fraction):
+            own: dict[str, Any] = {key: values[fraction == number] for key, values in columns.items()}
+            if not len(own["bin"]):
+                raise SceneError(
+                    f"fraction.{name}: none of it came in the slab's steady operation; raise feed.count or "
+                    "collisions.depth"
+                )
+            weight = own["weight"]
+            own["weight"] = weight * (weight.sum() / (weight @ weight))
+            landed[name] = Landings(**own)
+        return SlabFound(landed, step, error, jammed, flown, replicates, self.depth, self.start_up)
 
     def record(self, points: int) -> tuple[SlabFeed, tracking.Tracks]:
         """The first replicate's feed over ``operation``, no whole periods, in the first realisation of the airflow, and
@@ -273,7 +273,6 @@ class SlabFlight:
             seed=seed_of(scene.feed.seed, "slab", number),
             bodies=bodies_and_walls(scene),
             lines=end_lines(scene),
-            gravity=(0.0, -GRAVITY),
             workers=1,
             record=record,
             collisions=tracking.Collisions(
@@ -304,20 +303,6 @@ def step_of(folder: Path) -> float:
         return float(data["step"][0])
 
 
-@dataclass(frozen=True)
-class SlabFlown:
-    """What ``SlabFlight.fly_all`` kept: ``landings`` by fraction; the ``step`` (s) of the clock and the landing error
-    that it was seen to make (body widths), NaN where the step was given; in how many replicates the feed ``jammed``;
-    steps of granules in all.
-    """
-
-    landings: dict[str, Landings]
-    step: float
-    step_error: float
-    jammed: int
-    steps: int
-
-
 def _grouped(
     fraction: NDArray[np.int16], replicate: NDArray[np.uint8], realisation: NDArray[np.uint8], fractions: int
 ) -> NDArray[np.uint8]:
@@ -333,28 +318,3 @@ def _grouped(
         count //= 2
         replicate = replicate % count
     return replicate
-
-
-def load_crowd(folder: Path, scene: Scene, replicates: int) -> SlabFlown:
-    """The landings in a folder, and how they were flown."""
-    parts = []
-    for number in range(replicates):
-        with np.load(_file(folder, number)) as data:
-            parts.append({key: data[key] for key in data.files})
-    step, error = parts[0]["step"].tolist()
-    jammed, flown = (sum(int(part[key]) for part in parts) for key in ("jammed", "flown"))
-    parts = [{key: part[key] for key in part if key not in ("step", "jammed", "flown")} for part in parts]
-    columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
-    fraction = columns.pop("fraction")
-    columns["replicate"] = _grouped(fraction, columns["replicate"], columns["realisation"], len(scene.fraction))
-    found = {}
-    for number, name in enumerate(scene.fraction):
-        own: dict[str, Any] = {key: values[fraction == number] for key, values in columns.items()}
-        if not len(own["bin"]):
-            raise SceneError(
-                f"fraction.{name}: none of it came in the slab's steady operation; raise feed.count or collisions.depth"
-            )
-        weight = own["weight"]
-        own["weight"] = weight * (weight.sum() / (weight @ weight))
-        found[name] = Landings(**own)
-    return SlabFlown(found, step, error, jammed, flown)

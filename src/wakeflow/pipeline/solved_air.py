@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from ..core.errors import known
 from ..core.files import atomic_write, case_template
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 class SolvedAir(CaseAir):
     """An airflow that Gmsh meshes and OpenFOAM solves."""
+
+    stage: ClassVar[str] = "airflow"  # whose sources are those of ``solve``
 
     @cached_property
     def mesh(self) -> tuple[str, Path]:
@@ -48,11 +50,6 @@ class SolvedAir(CaseAir):
         return solve_airflow
 
     @property
-    def solver_code(self) -> str:
-        """sha256 of the sources of ``solve``."""
-        return code_of("airflow")
-
-    @property
     def cells(self) -> int:
         """Cells that are solved in."""
         return self.mesh_quality.cells
@@ -73,7 +70,7 @@ class SolvedAir(CaseAir):
 
     def make_solution(self) -> tuple[str, Path]:
         (mesh_key, mesh_folder), spec = self.mesh, self.solved_spec
-        code = content_key(self.solver_code, digest_files([case_template()]), self.solver)
+        code = content_key(code_of(self.stage), digest_files([case_template()]), self.solver)
         asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
         start = self.start()  # by its key: the same airflow from another start would end at another moment
         key = content_key("airflow", mesh_key, asked, code, None if start is None else start.parent.name)

@@ -28,6 +28,7 @@ class SpanAir(SolvedAir):
     """A scale-resolving solution in three dimensions: its layers are realisations of a plane wake."""
 
     means = "the wake in three dimensions"
+    stage = "span"
 
     def start(self) -> Path:
         return self.steady().case
@@ -37,10 +38,6 @@ class SpanAir(SolvedAir):
         from ..foam.span_run import solve_span
 
         return solve_span
-
-    @property
-    def solver_code(self) -> str:
-        return code_of("span")
 
     @property
     def cells(self) -> int:

@@ -82,7 +82,8 @@ class Flight:
                 paths = flight._drawn(name, feed, chosen, replicates)
                 told = len(replicates) < self.replicates
                 tell = partial(self._tell_part, done, count) if told else self.tell
-                tracks = replace(flight, tell=tell)._fly_ensemble(name, feed, images, replicates)
+                second = _second_half(feed, size, replicates)
+                tracks = replace(flight, tell=tell)._fly_halves(name, feed.granules, second, images, replicates[0])
                 cycle = self.airs.cycle_of(feed.granules.time)
                 yield landing_columns(feed, tracks, len(self.scene.bin), number, cycle), paths
                 done += size * len(replicates)
@@ -127,15 +128,9 @@ class Flight:
         alone = range(replicate, replicate + 1, len(self.airs))
         flight = replace(self, airs=Realisations(self.airs.make(replicate % len(self.airs))))
         feed = feedstock(self.scene, self.plan, name, self.airs.period, alone, variation)
-        grains, images = feed.granules[part], flight._images()
-        other = _second_half(feed, len(feed.replicate), alone)[part] & (len(images) > 1)
-        bins = np.full(len(other), -1, dtype=np.int64)
-        for image, chosen, stream in zip(images, (~other, other), (0, 2 * REPLICATES), strict=False):
-            if chosen.any():
-                flown = replace(flight, airs=Realisations(image))
-                line = flown.fly(name, grains[chosen], stream=stream + replicate).line
-                bins[chosen] = np.where((line >= 0) & (line < len(self.scene.bin)), line, -1)
-        return bins
+        second = _second_half(feed, len(feed.replicate), alone)[part]
+        tracks = flight._fly_halves(name, feed.granules[part], second, flight._images(), replicate)
+        return tracks.ends(len(self.scene.bin))[0]
 
     def _meeting(self, name: str, feed: Feedstock, body_speed: float) -> int:
         """The injected granule that met the body at the upward speed (m/s) nearest to the one given."""
@@ -162,21 +157,20 @@ class Flight:
             return (field,)
         return field, field.reflected()
 
-    def _fly_ensemble(
-        self, name: str, feed: Feedstock, images: Sequence[FlowField | None], replicates: range
+    def _fly_halves(
+        self, name: str, grains: Granules, second: NDArray[np.bool_], images: Sequence[FlowField | None], stream: int
     ) -> Tracks:
-        """Every granule of some ``replicates``; half of each in the airflow's mirror image, where it has one.
+        """``grains``, of which the ``second`` half flies in the airflow's mirror image, where it has one.
 
         So that replicates are alike: between an airflow and its image there is no sampling error to find.
         """
         if len(images) == 1:
-            return self.fly(name, feed.granules, stream=replicates[0])
-        other = _second_half(feed, len(feed.replicate) // len(replicates), replicates)
+            return self.fly(name, grains, stream=stream)
         found = [
-            replace(self, airs=Realisations(image)).fly(name, feed.granules[part], stream=stream + replicates[0])
-            for image, part, stream in zip(images, (~other, other), (0, 2 * REPLICATES), strict=True)
+            replace(self, airs=Realisations(image)).fly(name, grains[part], stream=apart + stream)
+            for image, part, apart in zip(images, (~second, second), (0, 2 * REPLICATES), strict=True)
         ]
-        return _interleaved(other, *found)
+        return _interleaved(second, *found)
 
     def fly(self, name: str, grains: Granules, *, record: int = 0, stream: int = 0) -> Tracks:
         """Track granules of one fraction through the first realisation, keeping ``record`` points of each; ``stream``
@@ -198,7 +192,6 @@ class Flight:
             seed=seed_of(scene.feed.seed, name, stream),
             bodies=bodies_and_walls(scene),
             lines=end_lines(scene),
-            gravity=(0.0, -GRAVITY),
             record=record,
             workers=self.workers,
             progress=None if record else lambda done, total: self.tell(f"{name}: {done} of {total}"),

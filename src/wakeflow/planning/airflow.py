@@ -86,7 +86,7 @@ class AirflowPlan:
     @property
     def kind(self) -> str:
         """The name among ``pipeline.airflow_kinds`` of what computes this airflow."""
-        return rungs[self.rung].kind or self.rung
+        return (rungs[self.rung].kind if self.rung in rungs else None) or self.rung
 
     @property
     def mirrored(self) -> bool:
@@ -134,10 +134,6 @@ class NoAirPlan(AirflowPlan):
     """No air, or air that is left out."""
 
     @property
-    def kind(self) -> str:
-        return "none"
-
-    @property
     def summary(self) -> str | None:
         return None
 
@@ -147,10 +143,6 @@ class NoAirPlan(AirflowPlan):
 
 class AnalyticAirPlan(AirflowPlan):
     """Air in which nothing stands: known in closed form."""
-
-    @property
-    def kind(self) -> str:
-        return "analytic"
 
     @property
     def summary(self) -> str | None:
@@ -169,10 +161,6 @@ class GivenAirPlan(AirflowPlan):
     """A solved OpenFOAM case of the user's."""
 
     @property
-    def kind(self) -> str:
-        return "given"
-
-    @property
     def computes_streams(self) -> bool:
         return False
 
@@ -182,10 +170,12 @@ class GivenAirPlan(AirflowPlan):
 
 
 class SolvedAirPlan(AirflowPlan):
-    """An airflow that OpenFOAM solves, steady or time-resolved."""
+    """An airflow that OpenFOAM solves, steady or time-resolved, in the plane or in three dimensions."""
 
     @property
     def kind(self) -> str:
+        if self.span is not None:
+            return "three-dimensional"
         return known(self.stepping) if self.wake is None else "best-estimate"
 
     def notices(self, scene: Scene) -> Iterator[Notice]:
@@ -206,14 +196,6 @@ class SolvedAirPlan(AirflowPlan):
                 f"{self.rung} airflow: a two-dimensional wake sheds too coherently, its suction is too strong; the "
                 "truth lies between it and numerics.rung = 'draft'"
             )
-
-
-class SpanAirPlan(SolvedAirPlan):
-    """An airflow that OpenFOAM solves in three dimensions."""
-
-    @property
-    def kind(self) -> str:
-        return "three-dimensional"
 
 
 def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
@@ -245,7 +227,7 @@ def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
     if kind not in SOLVED:
         return AirflowPlan(name, why, None, "laminar", symmetric, half=False)
     if kind == "three-dimensional":
-        return SpanAirPlan(
+        return SolvedAirPlan(
             name, why, SOLVED[kind], SPANWISE, symmetric, half=False, accuracy=ACCURACY["bracket"], span=span_of(scene)
         )
     steady, model = kind == "steady", model_at(reynolds)
@@ -270,10 +252,8 @@ def _analytic(scene: Scene, asked: str) -> AirflowPlan:
         raise SceneError(
             f"rung = {asked!r}: without a body there is nothing to solve; leave the rung out, or add a body"
         )
-    air, reynolds = scene.air, scene.reynolds
-    assert air is not None
-    assert reynolds is not None
-    laminar = air.profile == "parabolic" or reynolds < LAMINAR_BELOW
+    air = scene.airstream
+    laminar = air.profile == "parabolic" or known(scene.reynolds) < LAMINAR_BELOW
     why = f"nothing stands in it: {air.profile} everywhere, neither mesh nor solver"
     return AnalyticAirPlan("analytic", why, None, "laminar" if laminar else "decaying", symmetric=True, half=False)
 

@@ -11,13 +11,7 @@ import numpy as np
 
 from ..core.errors import SceneError
 from ..laws.constants import GRAVITY, STANDARD_AIR
-from ..laws.drag import (
-    drag_factor_for_terminal_velocity,
-    drag_laws,
-    relaxation_time,
-    slip_correction,
-    terminal_velocity,
-)
+from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction, terminal_velocity
 from ..laws.forces import FlightScales
 from ..scene import Scene
 from .airflow import AirflowPlan
@@ -26,7 +20,7 @@ from .flight_scales import flights
 from .impaction import Deflection, deflection
 from .meetings import Encounters, encounters
 from .terms import LOADING, bounds, limit_of
-from .uniform_fall import arrival_speed
+from .uniform_fall import UniformFall
 
 # -- A fraction before its forces are chosen: its drag, how it comes to the body, which others it meets ----------------
 RARE = 1e-3  # share of the mass below and above which a measured terminal velocity may be anything
@@ -108,22 +102,15 @@ class BodyArrival(NamedTuple):
 
 def arrival_at_body(scene: Scene, name: str, law: str, scale: float) -> BodyArrival:
     """Of a fraction, with its drag ``law`` and the factor on it. Needs air."""
-    fraction, air = scene.fraction[name], scene.airstream
-    granule, phi = fraction.properties, fraction.sphericity or 1.0
-    slips = scale / float(slip_correction(granule.diameter))
-    settling = terminal_velocity(
-        granule.diameter, granule.density, air.density, air.viscosity, GRAVITY, law, phi, drag_scale=slips
-    )
-    along = air.speed if air.direction == "down" else -air.speed
-    speed = arrival_speed(scene, name, law, scale)
-    reynolds = air.density * abs(speed - along) * granule.diameter / air.viscosity
-    factor = slips * float(drag_laws[law].factor(np.array([reynolds]), phi)[0])
-    tau = float(relaxation_time(granule.diameter, granule.density, air.viscosity)) / factor
+    fraction = scene.fraction[name]
+    fall = UniformFall.of(scene, fraction, law, scale, fraction.properties.diameter)
+    speed = fall.arrival().speed
+    tau = float(fall.tau(np.array([abs(speed - fall.along)]))[0])
     stokes = tau * max(speed, 0.0) / (0.5 * scene.width) if scene.body else math.inf
-    return BodyArrival(float(settling), tau, stokes, speed)
+    return BodyArrival(fall.settling, tau, stokes, speed)
 
 
-# -- Whether the air feels the granules: by what their drag takes from the air of the curtain's own --------------------
+# -- Whether the air feels the granules --------------------------------------------------------------------------------
 KINDS = ("steady", "time-resolved", "best-estimate")  # of airflows, which a steady one that OpenFOAM solves is part of
 
 

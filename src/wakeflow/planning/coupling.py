@@ -93,26 +93,18 @@ def limits(
         yield row("turbulence", TURBULENCE, dense, MODULATING, why)
 
 
-class _Meetings(NamedTuple):
-    """``number`` of meetings of a granule, how many are ``bearable``, and ``why``: what they are."""
-
-    number: float
-    bearable: float
-    why: str
-
-
 def _meetings(
     scene: Scene, scales: Mapping[str, Sequence[FlightScales]], met: Mapping[str, Encounters], shift: float
-) -> _Meetings:
-    """Of the fraction whose granules bear the fewest."""
+) -> tuple[float, float, str]:
+    """Meetings of a granule, how many are bearable, and what they are, of the fraction whose granules bear fewest."""
     every = []
     for name, found in met.items():
         moved = shifted(scene, found, scales.get(name, ()))
         by_one = moved / min(1.0, found.heavier) if found.heavier > 0.0 else 0.0
         bearable = shift / by_one if by_one > 0.0 else math.inf
         why = f"of a granule of {name} with others as heavy or heavier, each a kick of up to {found.knock:.2g} m/s"
-        every.append(_Meetings(found.heavier, bearable, why))
-    return max(every, key=lambda one: one.number / one.bearable)
+        every.append((found.heavier, bearable, why))
+    return max(every, key=lambda one: one[0] / one[1])
 
 
 def _packing(scene: Scene, speeds: Mapping[str, float]) -> float:

@@ -17,7 +17,6 @@ from ..core.errors import SceneError
 from ..core.quantities import metres
 from ..core.record import column
 from ..laws.constants import GRAVITY
-from ..laws.drag import slip_correction
 from ..scene import Fraction, Scene
 from .uniform_fall import UniformFall
 
@@ -169,15 +168,12 @@ def _simulated(scene: Scene, name: str, depth: float, stay: float) -> tuple[floa
 
 def _stay(scene: Scene, fraction: Fraction, law: str, scale: float) -> float:
     """Seconds that a median granule is in the slab."""
-    granule = fraction.properties
     if scene.air is None:
         drop = scene.level + (scene.release[0] if scene.body else 0.0) - scene.channel.bottom
         speed = scene.release[1]
         free = (math.sqrt(speed**2 + 2.0 * GRAVITY * drop) - speed) / GRAVITY
         return free + (math.sqrt(2.0 * (scene.level - scene.channel.bottom) / GRAVITY) if scene.body else 0.0)
-    factor = scale / float(slip_correction(granule.diameter))
-    phi = fraction.sphericity or 1.0
-    return UniformFall(scene, scene.air, granule.diameter, granule.density, law, phi, factor).times().whole
+    return UniformFall.of(scene, fraction, law, scale, fraction.properties.diameter).times().whole
 
 
 def crowd_lines(crowd: CrowdPlan) -> Iterator[str]:

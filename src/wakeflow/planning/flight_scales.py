@@ -41,8 +41,7 @@ def flights(
     fraction's drag: from the feed to the body, and from rest at the body (an impact may take all of its speed) to the
     channel's end.
     """
-    air, fraction = scene.air, scene.fraction[name]
-    assert air is not None
+    air, fraction = scene.airstream, scene.fraction[name]
     density, phi = fraction.properties.density, fraction.sphericity or 1.0
     _, omega = scene.motion
     upward = air.direction == "up"
@@ -54,12 +53,12 @@ def flights(
         arrival = max(times.arrival, scene.feed.fall_speed)
         slip = max(abs(arrival - fall.along), air.speed, abs(times.landing) - abs(fall.along))
         stays = 0.0
-        if scene.body and upward and fall.settling < air.speed:  # it falls into the wake, and leaves with the air
+        if scene.body and upward and abs(fall.settling) < air.speed:  # it falls into the wake, and leaves with the air
             stays = NEAR * scene.width / (RECIRCULATION * air.speed) / (1.0 + times.tau * air.speed / scene.width)
         thrown = arrival * thrown_by(scene, fraction, arrival) if scene.body else abs(float(scene.entry[0]))
         scales.append(FlightScales(
             diameter=diameter, density=density, tau=times.tau, calm=not scene.body,
-            arrival=arrival, thrown=thrown, slip=slip, settling=fall.settling,
+            arrival=arrival, thrown=thrown, slip=slip, settling=abs(fall.settling),
             landing=times.landing, whole=times.whole + stays, time=times.time + stays, near=times.near + stays,
             beside=straight and not upward,
             sideways_bins=sideways,

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -80,7 +80,7 @@ def make_plan(
     fractions = {name: one.plan for name, one in decided.items()}
     gates = {name: one.gate for name, one in decided.items() if one.gate is not None}
     validity = _validity(flown, decided, known, target)
-    without_air = _without_air(given, fractions) if chain else _WithoutAir()
+    without_air, told = _without_air(given, fractions) if chain else ([], [])
     strained = warning_lines(flown, airflow, fractions, validity, target, rest[0])
     stages = expected_stages(flown, airflow, fractions, crowd)
     return Plan(
@@ -92,7 +92,7 @@ def make_plan(
         left_out=tuple(_left_out(flown, decided, without_air, chain=chain)),
         estimate=estimate_cost(flown, airflow, fractions, stages),
         stages=stages,
-        notices=gravest_first((*strained, *without_air.notices, *missing_lines(gates, flown.unit))),
+        notices=gravest_first((*strained, *told, *missing_lines(gates, flown.unit))),
         validity=validity,
         unit=flown.unit,
         crowd=crowd,
@@ -136,22 +136,17 @@ class Planner:
         return self if scene == self.scene else Planner(scene, self.force, self.target_error)
 
 
-class _ChosenAirflow(NamedTuple):
-    """The airflow, and what the vibration asks of it."""
-
-    airflow: AirflowPlan
-    motion: AirMotion | None
-
-
-def _airflow(scene: Scene, rung: str, target: float, vibrates: bool | None) -> _ChosenAirflow:
-    """The airflow of a ``rung`` asked for; ``vibrates``: the mesh's motion is switched by hand."""
+def _airflow(scene: Scene, rung: str, target: float, vibrates: bool | None) -> tuple[AirflowPlan, AirMotion | None]:
+    """The airflow of a ``rung`` asked for, and what the vibration asks of it; ``vibrates``: the mesh's motion is
+    switched by hand.
+    """
     airflow = choose_airflow(scene, rung, target)
     if airflow.stepping != "time-resolved":
-        return _ChosenAirflow(airflow, None)
+        return airflow, None
     motion = vibration_of_scene(scene, airflow.accuracy, asked=vibrates)
     if airflow.span is not None and motion is not None and motion.used:
         raise SceneError(f"rung = {rung!r} holds the body still in the air, and here {motion.why}; choose standard")
-    return _ChosenAirflow(replace(airflow, moving=motion is not None and motion.used), motion)
+    return replace(airflow, moving=motion is not None and motion.used), motion
 
 
 def _crowd(
@@ -260,7 +255,7 @@ def _validity(
 
 
 def _left_out(
-    scene: Scene, decided: Mapping[str, _Decided], without_air: _WithoutAir, *, chain: bool
+    scene: Scene, decided: Mapping[str, _Decided], without_air: Iterable[LeftOut], *, chain: bool
 ) -> Iterator[LeftOut]:
     """What is left out of each fraction's flight, and of the whole run."""
     for name, (plan, left_out, gate) in decided.items():
@@ -268,23 +263,18 @@ def _left_out(
         if gate is not None and plan.mode == "injected" and plan.impaction is not None:
             why = "injected granules fall straight: how the air before the body moves where 95 % of them land"
             yield LeftOut(TURNING, plan.impaction.shift, why, name)
-    yield from without_air.left_out
+    yield from without_air
     if scene.air is None and not chain:
         yield LeftOut(AIR, 0.0, "no [air] table: neither mesh nor airflow is computed")
 
 
-@dataclass(frozen=True)
-class _WithoutAir:
-    """What leaving the air out of a scene that has some does to each fraction, and where that is worth a warning."""
-
-    left_out: tuple[LeftOut, ...] = ()
-    notices: tuple[Notice, ...] = ()
-
-
-def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> _WithoutAir:
-    """For each fraction of a scene with air that is flown without: what the air could move it by."""
+def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> tuple[list[LeftOut], list[Notice]]:
+    """For each fraction of a scene with air that is flown without: what the air could move it by, and where that is
+    worth a warning.
+    """
     air, widest = scene.airstream, scene.channel.width / scene.width
-    left_out, told = [], []
+    left_out: list[LeftOut] = []
+    told: list[Notice] = []
     for name, fraction in fractions.items():
         law = fraction.drag, fraction.drag_scale
         scales = flights(scene, name, *law, NONE_MET, straight=False, turbulent=True)
@@ -302,7 +292,7 @@ def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> _Withou
                 f"velocity {middle.settling:.2g} m/s, air {air.speed:.2g} m/s {air.direction}); {fate}; numerics.rung "
                 "= 'draft' computes it"
             ))  # fmt: skip
-    return _WithoutAir(tuple(left_out), tuple(told))
+    return left_out, told
 
 
 # -- one fraction ------------------------------------------------------------------------------------------------------

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from ..core.errors import known
 from ..core.geometry import edges, normals
 from ..laws.constants import GRAVITY
-from ..laws.drag import slip_correction
 from ..laws.forces import FlightScales
 from ..laws.restitution import restitution_at
 from ..scene import Fraction, Scene
@@ -224,10 +223,8 @@ def _fall(scene: Scene, fraction: Fraction, law: str, scale: float, diameter: fl
         whole = (math.sqrt(speed**2 + 2.0 * GRAVITY * down) - speed) / GRAVITY
         time = np.linspace(0.0, whole, STEPS)
         return _Fall(time, speed * time + 0.5 * GRAVITY * time**2, speed + GRAVITY * time)
-    phi = fraction.sphericity or 1.0
-    factor = scale / float(slip_correction(diameter))
-    fall = UniformFall(scene, scene.air, diameter, fraction.properties.density, law, phi, factor)
-    if _sheltered(scene) and fall.settling > RECIRCULATION * scene.air.speed:
+    fall = UniformFall.of(scene, fraction, law, scale, diameter)
+    if _sheltered(scene) and abs(fall.settling) > RECIRCULATION * scene.air.speed:
         fall = replace(fall, air=scene.air.model_copy(update={"speed": CALM * scene.air.speed}))
     room = max(scene.channel.top - scene.level - (above if scene.body else 0.0), scene.width)
     rows = np.array([(0.0, 0.0, speed), *fall.points(speed, down, room)])

@@ -21,7 +21,7 @@ from .plan import COMPARED, REPLICATES, FractionPlan
 from .terms import COLLISIONS, LOADING, Gate
 from .wake import span_lines
 
-# -- What the plan warns of at the bodies: faces on which granules may stay, a record of vibration that ----------------
+# -- What the plan warns of at the bodies ------------------------------------------------------------------------------
 SEAM = 0.1  # of a record's peak acceleration: a larger jump from its end to its beginning is warned of; chosen
 
 

@@ -54,21 +54,15 @@ def _shift_by_loading(flight: FlightScales) -> float:
 
 # Terms that are no force on a single granule in air at rest with its body
 other_terms: Registry[Bound] = Registry("bounded term")
-other_terms.add(
-    VIBRATION,
-    Bound(_shift_by_vibration, "an estimate: the air near the body swings with up to twice the body's peak speed"),
-)
-other_terms.add(
-    COLLISIONS,
-    Bound(
-        _shift_by_collisions,
-        "kinetic theory: meetings with granules as heavy or heavier, each a kick at most as strong as a head-on one",
-    ),
-)
-other_terms.add(
-    LOADING,
-    Bound(_shift_by_loading, "momentum: the air is slower by all that drag takes from the curtain's own stream tube"),
-)
+for _term, _shift, _why in (
+    (VIBRATION, _shift_by_vibration,
+     "an estimate: the air near the body swings with up to twice the body's peak speed"),
+    (COLLISIONS, _shift_by_collisions,
+     "kinetic theory: meetings with granules as heavy or heavier, each a kick at most as strong as a head-on one"),
+    (LOADING, _shift_by_loading,
+     "momentum: the air is slower by all that drag takes from the curtain's own stream tube"),
+):  # fmt: skip
+    other_terms.add(_term, Bound(_shift, _why))
 
 
 class _Bounds(Mapping[str, Bound]):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..laws.constants import GRAVITY
 from ..laws.drag import drag_laws, relaxed, slip_correction, terminal_velocity
 from ..laws.forces.record import NEAR
-from ..scene import Air, Scene
+from ..scene import Air, Fraction, Scene
 
 Array = NDArray[np.float64]
 STEP = 0.01  # of the time that the whole fall takes about; chosen: an error of about 1 %
@@ -63,6 +63,12 @@ class UniformFall:
     sphericity: float
     scale: float  # of the drag law, this granule's slip correction included
 
+    @classmethod
+    def of(cls, scene: Scene, fraction: Fraction, law: str, scale: float, diameter: float) -> UniformFall:
+        """The fall of a granule of ``diameter`` (m), with the fraction's drag ``law`` times ``scale``."""
+        factor, phi = scale / float(slip_correction(diameter)), fraction.sphericity or 1.0
+        return cls(scene, scene.airstream, diameter, fraction.properties.density, law, phi, factor)
+
     @property
     def along(self) -> float:
         """Velocity of the air (m/s), downward positive."""
@@ -70,9 +76,9 @@ class UniformFall:
 
     @property
     def settling(self) -> float:
-        """Terminal speed (m/s), up or down."""
+        """Terminal velocity (m/s), negative where it rises."""
         law = (self.air.density, self.air.viscosity, GRAVITY, self.law, self.sphericity, self.scale)
-        return abs(float(terminal_velocity(self.diameter, self.density, *law)))
+        return float(terminal_velocity(self.diameter, self.density, *law))
 
     def tau(self, slip: Array) -> Array:
         """Relaxation times (n,) s at slips (n,) m/s."""
@@ -119,16 +125,6 @@ class UniformFall:
             yield FallPoint(time, way, speed)
             if way >= down or way <= -up:
                 return
-
-
-def arrival_speed(scene: Scene, name: str, law: str, scale: float) -> float:
-    """Fall speed (m/s) of a fraction's median granule at the top of the body, drag by ``law`` times ``scale`` included;
-    negative where the air carries it up. Needs air.
-    """
-    fraction = scene.fraction[name]
-    size, phi = fraction.properties.diameter, fraction.sphericity or 1.0
-    factor = scale / float(slip_correction(size))
-    return UniformFall(scene, scene.airstream, size, fraction.properties.density, law, phi, factor).arrival().speed
 
 
 def fall_speeds(scene: Scene, name: str, law: str, factor: float, diameter: float, drop: Array) -> Array:

@@ -24,7 +24,7 @@ from ..laws.material import default_margins, materials
 from ..laws.restitution import Restitution
 from ..scene import Fraction, Scene
 from .airflow import AirflowPlan
-from .plan import FractionPlan, Plan
+from .plan import Plan
 from .variation import Variation
 
 Array = NDArray[np.float64]
@@ -94,17 +94,62 @@ def variation_at(scene: Scene, plan: Plan, known: Sequence[Unknown], z: Array) -
     return made
 
 
-def _half(scene: Scene, key: str, entry: str, value: float, confidence: str) -> tuple[float, str]:
-    """Half of the interval of the number at ``key``, as the scene says it or by default, and what it rests on."""
-    own = scene.uncertainty.get(key)
+def _unknown(
+    scene: Scene, key: str, entry: str, value: float, unit: str, confidence: str = "all", fraction: str | None = None
+) -> Unknown:
+    """The number at ``key``, as far off on either side as the scene says or by the default for the ``entry``."""
+    own, why = scene.uncertainty.get(key), "the scene"
     if own is None:
         default = default_margins()[entry]
         how = "given without" if confidence == GIVEN else f"confidence {confidence},"
-        return default.half(value, confidence, scene.width), f"default ({how} uncertainty; {default.status})"
-    if isinstance(own, str):
-        parts = known(split_quantity(own))
-        return 0.01 * parts[0] * abs(value), "the scene"
-    return own, "the scene"
+        own = default.half(value, confidence, scene.width)
+        why = f"default ({how} uncertainty; {default.status})"
+    elif isinstance(own, str):
+        own = 0.01 * known(split_quantity(own))[0] * abs(value)
+    return Unknown(key, entry, value, own, own, unit, why, fraction)
+
+
+# -- what a draw makes of a number -------------------------------------------------------------------------------------
+Vary = Callable[[Variation, Unknown, float, Scene, Plan], Variation]
+
+
+def _factor(one: Unknown, x: float) -> float:
+    return max(x / one.value, LEAST)
+
+
+def _shift(one: Unknown, x: float) -> float:
+    return x - one.value
+
+
+def _portion(_: Unknown, x: float) -> float:
+    return min(max(x, 0.0), 1.0)
+
+
+def _of_granules(name: str, number: Callable[[Unknown, float], float] = _factor) -> Vary:
+    """Varies ``name`` of a fraction's granules to the ``number`` that an unknown's x means."""
+    return lambda made, one, x, _scene, _plan: made.with_granules(known(one.fraction), **{name: number(one, x)})
+
+
+def _of_the_air(name: str, number: Callable[[Unknown, float], float] = _factor) -> Vary:
+    """The same of the air."""
+    return lambda made, one, x, _scene, _plan: made.with_air(**{name: number(one, x)})
+
+
+def _vary_settling(made: Variation, one: Unknown, x: float, scene: Scene, plan: Plan) -> Variation:
+    """By the factor on the drag coefficient that makes the median granule fall so fast, in the standard air to which
+    the same factor applies at a terminal velocity as much off.
+    """
+    name = known(one.fraction)
+    how, granule = plan.fractions[name], scene.fraction[name].properties
+    own, other = (
+        float(
+            drag_factor_for_terminal_velocity(
+                granule.diameter, granule.density, speed, *STANDARD_AIR, GRAVITY, how.drag
+            )
+        )
+        for speed in known(how.terminal_velocity) * np.array([1.0, _factor(one, x)])
+    )
+    return made.with_granules(name, drag=other / own)
 
 
 # -- of a fraction -----------------------------------------------------------------------------------------------------
@@ -119,35 +164,30 @@ def _confidence(fraction: Fraction, name: str) -> str:
     return material.confidence if evidence is None else evidence.confidence
 
 
-def _of_fractions(
+def _how_known(fraction: Fraction, _name: str) -> str:
+    """How well it is known how granules turn: as their material's impact model is, or given."""
+    own = fraction.impact is not None or fraction.own_inertia is not None
+    return GIVEN if own or fraction.material is None else materials[fraction.material].evidence["impact"].confidence
+
+
+def _add_of_fractions(
     entry: str,
     unit: str,
     value: Callable[[Fraction], float | None],
+    vary: Vary,
     confidence: Callable[[Fraction, str], str] = _confidence,
-) -> Callable[..., Iterator[Unknown]]:
-    """Finds one unknown a fraction, under its own name in a scene."""
+    span: tuple[float, float] = UnknownKind.span,
+) -> None:
+    """Register an unknown of every fraction, under its own name in a scene."""
 
     def found(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         for name in plan.fractions:
             fraction = scene.fraction[name]
             number, key = value(fraction), f"fraction.{name}.{entry}"
             if number is not None and number > 0.0:
-                half, why = _half(scene, key, entry, number, confidence(fraction, entry))
-                yield Unknown(key, entry, number, half, half, unit, why, name)
+                yield _unknown(scene, key, entry, number, unit, confidence(fraction, entry), name)
 
-    return found
-
-
-def _inverse_inertia(fraction: Fraction) -> float | None:
-    """m r^2 / I of granules that turn."""
-    return None if fraction.inertia is None else 1.0 / fraction.inertia
-
-
-def _how_known(fraction: Fraction, name: str) -> str:
-    """How well it is known how granules turn: as their material's impact model is, or given."""
-    del name
-    own = fraction.impact is not None or fraction.own_inertia is not None
-    return GIVEN if own or fraction.material is None else materials[fraction.material].evidence["impact"].confidence
+    unknown_kinds.add(entry, UnknownKind(found, vary, span=span))
 
 
 def _restitution(fraction: Fraction) -> float:
@@ -155,88 +195,22 @@ def _restitution(fraction: Fraction) -> float:
     return float(own(np.ones(1))[0]) if isinstance(own, Restitution) else float(own)
 
 
+def _turning(fraction: Fraction) -> float | None:
+    """m r^2 / I of granules that turn."""
+    return None if fraction.inertia is None else 1.0 / fraction.inertia
+
+
 def _settling(scene: Scene, plan: Plan) -> Iterator[Unknown]:
     """Terminal velocities, in the scene's own air; in a vacuum nothing settles."""
     for name, how in plan.fractions.items():
-        if how.terminal_velocity is None or not _has_air(scene, plan):
+        fraction, value = scene.fraction[name], how.terminal_velocity
+        if value is None or not _has_air(scene, plan):
             continue
-        if how.terminal_velocity <= 0.0 or scene.fraction[name].properties.density <= STANDARD_AIR[0]:
-            continue  # it rises: no drag is calibrated to that
-        fraction, key, value = scene.fraction[name], f"fraction.{name}.terminal_velocity", how.terminal_velocity
-        half, why = _half(scene, key, "terminal_velocity", value, _confidence(fraction, "terminal_velocity"))
-        yield Unknown(key, "terminal_velocity", value, half, half, "m/s", why, name)
-
-
-def _vary_settling(made: Variation, one: Unknown, x: float, scene: Scene, plan: Plan) -> Variation:
-    """By the factor on the drag coefficient that makes the median granule fall so fast, in the standard air to which
-    the same factor applies at a terminal velocity as much off.
-    """
-    how, granule = plan.fractions[known(one.fraction)], scene.fraction[known(one.fraction)].properties
-    return made.with_granules(
-        known(one.fraction), drag=_drag_factor(granule.diameter, granule.density, how, x / one.value)
-    )
-
-
-def _drag_factor(diameter: float, density: float, plan: FractionPlan, ratio: float) -> float:
-    """Factor on the drag that changes the terminal velocity by the factor ``ratio``."""
-    speeds = known(plan.terminal_velocity) * np.array([1.0, max(ratio, LEAST)])
-    first, second = (
-        float(drag_factor_for_terminal_velocity(diameter, density, speed, *STANDARD_AIR, GRAVITY, plan.drag))
-        for speed in speeds
-    )
-    return second / first
-
-
-def _of_granules(name: str) -> Callable[[Variation, Unknown, float, Scene, Plan], Variation]:
-    """Varies a fraction's granules by the factor ``name``."""
-
-    def vary(made: Variation, one: Unknown, x: float, scene: Scene, plan: Plan) -> Variation:
-        del scene, plan
-        return made.with_granules(known(one.fraction), **{name: max(x / one.value, LEAST)})
-
-    return vary
-
-
-def _vary_restitution(made: Variation, one: Unknown, x: float, scene: Scene, plan: Plan) -> Variation:
-    del scene, plan
-    return made.with_granules(known(one.fraction), restitution=x - one.value)
-
-
-unknown_kinds.add(
-    "restitution", UnknownKind(_of_fractions("restitution", "1", _restitution), _vary_restitution, span=PORTION)
-)
-unknown_kinds.add(
-    "friction", UnknownKind(_of_fractions("friction", "1", lambda f: f.properties.friction), _of_granules("friction"))
-)
-unknown_kinds.add(
-    "rebound_scatter",
-    UnknownKind(
-        _of_fractions("rebound_scatter", "rad", lambda f: f.properties.rebound_scatter), _of_granules("scatter")
-    ),
-)
-unknown_kinds.add("terminal_velocity", UnknownKind(_settling, _vary_settling))
-unknown_kinds.add(
-    "size", UnknownKind(_of_fractions("size", "m", lambda f: f.properties.diameter), _of_granules("size"))
-)
-unknown_kinds.add(
-    "inverse_inertia",
-    UnknownKind(_of_fractions("inverse_inertia", "1", _inverse_inertia, _how_known), _of_granules("inverse_inertia")),
-)
-
-
-# -- of the curtain and the air ----------------------------------------------------------------------------------------
-
-
-def _feed_width(scene: Scene, plan: Plan) -> Iterator[Unknown]:
-    del plan
-    half, why = _half(scene, "feed.width", "feed_width", scene.feed.width, "all")
-    yield Unknown("feed.width", "feed_width", scene.feed.width, half, half, "m", why)
-
-
-def _feed_position(scene: Scene, plan: Plan) -> Iterator[Unknown]:
-    del plan
-    half, why = _half(scene, "feed.position", "feed_position", scene.feed.position, "all")
-    yield Unknown("feed.position", "feed_position", scene.feed.position, half, half, "m", why)
+        if (
+            value > 0.0 and fraction.properties.density > STANDARD_AIR[0]
+        ):  # else it rises: no drag is calibrated to that
+            key, confidence = f"fraction.{name}.terminal_velocity", _confidence(fraction, "terminal_velocity")
+            yield _unknown(scene, key, "terminal_velocity", value, "m/s", confidence, name)
 
 
 def _has_air(scene: Scene, plan: Plan) -> bool:
@@ -244,86 +218,77 @@ def _has_air(scene: Scene, plan: Plan) -> bool:
     return scene.air is not None and plan.airflow.kind != "none"
 
 
-def _air_speed(scene: Scene, plan: Plan) -> Iterator[Unknown]:
-    if _has_air(scene, plan):
-        half, why = _half(scene, "air.speed", "air_speed", scene.airstream.speed, "all")
-        yield Unknown("air.speed", "air_speed", scene.airstream.speed, half, half, "m/s", why)
+_add_of_fractions("restitution", "1", _restitution, _of_granules("restitution", _shift), span=PORTION)
+_add_of_fractions("friction", "1", lambda f: f.properties.friction, _of_granules("friction"))
+_add_of_fractions("rebound_scatter", "rad", lambda f: f.properties.rebound_scatter, _of_granules("scatter"))
+unknown_kinds.add("terminal_velocity", UnknownKind(_settling, _vary_settling))
+_add_of_fractions("size", "m", lambda f: f.properties.diameter, _of_granules("size"))
+_add_of_fractions("turning", "1", _turning, _of_granules("turning"), _how_known)
 
 
-def _of_turbulence(key: str, entry: str, value: Callable[[Scene], float]) -> Callable[..., Iterator[Unknown]]:
-    """Finds an unknown of the turbulence, where it disperses any granules."""
+# -- of the curtain and the air ----------------------------------------------------------------------------------------
+
+
+def _of_scene(
+    key: str,
+    entry: str,
+    unit: str,
+    value: Callable[[Scene], float],
+    acts: Callable[[Scene, Plan], bool] = lambda _scene, _plan: True,
+) -> Callable[[Scene, Plan], Iterator[Unknown]]:
+    """Finds the unknown at ``key`` where it ``acts``."""
 
     def found(scene: Scene, plan: Plan) -> Iterator[Unknown]:
-        if _has_air(scene, plan) and any(DISPERSES in how.forces for how in plan.fractions.values()):
-            half, why = _half(scene, key, entry, value(scene), "all")
-            yield Unknown(key, entry, value(scene), half, half, "1", why)
+        if acts(scene, plan):
+            yield _unknown(scene, key, entry, value(scene), unit)
 
     return found
 
 
-def _intensity(scene: Scene) -> float:
-    return scene.airstream.turbulence
+def _disperses(scene: Scene, plan: Plan) -> bool:
+    """Whether turbulence disperses any granules."""
+    return _has_air(scene, plan) and any(DISPERSES in how.forces for how in plan.fractions.values())
 
 
-def _wake_number(name: str) -> Callable[..., Iterator[Unknown]]:
+def _wake_number(name: str) -> Callable[[Scene, Plan], Iterator[Unknown]]:
     """Finds theta or the strength of a best estimate's wake, with the range that its measurements leave."""
+    key = f"wake.{name}"
 
     def found(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         airflow: AirflowPlan = plan.airflow
         if airflow.wake is None or not airflow.brackets:
             return
         own: Number = getattr(airflow.wake, name)
-        key = f"wake.{name}"
-        low, high, why = own.value - own.low, own.high - own.value, "measured wakes (laws/wakes.toml)"
         if key in scene.uncertainty:
-            low, why = _half(scene, key, "", own.value, "all")
-            high = low
-        yield Unknown(key, key, own.value, low, high, "1", why)
+            yield _unknown(scene, key, key, own.value, "1")
+        else:
+            why = "measured wakes (laws/wakes.toml)"
+            yield Unknown(key, key, own.value, own.value - own.low, own.high - own.value, "1", why)
 
     return found
 
 
-def _vary_feed_width(made: Variation, one: Unknown, x: float, scene: Scene, plan: Plan) -> Variation:
-    del scene, plan
-    return replace(made, feed_width=max(x / one.value, LEAST))
-
-
-def _vary_feed_position(made: Variation, one: Unknown, x: float, scene: Scene, plan: Plan) -> Variation:
-    del scene, plan
-    return replace(made, feed_shift=x - one.value)
-
-
-def _of_the_air(name: str, number: Callable[[Unknown, float], float]) -> Callable[..., Variation]:
-    """Varies the air's ``name`` to the ``number`` that an unknown's x means."""
-
-    def vary(made: Variation, one: Unknown, x: float, scene: Scene, plan: Plan) -> Variation:
-        del scene, plan
-        return made.with_air(**{name: number(one, x)})
-
-    return vary
-
-
-def _factor(one: Unknown, x: float) -> float:
-    return max(x / one.value, LEAST)
-
-
-def _portion(_: Unknown, x: float) -> float:
-    return min(max(x, 0.0), 1.0)
-
-
-unknown_kinds.add("feed_width", UnknownKind(_feed_width, _vary_feed_width))
-unknown_kinds.add("feed_position", UnknownKind(_feed_position, _vary_feed_position, span=(-math.inf, math.inf)))
-for _name, _found, _vary in (
-    ("air_speed", _air_speed, _of_the_air("speed", _factor)),
-    (
-        "air_turbulence",
-        _of_turbulence("air.turbulence", "air_turbulence", _intensity),
-        _of_the_air("energy", lambda one, x: _factor(one, x) ** 2),
-    ),
-    ("dispersion", _of_turbulence("dispersion", "dispersion", lambda _: 1.0), _of_the_air("lifetime", _factor)),
-    ("wake.theta", _wake_number("theta"), _of_the_air("theta", _portion)),
-    ("wake.strength", _wake_number("strength"), _of_the_air("strength", _portion)),
-):
+unknown_kinds.add("feed_width", UnknownKind(
+    _of_scene("feed.width", "feed_width", "m", lambda scene: scene.feed.width),
+    lambda made, one, x, _scene, _plan: replace(made, feed_width=_factor(one, x)),
+))  # fmt: skip
+unknown_kinds.add("feed_position", UnknownKind(
+    _of_scene("feed.position", "feed_position", "m", lambda scene: scene.feed.position),
+    lambda made, one, x, _scene, _plan: replace(made, feed_shift=_shift(one, x)),
+    span=(-math.inf, math.inf),
+))  # fmt: skip
+unknown_kinds.add("air_speed", UnknownKind(
+    _of_scene("air.speed", "air_speed", "m/s", lambda scene: scene.airstream.speed, _has_air),
+    _of_the_air("speed"), of_air=True,
+))  # fmt: skip
+unknown_kinds.add("air_turbulence", UnknownKind(
+    _of_scene("air.turbulence", "air_turbulence", "1", lambda scene: scene.airstream.turbulence, _disperses),
+    _of_the_air("energy", lambda one, x: _factor(one, x) ** 2), of_air=True,
+))  # fmt: skip
+unknown_kinds.add("dispersion", UnknownKind(
+    _of_scene("dispersion", "dispersion", "1", lambda _: 1.0, _disperses), _of_the_air("lifetime"), of_air=True
+))  # fmt: skip
+for _name in ("theta", "strength"):
     unknown_kinds.add(
-        _name, UnknownKind(_found, _vary, True, PORTION if _name.startswith("wake.") else UnknownKind.span)
+        f"wake.{_name}", UnknownKind(_wake_number(_name), _of_the_air(_name, _portion), of_air=True, span=PORTION)
     )

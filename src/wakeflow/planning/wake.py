@@ -16,7 +16,7 @@ from ..laws.span import CADENCE, Span
 from ..laws.turbulence import model_at
 from ..scene import Scene
 
-# -- The wake that a scene is flown in: which shape of the best estimate's data its bodies are, and --------------------
+# -- The wake that a scene is flown in ---------------------------------------------------------------------------------
 SHARP = 0.02  # radius over width up to which an edge is sharp: Munson's triangles lose a seventh of their drag there
 SQUARE, THIN = (0.8, 1.25), 0.25  # extent along the air over that across it, of a square and of a plate; chosen
 ON_BOX = 1e-9  # of the width: how far a rectangle's corners may lie off the corners of its box
@@ -78,7 +78,7 @@ def family_of(scene: Scene) -> ShapeFamily:
     return ShapeFamily(None)
 
 
-# -- The plan of an airflow in three dimensions: a periodic span behind the picture, and what it will ------------------
+# -- The plan of an airflow in three dimensions ------------------------------------------------------------------------
 STEPS = 95.0  # time steps in one, on the usual mesh at a Courant number of 2: measured, 81 to 95
 # Measured on 2020s hardware: 2.6 to 3.1 microseconds on meshes of 92 to 128 thousand cells.
 SECONDS = 3e-6  # of one core, a cell and time step

@@ -112,7 +112,7 @@ class OneRun:
 
     def _air_shown(self) -> None:
         """What the report tells and shows of the air alone, as soon as this run's own field is there."""
-        _ = self.pipeline.residence
+        _ = self.pipeline.kind.residence
         if self.report:
             field_files(self.pipeline, self.pipeline.airflow)
 
@@ -136,8 +136,8 @@ class OneRun:
         """The airflow with what is known of the field that granules fly in."""
         pipeline = self.pipeline
         loading = None if pipeline.loading is None else pipeline.loading.summary
-        flown = replace(airflow, divergence=pipeline.divergence, truncation=pipeline.truncation, loading=loading)
-        return with_residence(flown, pipeline.residence)
+        flown = replace(airflow, divergence=pipeline.divergence, truncation=pipeline.kind.truncation, loading=loading)
+        return with_residence(flown, pipeline.kind.residence)
 
     def _flights(self, tracked: Tracked) -> FlightResults:
         return FlightResults(tracked.fates, tracked.injected, self.pipeline.impact_loads)

@@ -102,3 +102,10 @@ class Body:
             if value is not None and not 0 <= value <= top:
                 raise SceneError(f"body: {name} = {value:g}, allowed 0 to {top:g}")
         object.__setattr__(self, "outline", points)
+
+    @property
+    def edges(self) -> tuple[Array, Array]:
+        """Start and end of every edge, two (k, 2) arrays."""
+        if self.open:
+            return self.outline[:-1], self.outline[1:]
+        return self.outline, np.roll(self.outline, -1, axis=0)

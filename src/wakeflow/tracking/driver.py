@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.process import cores
-from ..field import FlowField, Swing
+from ..field import FlowField
 from ..laws.constants import GRAVITY
 from ..laws.forces import forces as all_forces
 from .bodies import Body, Motion
@@ -22,7 +22,7 @@ from .granules import Granules
 from .kernel import layout as at
 from .kernel.layout import PackedAir, Rules, Walls
 from .kernel.loop import fly_block
-from .pack import check_forces, pack_granules, pack_state, pack_tables
+from .pack import Packed, check_forces, pack_granules, pack_state, pack_tables
 from .pack_surroundings import pack_air, pack_lines, pack_walls
 from .tracks import Tracks
 
@@ -88,7 +88,7 @@ def track(
     rules = _rules(field, air, solids, walls, until, tolerance, length, seed, march)
     points = ROOM if record is True else int(record)
     tables, table_of = pack_tables(drag, grains.sphericity, grains.fraction)
-    flight = _Flight(field, grains, forces, gravity, solids, swing, reach, points, walls, air, rules, tables, table_of)
+    flight = Packed(field, grains, forces, gravity, solids, swing, reach, points, walls, air, rules, tables, table_of)
     found = Tracks.empty(len(grains), recorded=bool(record))
     if not len(grains):
         pack_granules(grains, field, forces, gravity)  # for what it raises
@@ -96,25 +96,6 @@ def track(
         return _fly_crowd(flight, found, collisions, seed, progress)
     _fly_all(flight, found, workers, progress)
     return found
-
-
-@dataclass(frozen=True)
-class _Flight:
-    """What all blocks of granules of one call share, most of it as the kernel takes it."""
-
-    field: FlowField | None
-    grains: Granules
-    forces: Sequence[str]
-    gravity: Sequence[float]
-    solids: Sequence[Body]
-    swing: Swing | None  # how the mesh moves, in whose frame granules fly
-    reach: float  # m, how near to a body the mesh's edge counts as covered by it
-    points: int  # kept of a path, 0: none
-    walls: Walls
-    air: PackedAir
-    rules: Rules
-    tables: Array  # of the drag law
-    table_of: NDArray[np.int64]  # which of them each granule uses
 
 
 def _check(record: bool | int, length: float, tolerance: float, until: float, seed: int) -> None:
@@ -130,7 +111,7 @@ def _check(record: bool | int, length: float, tolerance: float, until: float, se
         raise SceneError(f"seed = {seed} must lie between 0 and 2^63 - 1")
 
 
-def _fly_block(flight: _Flight, found: Tracks, low: int) -> int:
+def _fly_block(flight: Packed, found: Tracks, low: int) -> int:
     """One block, packed here so that what the kernel needs of a granule exists for few of them at a time; returns how
     many granules it holds.
     """
@@ -142,12 +123,9 @@ def _fly_block(flight: _Flight, found: Tracks, low: int) -> int:
     scratch = (np.zeros(at.PATH), np.zeros(at.AFFINE), np.zeros(at.CONSTRAINT))
     tables = flight.tables, flight.table_of[part]
     fly_block(floats, ints, constants, *tables, flight.air, flight.walls, flight.rules, room, *scratch)
-    found.time[part], found.spin[part] = floats[:, at.T], floats[:, at.SPIN]
-    ends = from_frame(floats[:, [at.X, at.Y]], floats[:, [at.VX, at.VY]], floats[:, at.T], flight.swing)
+    found.keep(part, floats, ints)
+    ends = from_frame(found.position[part], found.velocity[part], found.time[part], flight.swing)
     found.position[part], found.velocity[part] = ends
-    found.fate[part], found.line[part] = ints[:, at.FATE], ints[:, at.LINE]
-    found.steps[part], found.impacts[part] = ints[:, at.STEPS], ints[:, at.IMPACTS]
-    found.evaluations[part] = ints[:, at.EVALUATIONS]
     if found.recorded is not None:
         for table in room:
             table[:, 1:3], table[:, 3:5] = from_frame(table[:, 1:3], table[:, 3:5], table[:, 0], flight.swing)
@@ -155,9 +133,7 @@ def _fly_block(flight: _Flight, found: Tracks, low: int) -> int:
     return len(some)
 
 
-def _fly_all(
-    flight: _Flight, found: Tracks, workers: int | None, progress: Callable[[int, int], object] | None
-) -> None:
+def _fly_all(flight: Packed, found: Tracks, workers: int | None, progress: Callable[[int, int], object] | None) -> None:
     """All blocks, on ``workers`` threads."""
     done, count = 0, len(flight.grains)
     pool = ThreadPoolExecutor(max_workers=workers or cores())
@@ -171,7 +147,11 @@ def _fly_all(
 
 
 def _fly_crowd(
-    flight: _Flight, found: Tracks, collisions: Collisions, seed: int, progress: Callable[[int, int], object] | None
+    flight: Packed,
+    found: Tracks,
+    collisions: Collisions,
+    seed: int,
+    progress: Callable[[int, int], object] | None,
 ) -> Tracks:
     """The same granules as a crowd, in the lab; its step is judged by flights of a sample, each granule alone."""
     past = [name for name in flight.forces if all_forces[name].memory is not None]
@@ -188,7 +168,7 @@ def _fly_crowd(
         return tracks
 
     walls = pack_walls(flight.solids, (flight.walls.lines, flight.walls.line_ids), None, flight.grains.restitution)
-    slab = Slab(**{f.name: getattr(flight, f.name) for f in fields(flight)} | {"walls": walls}, collisions=collisions)
+    slab = Slab(**vars(flight) | {"walls": walls, "collisions": collisions})
     return fly_crowd(slab, found, alone, seed, progress)
 
 

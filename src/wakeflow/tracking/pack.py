@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
-from ..field import FlowField
+from ..field import FlowField, Swing
 from ..laws.drag import drag_laws, drag_table
 from ..laws.forces import Force
 from ..laws.forces import forces as all_forces
@@ -16,13 +17,32 @@ from ..laws.restitution import Restitution
 from .bodies import Body
 from .granules import Granules
 from .kernel import layout as at
-from .kernel.layout import PackedAir
+from .kernel.layout import PackedAir, Rules, Walls
 
-# -- What is constant of a granule for the kernel: terms of the forces, and the table of its drag law ------------------
+# -- What is constant of a call and of a granule for the kernel: terms of the forces, and the table of its drag law ----
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 MOST_TABLES = 4096
 BY_LAW = -1.0  # in place of a granule's restitution: look it up at the approach speed
+
+
+@dataclass(frozen=True)
+class Packed:
+    """What all blocks of granules of one call share, most of it as the kernel takes it."""
+
+    field: FlowField | None
+    grains: Granules
+    forces: Sequence[str]
+    gravity: Sequence[float]
+    solids: Sequence[Body]
+    swing: Swing | None  # how the mesh moves, in whose frame granules fly
+    reach: float  # m, how near to a body the mesh's edge counts as covered by it
+    points: int  # kept of a path, 0: none
+    walls: Walls
+    air: PackedAir
+    rules: Rules
+    tables: Array  # of the drag law
+    table_of: Index  # which of them each granule uses
 
 
 def check_forces(forces: Sequence[str], field: FlowField | None) -> None:
@@ -150,14 +170,8 @@ def pack_state(
 
 def _nearest_covered(x: Array, field: FlowField, air: PackedAir, bodies: Sequence[Body], reach: float) -> Index:
     """Covered edge next to each point outside the mesh, -1 where none is as near as its body may have moved."""
-    swing = max(
-        (
-            float(np.hypot(body.motion.amplitude[0], body.motion.amplitude[1]))
-            for body in bodies
-            if body.motion is not None
-        ),
-        default=0.0,
-    )
+    motions = (body.motion for body in bodies if body.motion is not None)
+    swing = max((float(np.hypot(motion.amplitude[0], motion.amplitude[1])) for motion in motions), default=0.0)
     triangle, edge = air.covered[:, at.COVER_TRI], air.covered[:, at.COVER_EDGE]
     a = field.points[field.triangles[triangle, (edge + 1) % 3]]
     along = field.points[field.triangles[triangle, (edge + 2) % 3]] - a

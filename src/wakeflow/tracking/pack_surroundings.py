@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError, known
+from ..core.geometry import distance_to_edges
 from ..field import FlowField, Swing
 from ..laws.forces import forces as all_forces
 from ..laws.forces.record import Needs
@@ -61,8 +62,7 @@ class _Tables(NamedTuple):
 
 def _add(tables: _Tables, number: int, body: Body, swing: Swing | None) -> None:
     """Add the rows of one body."""
-    start = body.outline[:-1] if body.open else body.outline
-    end = body.outline[1:] if body.open else np.roll(body.outline, -1, axis=0)
+    start, end = body.edges
     along = end - start
     size = np.hypot(along[:, 0], along[:, 1])
     direction = along / size[:, None]
@@ -241,7 +241,7 @@ def _covered(field: FlowField, neighbours: Index, bodies: Sequence[Body], reach:
     nodes, place = np.unique(np.concatenate([start, end]), return_inverse=True)
     near = np.zeros((len(bodies) + 1, len(nodes)), dtype=bool)
     for number, body in enumerate(bodies):
-        near[number] = _distance(body, field.points[nodes]) <= reach
+        near[number] = distance_to_edges(field.points[nodes], *body.edges) <= reach
     both = (near[:, place[: len(start)]] & near[:, place[len(start) :]]).any(axis=0)
     triangle, edge, start, end = triangle[both], edge[both], start[both], end[both]
     place = np.arange(len(start))
@@ -251,15 +251,3 @@ def _covered(field: FlowField, neighbours: Index, bodies: Sequence[Body], reach:
     before = [to_node.get(node, -1) for node in start.tolist()]
     after = [from_node.get(node, -1) for node in end.tolist()]
     return rows_of_ints(list(zip(triangle.tolist(), edge.tolist(), before, after, strict=True)), 4)
-
-
-def _distance(body: Body, points: Array) -> Array:
-    """Distance (n,) of points from a body's outline at rest."""
-    start = body.outline[:-1] if body.open else body.outline
-    end = body.outline[1:] if body.open else np.roll(body.outline, -1, axis=0)
-    least = np.full(len(points), np.inf)
-    for a, b in zip(start, end, strict=True):
-        along = b - a
-        w = np.clip((points - a) @ along / (along @ along), 0.0, 1.0)
-        least = np.minimum(least, np.linalg.norm(points - a - w[:, None] * along, axis=1))
-    return least

@@ -106,6 +106,14 @@ class Tracks:
             **numbers,
         )
 
+    def keep(self, rows: Any, states: Array, counts: Index) -> None:
+        """Take in how the granules ``rows`` (m,) ended, from the kernel's rows ``states`` and ``counts`` of each."""
+        self.position[rows], self.velocity[rows] = states[:, [at.X, at.Y]], states[:, [at.VX, at.VY]]
+        self.time[rows], self.spin[rows] = states[:, at.T], states[:, at.SPIN]
+        self.fate[rows], self.line[rows] = counts[:, at.FATE], counts[:, at.LINE]
+        self.steps[rows], self.impacts[rows] = counts[:, at.STEPS], counts[:, at.IMPACTS]
+        self.evaluations[rows] = counts[:, at.EVALUATIONS]
+
     def path(self, i: int) -> tuple[Array, Array, Array]:
         """Times (m,), positions (m, 2) and velocities (m, 2) of granule i; needs ``record=True``."""
         if self.recorded is None:

@@ -4,6 +4,7 @@ lines of the wake that were measured by others.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from datetime import date
@@ -20,7 +21,6 @@ from wakeflow.core.registry import Registry
 from wakeflow.field import FlowField
 from wakeflow.field.combined import blended_wake
 from wakeflow.foam.case import read_parameters
-from wakeflow.foam.programs import core_seconds
 from wakeflow.laws.best_estimate import WakeEstimate, best_estimate, wakes
 from wakeflow.pipeline.airflow import Airflow
 from wakeflow.pipeline.pipeline import Pipeline
@@ -28,6 +28,25 @@ from wakeflow.pipeline.realisations import Realisations
 from wakeflow.tracking.residence import ResidenceTime, residence_time
 
 RESIDENCE = "residence_time"  # the quantity, here and in the wakes' data
+ENTRY = re.compile(r"^(nProcs|ExecutionTime) *[:=] *([0-9.e+]+)", re.M)
+
+
+def core_seconds(case: Path) -> float:
+    """Processor seconds (all ranks) that the solvers spent in ``case``, restarts and failed attempts counted.
+
+    OpenFOAM prints ``nProcs`` when it starts and its ExecutionTime, processor time since then, after every step. Unlike
+    wall seconds it does not grow when other programs share the machine.
+    """
+    total = 0.0
+    for log in sorted([*case.glob("log.[sp]imple*"), *case.glob("failed-*.log")]):
+        ranks, last = 1, 0.0
+        for name, value in ENTRY.findall(log.read_text(errors="replace")):
+            if name == "nProcs":
+                total, last, ranks = total + ranks * last, 0.0, int(value)
+            else:
+                last = float(value)
+        total += ranks * last
+    return total
 
 
 @dataclass(frozen=True, eq=False)

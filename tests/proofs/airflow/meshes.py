@@ -16,13 +16,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
 
+from proofs.airflow.measured import core_seconds
 from proofs.report import Report, Row, Table, Tell
 from wakeflow.core.errors import known
 from wakeflow.core.files import case_template, write_json
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key, digest_files
 from wakeflow.foam import FlowSpec, solve_airflow
-from wakeflow.foam.programs import core_seconds
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.meshing.spec import Strategy

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from proofs.coverage.flown import Predicted
+from proofs.studies.laws import left_one_out
 from wakeflow.budget.source import INPUTS
 from wakeflow.core.number import Number
-from wakeflow.laws.best_estimate import left_one_out
 from wakeflow.planning.unknowns import SIGMAS
 from wakeflow.statistics.separation import separate
 

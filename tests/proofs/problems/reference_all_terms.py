@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from proofs.problems.exact import Setting
 from wakeflow.core.errors import ProgramError
 from wakeflow.field import FlowField
-from wakeflow.laws.collision import bounce
+from wakeflow.laws.collision import collide
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.drag import TABLE_CELLS, TABLE_DECADES, drag_table
 from wakeflow.laws.forces import Granule, Instant, forces
@@ -189,7 +189,8 @@ def _end_state(
                 raise ProgramError(f"reference integrator: granule {i} left the mesh at t = {t:g} s")
         else:
             plane = planes[event - 3]
-            after = bounce(z[2:4], plane.normal, (0.0, 0.0), grains.restitution[i], grains.friction[i])
+            rest = 0.0, 0.0, grains.restitution[i], grains.friction[i], 0.0, 1.0
+            after = collide(*z[2:4], 0.0, *plane.normal, *rest)[:2]
             z = [z[0], z[1], float(after[0]), float(after[1]), *z[4:]]
     raise ProgramError(f"reference integrator: granule {i} went through {MOST_PIECES} pieces")
 

@@ -36,7 +36,9 @@ from __future__ import annotations
 
 import resource
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -50,9 +52,15 @@ from support import shipped
 from wakeflow.answer.shares import Separation
 from wakeflow.budget.comparison import AmongOthers
 from wakeflow.core.number import student
+from wakeflow.core.store import content_key
+from wakeflow.pipeline.cache import code_of
+from wakeflow.pipeline.landings import Landings
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.realisations import Realisations
 from wakeflow.planning.meetings import encounters
 from wakeflow.planning.plan import DRAWS, SAME_AIR
 from wakeflow.planning.terms import COLLISIONS, LOADING, limit_of
+from wakeflow.planning.variation import Variation
 from wakeflow.report.canvas import fraction_colours
 from wakeflow.statistics.separation import separate
 
@@ -61,6 +69,7 @@ from .common import COARSE, HOUR, MEET, Row, collisions_of, percent, picture, pi
 # -- crowd_draws -------------------------------------------------------------------------------------------------------
 SCENES = ("rhombus", "labyrinth", "vacuum")
 DRAWS_ALONE = 4  # replicates that fly alone under a draw, two in each half
+REPLICATES_DRAWN = 4  # of the slab under a draw
 DRAWS_COLUMNS = {
     "scene": "{scene}", "kg/h": "{rate:g}", "fraction": "{fraction}", "moved alone, points": "{alone:.1f}",
     "moved among others": "{meet:.1f}", "slope": "{slope:.2f} ± {half:.2f}", "taken": "{taken}",
@@ -88,8 +97,9 @@ def moved(scene: wf.Scene, draws: Sequence[int]) -> Iterator[tuple[str, Moved, f
     meet: dict[str, list[Array]] = {name: [] for name in scene.fraction}
     alone: dict[str, list[Array]] = {name: [] for name in scene.fraction}
     for number in draws:
-        drawn, made = pipeline.crowd_drawn(number), stage.variation(number)
+        made = stage.variation(number)
         airs = stage.air(made.air)
+        drawn = _flown_drawn(pipeline, number, made, airs)
         flown = [stage.fly_under(made, airs, tracked, replicate, slice(None)) for replicate in range(DRAWS_ALONE)]
         for name in scene.fraction:
             one, other = (landings[name].counts(bins).mean(axis=0) for landings in (drawn, crowd.landings))
@@ -100,6 +110,16 @@ def moved(scene: wf.Scene, draws: Sequence[int]) -> Iterator[tuple[str, Moved, f
         each = np.array(alone[name])
         halves = each[:, ::2].mean(axis=1), each[:, 1::2].mean(axis=1)
         yield name, Moved(np.array(meet[name]), *halves), among.factor(name)
+
+
+def _flown_drawn(pipeline: Pipeline, number: int, made: Variation, airs: Realisations) -> Mapping[str, Landings]:
+    """Landings of granules that meet, from some replicates under draw ``number``: ``made``, in its ``airs``."""
+    stage, name = pipeline._crowd_stage, f"slab-draw-{number}"
+    flight = stage.flight(name, stage.crowd.depth, stage.fly().step)
+    flight = replace(flight, scene=made.fed(pipeline.scene), airs=airs, variation=made)
+    key = content_key(stage.key, "draw", number, repr(made), REPLICATES_DRAWN, code_of("draws"))
+    folder = pipeline.cache.make(name, key, partial(flight.fly_all, replicates=REPLICATES_DRAWN))
+    return flight.found(folder, REPLICATES_DRAWN).landings
 
 
 def chosen_draws(count: int) -> list[int]:

@@ -26,12 +26,13 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 import wakeflow as wf
 from support import shipped
 from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.history import CD, CL, read_table, upward_crossings
-from wakeflow.foam.mesh_motion import MeshMotion, repeats
+from wakeflow.foam.mesh_motion import MeshMotion
 from wakeflow.foam.read import CaseFields, time_folders
 from wakeflow.foam.solver import run_segment
 from wakeflow.foam.start import perturb, start_from
@@ -125,6 +126,7 @@ SPEEDS = (0.02, 0.05, 0.1, 0.2, 0.4)  # a w / U
 FREQUENCIES = (0.5, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.5, 1.8, 1.9, 1.95, 2.0, 2.05, 2.1, 2.2, 3.0)  # f / fs
 PERIODS, QUICK = (12, 20), (1, 2)  # shedding periods before and in the measurement
 GUESS = 0.2 * SPEED / WIDTH  # Hz, of the shedding, while the lift has not crossed its mean twice
+HARMONICS = 6  # of a period: more would explain by chance
 SAME = 0.98  # correlation from which on the lift repeats
 BODIES: dict[str, dict[str, Any]] = {
     "rhombus": {"slope_angle": math.pi / 4},
@@ -141,6 +143,20 @@ functions {{ average {{
     fields ( U {{ mean on; prime2Mean off; base time; }} p {{ mean on; prime2Mean off; base time; }} );
 }} }}
 """
+
+
+def repeats(clock: NDArray[np.float64], signal: NDArray[np.float64], period: float) -> float:
+    """How much of a signal's variance repeats with ``period`` (s): 1 for a signal locked to it, near 0 without.
+
+    ``clock`` (n,) s, even; ``signal`` (n,). The share of the variance that a least-squares sum of the first HARMONICS
+    harmonics of the period explains; a neighbouring frequency counts as different once it slips by one cycle over the
+    clock. A signal that does not move repeats with any period.
+    """
+    angle = np.arange(1, HARMONICS + 1) * (2.0 * math.pi / period * (clock - clock[0]))[:, None]
+    waves = np.column_stack([np.ones(len(clock)), np.cos(angle), np.sin(angle)])
+    left = signal - waves @ np.linalg.lstsq(waves, signal, rcond=None)[0]
+    variance = float(np.var(signal))
+    return 1.0 if variance == 0.0 else 1.0 - float(np.mean(left**2)) / variance
 
 
 @dataclass(frozen=True)

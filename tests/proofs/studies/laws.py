@@ -47,13 +47,15 @@ from support import CASES, shipped
 from wakeflow.budget.air_loading import UNLOADED
 from wakeflow.budget.comparison import Shares, shares_of
 from wakeflow.core.geometry import ForceDensity
+from wakeflow.core.number import Number
 from wakeflow.core.record import load
 from wakeflow.field import FlowField, blended_wake
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.momentum_source import SOURCE, write_source
 from wakeflow.foam.prepare import prepare_case
-from wakeflow.laws.best_estimate import left_one_out
+from wakeflow.laws.best_estimate import WakeEntry, wakes
+from wakeflow.laws.best_estimate import best_estimate as estimated
 from wakeflow.laws.material import materials
 from wakeflow.pipeline.air_loading import AirLoading
 from wakeflow.pipeline.case_field import case_field
@@ -74,6 +76,17 @@ ESTIMATE_COLUMNS = {
     "by the others": NUMBER.format("others"), "held": "{held:yes|NO}",
     "status, checked": "{entry.status}, {entry.checked}",
 }  # fmt: skip
+
+
+def left_one_out() -> list[tuple[WakeEntry, Number, Number]]:
+    """Each entry, what it gives, and what the others give for its body."""
+    known = wakes()
+    found = []
+    for entry in known:
+        rest = [other for other in known if other is not entry]
+        others = estimated(entry.family, entry.blockage, max(entry.reynolds), rest, slope=entry.slope)
+        found.append((entry, entry.given, others.theta if entry.of_theta else others.strength))
+    return found
 
 
 def best_estimate() -> list[Row]:

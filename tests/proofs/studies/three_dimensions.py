@@ -19,6 +19,7 @@ from cyclopts import Parameter
 from numpy.typing import NDArray
 
 import wakeflow as wf
+from proofs.airflow.measured import core_seconds
 from support import shipped
 from wakeflow.core.number import Number
 from wakeflow.core.store import Store, cache_root
@@ -26,7 +27,6 @@ from wakeflow.field import FlowField
 from wakeflow.field.combined import cross_faded
 from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.case import FlowSpec, axis_points
-from wakeflow.foam.programs import core_seconds
 from wakeflow.foam.read import CaseFields
 from wakeflow.foam.span_measure import measure_span
 from wakeflow.foam.span_record import SpanRecord, lead_of, read_layers

@@ -135,7 +135,7 @@ class Bound:
     why: str
 
 
-# -- What a force is: one record for each term of a granule's equation of motion, and the registry that ----------------
+# -- What a force is ---------------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 Vector = tuple[float, float]
 Slots = Mapping[str, Array | float]  # by the name of a slot in tracking.kernel.layout

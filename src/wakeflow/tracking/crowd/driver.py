@@ -15,14 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import SceneError, known
-from ...field import FlowField, Swing
 from ...laws.forces import forces as all_forces
-from ..bodies import Body
 from ..frame import to_frame
 from ..granules import Granules
 from ..kernel import layout as at
-from ..kernel.layout import PackedAir, Rules, Walls
-from ..pack import pack_granules, pack_state
+from ..kernel.layout import PackedAir
+from ..pack import Packed, pack_granules, pack_state
 from ..tracks import CrowdFlight, Tracks
 from . import layout as of
 from .cells import AHEAD
@@ -30,7 +28,6 @@ from .collisions import Collisions
 from .layout import Cells, Crowd, Laws, Nodes, Room
 from .slab import march_slab
 
-# -- The front of the crowd: packs granules as their time comes, lets the slab march, and takes out --------------------
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 BATCH = 4096  # granules packed at a time, in the order of birth
@@ -41,22 +38,9 @@ PI_6 = np.pi / 6.0
 
 
 @dataclass(frozen=True)
-class Slab:
-    """What a crowd flies in, most of it as the kernel takes it; walls and granules in the lab."""
+class Slab(Packed):
+    """What a crowd flies in; walls and granules in the lab."""
 
-    field: FlowField | None
-    grains: Granules
-    forces: Sequence[str]
-    gravity: Sequence[float]
-    solids: Sequence[Body]
-    swing: Swing | None
-    reach: float
-    points: int
-    walls: Walls
-    air: PackedAir
-    rules: Rules
-    tables: Array
-    table_of: Index
     collisions: Collisions
 
 
@@ -187,12 +171,7 @@ class _Run:
 
     def _write(self, found: Tracks, slots: Index, rows: Index) -> None:
         crowd = self.pool.rows
-        states, ints = crowd.states[slots], crowd.counts[slots]
-        found.position[rows], found.velocity[rows] = states[:, [at.X, at.Y]], states[:, [at.VX, at.VY]]
-        found.time[rows], found.spin[rows] = states[:, at.T], states[:, at.SPIN]
-        found.fate[rows], found.line[rows] = ints[:, at.FATE], ints[:, at.LINE]
-        found.steps[rows], found.impacts[rows] = ints[:, at.STEPS], ints[:, at.IMPACTS]
-        found.evaluations[rows] = ints[:, at.EVALUATIONS]
+        found.keep(rows, crowd.states[slots], crowd.counts[slots])
         known(found.meetings)[rows] = crowd.tally[slots, of.MEETINGS]
         if found.recorded is not None:
             for slot, row in zip(slots, rows, strict=True):

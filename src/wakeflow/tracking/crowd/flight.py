@@ -26,7 +26,7 @@ from ..kernel.walls import clearance, grasp, inside, overlap
 from . import layout as of
 from .air import GONE, aim, stir
 
-# -- A granule of the crowd and the walls, which are outlines drawn across the slab: strikes, and ----------------------
+# -- A granule of the crowd and the walls, which are outlines drawn across the slab ------------------------------------
 pair_law = compiled(collide_pair)
 PULLS = 4.0  # steps of a pull: an approach that much of it makes is contact that lasts, not a strike
 STILL = 1e-10  # m/s: slower on its wall a granule is held, to the round-off of a step's impulse
@@ -151,7 +151,7 @@ def press(state, ints, own, grain, walls, rules, hold, h, pull):
     return touches
 
 
-# -- The flight of one granule of the crowd to the end of the step, past walls, lines and the mesh's -------------------
+# -- The flight of one granule of the crowd to the end of the step -----------------------------------------------------
 MOST_PIECES = 32  # of a step: a granule that rattles faster is pressed on
 SAME = 1e-6  # of a step: round-off between the ends of steps and of intervals of noise
 SPARE = 1.05  # of the straight way: a path of one step bends less
