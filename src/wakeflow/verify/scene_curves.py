@@ -207,11 +207,11 @@ def _landed_shares(
         case = benchmark_case(name, "steady", scene, foam.field, count, (name, {}))
         longest = float(np.nanmax(landed_time(flown_here(case, scene, foam.field))))
         until = LONGER * longest
-        run = fly_parcels(foam, case.grains, **FINE_PARCELS, until=until, folder=folder)
+        run, spent = fly_parcels(foam, case.grains, **FINE_PARCELS, until=until, folder=folder)
         bins: NDArray[np.int64] = bins_of(case, run.position[:, 0])
         shares = np.bincount(bins, minlength=len(places)) / len(bins)
         found |= {(name, place): float(share) for place, share in zip(places, shares, strict=True)}
-        seconds += run.seconds
+        seconds += spent
     return found, seconds
 
 
