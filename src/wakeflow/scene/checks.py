@@ -37,10 +37,14 @@ def _bodies_apart(scene: SceneTables) -> Iterator[str]:
             yield f"body.{name} and body.{other_name} {how} (allowed: at least {metres(APART * scene.width, 3)})"
 
 
-def _body_fits(scene: SceneTables) -> Iterator[str]:
+def _channel_stands(scene: SceneTables) -> Iterator[str]:
     channel = scene.channel
     if not channel.bottom < channel.top:
         yield f"channel.bottom = {metres(channel.bottom)} must be below channel.top = {metres(channel.top)}"
+
+
+def _body_fits(scene: SceneTables) -> Iterator[str]:
+    channel = scene.channel
     swing_x, swing_y = np.abs(scene.motion[0])
     for name, body in scene.body.items():
         (left, low), (right, high) = body.outline().min(0), body.outline().max(0)
@@ -119,8 +123,6 @@ def _body_needed(scene: SceneTables) -> Iterator[str]:
 
 def _goes_without_a_body(scene: SceneTables) -> Iterator[str]:
     feed, channel = scene.feed, scene.channel
-    if not channel.bottom < channel.top:
-        yield f"channel.bottom = {metres(channel.bottom)} must be below channel.top = {metres(channel.top)}"
     if not channel.bottom < scene.level <= channel.top:
         yield f"feed.level = {metres(scene.level)} lies outside channel.bottom .. channel.top"
     if feed.start == "resting":
@@ -250,6 +252,7 @@ def _uncertain_numbers_exist(scene: SceneTables) -> Iterator[str]:
 
 CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _bodies_apart,
+    _channel_stands,
     _body_fits,
     _feed_fits,
     _rate_can_fall,
