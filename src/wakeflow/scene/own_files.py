@@ -136,7 +136,6 @@ def read_samples(given: str, base: Path) -> dict[str, list[float]]:
 
 # -- What a user's own OpenFOAM case says of its air, read as text: nothing heavy is loaded, nothing is ----------------
 NUMBER = r"[-+.\d]+(?:[eE][-+]?\d+)?"
-FIXED = r"type\s+(?:fixedValue|uniformFixedValue|inletOutlet)\s*;"
 
 
 def find_case(given: str, base: Path) -> Path:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from ..core.errors import SceneError
-from ..core.files import path_of, read_toml
+from ..core.files import atomic_write, path_of, read_toml
 from ..core.quantities import say, speaking
 from ..core.record import JsonTable
 from .checks import CHECKS, OVER_THE_TOP, doubts, with_units
@@ -144,8 +144,6 @@ class Scene(SceneTables):
 
     def save(self, path: Path | str) -> None:
         """Write the scene as TOML in SI numbers; loading it gives an equal scene."""
-        from ..core.files import atomic_write
-
         with atomic_write(path_of(path, "scene file")) as stream:
             stream.write(self._toml())
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from inspect import Parameter, signature
 from typing import Annotated, Any
@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter
 from pydantic_core.core_schema import CoreSchema, no_info_before_validator_function
 
+from ..core.errors import SceneError
 from ..core.quantities import QUANTITY, quantity
 from ..core.record import JsonTable
+from ..core.registry import Registry
 
 # -- What all tables of a scene share ----------------------------------------------------------------------------------
 Array = NDArray[np.float64]
@@ -42,13 +44,21 @@ class Shorthand:
         return {"anyOf": [TypeAdapter(self.short).json_schema(), handler(schema)]}
 
 
-def takes(kind: str, name: str, function: Callable[..., Any], given: Mapping[str, object]) -> str:
-    """What a registered function needs, from its signature, after it refused ``given``."""
-    wanted = {p.name: p.default for p in signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY}
+def made_by(laws: Registry[Callable[..., Array]], name: str, *args: object, **given: object) -> Array:
+    """What the law called ``name`` makes of ``args`` and the parameters ``given``.
+
+    Raises SceneError where there is no such law, and where it takes other parameters.
+    """
+    law = laws[name]
+    try:
+        return law(*args, **given)
+    except TypeError:
+        pass
+    wanted = {p.name: p.default for p in signature(law).parameters.values() if p.kind is p.KEYWORD_ONLY}
     missing = [key for key, default in wanted.items() if default is Parameter.empty and key not in given]
     unknown = [key for key in given if key not in wanted]
     parts = [f"{word} {', '.join(keys)}" for word, keys in (("lacks", missing), ("has no", unknown)) if keys]
-    return f"{kind} {name!r} {' and '.join(parts)} (takes: {', '.join(wanted)})"
+    raise SceneError(f"{laws.kind} {name!r} {' and '.join(parts)} (takes: {', '.join(wanted)})")
 
 
 # -- Number types of scene files: a number in SI, or a string with a unit, each with the range that --------------------
