@@ -192,7 +192,7 @@ def peer_rows(
         for count in COUNTS:
             tell(f"{PEER} {count}")
             found, seconds = _landed_shares(plain, foam, count, Path(room, "run"))
-            error = max(abs(found[place] - share) for place, share in truth.items())
+            error = largest_error(found, truth)
             yield {"knob": PEER, "setting": f"{count}", "error": error, "half": None, "seconds": before + seconds}
 
 
