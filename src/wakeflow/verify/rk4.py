@@ -46,6 +46,7 @@ OUTSIDE = -1e-10  # barycentric coordinate from which a point is beyond an edge
 NEAR = 1e-12  # of times: a clock that is so close below a snapshot has reached it
 SKIN = 1e-13  # m: a granule that reaches no further into a wall has only just left it
 CROSSED = -1  # an event that is no contact: the step leaves a triangle
+KNOWN_FORCES = {"drag", "gravity", "buoyancy"}
 FLYING, LANDED, AIRBORNE, UNFINISHED = range(4)
 TRI, END, TAKEN, STRUCK = range(4)  # columns of a granule's counts: triangle, how it ended, steps, impacts
 _collide = compiled(collide)
@@ -208,9 +209,9 @@ def _event(air, walls, tri, x, y, r, confined):
 
 
 @compiled
-def _first(air, walls, tri, r, confined, h, x, y, vx, vy, x1, y1, vx1, vy1):
+def _first(air, walls, tri, r, confined, h, x, y, vx, vy, x1, y1, vx1, vy1, kind, which):
     """When a step that ends beyond an event comes to the first one, and that event (bisection on the Hermite cubic)."""
-    low, high, kind, which = 0.0, h, at.FREE, at.NOBODY
+    low, high = 0.0, h
     for _ in range(HALVINGS):
         s = 0.5 * (low + high)
         found, feature = _event(
@@ -255,9 +256,8 @@ def _step(state, note, t, grain, table, air, walls, h, confined, hold):
     watched = tri if confined else onward if code < 0 else at.NOBODY
     kind, which = _event(air, walls, watched, x1, y1, r, confined)
     if kind != at.FREE:
-        watched = watched if confined or kind == CROSSED else at.NOBODY
-        s, first, which = _first(air, walls, watched, r, confined, h, x, y, vx, vy, x1, y1, vx1, vy1)
-        kind = kind if first == at.FREE else first
+        watched = watched if confined or kind == CROSSED else at.NOBODY  # a step that is not may begin beyond an edge
+        s, kind, which = _first(air, walls, watched, r, confined, h, x, y, vx, vy, x1, y1, vx1, vy1, kind, which)
         x2, y2, vx2, vy2, _ = _rk4(air, grain, table, tri, x, y, vx, vy, t, s, not confined)
         state[at.X], state[at.Y], state[at.VX], state[at.VY] = x2, y2, vx2, vy2
         if kind == CROSSED:
@@ -303,8 +303,8 @@ def fly_explicit(
     """Follow ``grains`` past bodies at rest with steps of ``step`` (s), of each or of all, until each leaves the mesh
     or the clock shows ``until`` (s); no more are begun after so many ``seconds``. Arguments as those of ``track``.
     """
-    if field.motion is not None:
-        raise SceneError("the explicit tracker knows no field that moves")
+    if field.motion is not None or not set(forces) <= KNOWN_FORCES:
+        raise SceneError("the explicit tracker knows drag, gravity and buoyancy, in fields that do not move")
     count, begun = len(grains), time.monotonic()
     air = pack_air(field, bodies, 1e-6 * length, tuple(forces))
     walls = pack_walls(bodies, pack_lines(()), restitution=grains.restitution)
