@@ -11,6 +11,7 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import known
 from ..core.geometry import contains, distance_between, edges, segments_cross
 from ..core.quantities import metres, quantity, say, speaking, spoken
 from ..core.registry import did_you_mean
@@ -192,12 +193,10 @@ def _meets(outline: Array, points: list[list[float]]) -> bool:
 
 def _bins_apart(scene: SceneTables) -> Iterator[str]:
     placed = [(n, b) for n, b in scene.bin.items() if b.points is None]
-    for i, (name, one) in enumerate(placed):
-        for other_name, other in placed[i + 1 :]:
-            assert one.start is not None and one.to is not None and other.start is not None and other.to is not None  # noqa: PT018
-            low, high = max(one.start, other.start), min(one.to, other.to)
-            if one.on == other.on and high - low > 1e-9:
-                yield f"bin.{name} and bin.{other_name} overlap from {metres(low)} to {metres(high)}"
+    for (name, one), (other_name, other) in itertools.combinations(placed, 2):
+        low, high = max(known(one.start), known(other.start)), min(known(one.to), known(other.to))
+        if one.on == other.on and high - low > 1e-9:
+            yield f"bin.{name} and bin.{other_name} overlap from {metres(low)} to {metres(high)}"
 
 
 def _inlets_fit(scene: SceneTables) -> Iterator[str]:
