@@ -104,7 +104,7 @@ def _x(tracks: Tracks) -> Array:
 
 def _theirs(case: BenchmarkCase, foam: FoamInterpolant, longest: float, folder: Path) -> Array:
     until = 1.05 * longest
-    found = fly_parcels(foam, case.grains, **FINE_PARCELS, until=until, folder=folder)
+    found, _ = fly_parcels(foam, case.grains, **FINE_PARCELS, until=until, folder=folder)
     return found.position[:, 0]
 
 

@@ -123,16 +123,16 @@ def test_a_straight_response_has_the_range_of_a_sum_of_normal_numbers() -> None:
     half = SIGMAS * float(np.linalg.norm(slopes))
     assert found.high == pytest.approx(half, rel=0.05)
     assert found.low == pytest.approx(-half, rel=0.05)
-    first = found.effects[0]
-    assert first.unknown.key == "number-1"
+    key, first = next(iter(found.effects.items()))
+    assert key == "number-1"
     assert first.half == pytest.approx(SIGMAS * 0.05)
-    assert first.share == pytest.approx(25.0 / 30.0, abs=0.06)  # of 64 draws' own variances
-    assert sum(effect.share for effect in found.effects) == pytest.approx(1.0)
+    assert first.variance == pytest.approx(25.0 / 30.0, abs=0.06)  # of 64 draws' own variances
+    assert sum(effect.variance for effect in found.effects.values()) == pytest.approx(1.0)
 
 
 def test_what_never_changes_has_no_range() -> None:
     found = regressed(points(3, 1), np.zeros(DRAWS), np.zeros(DRAWS), known(3))
-    assert (found.low, found.high, found.effects) == (0.0, 0.0, ())
+    assert (found.low, found.high, found.effects) == (0.0, 0.0, {})
 
 
 @pytest.mark.parametrize("granules", [32, 128])

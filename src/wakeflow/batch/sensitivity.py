@@ -12,7 +12,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from ..answer.result import Result
 from ..answer.table import Difference, differences_of
@@ -47,11 +47,7 @@ PASSED_OVER = ("seconds", "without_collisions.")  # no numbers of the answer
 EXPLAINED = 0.7  # of a share's variance, from which its inputs alone tell the whole
 
 
-class _End(NamedTuple):
-    """An input at an end of what it is taken to: its value, and the scene of the sweep."""
-
-    value: float
-    scene: str
+End = tuple[float, str]  # of an input: its value there, and the scene of the sweep
 
 
 @dataclass(frozen=True)
@@ -194,7 +190,7 @@ def _own_interval(key: str, result: Result) -> Axis:
     return Axis(key, (known[key].low, known[key].high))
 
 
-def _ends(axes: Sequence[Axis], scene: Scene) -> tuple[list[Variant], dict[str, tuple[_End, _End]]]:
+def _ends(axes: Sequence[Axis], scene: Scene) -> tuple[list[Variant], dict[str, tuple[End, End]]]:
     """The scene as it is, then with each input at both of its ends; and which these are, by the input's key."""
     if not axes:
         return [], {}
@@ -203,7 +199,7 @@ def _ends(axes: Sequence[Axis], scene: Scene) -> tuple[list[Variant], dict[str, 
     return found, {axis.key: _pair(axis, found[1 + 2 * i : 3 + 2 * i]) for i, axis in enumerate(axes)}
 
 
-def _pair(axis: Axis, ends: Sequence[Variant]) -> tuple[_End, _End]:
+def _pair(axis: Axis, ends: Sequence[Variant]) -> tuple[End, End]:
     """The scenes in which an input lies at its lower and at its upper end. Raises SceneError where it is no number."""
     pair = []
     for one in ends:
@@ -212,41 +208,33 @@ def _pair(axis: Axis, ends: Sequence[Variant]) -> tuple[_End, _End]:
             raise SceneError(f"{axis.key}: {one.problem}")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise SceneError(f"{axis.key} = {value!r}: a sensitivity is that of a number")
-        pair.append(_End(float(value), one.name))
+        pair.append((float(value), one.name))
     return min(pair), max(pair)
 
 
-def _swept_moves(pairs: Mapping[str, tuple[_End, _End]], done: Sweep) -> list[InputMove]:
+def _swept_moves(pairs: Mapping[str, tuple[End, End]], done: Sweep) -> list[InputMove]:
     """What each input does to every number, from a sweep whose first scene is the one as it is."""
     base, changes = done.table.entries[0], differences_of(done.table.entries)
     if not base.quantities:
         raise SceneError(f"the scene as it is cannot be computed: {base.reason}")
     by_name: dict[tuple[str, str], Difference] = {(one.scene, one.quantity): one for one in changes}
     moves = []
-    for key, (low, high) in pairs.items():
+    for key, ((low, at_low), (high, at_high)) in pairs.items():
         unit = unit_of(key.partition("=")[0].strip().removeprefix("-"))
         for one in base.quantities:
-            at = [by_name.get((end.scene, one.name)) for end in (low, high)]
-            if one.name.startswith(PASSED_OVER) or not any(at):
+            there = [by_name.get((scene, one.name)) for scene in (at_low, at_high)]
+            known = [change for change in there if change is not None]
+            if one.name.startswith(PASSED_OVER) or not known:
                 continue
-            errors = [_half(change) for change in at if change is not None]
-            known = [error for error in errors if error is not None]
+            error = max(change.half for change in known) if all(change.known for change in known) else None
+            at_ends = [None if change is None else change.value for change in there]
             moves.append(
                 InputMove(
-                    one.name, one.value, one.unit, key, low.value, high.value, unit,
-                    _value(at[0]), _value(at[1]),
-                    max(known) if len(known) == len(errors) else None, None, None, SWEEP,
+                    one.name, one.value, one.unit, key, low, high, unit, at_ends[0], at_ends[1], error, None, None,
+                    SWEEP,
                 )
             )  # fmt: skip
     return moves
-
-
-def _value(change: Difference | None) -> float | None:
-    return None if change is None else change.value
-
-
-def _half(change: Difference) -> float | None:
-    return change.half if change.known else None
 
 
 def _joined(swept: Sequence[InputMove], regressed: Sequence[InputMove]) -> list[InputMove]:

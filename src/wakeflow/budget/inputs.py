@@ -44,8 +44,8 @@ class UnknownInputs(Source["Draws"]):
         found = {}
         for bin_ in fraction.shares:
             over = inputs.of_share(fraction.name, [bin_])
-            weighty = [one for one in over.effects if one.share >= WEIGHTY][:MOST_TOLD]
-            told = ", ".join(f"{one.unknown.key} {100 * one.share:.0f} %" for one in weighty)
+            weighty = [(key, one) for key, one in over.effects.items() if one.variance >= WEIGHTY][:MOST_TOLD]
+            told = ", ".join(f"{key} {100 * one.variance:.0f} %" for key, one in weighty)
             note = f"of its variance {told}" if told else None
             if note is not None and inputs.correction is not None:
                 note += f"; {inputs.factor(fraction.name):.2g} times what they move of granules alone"

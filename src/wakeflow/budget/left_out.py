@@ -12,14 +12,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.shares import CALIBRATED, LEFT_OUT, NOT_COMPUTED, BudgetPart
+from ..answer.shares import CALIBRATED, LEFT_OUT, NOT_COMPUTED, BudgetPart, InputPart
 from ..core.errors import known
 from ..pipeline.landings import Landings
 from ..planning.lock_in import vibration_of_scene
 from ..planning.plan import Plan
 from ..planning.terms import COLLISIONS, VIBRATION, LeftOut
+from ..planning.unknowns import Unknown
 from ..scene import RESERVED_BIN, Scene
-from ..statistics.inputs import InputEffect
 from ..statistics.separation import upper_limit
 from .comparison import free_ends, points_of
 from .source import FractionResults, Parts, Source, add
@@ -39,12 +39,11 @@ class LeftOutTerms(Source[None]):
         inputs = flights.inputs({fraction.name: fraction.shares})
         if inputs is None or VIBRATION in pipeline.plan.force:
             return found
+        speed = next((one for one in inputs.draws.unknowns if one.key == AIR_SPEED), None)
         for place, parts in found.items():
-            if not any(part.source == VIBRATION for part in parts):
-                continue
-            effects = inputs.of_share(fraction.name, [place]).effects
-            of_speed = next((one for one in effects if one.unknown.key == AIR_SPEED), None)
-            found[place] = [swung(pipeline.scene, pipeline.plan, part, of_speed) for part in parts]
+            if speed is not None and any(part.source == VIBRATION for part in parts):
+                effect = inputs.of_share(fraction.name, [place]).effects.get(AIR_SPEED)
+                found[place] = [swung(pipeline.scene, pipeline.plan, part, effect, speed) for part in parts]
         return found
 
 
@@ -82,21 +81,21 @@ def _part(row: LeftOut, error: float, kind: str, unit: str) -> BudgetPart:
     return BudgetPart(row.name, error, 0.0, CALIBRATED, kind, note=note)
 
 
-def swung(scene: Scene, plan: Plan, part: BudgetPart, of_speed: InputEffect | None) -> BudgetPart:
+def swung(scene: Scene, plan: Plan, part: BudgetPart, effect: InputPart | None, speed: Unknown) -> BudgetPart:
     """The part of air that does not see the body vibrate, where a bound on single flights says little: in a wake that
     sheds any small shift grows, and the shares, which are means over all phases, do not change with it.
 
     They change as the mean wake does, whose drag and base pressure differ by no more than was measured
-    (``planning.lock_in``): as if the air were faster by that part, ``of_speed`` being what the air's speed does to the
+    (``planning.lock_in``): as if the air were faster by that part, ``effect`` being what its ``speed`` does to the
     share. Any other ``part`` comes back as it is, and so does this one where nothing was drawn.
     """
     in_time = plan.airflow.stepping == "time-resolved"
-    if part.source != VIBRATION or part.kind != NOT_COMPUTED or of_speed is None or not in_time:
+    if part.source != VIBRATION or part.kind != NOT_COMPUTED or effect is None or not in_time:
         return part
     motion = vibration_of_scene(scene, plan.airflow.accuracy)
     if motion is None or motion.used:
         return part
-    error = of_speed.half * motion.bound * of_speed.unknown.value / of_speed.unknown.high
+    error = effect.half * motion.bound * speed.value / speed.high
     note = f"as an air faster by {100.0 * motion.bound:.2g} %: so much may drag and base pressure differ; {motion.why}"
     return replace(part, error=min(error, part.error or 0.0), kind=LEFT_OUT, note=note)
 

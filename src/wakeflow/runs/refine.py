@@ -199,6 +199,8 @@ def refined(scene: Scene, target: float, compute: Callable[[Scene], Result], pla
         table = way.judged(result, now, choice)
         result = replace(result, refinement=table)
         result.save()  # the answer so far, were the next round to be interrupted
+        if len(way.rounds) == 1:
+            way.tell_first(table)
         choice = None if len(way.rounds) == MOST_ROUNDS else way.next(result, now)
         if choice is None:
             way.tell_end(table)
@@ -253,7 +255,7 @@ class _Way:
         )
 
     def next(self, result: Result, now: KnobSettings) -> Choice | None:
-        """What to compute with next; None where that is done. Says it, and in the first round what cannot be met."""
+        """What to compute with next; None where that is done. Says it."""
         rows, spent = _rows(result), result.seconds
         can = reachable(rows, now, self.target)
         chosen = now
@@ -261,8 +263,6 @@ class _Way:
             chosen = choose_surely(can, spent, now, self.target).settings
         if len(can) < len(rows):  # what stays beyond the target is at least no coarser than the scene says
             chosen = finer(chosen, self.own)
-        if len(self.rounds) == 1:
-            self._tell_first(result, now)
         if chosen == now:
             return None
         half = max((expected_half(row, now, chosen) for row in can), default=0.0)
@@ -273,10 +273,11 @@ class _Way:
         )
         return choice
 
-    def _tell_first(self, result: Result, now: KnobSettings) -> None:
-        for line in told_unmet(_rows(result), now, self.target, self.scene, self.plan):
+    def tell_first(self, table: Refinement) -> None:
+        """Say what the first round shows that no other will change."""
+        for line in table.unmet:
             self.tell(f"cannot be met by computing: {line}")
-        for line in what_to_measure(result, self.target):
+        for line in table.measure:
             self.tell(f"by a first look, {line}")
 
     def tell_end(self, table: Refinement) -> None:

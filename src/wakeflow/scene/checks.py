@@ -11,6 +11,7 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import known
 from ..core.geometry import contains, distance_between, edges, segments_cross
 from ..core.quantities import metres, quantity, say, speaking, spoken
 from ..core.registry import did_you_mean
@@ -37,10 +38,14 @@ def _bodies_apart(scene: SceneTables) -> Iterator[str]:
             yield f"body.{name} and body.{other_name} {how} (allowed: at least {metres(APART * scene.width, 3)})"
 
 
-def _body_fits(scene: SceneTables) -> Iterator[str]:
+def _channel_stands(scene: SceneTables) -> Iterator[str]:
     channel = scene.channel
     if not channel.bottom < channel.top:
         yield f"channel.bottom = {metres(channel.bottom)} must be below channel.top = {metres(channel.top)}"
+
+
+def _body_fits(scene: SceneTables) -> Iterator[str]:
+    channel = scene.channel
     swing_x, swing_y = np.abs(scene.motion[0])
     for name, body in scene.body.items():
         (left, low), (right, high) = body.outline().min(0), body.outline().max(0)
@@ -119,8 +124,6 @@ def _body_needed(scene: SceneTables) -> Iterator[str]:
 
 def _goes_without_a_body(scene: SceneTables) -> Iterator[str]:
     feed, channel = scene.feed, scene.channel
-    if not channel.bottom < channel.top:
-        yield f"channel.bottom = {metres(channel.bottom)} must be below channel.top = {metres(channel.top)}"
     if not channel.bottom < scene.level <= channel.top:
         yield f"feed.level = {metres(scene.level)} lies outside channel.bottom .. channel.top"
     if feed.start == "resting":
@@ -190,12 +193,10 @@ def _meets(outline: Array, points: list[list[float]]) -> bool:
 
 def _bins_apart(scene: SceneTables) -> Iterator[str]:
     placed = [(n, b) for n, b in scene.bin.items() if b.points is None]
-    for i, (name, one) in enumerate(placed):
-        for other_name, other in placed[i + 1 :]:
-            assert one.start is not None and one.to is not None and other.start is not None and other.to is not None  # noqa: PT018
-            low, high = max(one.start, other.start), min(one.to, other.to)
-            if one.on == other.on and high - low > 1e-9:
-                yield f"bin.{name} and bin.{other_name} overlap from {metres(low)} to {metres(high)}"
+    for (name, one), (other_name, other) in itertools.combinations(placed, 2):
+        low, high = max(known(one.start), known(other.start)), min(known(one.to), known(other.to))
+        if one.on == other.on and high - low > 1e-9:
+            yield f"bin.{name} and bin.{other_name} overlap from {metres(low)} to {metres(high)}"
 
 
 def _inlets_fit(scene: SceneTables) -> Iterator[str]:
@@ -250,6 +251,7 @@ def _uncertain_numbers_exist(scene: SceneTables) -> Iterator[str]:
 
 CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _bodies_apart,
+    _channel_stands,
     _body_fits,
     _feed_fits,
     _rate_can_fall,

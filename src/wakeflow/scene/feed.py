@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from ..core.errors import SceneError
 from ..laws.constants import GRAVITY
 from ..laws.profile import crowding, profiles
-from .table import AnyAngle, Array, Coordinate, Length, MassRate, Shorthand, Speed, Table, takes
+from .table import AnyAngle, Array, Coordinate, Length, MassRate, Shorthand, Speed, Table, made_by
 
 
 # -- [feed]: the falling curtain ---------------------------------------------------------------------------------------
@@ -28,11 +28,7 @@ class Profile(Table):
     def quantile(self, p: Array, width: float) -> Array:
         """Places (m from the curtain's middle) left of which the shares ``p`` of its mass fall."""
         given = self.model_dump(exclude_none=True, exclude={"distribution"})
-        try:
-            return profiles[self.distribution](p, width, **given)
-        except TypeError:
-            kind = "curtain profile"
-            raise SceneError(takes(kind, self.distribution, profiles[self.distribution], given)) from None
+        return made_by(profiles, self.distribution, p, width, **given)
 
 
 def _one_word(value: object) -> object:

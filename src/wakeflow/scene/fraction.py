@@ -17,7 +17,7 @@ from ..laws.drag import drag_laws
 from ..laws.material import Material, materials
 from ..laws.size import sizes, within
 from .rebound import Coefficient, Rebound
-from .table import SHARE, Array, Diameter, MassDensity, Portion, PositiveSpeed, ScatterAngle, Shorthand, Table, takes
+from .table import SHARE, Array, Diameter, MassDensity, Portion, PositiveSpeed, ScatterAngle, Shorthand, Table, made_by
 
 # -- How sizes and measured terminal velocities spread over the mass of a fraction -------------------------------------
 OF_SPEEDS = {"low", "high", "mean", "std", "median", "geometric_std"}  # parameters that mean the same for any quantity
@@ -52,12 +52,7 @@ class Size(Table):
 
     def quantile(self, p: Array) -> Array:
         """Diameters (m) below which the mass fractions ``p`` lie."""
-        given = self.model_dump(exclude_none=True, exclude={"distribution"})
-        try:
-            return sizes[self.distribution](p, **given)
-        except TypeError:
-            kind = "size distribution"
-            raise SceneError(takes(kind, self.distribution, sizes[self.distribution], given)) from None
+        return made_by(sizes, self.distribution, p, **self.model_dump(exclude_none=True, exclude={"distribution"}))
 
 
 class Speeds(Table):
@@ -78,12 +73,7 @@ class Speeds(Table):
 
     def quantile(self, p: Array) -> Array:
         """Terminal velocities (m/s) below which the mass fractions ``p`` lie."""
-        given = self.model_dump(exclude_none=True, exclude={"distribution"})
-        law = spreads[self.distribution]
-        try:
-            return law(p, **given)
-        except TypeError:
-            raise SceneError(takes(spreads.kind, self.distribution, law, given)) from None
+        return made_by(spreads, self.distribution, p, **self.model_dump(exclude_none=True, exclude={"distribution"}))
 
 
 # -- [fraction.NAME]: a class of granules, its sizes, rebound and terminal velocity ------------------------------------

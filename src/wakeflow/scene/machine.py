@@ -30,7 +30,7 @@ from .table import (
     Table,
     Viscosity,
     WithUnit,
-    takes,
+    made_by,
 )
 
 # -- [body.NAME], [channel], [air] and [vibration]: what stands in the air, and the air --------------------------------
@@ -64,12 +64,8 @@ class Body(Table):
     def outline(self) -> Array:
         """Corners (k, 2) in the scene's frame (m), counter-clockwise."""
         given = self.model_dump(exclude_none=True, exclude={"shape", "at", "rounding"})
-        try:
-            sharp = shapes[self.shape](**given)
-        except TypeError:
-            raise SceneError(takes("shape", self.shape, shapes[self.shape], given)) from None
-        shape: Array = sharp if self.rounding is None else rounded(sharp, self.rounding)
-        return np.asarray(shape + np.asarray(self.at))
+        sharp = made_by(shapes, self.shape, **given)
+        return np.asarray((sharp if self.rounding is None else rounded(sharp, self.rounding)) + np.asarray(self.at))
 
 
 class Inlet(Table):

@@ -11,6 +11,7 @@ from pathlib import Path
 from ..core.errors import SceneError, known
 from ..core.files import read_toml
 from ..core.record import JsonMapping, JsonTable
+from ..laws.constants import STANDARD_AIR
 from ..laws.material import Material, materials, read_material
 
 # -- Materials of the user's own: a TOML file beside the scene, written as laws/materials.toml is ----------------------
@@ -33,7 +34,7 @@ def read_materials(path: Path) -> dict[str, Material]:
     return found
 
 
-def with_own_materials(data: JsonMapping, base: Path, name: str) -> Mapping[str, object]:
+def with_own_materials(data: JsonMapping, base: Path) -> JsonMapping:
     """The tables with what the file ``materials`` says in place of its name, so that results tell what was computed: a
     fraction of such a material has its values, but for those that it gives itself.
 
@@ -42,10 +43,7 @@ def with_own_materials(data: JsonMapping, base: Path, name: str) -> Mapping[str,
     file = data.get("materials")
     if not isinstance(file, str):
         return data
-    try:
-        known = read_materials(base / file)
-    except SceneError as problem:
-        raise SceneError(f"{name}: {problem}") from None
+    known = read_materials(base / file)
     fractions = {
         which: _as_fraction(known[table["material"]], table)
         if isinstance(table, Mapping) and table.get("material") in known
@@ -73,6 +71,32 @@ def _as_fraction(material: Material, table: Mapping[str, object]) -> dict[str, o
 def _spread(mean: object, std: float) -> object:
     """A number of all granules, or how it spreads over them."""
     return {"distribution": "normal", "mean": mean, "std": std} if std else mean
+
+
+# -- The tables of a scene with what the files say that it names -------------------------------------------------------
+def with_own_files(data: JsonMapping, base: Path) -> JsonMapping:
+    """The tables with the contents of a file of vibration samples in place of its name, so that results tell what was
+    computed; with the full path of the user's case, and what that says of its air where the scene does not give it.
+
+    Raises SceneError as :func:`read_samples` and :func:`find_case` do.
+    """
+    air, vibration = data.get("air"), data.get("vibration")
+    if isinstance(air, Mapping) and isinstance(air.get("case"), str):
+        data = {**data, "air": _of_case(air, base)}
+    if isinstance(vibration, Mapping) and isinstance(vibration.get("samples"), str):
+        data = {**data, "vibration": {**vibration, "samples": read_samples(vibration["samples"], base)}}
+    return data
+
+
+def _of_case(air: JsonMapping, base: Path) -> JsonTable:
+    case = find_case(air["case"], base)
+    found = air_of(case)
+    nu, density = found.pop("nu", None), air.get("density", STANDARD_AIR[0])
+    if nu is not None and isinstance(density, int | float):
+        found["viscosity"] = nu * density
+    if "speed" not in found and "speed" not in air:
+        raise SceneError(f"air.case = {air['case']!r}: its inlet is not one uniform velocity; give air.speed")
+    return {**found, **air, "case": str(case)}
 
 
 # -- A file of measured vibration: CSV with the columns time (s) and acceleration (m/s2), read as text -----------------
@@ -112,7 +136,6 @@ def read_samples(given: str, base: Path) -> dict[str, list[float]]:
 
 # -- What a user's own OpenFOAM case says of its air, read as text: nothing heavy is loaded, nothing is ----------------
 NUMBER = r"[-+.\d]+(?:[eE][-+]?\d+)?"
-FIXED = r"type\s+(?:fixedValue|uniformFixedValue|inletOutlet)\s*;"
 
 
 def find_case(given: str, base: Path) -> Path:

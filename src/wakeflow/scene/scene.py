@@ -18,15 +18,14 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from ..core.errors import SceneError
-from ..core.files import path_of, read_toml
+from ..core.files import atomic_write, path_of, read_toml
 from ..core.quantities import say, speaking
-from ..core.record import JsonMapping, JsonTable
-from ..laws.constants import STANDARD_AIR
+from ..core.record import JsonTable
 from .checks import CHECKS, OVER_THE_TOP, doubts, with_units
 from .machine import Bin
 from .messages import explain, units_in
 from .overrides import changed
-from .own_files import air_of, find_case, read_samples, with_own_materials
+from .own_files import with_own_files, with_own_materials
 from .table import present_keys
 from .uncertainty import with_uncertainty_table
 from .whole import SceneTables
@@ -68,8 +67,10 @@ class Scene(SceneTables):
         if not isinstance(data, Mapping):
             raise SceneError(f"{name}: needs tables, not {type(data).__name__}")
         folder, data = base or Path(), present_keys(data)
-        data = with_uncertainty_table(with_own_materials(data, folder, name))
-        data = _with_samples(_with_case(data, folder, name), folder, name)
+        try:
+            data = with_own_files(with_uncertainty_table(with_own_materials(data, folder)), folder)
+        except SceneError as problem:
+            raise SceneError(f"{name}: {problem}") from None
         with speaking(units_in(data)):
             try:
                 scene = cls.model_validate(data)
@@ -144,8 +145,6 @@ class Scene(SceneTables):
 
     def save(self, path: Path | str) -> None:
         """Write the scene as TOML in SI numbers; loading it gives an equal scene."""
-        from ..core.files import atomic_write
-
         with atomic_write(path_of(path, "scene file")) as stream:
             stream.write(self._toml())
 
@@ -175,37 +174,3 @@ def _read(path: Path) -> JsonTable:
         raise SceneError(f"no scene file {str(path)!r}; make one with: {make}") from None
     except IsADirectoryError:
         raise SceneError(f"{path} is a folder; name a scene file") from None
-
-
-def _with_case(data: JsonMapping, base: Path, name: str) -> JsonMapping:
-    """The tables with the full path of the user's case, and with what the case says of its air where the scene does not
-    give it.
-    """
-    air = data.get("air")
-    if not isinstance(air, Mapping) or not isinstance(air.get("case"), str):
-        return data
-    try:
-        case = find_case(air["case"], base)
-    except SceneError as problem:
-        raise SceneError(f"{name}: {problem}") from None
-    found = air_of(case)
-    nu, density = found.pop("nu", None), air.get("density", STANDARD_AIR[0])
-    if nu is not None and isinstance(density, int | float):
-        found["viscosity"] = nu * density
-    if "speed" not in found and "speed" not in air:
-        raise SceneError(f"{name}: air.case = {air['case']!r}: its inlet is not one uniform velocity; give air.speed")
-    return {**data, "air": {**found, **air, "case": str(case)}}
-
-
-def _with_samples(data: Mapping[str, object], base: Path, name: str) -> Mapping[str, object]:
-    """The tables with the contents of a file of vibration samples in place of its name, so that results tell what was
-    computed.
-    """
-    vibration = data.get("vibration")
-    if not isinstance(vibration, Mapping) or not isinstance(vibration.get("samples"), str):
-        return data
-    try:
-        samples = read_samples(vibration["samples"], base)
-    except SceneError as problem:
-        raise SceneError(f"{name}: {problem}") from None
-    return {**data, "vibration": {**vibration, "samples": samples}}

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter
 from pydantic_core.core_schema import CoreSchema, no_info_before_validator_function
 
+from ..core.errors import SceneError
 from ..core.quantities import QUANTITY, quantity
 from ..core.record import JsonMapping, JsonTable
+from ..core.registry import Registry
 
 # -- What all tables of a scene share ----------------------------------------------------------------------------------
 Array = NDArray[np.float64]
@@ -43,13 +45,21 @@ class Shorthand:
         return {"anyOf": [TypeAdapter(self.short).json_schema(), handler(schema)]}
 
 
-def takes(kind: str, name: str, function: Callable[..., Any], given: Mapping[str, object]) -> str:
-    """What a registered function needs, from its signature, after it refused ``given``."""
-    wanted = {p.name: p.default for p in signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY}
+def made_by(laws: Registry[Callable[..., Array]], name: str, *args: object, **given: object) -> Array:
+    """What the law called ``name`` makes of ``args`` and the parameters ``given``.
+
+    Raises SceneError where there is no such law, and where it takes other parameters.
+    """
+    law = laws[name]
+    try:
+        return law(*args, **given)
+    except TypeError:
+        pass
+    wanted = {p.name: p.default for p in signature(law).parameters.values() if p.kind is p.KEYWORD_ONLY}
     missing = [key for key, default in wanted.items() if default is Parameter.empty and key not in given]
     unknown = [key for key in given if key not in wanted]
     parts = [f"{word} {', '.join(keys)}" for word, keys in (("lacks", missing), ("has no", unknown)) if keys]
-    return f"{kind} {name!r} {' and '.join(parts)} (takes: {', '.join(wanted)})"
+    raise SceneError(f"{laws.kind} {name!r} {' and '.join(parts)} (takes: {', '.join(wanted)})")
 
 
 # -- Keys that had another name ----------------------------------------------------------------------------------------

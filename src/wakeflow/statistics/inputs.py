@@ -39,32 +39,14 @@ NOTHING = 1e-12  # of a share: a change that is none
 
 
 @dataclass(frozen=True)
-class InputEffect:
-    """What one unknown does to a number: its ``rise`` where the unknown alone goes to the upper end of its interval (to
-    the lower end it falls by as much), and its ``share`` of the variance over all unknowns (first-order index), itself
-    known to +- ``error``.
-    """
-
-    unknown: Unknown
-    rise: float
-    share: float
-    error: float
-
-    @property
-    def half(self) -> float:
-        """Half of the 95 % range that the unknown alone gives."""
-        return abs(self.rise)
-
-
-@dataclass(frozen=True)
 class InputRange:
     """The change of a number from the answer over all unknowns: ends of the middle 95 %, ``low`` to ``high``; the
-    ``effects``, largest first.
+    ``effects`` of each alone by its key, largest first.
     """
 
     low: float
     high: float
-    effects: tuple[InputEffect, ...]
+    effects: Mapping[str, InputPart]
 
     @property
     def half(self) -> float:
@@ -125,7 +107,7 @@ def regressed(z: Array, change: Array, noise: Array, known: Sequence[Unknown]) -
     ``noise`` (R,) of each for its granules.
     """
     if np.abs(change).max() < NOTHING:
-        return InputRange(0.0, 0.0, ())
+        return InputRange(0.0, 0.0, {})
     z = np.clip(z, -FARTHEST, FARTHEST)
     design = np.column_stack([np.ones(len(z)), z])
     found, *_ = np.linalg.lstsq(design, change, rcond=None)
@@ -140,16 +122,17 @@ def regressed(z: Array, change: Array, noise: Array, known: Sequence[Unknown]) -
     chance = np.random.default_rng(SEED).choice(rest, len(points)) * np.sqrt(len(rest) / free)
     many = found[0] + points @ slopes + kick * chance
     low, high = np.quantile(many, [0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)])
-    effects = [
-        InputEffect(
-            one,
-            float(SIGMAS * slope),
-            float((slope * width) ** 2 / variance) if variance > 0.0 else 0.0,
-            float(2.0 * SIGMAS * abs(slope) * error * width**2 / variance) if variance > 0.0 else 0.0,
+    effects = {
+        one.key: InputPart(
+            half=float(abs(SIGMAS * slope)),
+            variance=float((slope * width) ** 2 / variance) if variance > 0.0 else 0.0,
+            error=float(2.0 * SIGMAS * abs(slope) * error * width**2 / variance) if variance > 0.0 else 0.0,
+            rise=float(SIGMAS * slope),
         )
         for one, slope, width, error in zip(known, slopes, spread, slope_error, strict=True)
-    ]
-    return InputRange(float(low), float(high), tuple(sorted(effects, key=lambda effect: -effect.share)))
+    }
+    largest = sorted(effects.items(), key=lambda effect: -effect[1].variance)
+    return InputRange(float(low), float(high), dict(largest))
 
 
 @lru_cache(maxsize=8)  # asked for every share of a run
@@ -170,14 +153,7 @@ def inputs_of(inputs: Inputs | None) -> tuple[dict[str, InputSummary] | None, Pa
     parts: Parts = {}
     for name, shares in inputs.shares.items():
         ranges = ((place, inputs.of_share(name, [place])) for place in shares)
-        parts[name] = {
-            place: {
-                effect.unknown.key: InputPart(effect.half, effect.share, effect.error, effect.rise)
-                for effect in over.effects
-            }
-            for place, over in ranges
-            if over.effects
-        }
+        parts[name] = {place: dict(over.effects) for place, over in ranges if over.effects}
     return known, parts
 
 

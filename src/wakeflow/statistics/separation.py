@@ -143,7 +143,7 @@ def _half(variance: float, quantile: float) -> float:
 HOUR = 3600.0  # s
 
 
-def share_interval(samples: Array, count: int, spread: Spread | None = None) -> tuple[float, float, float]:
+def share_interval(samples: Array, count: int, spread: Spread | None = None) -> Number:
     """Mean and 95 % interval of a share from its independent replicates.
 
     Half of it is ``spread``, by default Student's t over the replicates, but no narrower than half a granule a
@@ -153,18 +153,18 @@ def share_interval(samples: Array, count: int, spread: Spread | None = None) -> 
     value = float(np.mean(samples))
     replicates = len(samples)
     if np.ptp(samples) == 0.0 and value in (0.0, 1.0):
-        return value, *wilson(round(value * count), count)
+        return Number(value, *wilson(round(value * count), count))
     found = spread or spread_of(samples[:, None] - value, np.zeros(replicates, dtype=np.int64), 0.0)
     half = found._replace(sampling=max(found.sampling, 0.5 * replicates / count)).together
-    return value, max(0.0, value - half), min(1.0, value + half)
+    return Number(value, max(0.0, value - half), min(1.0, value + half))
 
 
 def share_spreads(landing: Landings, bins: int) -> list[Spread]:
     """The two parts of the interval of a fraction's share in every bin, and elsewhere."""
     found = []
     for tally in Tally.every(landing, bins, cycles_of([landing])):
-        _, low, high = share_interval(tally.samples, round(landing.size), tally.spread._replace(airflow=0.0))
-        found.append(Spread(0.5 * (high - low), tally.spread.airflow))
+        alone = share_interval(tally.samples, round(landing.size), tally.spread._replace(airflow=0.0))
+        found.append(Spread(alone.half, tally.spread.airflow))
     return found
 
 
@@ -184,16 +184,15 @@ def separate(scene: Scene, landings: Mapping[str, Landings]) -> Separation:
         tallies[name] = Tally.every(landing, len(scene.bin), cycles)
         count[name] = round(landing.size)
     fractions = {
-        name: {place: Number(*_interval(tally, count[name])) for place, tally in zip(bins, found, strict=True)}
+        name: {
+            place: share_interval(tally.samples, count[name], tally.spread)
+            for place, tally in zip(bins, found, strict=True)
+        }
         for name, found in tallies.items()
     }
     purity, throughput = _contents(scene, bins, tallies, fractions)
     recovery = {name: _recovery(scene, name, bins, found, count[name]) for name, found in tallies.items()}
     return Separation(tuple(bins), fractions, purity, recovery, throughput)
-
-
-def _interval(tally: Tally, count: int) -> tuple[float, float, float]:
-    return share_interval(tally.samples, count, tally.spread)
 
 
 def _recovery(scene: Scene, name: str, bins: list[str], tallies: Sequence[Tally], count: int) -> Number | None:
@@ -202,7 +201,8 @@ def _recovery(scene: Scene, name: str, bins: list[str], tallies: Sequence[Tally]
     if not targets:
         return None
     hits = np.sum([tallies[bins.index(target)].hits for target in targets], axis=0)
-    return Number(*_interval(tallies[0]._replace(hits=hits), count))
+    inside = tallies[0]._replace(hits=hits)
+    return share_interval(inside.samples, count, inside.spread)
 
 
 def _contents(

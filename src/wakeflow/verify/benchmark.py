@@ -5,19 +5,20 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from ..core.errors import known
 from ..scene import Scene
-from ..tracking import Fate, Granules, Tracks, track
+from ..tracking import Fate, Granules, track
 from .curves import (
     ERROR,
     KINDS,
     SPEED,
     BenchmarkCase,
     CurvePoint,
-    Ends,
     benchmark_case,
     resampled,
     score,
@@ -27,10 +28,11 @@ from .curves import (
     travelling_wave,
 )
 from .foam import FoamInterpolant, fly_parcels, make_foam_interpolant, start_up
-from .reference import Reference, fly_reference
+from .reference import fly_reference
 from .report import Report, Table, Tell
-from .rk4 import ExplicitTracks, fly_explicit
+from .rk4 import Ends, fly_explicit
 
+Fly = Callable[[Granules], tuple[Ends, float]]
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 STEPS = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5)  # s, of the explicit tracker
 STABLE = (2.5, 1.2, 0.6)  # in relaxation times, where those steps are not stable
@@ -100,22 +102,25 @@ def _shedding(scene: Scene, foam: FoamInterpolant, tell: Tell) -> list[CurvePoin
     return rows
 
 
-def _ours_and_explicit(case: BenchmarkCase, slow: bool, tell: Tell) -> tuple[Reference, list[CurvePoint]]:
+def _ours_and_explicit(case: BenchmarkCase, slow: bool, tell: Tell) -> tuple[Ends, list[CurvePoint]]:
     label = f"{case.kind}, {case.air}"
     tell(f"{label}: reference")
     few = case.some(512 if slow else 128)
     reference = fly_reference(case.problem, few, seconds=900.0 if slow else 180.0)
+    methods: list[tuple[str, str, Fly, int]] = [
+        *(("wakeflow", f"tolerance {one:.0e}", partial(_ours, case, one), LEAST) for one in TOLERANCES),
+        *(("explicit RK4", f"step {one:.2g} s", partial(_explicit, case, one), 128) for one in _steps(case, slow)),
+    ]
     rows = []
-    for tolerance in TOLERANCES:
-        tell(f"{label}: tolerance {tolerance:.0e}")
-        rows.append(_ours(case, reference, few, tolerance))
-    for step in _steps(case, slow):
-        tell(f"{label}: explicit step {step:.1e} s")
-        rows.append(_explicit(case, reference, few, step))
+    for method, setting, fly, least in methods:
+        tell(f"{label}: {method}, {setting}")
+        ends, evaluations = fly(few)
+        cost = _cost(case, fly, few, least)
+        rows.append(score(case, reference, ends, method=method, setting=setting, evaluations=evaluations, **cost))
     return reference, rows
 
 
-def _cost(case: BenchmarkCase, fly: Callable[[Granules], object], few: Granules, least: int) -> dict[str, float]:
+def _cost(case: BenchmarkCase, fly: Fly, few: Granules, least: int) -> dict[str, float]:
     """Wall and processor seconds a granule, of a run with so many granules that it lasts long enough, and at least
     ``least``.
     """
@@ -127,17 +132,18 @@ def _cost(case: BenchmarkCase, fly: Callable[[Granules], object], few: Granules,
     return {"seconds": wall / len(grains), "cpu": cpu / len(grains)}
 
 
-def _ours(case: BenchmarkCase, reference: Reference, few: Granules, tolerance: float) -> CurvePoint:
-    def fly(grains: Granules) -> Tracks:
-        return track(case.problem.field, grains, tolerance=tolerance, **case.problem.arguments)
-
-    tracks = fly(few)
+def _ours(case: BenchmarkCase, tolerance: float, grains: Granules) -> tuple[Ends, float]:
+    """Where this tracker's granules ended, and its stage evaluations a granule."""
+    tracks = track(case.problem.field, grains, tolerance=tolerance, **case.problem.arguments)
     landed = (tracks.fate == Fate.ESCAPED) | (tracks.fate == Fate.BINNED)
-    return score(
-        case, reference, Ends(tracks.position, landed, tracks.impacts),
-        method="wakeflow", setting=f"tolerance {tolerance:.0e}", **_cost(case, fly, few, LEAST),
-        steps=float(tracks.steps.mean()), evaluations=float(tracks.evaluations.mean()),
-    )  # fmt: skip
+    ends = Ends(tracks.position, tracks.time, landed, tracks.impacts, tracks.steps)
+    return ends, float(tracks.evaluations.mean())
+
+
+def _explicit(case: BenchmarkCase, step: float, grains: Granules) -> tuple[Ends, float]:
+    """The same of the explicit tracker."""
+    ends = fly_explicit(case.problem.field, grains, step=step, **case.problem.arguments)
+    return ends, 4.0 * float(known(ends.steps).mean())
 
 
 def _steps(case: BenchmarkCase, slow: bool) -> list[float]:
@@ -149,24 +155,12 @@ def _steps(case: BenchmarkCase, slow: bool) -> list[float]:
     return steps if len(steps) >= 3 else [share * tau for share in STABLE]
 
 
-def _explicit(case: BenchmarkCase, reference: Reference, few: Granules, step: float) -> CurvePoint:
-    def fly(grains: Granules) -> ExplicitTracks:
-        return fly_explicit(case.problem.field, grains, step=step, **case.problem.arguments)
-
-    tracks = fly(few)
-    return score(
-        case, reference, Ends(tracks.position, tracks.landed, tracks.impacts),
-        method="explicit RK4", setting=f"step {step:.2g} s", **_cost(case, fly, few, 128),
-        steps=float(tracks.steps.mean()), evaluations=4.0 * float(tracks.steps.mean()),
-    )  # fmt: skip
-
-
 def _peer(
-    case: BenchmarkCase, reference: Reference, foam: FoamInterpolant, folder: Path, slow: bool, tell: Tell
+    case: BenchmarkCase, reference: Ends, foam: FoamInterpolant, folder: Path, slow: bool, tell: Tell
 ) -> list[CurvePoint]:
     """OpenFOAM's tracker over its step and maxCo, on one core: it uses no more."""
     few = case.some(len(reference.landed))
-    free = reference.landed & (reference.impacts == 0)
+    free = reference.landed & (known(reference.impacts) == 0)
     until = 1.02 * float(reference.time[free].max())
     many, rows = case.some(2048), []
     begins = [start_up(foam, grains, folder) for grains in (few, many)]
@@ -176,14 +170,14 @@ def _peer(
             name = f"deltaT {step:.0e} s" if step else "deltaT one flight"
             tell(f"{case.kind}: OpenFOAM {scheme}, {name}, maxCo {courant:g}")
             how = {"scheme": scheme, "step": step or until, "courant": courant, "until": until, "folder": folder}
-            run = fly_parcels(foam, few, **how)
-            seconds = (run.seconds - begins[0]) / len(few)
+            run, spent = fly_parcels(foam, few, **how)
+            seconds = (spent - begins[0]) / len(few)
             if seconds * len(few) < 0.3:  # its clock ticks in hundredths of a second
-                seconds = (fly_parcels(foam, many, **how).seconds - begins[1]) / len(many)
-            ends.append(Ends(run.position, np.isfinite(run.time), None))
+                seconds = (fly_parcels(foam, many, **how)[1] - begins[1]) / len(many)
+            ends.append(run)
             found.append(score(
-                case, reference, ends[-1], method=f"OpenFOAM {scheme}", setting=f"{name}, maxCo {courant:g}",
-                seconds=max(seconds, 1e-6), cpu=max(seconds, 1e-6), steps=None, evaluations=None,
+                case, reference, run, method=f"OpenFOAM {scheme}", setting=f"{name}, maxCo {courant:g}",
+                seconds=max(seconds, 1e-6), cpu=max(seconds, 1e-6), evaluations=None,
             ))  # fmt: skip
         rows += _with_own(case, found, ends)
     return rows

@@ -17,7 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import known
 from ..core.files import scene_templates
+from ..core.geometry import contains, distance_to
 from ..core.record import JsonTable
 from ..field import FlowField
 from ..injection.feed import feedstock
@@ -28,7 +30,8 @@ from ..planning.make import make_plan
 from ..planning.plan import Plan
 from ..scene import Scene
 from ..tracking import Body, Granules
-from .reference import Reference, TrackingProblem, distance
+from .reference import TrackingProblem
+from .rk4 import Ends
 
 Array = NDArray[np.float64]
 KINDS = {  # name: (fraction of the scene, changes of the scene)
@@ -121,7 +124,8 @@ def _free(grains: Granules, field: FlowField, bodies: tuple[Body, ...]) -> NDArr
     """Granules that begin in the mesh and in no wall."""
     start = field.locate(grains.position) >= 0
     for body in bodies:
-        start &= distance(body.outline, grains.position)[0] >= 0.5 * grains.diameter * (1.0 - 1e-9)
+        away = distance_to(grains.position, body.outline)
+        start &= ~contains(body.outline, grains.position) & (away >= 0.5 * grains.diameter * (1.0 - 1e-9))
     return start
 
 
@@ -170,17 +174,6 @@ ERROR = 1e-4  # body widths, where speeds are compared
 
 
 @dataclass(frozen=True)
-class Ends:
-    """Where a method's granules ended: ``position`` (n, 2) m, ``landed`` (n,), ``impacts`` (n,) or None where they are
-    not known.
-    """
-
-    position: Array
-    landed: NDArray[np.bool_]
-    impacts: NDArray[np.int64] | None
-
-
-@dataclass(frozen=True)
 class CurvePoint:
     """One method at one setting: landing errors in body widths, cost, rates. None where a number is not known."""
 
@@ -206,12 +199,13 @@ class CurvePoint:
         return None if self.evaluations is None else self.evaluations / self.cpu
 
 
-def score(case: BenchmarkCase, reference: Reference, ends: Ends, **known: Any) -> CurvePoint:
+def score(case: BenchmarkCase, reference: Ends, ends: Ends, **own: Any) -> CurvePoint:
     """Errors over the granules that fly freely in the reference and in the method, the rest as a share."""
-    free = reference.landed & (reference.impacts == 0)
+    met = known(reference.impacts)
+    free = reference.landed & (met == 0)
     same = free & ends.landed if ends.impacts is None else free & ends.landed & (ends.impacts == 0)
     error = np.linalg.norm(ends.position[same] - reference.position[same], axis=1) / case.problem.length
-    alike = same if ends.impacts is None else ends.landed & (reference.impacts == ends.impacts)
+    alike = same if ends.impacts is None else ends.landed & (met == ends.impacts)
     judged = int(reference.landed.sum())
     return CurvePoint(
         kind=case.kind,
@@ -221,20 +215,19 @@ def score(case: BenchmarkCase, reference: Reference, ends: Ends, **known: Any) -
         judged=judged,
         others=1.0 - float(alike[reference.landed].mean()) if judged else 0.0,
         bin_error=_bin_error(case.bins, reference, ends),
-        **known,
+        steps=None if ends.steps is None else float(ends.steps.mean()),
+        **own,
     )
 
 
-def _bin_error(edges: Array, reference: Reference, ends: Ends) -> float:
+def _bin_error(edges: Array, reference: Ends, ends: Ends) -> float:
     """Largest difference of a bin's share, over the granules that the reference lands."""
     count = int(reference.landed.sum())
-    if not count:
-        return 0.0
-
-    def shares(position: Array, landed: NDArray[np.bool_]) -> Array:
-        return np.histogram(position[reference.landed & landed, 0], edges)[0] / count
-
-    return float(np.abs(shares(reference.position, reference.landed) - shares(ends.position, ends.landed)).max())
+    shares = [
+        np.histogram(one.position[reference.landed & one.landed, 0], edges)[0] / max(count, 1)
+        for one in (reference, ends)
+    ]
+    return float(np.abs(shares[0] - shares[1]).max())
 
 
 def timed(work: Callable[[], object], repeats: int = 3) -> tuple[float, float]:

@@ -27,6 +27,7 @@ from ..foam.prepare import prepare_case
 from ..foam.reconstruction import PlaneMesh
 from ..meshing import MeshSpec, build_mesh
 from ..tracking import Granules
+from .rk4 import Ends
 
 Array = NDArray[np.float64]
 HEADER = "FoamFile\n{{\n    version 2.0;\n    format ascii;\n    class {kind};\n    object {name};\n}}\n\n"
@@ -215,18 +216,6 @@ PLACE, ORIG_ID, AGE = 6, 15, 25  # columns of a landed parcel
 FINE_PARCELS: JsonTable = {"scheme": "analytical", "step": 1e-4, "courant": 0.3}
 
 
-@dataclass(frozen=True)
-class ParcelRun:
-    """Where granules met the outlet: ``position`` (n, 2) m and ``time`` (n,) s, NaN for those that did not.
-
-    ``seconds`` is processor time up to the end of the last step; that of :func:`start_up` is contained in it.
-    """
-
-    position: Array
-    time: Array
-    seconds: float
-
-
 def _write_run(case: Path, grains: Granules, scheme: str, step: float, courant: float, until: float) -> None:
     interval = max(1, round(until / step))
     control = (
@@ -274,9 +263,10 @@ def _write_cloud(foam: FoamInterpolant, grains: Granules, case: Path) -> None:
 
 def fly_parcels(
     foam: FoamInterpolant, grains: Granules, *, scheme: str, step: float, courant: float, until: float, folder: Path
-) -> ParcelRun:
-    """Fly ``grains`` (all of one density, restitution and friction) with OpenFOAM's tracker, from time 0 to ``until``
-    (s).
+) -> tuple[Ends, float]:
+    """Where ``grains`` (all of one density, restitution and friction), flown by OpenFOAM's tracker from time 0 to
+    ``until`` (s), met the outlet, NaN for those that did not; and its processor time (s) up to the end of the last
+    step, which contains that of :func:`start_up`.
 
     ``scheme``: Euler or analytical; ``step`` deltaT (s); ``courant`` its maxCo: the share of a cell, and of the step,
     that it tracks at a time; ``folder`` is made anew. Raises FoamError when OpenFOAM fails or a granule begins outside
@@ -294,12 +284,12 @@ def fly_parcels(
     if not clock:
         raise FoamError(f"{PROGRAM} took no step; log: {log}", log=log)
     position, landing = _landings(folder, len(grains))
-    return ParcelRun(position, landing, float(clock[-1]))
+    return Ends(position, landing, np.isfinite(landing), None), float(clock[-1])
 
 
 def start_up(foam: FoamInterpolant, grains: Granules, folder: Path) -> float:
     """Seconds that OpenFOAM's tracker needs to read its case and these granules: a run of one very short step."""
-    return fly_parcels(foam, grains, scheme="Euler", step=1e-12, courant=0.3, until=1e-12, folder=folder).seconds
+    return fly_parcels(foam, grains, scheme="Euler", step=1e-12, courant=0.3, until=1e-12, folder=folder)[1]
 
 
 def _landings(folder: Path, count: int) -> tuple[Array, Array]:

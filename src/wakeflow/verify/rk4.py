@@ -1,14 +1,16 @@
-"""A good explicit tracker to compare with: classical Runge-Kutta of order 4 at a fixed step, on the same triangles.
+"""Classical Runge-Kutta of order 4 at a fixed step, on the tracker's own triangles: the explicit tracker to compare
+with, and, with steps that end at every kink, the reference of the benchmark.
 
-Linear interpolation, a cached triangle and a walk from it, the same drag table, granules in blocks on all cores. The
-end of a track on the mesh's edge is found on the cubic Hermite interpolant of the step, a contact by a step that ends
-there. It lacks what wakeflow's tracker adds: it loses its order at the field's kinks on the triangles' edges, it is
-unstable for dust, and it does not know its error.
+Linear interpolation, a cached triangle and a walk from it, the same drag table, granules in blocks on all cores. What
+ends a track, and a contact, is found by halving the step until it ends there. The explicit tracker lacks what
+wakeflow's adds: it loses its order at the field's kinks on the triangles' edges, it is unstable for dust, and it does
+not know its error. Steps that are ``confined`` to one triangle and to the time between two snapshots meet no kinks.
 """
 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -25,6 +27,7 @@ from ..laws.constants import GRAVITY
 from ..tracking.bodies import Body
 from ..tracking.granules import Granules
 from ..tracking.kernel import layout as at
+from ..tracking.kernel.air import shares
 from ..tracking.kernel.forces import drag_rate
 from ..tracking.kernel.jit import compiled, entry, inlined
 from ..tracking.kernel.locate import anywhere, barycentric, walk
@@ -35,52 +38,73 @@ from ..tracking.pack_surroundings import pack_air, pack_lines, pack_walls
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-BLOCK = 64
+BLOCK, ONE_BY_ONE = 64, 1  # granules that a core takes at a time
 IMPACTS = 50  # below it the granule slides, which is not followed here
+HALVINGS = 50  # of a step, to end it at an event
+MOST_STEPS = 20_000_000  # of a granule
+OUTSIDE = -1e-10  # barycentric coordinate from which a point is beyond an edge
+NEAR = 1e-12  # of times: a clock that is so close below a snapshot has reached it
+SKIN = 1e-13  # m: a granule that reaches no further into a wall has only just left it
+CROSSED = -1  # an event that is no contact: the step leaves a triangle
+KNOWN_FORCES = {"drag", "gravity", "buoyancy"}
 FLYING, LANDED, AIRBORNE, UNFINISHED = range(4)
 TRI, END, TAKEN, STRUCK = range(4)  # columns of a granule's counts: triangle, how it ended, steps, impacts
 _collide = compiled(collide)
 
 
 @dataclass(frozen=True)
-class ExplicitTracks:
-    """``position`` (n, 2) m and ``time`` (n,) s where tracks ended, on the mesh's edge or not; steps, impacts."""
+class Ends:
+    """Where granules ended: ``position`` (n, 2) m and ``time`` (n,) s, on the mesh's edge where they ``landed`` (n,);
+    impacts (n,) and steps (n,), None where they are not known.
+    """
 
     position: Array
     time: Array
     landed: NDArray[np.bool_]
-    steps: Index
-    impacts: Index
+    impacts: Index | None
+    steps: Index | None = None
 
 
 @compiled
-def _snapshots(air, t):
-    """The two snapshots around time t and the weight of the second."""
-    times, last = air.times, air.times.shape[0] - 1
+def _interval(air, t):
+    """The two snapshots, or the knots, around time t, when the first of them is, the rate of the second's weight, and
+    when the second is; a time this close below one has reached it.
+    """
+    times, last, period, turn = air.times, air.times.shape[0] - 1, air.period[0], 0.0
+    if air.smooth[at.KNOT_RATE] != 0.0:
+        t0, per, count = air.smooth[at.KNOT_FIRST], air.smooth[at.KNOT_RATE], air.smooth[at.KNOT_COUNT]
+        n = math.floor((t + NEAR * (abs(t) + count / per) - t0) * per)
+        low = int(n - math.floor(n / count) * count)
+        return low, low + 1, t0 + n / per, per, t0 + (n + 1.0) / per
     if last == 0:
-        return 0, 0, 0.0
-    period = air.period[0]
+        return 0, 0, 0.0, 0.0, math.inf
+    t += NEAR * (abs(t) + times[last] - times[0])
     if period > 0.0:
-        t -= math.floor((t - times[0]) / period) * period
+        turn = math.floor((t - times[0]) / period) * period
     elif t <= times[0] or t >= times[last]:
-        return (0, 0, 0.0) if t <= times[0] else (last, last, 0.0)
-    low, high = 0, last + 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        if times[middle] <= t:
-            low = middle
-        else:
-            high = middle
-    if low == last:
-        return last, 0, (t - times[last]) / (times[0] + period - times[last])
-    return low, low + 1, (t - times[low]) / (times[low + 1] - times[low])
+        return (0, 0, 0.0, 0.0, times[0]) if t <= times[0] else (last, last, 0.0, 0.0, math.inf)
+    low = int(np.searchsorted(times, t - turn, side="right")) - 1
+    begin, end, onward = times[low] + turn, times[0] + period + turn, 0
+    if low < last:
+        end, onward = times[low + 1] + turn, low + 1
+    return low, onward, begin, 1.0 / (end - begin), end
+
+
+@compiled
+def _on_knots(air, c, a, w, m):
+    """Value ``m`` of node c at part w of the interval that begins with knot a."""
+    s0, s1, s2, s3 = shares(w)
+    v = air.values
+    return s0 * v[c, a, m] + s1 * v[c, a + 1, m] + s2 * v[c, a + 2, m] + s3 * v[c, a + 3, m]
 
 
 @inlined
 def _between(air, tri, one, two, a, b, w, m):
-    """Value ``m`` of the nodes at barycentric coordinates ``one`` and ``two``, between snapshots a and b."""
+    """Value ``m`` of the nodes at barycentric coordinates ``one`` and ``two``, between snapshots, or knots, a and b."""
     i, j, k = air.corners[tri, 0], air.corners[tri, 1], air.corners[tri, 2]
     v, zero = air.values, 1.0 - one - two
+    if air.smooth[at.KNOT_RATE] != 0.0:
+        return zero * _on_knots(air, i, a, w, m) + one * _on_knots(air, j, a, w, m) + two * _on_knots(air, k, a, w, m)
     value = zero * v[a, i, m] + one * v[a, j, m] + two * v[a, k, m]
     if b != a:
         value += w * (zero * v[b, i, m] + one * v[b, j, m] + two * v[b, k, m] - value)
@@ -93,12 +117,8 @@ def _acceleration(air, grain, table, tri, x, y, vx, vy, a, b, w):
     one, two = barycentric(air.geometry, tri, 1, x, y), barycentric(air.geometry, tri, 2, x, y)
     sx = _between(air, tri, one, two, a, b, w, at.NODE_U) - vx
     sy = _between(air, tri, one, two, a, b, w, at.NODE_V) - vy
-    fx, fy = grain[at.GX], grain[at.GY]
-    if grain[at.PRESSURE] != 0.0:
-        fx += grain[at.PRESSURE] * _between(air, tri, one, two, a, b, w, at.NODE_PX)
-        fy += grain[at.PRESSURE] * _between(air, tri, one, two, a, b, w, at.NODE_PY)
     rate = drag_rate(grain, table, sx * sx + sy * sy)
-    return fx + rate * sx, fy + rate * sy
+    return grain[at.GX] + rate * sx, grain[at.GY] + rate * sy
 
 
 @compiled
@@ -113,24 +133,27 @@ def _find(air, tri, x, y):
 
 
 @compiled
-def _rk4(air, grain, table, tri, x, y, vx, vy, t, h):
-    """One step; returns the new state and the triangle its last stage lay in."""
-    a, b, w = _snapshots(air, t)
-    ax, ay = _acceleration(air, grain, table, tri, x, y, vx, vy, a, b, w)
-    a, b, w = _snapshots(air, t + 0.5 * h)
-    vx2, vy2 = vx + 0.5 * h * ax, vy + 0.5 * h * ay
-    x2, y2 = x + 0.5 * h * vx, y + 0.5 * h * vy
-    tri, _ = _find(air, tri, x2, y2)
-    ax2, ay2 = _acceleration(air, grain, table, tri, x2, y2, vx2, vy2, a, b, w)
-    vx3, vy3 = vx + 0.5 * h * ax2, vy + 0.5 * h * ay2
-    x3, y3 = x + 0.5 * h * vx2, y + 0.5 * h * vy2
-    tri, _ = _find(air, tri, x3, y3)
-    ax3, ay3 = _acceleration(air, grain, table, tri, x3, y3, vx3, vy3, a, b, w)
-    a, b, w = _snapshots(air, t + h)
-    vx4, vy4 = vx + h * ax3, vy + h * ay3
-    x4, y4 = x + h * vx3, y + h * vy3
-    tri, _ = _find(air, tri, x4, y4)
-    ax4, ay4 = _acceleration(air, grain, table, tri, x4, y4, vx4, vy4, a, b, w)
+def _stage(air, grain, table, tri, x, y, vx, vy, t, t0, look):
+    """Acceleration at time t of a step that began at t0, and the triangle that it is of: where not to ``look``, the one
+    that is given, and the snapshots around t0.
+    """
+    if look:
+        tri, _ = _find(air, tri, x, y)
+    a, b, begin, rate, _ = _interval(air, t if look else t0)
+    ax, ay = _acceleration(air, grain, table, tri, x, y, vx, vy, a, b, (t - begin) * rate)
+    return ax, ay, tri
+
+
+@compiled
+def _rk4(air, grain, table, tri, x, y, vx, vy, t, h, look):
+    """One step from triangle ``tri``; returns the new state and the triangle of its last stage."""
+    ax, ay, tri = _stage(air, grain, table, tri, x, y, vx, vy, t, t, False)
+    vx2, vy2, x2, y2 = vx + 0.5 * h * ax, vy + 0.5 * h * ay, x + 0.5 * h * vx, y + 0.5 * h * vy
+    ax2, ay2, tri = _stage(air, grain, table, tri, x2, y2, vx2, vy2, t + 0.5 * h, t, look)
+    vx3, vy3, x3, y3 = vx + 0.5 * h * ax2, vy + 0.5 * h * ay2, x + 0.5 * h * vx2, y + 0.5 * h * vy2
+    ax3, ay3, tri = _stage(air, grain, table, tri, x3, y3, vx3, vy3, t + 0.5 * h, t, look)
+    vx4, vy4, x4, y4 = vx + h * ax3, vy + h * ay3, x + h * vx3, y + h * vy3
+    ax4, ay4, tri = _stage(air, grain, table, tri, x4, y4, vx4, vy4, t + h, t, look)
     return (
         x + h / 6.0 * (vx + 2.0 * (vx2 + vx3) + vx4),
         y + h / 6.0 * (vy + 2.0 * (vy2 + vy3) + vy4),
@@ -149,30 +172,55 @@ def _hermite(s, h, x0, v0, x1, v1):
 
 @compiled
 def _touches(walls, x, y, r):
-    """The body that a granule at rest on (x, y) reaches into, and with which feature: (body, kind, which), -1: none."""
+    """With which feature a granule at rest on (x, y) reaches into a body: (kind, which), FREE for none."""
     for body in range(walls.bodies.shape[0]):
         b = walls.bodies
         if b[body, at.LOW_X] - r < x < b[body, at.HIGH_X] + r and b[body, at.LOW_Y] - r < y < b[body, at.HIGH_Y] + r:
             within, nearest = inside(walls, body, x, y)
             if within:
-                return body, at.ON_EDGE, nearest
+                return at.ON_EDGE, nearest
             depth, kind, which = overlap(walls, body, x, y, r)
-            if depth > 0.0:
-                return body, kind, which
-    return -1, at.FREE, at.NOBODY
+            if depth > SKIN:
+                return kind, which
+    return at.FREE, at.NOBODY
 
 
 @compiled
-def _first_touch(walls, r, h, x, y, vx, vy, x1, y1, vx1, vy1, kind, which):
-    """When a step that ends in a wall first touches one, and with which feature (bisection on the Hermite cubic)."""
+def _crossed(air, tri, x, y, confined):
+    """The edge of a triangle that a point is farthest beyond, of all edges or, where steps are not ``confined``, of
+    those of the mesh; NOBODY for none, and in no triangle.
+    """
+    worst, edge = OUTSIDE, at.NOBODY
+    for k in range(3 if tri >= 0 else 0):
+        value = barycentric(air.geometry, tri, k, x, y)
+        if value < worst and (confined or air.neighbours[tri, k] < 0):
+            worst, edge = value, k
+    return edge
+
+
+@compiled
+def _event(air, walls, tri, x, y, r, confined):
+    """What a granule on (x, y) has come to: a body's feature (kind, which), CROSSED and an edge of ``tri``, or FREE."""
+    kind, which = _touches(walls, x, y, r)
+    if kind == at.FREE:
+        which = _crossed(air, tri, x, y, confined)
+        kind = CROSSED if which >= 0 else at.FREE
+    return kind, which
+
+
+@compiled
+def _first(air, walls, tri, r, confined, h, x, y, vx, vy, x1, y1, vx1, vy1, kind, which):
+    """When a step that ends beyond an event comes to the first one, and that event (bisection on the Hermite cubic)."""
     low, high = 0.0, h
-    for _ in range(50):
+    for _ in range(HALVINGS):
         s = 0.5 * (low + high)
-        body, found, feature = _touches(walls, _hermite(s, h, x, vx, x1, vx1), _hermite(s, h, y, vy, y1, vy1), r)
-        if body >= 0:
-            high, kind, which = s, found, feature
-        else:
+        found, feature = _event(
+            air, walls, tri, _hermite(s, h, x, vx, x1, vx1), _hermite(s, h, y, vy, y1, vy1), r, confined
+        )
+        if found == at.FREE:
             low = s
+        else:
+            high, kind, which = s, found, feature
     return high, kind, which
 
 
@@ -193,65 +241,49 @@ def _bounce(state, t, grain, walls, hold, kind, which):
     return True
 
 
+@inlined
+def _step(state, note, t, grain, table, air, walls, h, confined, hold):
+    """One step of at most ``h``; how long it was."""
+    x, y, vx, vy, r, tri = state[at.X], state[at.Y], state[at.VX], state[at.VY], grain[at.RADIUS], note[TRI]
+    if confined:
+        h = min(h, _interval(air, t)[4] - t)
+    x1, y1, vx1, vy1, last = _rk4(air, grain, table, tri, x, y, vx, vy, t, h, not confined)
+    note[TAKEN] += 1
+    if not (math.isfinite(x1) and math.isfinite(y1)) or note[TAKEN] > MOST_STEPS:
+        note[END] = UNFINISHED
+        return h
+    onward, code = _find(air, last, x1, y1)
+    watched = tri if confined else onward if code < 0 else at.NOBODY
+    kind, which = _event(air, walls, watched, x1, y1, r, confined)
+    if kind != at.FREE:
+        watched = watched if confined or kind == CROSSED else at.NOBODY  # a step that is not may begin beyond an edge
+        s, kind, which = _first(air, walls, watched, r, confined, h, x, y, vx, vy, x1, y1, vx1, vy1, kind, which)
+        x2, y2, vx2, vy2, _ = _rk4(air, grain, table, tri, x, y, vx, vy, t, s, not confined)
+        state[at.X], state[at.Y], state[at.VX], state[at.VY] = x2, y2, vx2, vy2
+        if kind == CROSSED:
+            note[TRI] = air.neighbours[watched, which]
+            note[END] = LANDED if note[TRI] < 0 else FLYING
+            return s
+        if _bounce(state, t, grain, walls, hold, kind, which):
+            note[TRI], _ = _find(air, tri, state[at.X], state[at.Y])
+            note[STRUCK] += 1
+            note[END] = UNFINISHED if note[STRUCK] > IMPACTS else FLYING
+            return s
+    state[at.X], state[at.Y], state[at.VX], state[at.VY] = x1, y1, vx1, vy1
+    note[TRI] = onward
+    return h
+
+
 @entry
-def fly_explicit_block(states, clocks, ints, grains, tables, table_of, air, walls, step, until, hold):
+def fly_explicit_block(states, clocks, ints, grains, tables, table_of, air, walls, steps, until, confined, hold):
     """A block of granules; ``states`` begin as those of the tracker; ``ints`` see TRI."""
     for i in range(states.shape[0]):
-        state, note, grain, table = states[i], ints[i], grains[i], tables[table_of[i]]
-        r, t = grain[at.RADIUS], clocks[i]
+        note, table = ints[i], tables[table_of[i]]
         while note[END] == FLYING:
-            h = min(step, until - t)
-            x, y, vx, vy = state[at.X], state[at.Y], state[at.VX], state[at.VY]
-            x1, y1, vx1, vy1, tri = _rk4(air, grain, table, note[TRI], x, y, vx, vy, t, h)
-            note[TAKEN] += 1
-            if not (math.isfinite(x1) and math.isfinite(y1)):
-                note[END] = UNFINISHED
-                break
-            body, kind, which = _touches(walls, x1, y1, r)
-            if body >= 0:
-                high, kind, which = _first_touch(walls, r, h, x, y, vx, vy, x1, y1, vx1, vy1, kind, which)
-                x2, y2, vx2, vy2, tri2 = _rk4(air, grain, table, note[TRI], x, y, vx, vy, t, high)
-                state[at.X], state[at.Y], state[at.VX], state[at.VY] = x2, y2, vx2, vy2
-                if _bounce(state, t, grain, walls, hold, kind, which):
-                    t += high
-                    note[STRUCK] += 1
-                    note[TRI], _ = _find(air, tri2, state[at.X], state[at.Y])
-                    if note[STRUCK] > IMPACTS:
-                        note[END] = UNFINISHED
-                    continue
-            found, code = _find(air, tri, x1, y1)
-            state[at.X], state[at.Y], state[at.VX], state[at.VY] = x1, y1, vx1, vy1
-            t += h
-            if code < 0:
-                _end_at_edge(state, air, found, x, y, vx, vy, h)
-                note[END] = LANDED
-                t += state[at.T] - h
-            note[TRI] = found
-            if note[END] == FLYING and t >= until:
+            h = min(steps[i], until - clocks[i])
+            clocks[i] += _step(states[i], note, clocks[i], grains[i], table, air, walls, h, confined, hold)
+            if note[END] == FLYING and clocks[i] >= until:
                 note[END] = AIRBORNE
-        clocks[i] = t
-
-
-@compiled
-def _end_at_edge(state, air, tri, x, y, vx, vy, h):
-    """Put the end of the track where the step's Hermite cubic leaves the triangle; T becomes its time in
-    the step.
-    """
-    edge, worst = 0, 0.0
-    for k in range(3):
-        value = barycentric(air.geometry, tri, k, state[at.X], state[at.Y])
-        if value < worst:
-            edge, worst = k, value
-    x1, y1, vx1, vy1 = state[at.X], state[at.Y], state[at.VX], state[at.VY]
-    low, high = 0.0, h
-    for _ in range(60):
-        s = 0.5 * (low + high)
-        state[at.X], state[at.Y] = _hermite(s, h, x, vx, x1, vx1), _hermite(s, h, y, vy, y1, vy1)
-        if barycentric(air.geometry, tri, edge, state[at.X], state[at.Y]) < 0.0:
-            high = s
-        else:
-            low = s
-    state[at.T] = high
 
 
 def fly_explicit(
@@ -259,24 +291,25 @@ def fly_explicit(
     grains: Granules,
     *,
     until: float,
-    step: float,
+    step: float | Array,
+    confined: bool = False,
+    seconds: float = math.inf,
     forces: Sequence[str] = ("drag", "gravity"),
     drag: str = "brown-lawler",
     bodies: Sequence[Body] = (),
     length: float = 1.0,
     gravity: Sequence[float] = (0.0, -GRAVITY),
-    workers: int | None = None,
-) -> ExplicitTracks:
-    """Follow ``grains`` past bodies at rest with steps of ``step`` (s) until each leaves the mesh or the clock shows
-    ``until`` (s). Arguments as those of ``track``.
+) -> Ends:
+    """Follow ``grains`` past bodies at rest with steps of ``step`` (s), of each or of all, until each leaves the mesh
+    or the clock shows ``until`` (s); no more are begun after so many ``seconds``. Arguments as those of ``track``.
     """
-    if field.coefficients is not None or field.motion is not None:
-        raise SceneError("the explicit tracker knows steady fields and snapshots: field.snapshots()")
-    count = len(grains)
+    if field.motion is not None or not set(forces) <= KNOWN_FORCES:
+        raise SceneError("the explicit tracker knows drag, gravity and buoyancy, in fields that do not move")
+    count, begun = len(grains), time.monotonic()
     air = pack_air(field, bodies, 1e-6 * length, tuple(forces))
     walls = pack_walls(bodies, pack_lines(()), restitution=grains.restitution)
     tables, table_of = pack_tables(drag, grains.sphericity, grains.fraction)
-    constants = pack_granules(grains, field, forces, gravity)
+    constants, steps = pack_granules(grains, field, forces, gravity), np.broadcast_to(step, count).astype(float)
     states = np.zeros((count, at.T + 1))
     states[:, [at.X, at.Y]], states[:, [at.VX, at.VY]] = grains.position, grains.velocity
     states[:, at.SPIN] = grains.spin
@@ -284,14 +317,14 @@ def fly_explicit(
     ints = np.zeros((count, 4), dtype=np.int64)
     ints[:, TRI] = field.locate(grains.position)
     ints[ints[:, TRI] < 0, END] = UNFINISHED
+    block = ONE_BY_ONE if confined else BLOCK
 
     def fly(low: int) -> Any:
-        part = slice(low, low + BLOCK)
-        block = (states[part], clocks[part], ints[part], constants[part], tables, table_of[part])
-        return fly_explicit_block(*block, air, walls, float(step), float(until), np.zeros(at.CONSTRAINT))
+        part = slice(low, low + block)
+        own = (states[part], clocks[part], ints[part], constants[part], tables, table_of[part])
+        if time.monotonic() - begun <= seconds:
+            fly_explicit_block(*own, air, walls, steps[part], float(until), confined, np.zeros(at.CONSTRAINT))
 
-    with ThreadPoolExecutor(max_workers=workers or cores()) as pool:
-        list(pool.map(fly, range(0, count, BLOCK)))
-    return ExplicitTracks(
-        states[:, at.X : at.Y + 1].copy(), clocks, ints[:, END] == LANDED, ints[:, TAKEN], ints[:, STRUCK]
-    )
+    with ThreadPoolExecutor(max_workers=cores()) as pool:
+        list(pool.map(fly, range(0, count, block)))
+    return Ends(states[:, at.X : at.Y + 1].copy(), clocks, ints[:, END] == LANDED, ints[:, STRUCK], ints[:, TAKEN])

@@ -192,7 +192,7 @@ def peer_rows(
         for count in COUNTS:
             tell(f"{PEER} {count}")
             found, seconds = _landed_shares(plain, foam, count, Path(room, "run"))
-            error = max(abs(found[place] - share) for place, share in truth.items())
+            error = largest_error(found, truth)
             yield {"knob": PEER, "setting": f"{count}", "error": error, "half": None, "seconds": before + seconds}
 
 
@@ -207,11 +207,11 @@ def _landed_shares(
         case = benchmark_case(name, "steady", scene, foam.field, count, (name, {}))
         longest = float(np.nanmax(landed_time(flown_here(case, scene, foam.field))))
         until = LONGER * longest
-        run = fly_parcels(foam, case.grains, **FINE_PARCELS, until=until, folder=folder)
+        run, spent = fly_parcels(foam, case.grains, **FINE_PARCELS, until=until, folder=folder)
         bins: NDArray[np.int64] = bins_of(case, run.position[:, 0])
         shares = np.bincount(bins, minlength=len(places)) / len(bins)
         found |= {(name, place): float(share) for place, share in zip(places, shares, strict=True)}
-        seconds += run.seconds
+        seconds += spent
     return found, seconds
 
 

@@ -125,8 +125,8 @@ def _rows(names: list[str], ours: Array, theirs: Array, total: int) -> list[dict
             difference = mean_interval(other - own, 0.5 / total)
             found.append({
                 "bin": name,
-                "ours": share_interval(own, total),
-                "theirs": share_interval(other, total),
+                "ours": tuple(share_interval(own, total)),
+                "theirs": tuple(share_interval(other, total)),
                 "difference": difference,
                 "agree": bool(difference[1] <= 0.0 <= difference[2]),
             })  # fmt: skip
