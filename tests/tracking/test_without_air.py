@@ -46,30 +46,6 @@ def on_slope(angle: float, along: float, speed: float, **properties: object) -> 
     return one(x, y, vx, vy, **properties)
 
 
-def test_a_ball_on_a_floor_comes_to_rest_in_its_time() -> None:
-    e, h = 0.9, 0.5
-    end = fly(one(0.0, h + 1e-3, restitution=e), until=100.0, tolerance=1e-12, length=1.0, bodies=[FLOOR])
-    assert end.fate[0] == Fate.RESTING
-    assert end.time[0] == pytest.approx(math.sqrt(2 * h / G) * (1 + e) / (1 - e), rel=1e-5)
-    assert end.position[0, 1] == pytest.approx(1e-3, abs=1e-15)
-
-
-@pytest.mark.parametrize("friction", [0.0, 0.3])
-def test_sliding_down_a_slope_is_constant_acceleration(friction: float) -> None:
-    angle, length = math.radians(40), 1.0
-    a = G * (math.sin(angle) - friction * math.cos(angle))
-    line = np.array([(0.5, -5.0), (5.0, -5.0)])
-    end = fly(on_slope(angle, 0.2, 0.0, friction=friction), until=9.0, bodies=[slope(angle)], lines=[line])
-    speed = math.sqrt(2 * a * (length - 0.2))
-    vx, vy = speed * math.cos(angle), speed * math.sin(angle)
-    drop = 5.0 - length * math.sin(angle) + 1e-3 * math.cos(angle)
-    fall = (math.sqrt(vy**2 + 2 * G * drop) - vy) / G
-    assert end.fate[0] == Fate.BINNED
-    assert end.time[0] == pytest.approx(speed / a + fall, rel=1e-9)
-    x = length * math.cos(angle) + 1e-3 * math.sin(angle) + vx * fall
-    assert end.position[0] == pytest.approx([x, -5.0], abs=1e-9)
-
-
 def test_friction_stops_and_holds_what_slides_uphill() -> None:
     angle, friction = math.radians(20), 0.5
     end = fly(on_slope(angle, 0.8, -1.0, friction=friction), until=9.0, bodies=[slope(angle)])
@@ -77,32 +53,6 @@ def test_friction_stops_and_holds_what_slides_uphill() -> None:
     assert end.fate[0] == Fate.RESTING
     along = end.position[0] @ [math.cos(angle), -math.sin(angle)]
     assert along == pytest.approx(0.8 - way, abs=1e-12)
-
-
-@pytest.mark.parametrize(("inertia", "share"), [(0.4, 5 / 7), (0.5, 2 / 3)])
-def test_a_ball_grips_and_rolls(inertia: float, share: float) -> None:
-    angle = math.radians(30)
-    end = fly(on_slope(angle, 0.1, 0.0, friction=1.0, inertia=inertia), until=0.2, bodies=[slope(angle)])
-    speed = share * G * math.sin(angle) * 0.2
-    assert np.linalg.norm(end.velocity[0]) == pytest.approx(speed, rel=1e-9)
-    assert end.spin[0] == pytest.approx(-speed / 1e-3, rel=1e-9)
-    # thrown on a floor without spin it slips until the contact point has stopped: 5/7 of its speed is left
-    end = fly(one(0.0, 1e-3, 1.0, friction=0.3, inertia=inertia), until=1.0, bodies=[FLOOR])
-    assert end.velocity[0] == pytest.approx([share, 0.0], abs=1e-9)
-
-
-def test_round_a_corner_it_leaves_where_the_pressure_ends() -> None:
-    """Without friction a granule slides off a round top at cos(angle) = 2/3, having started there at rest."""
-    spike = Body(shapes["rhombus"](width=0.02, slope_angle=math.radians(80)))
-    top, r = spike.outline[:, 1].max(), 5e-3
-    start = 1e-3
-    grain = one(r * math.sin(start), top + r * math.cos(start), diameter=2 * r)
-    end = fly(grain, until=9.0, tolerance=1e-9, bodies=[spike], lines=[np.array([(0.0, 0.0), (9.0, 0.0)])])
-    cosine = 2 / 3 * math.cos(start)
-    speed = math.sqrt(r * G * cosine)
-    vx, vy = speed * cosine, speed * math.sqrt(1 - cosine**2)
-    fall = (math.sqrt(vy**2 + 2 * G * (top + r * cosine)) - vy) / G
-    assert end.position[0, 0] == pytest.approx(r * math.sqrt(1 - cosine**2) + vx * fall, rel=1e-6)
 
 
 def test_granules_born_inside_or_touching() -> None:
@@ -135,20 +85,6 @@ def curtain(count: int, **properties: object) -> Granules:
     }  # fmt: skip
     position = np.stack([rng.uniform(-0.02, 0.02, count), np.full(count, 0.1)], axis=1)
     return Granules(position=position, velocity=np.zeros((count, 2)), **given)
-
-
-def test_a_body_moved_by_samples_throws_as_the_harmonic_one_does() -> None:
-    """A sine given by 200 samples: exact cubics between them are the sine to 1e-6 of its amplitude."""
-    time = np.linspace(0.0, 1 / 30, 201)
-    omega = 60 * math.pi
-    sampled = Motion.sampled(time, -1e-3 * omega**2 * np.sin(omega * time))
-    grains, ends = curtain(100, friction=0.0), []
-    for motion in (Motion((0.0, 1e-3), 30.0), sampled):
-        bodies, lines = maze(motion)
-        ends.append(fly(grains, until=0.25, bodies=bodies[:1], lines=lines, length=D))
-    off = np.linalg.norm(ends[0].position - ends[1].position, axis=1) / D
-    assert np.mean(off < 1e-3) > 0.9
-    assert np.median(off) < 1e-5
 
 
 @pytest.mark.parametrize("inertia", [None, 0.4])
