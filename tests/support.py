@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
+from html.parser import HTMLParser
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -20,6 +21,8 @@ from wakeflow.foam.case import FlowSpec
 from wakeflow.laws.constants import GRAVITY, STANDARD_AIR
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import plan_mesh
+from wakeflow.pipeline.landings import Landings
+from wakeflow.planning.plan import REPLICATES
 from wakeflow.scene import Scene
 from wakeflow.tracking import Granules
 
@@ -85,6 +88,15 @@ def with_tau(tau: float, position: Any, velocity: Any, **more: Any) -> Granules:
     return Granules(position, velocity, diameter=np.sqrt(18 * VISCOSITY * tau / density), density=density, **more)
 
 
+def landings_in(bins: Any, **columns: Any) -> Landings:
+    """Granules that ended in bins of these numbers, in replicates in turn; what ``columns`` do not give is 0."""
+    places = np.asarray(bins)
+    names = ("diameter", "fate", "time", "impacts", "realisation", "cycle")
+    plain: dict[str, Any] = dict.fromkeys(names, np.zeros(len(places), dtype=int))
+    plain |= {"position": np.zeros((len(places), 2)), "replicate": np.arange(len(places)) % REPLICATES}
+    return Landings(**{**plain, **columns, "bin": places})
+
+
 def distance(outline: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Distances (n,) of points (n, 2) from an outline (k, 2); written apart from the program's own."""
     along = np.roll(outline, -1, axis=0) - outline
@@ -109,6 +121,46 @@ def working_in(folder: Path) -> dict[int, str]:
         except OSError:  # it ended meanwhile, or belongs to someone else
             continue
     return found
+
+
+class Page(HTMLParser):
+    """What a page is made of: tags with their attributes, what is left open, its text, and tables by id as rows of the
+    texts of their cells.
+    """
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.tables: dict[str, list[list[str]]] = {}
+        self.text, self.rows = "", [[""]]
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in ("meta", "img", "br", "input", "link", "hr"):
+            self.open.append(tag)
+        if tag == "table":
+            self.rows = self.tables.setdefault(dict(attrs).get("id") or "", [])
+        elif tag == "tr":
+            self.rows.append([])
+        elif tag in ("td", "th"):
+            self.rows[-1].append("")
+        elif tag == "br":
+            self.handle_data(" ")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+        if {"td", "th"} & set(self.open):
+            self.rows[-1][-1] += data
+
+    def every(self, *names: str) -> list[dict[str, str | None]]:
+        """Attributes of every tag of these names."""
+        return [given for tag, given in self.tags if tag in names]
 
 
 class Here(Executor):

@@ -12,7 +12,7 @@ import pytest
 from result_page import PAGE, page
 
 import wakeflow as wf
-from support import shipped
+from support import landings_in, shipped
 from wakeflow.answer.notices import ENDINGS, _out_of_the_top, _unlanded, with_mesh_error
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import BudgetPart, InputPart
@@ -22,7 +22,6 @@ from wakeflow.core.graded import Grade
 from wakeflow.core.number import Number
 from wakeflow.core.record import from_json
 from wakeflow.pipeline.airflow import Airflow, GridStudy
-from wakeflow.pipeline.landings import Landings
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
 from wakeflow.report.words import BUDGET_COLUMNS, IMPACT_COLUMNS, SEPARATION_COLUMNS, holds, separation_cells
@@ -201,12 +200,8 @@ KEY = re.compile(r"\b[a-z]+\.[a-zA-Z_.]+|--force [a-z.-]+=o|\[[a-z.A-Z]+\]")  # 
 def test_granules_that_leave_above_are_told_and_those_that_fall_are_not() -> None:
     scene = shipped("aspirator")
     above, below = scene.level + 0.1, scene.level - 0.1
-    row = np.zeros(4, dtype=int)
-    landing = Landings(
-        position=np.array([[0.0, above], [0.0, above], [0.0, below], [0.0, above]]),
-        bin=np.array([-1, -1, -1, 0]),  # the last one came to a bin
-        replicate=row, diameter=row, fate=np.full(4, Fate.ESCAPED), time=row, impacts=row, realisation=row, cycle=row,
-    )  # fmt: skip
+    position = np.array([[0.0, above], [0.0, above], [0.0, below], [0.0, above]])
+    landing = landings_in([-1, -1, -1, 0], position=position, fate=np.full(4, Fate.ESCAPED))  # the last one in a bin
     tracked = cast("Any", SimpleNamespace(landings={"straw": landing}))
     (told,) = _out_of_the_top(scene, tracked)
     assert told.text.startswith("straw: 0.5 of it leaves through the top")
@@ -237,11 +232,7 @@ def test_what_upward_air_carries_out_has_its_own_bin() -> None:
     assert lost.replace({"air.direction": "down"}).with_top().bin == lost.bin
     assert make_plan(lost).airflow.kind == "analytic"
 
-    row = np.zeros(4, dtype=int)
-    landing = Landings(
-        position=np.full((4, 2), 0.6), bin=np.array([1, 1, 0, 1]), replicate=row, diameter=row,
-        fate=np.full(4, Fate.BINNED), time=row, impacts=row, realisation=row, cycle=row,
-    )  # fmt: skip
+    landing = landings_in([1, 1, 0, 1], position=np.full((4, 2), 0.6), fate=np.full(4, Fate.BINNED))
     (told,) = _out_of_the_top(caught, cast("Any", SimpleNamespace(landings={"straw": landing})))
     assert (told.grade, told.text) == (
         Grade.INFORMATION,

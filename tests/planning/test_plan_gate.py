@@ -15,7 +15,7 @@ import pytest
 
 from proofs.report import cell
 from proofs.studies import bounds as gates
-from support import CASES, shipped
+from support import CASES, landings_in, shipped
 from wakeflow.answer.shares import BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.budget.budget import together
 from wakeflow.budget.comparison import free_ends
@@ -508,10 +508,7 @@ def landings_at(x: np.ndarray, scene: Scene) -> Landings:
     place = np.full(len(x), -1)
     for i, (low, high) in enumerate(edges):
         place[(x >= low) & (x < high)] = i  # type: ignore[operator]
-    zero = np.zeros(len(x))
-    position = np.stack([x, np.full(len(x), scene.channel.bottom)], axis=1)
-    none = zero.astype(int)
-    return Landings(position, place, np.arange(len(x)) % 16, zero, none, zero, none, none, none)
+    return landings_in(place, position=np.stack([x, np.full(len(x), scene.channel.bottom)], axis=1))
 
 
 def test_a_shift_carries_all_of_one_side_of_an_end_over_it() -> None:

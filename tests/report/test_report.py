@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator
 from csv import DictReader
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure as Canvas
 
+from support import Page
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import PartitionCurve, Separation
 from wakeflow.cli.show_result import budget_table, separation_table
@@ -576,45 +576,9 @@ def test_an_empty_budget_prints() -> None:
     assert "budget" in _printed(budget_table(()))
 
 
-class _Page(HTMLParser):
-    """Tables by id as lists of rows of cell texts, picture sources, and all text."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tables: dict[str, list[list[str]]] = {}
-        self.sources: list[str] = []
-        self.text, self._table, self._cell = "", "", False
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        given = dict(attrs)
-        if tag == "table":
-            self._table = given["id"] or ""
-            self.tables[self._table] = []
-        elif tag == "tr":
-            self.tables[self._table].append([])
-        elif tag in ("td", "th"):
-            self.tables[self._table][-1].append("")
-            self._cell = True
-        elif tag == "br":
-            self.handle_data(" ")
-        elif tag in ("img", "link", "script"):
-            self.sources.append(given.get("src") or given.get("href") or "")
-
-    def handle_endtag(self, tag: str) -> None:
-        if tag in ("td", "th"):
-            self._cell = False
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
-        if self._cell:
-            self.tables[self._table][-1][-1] += data
-
-
 def test_the_page_says_what_the_result_says(scene: Scene, tmp_path: Path) -> None:
     outcome = _outcome(scene)
-    page = _Page(write_report(tmp_path, outcome).read_text())
+    page = Page(write_report(tmp_path, outcome).read_text())
     separation = _separation(outcome.result)
     head, *rows = page.tables["separation"]
     bins = head[1:-1]
@@ -658,7 +622,7 @@ def test_grids_bracket_and_momentum_model_are_shown(rhombus: Scene) -> None:
     result["airflow"]["grids"] = [row]
     result["bracket"] = {"wheat": {"middle": {"steady": 0.25, "answer": 0.125}, "elsewhere": {"steady": 0.0,
                          "answer": 0.0}}}  # fmt: skip
-    found = _Page(html.render(_read(result), {})).tables
+    found = Page(html.render(_read(result), {})).tables
     assert found["grids"][1] == ["cd", "1.23", "1.3", "1.2 to 1.26", "–", "two grids"]
     assert found["bracket"] == [["fraction", "bin", "steady", "answer"], ["wheat", "middle", "25.0", "12.5"]]
     rows = {row[0]: row[1] for row in found["airflow"]}
@@ -674,7 +638,7 @@ def test_a_best_estimate_stands_between_its_ends(rhombus: Scene) -> None:
     wake = {"theta": share, "strength": {"value": 0.6, "low": 0.4, "high": 0.9}, "why": "two measurements"}
     ends = {"steady": end(1.0, 0.1), "time_resolved": end(2.0, 0.3)}
     result = _result(rhombus, {**AIRFLOW, **end(1.5, 0.2), "wake": wake, "ends": ends})
-    page = _Page(html.render(_read(result), {}))
+    page = Page(html.render(_read(result), {}))
     assert "0.50 (0.35 to 0.70)" in page.text
     assert "two measurements" in page.text
     rows = page.tables["ends"]
@@ -682,14 +646,14 @@ def test_a_best_estimate_stands_between_its_ends(rhombus: Scene) -> None:
     assert rows[1] == ["drag coefficient of the body", "1 [0.99, 1.01]", "1.5 [1.49, 1.51]", "2 [1.99, 2.01]", ""]
     assert ["suction zone: length downstream of the body", "100", "200", "300", "mm"] in rows
     assert not any("lift" in row[0] for row in rows)  # the ends here do not tell it
-    plain = _Page(html.render(_read(_result(rhombus, AIRFLOW)), {}))
+    plain = Page(html.render(_read(_result(rhombus, AIRFLOW)), {}))
     assert "ends" not in plain.tables
 
 
 def test_impacts_are_shown_and_saved(rhombus: Scene, tmp_path: Path) -> None:
     result = _result(rhombus, None)
     result["impact"] = to_json(impact_loads(rhombus, make_plan(rhombus)))
-    shown = _Page(html.render(_read(result), {})).tables["impact"]
+    shown = Page(html.render(_read(result), {})).tables["impact"]
     assert [row[:2] for row in shown[1:]] == [
         [name, slope] for name in (*rhombus.fraction, "all") for slope in ("left", "right")
     ]
@@ -704,7 +668,7 @@ def test_impacts_are_shown_and_saved(rhombus: Scene, tmp_path: Path) -> None:
 
 def test_impaction_and_the_limits_of_the_feed_are_shown(rhombus: Scene) -> None:
     plan = make_plan(rhombus).summary()
-    found = _Page(html.render(_read({**_result(rhombus, None), "plan": plan}), {})).tables
+    found = Page(html.render(_read({**_result(rhombus, None), "plan": plan}), {})).tables
     assert [row[:2] for row in found["impaction"][1:]] == [
         [name, row["mode"]] for name, row in plan["fractions"].items()
     ]
@@ -718,8 +682,9 @@ def test_impaction_and_the_limits_of_the_feed_are_shown(rhombus: Scene) -> None:
 
 def test_the_page_needs_no_other_file(rhombus: Scene, tmp_path: Path) -> None:
     text = write_report(tmp_path, _outcome(rhombus)).read_text()
-    page = _Page(text)
-    inlined = [source for source in page.sources if source]
+    page = Page(text)
+    sources = [given.get("src") or given.get("href") for given in page.every("img", "link", "script")]
+    inlined = list(filter(None, sources))
     for source, name in zip(
         inlined, ("sketch", "pressure", "vorticity", "tracks", "residence", "landing"), strict=True
     ):
@@ -758,7 +723,7 @@ UNTIL_AIRFLOW = ("separation", "bracket", "budget", "fates", "met_by_law", "impa
 
 def test_a_run_without_separation_still_has_a_page(rhombus: Scene) -> None:
     result = {k: v for k, v in _result(rhombus, AIRFLOW).items() if k not in UNTIL_AIRFLOW}
-    page = _Page(html.render(_read(result), {}))
+    page = Page(html.render(_read(result), {}))
     assert set(page.tables) == {
         "airflow", "left-out", "machine-table", "materials", "origin", "proofs", "seconds",
     }  # fmt: skip
