@@ -24,6 +24,15 @@ def still(points: np.ndarray) -> np.ndarray:
     return np.zeros_like(points)
 
 
+def test_buoyancy_and_pressure_gradient_have_their_signs_and_sizes() -> None:
+    field = field_of(still, 6, pressure=shaken_mesh(6, -1.0, 1.0)[0] @ [12.0, -5.0])
+    grains = Granules([[0.0, 0.0]], [[0.0, 0.0]], diameter=1e-3, density=2.4)
+    tracks = track(field, grains, until=0.1, forces=("gravity", "buoyancy", "pressure-gradient"))
+    np.testing.assert_allclose(tracks.velocity, [[-12 / 2.4 * 0.1, (-G * 0.5 + 5 / 2.4) * 0.1]], atol=1e-12)
+    plain = track(field, grains, until=0.1, forces=("gravity",))
+    np.testing.assert_allclose(plain.velocity, [[0.0, -G * 0.1]], atol=1e-14)
+
+
 def test_drag_scale_multiplies_the_drag() -> None:
     field = field_of(still)
     a = track(field, with_tau(0.1, [[0.0, 0.0]], [[1.0, 0.0]], drag_scale=2.0), until=0.2, drag="stokes")
