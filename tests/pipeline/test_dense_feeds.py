@@ -309,7 +309,7 @@ def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: 
     out = capsys.readouterr().out
     assert "granules colliding" in out
     assert "without collisions" in out
-    off = wf.run(scene, tmp_path / "off", force={COLLISIONS: False})
+    off = wf.run(scene, tmp_path / "off", force={COLLISIONS: False}, report=False)
     assert off.landings.slab is None
     assert "slab" not in off.table
     (value, low, high), (share, least, most) = off.share("hard", "far"), alone.share("hard", "far")

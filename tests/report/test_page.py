@@ -3,6 +3,7 @@
 import itertools
 import json
 import re
+import shutil
 import sys
 import tomllib
 from pathlib import Path
@@ -287,9 +288,8 @@ def test_the_page_shows_one_film_or_says_that_it_is_too_large(tmp_path: Path) ->
     assert page.read_text().endswith("<p>after</p>")
 
 
-def test_a_user_makes_a_film_of_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = tmp_path / "run"
-    wf.run(shipped("vacuum", {"feed.count": 64}), folder)
+def test_a_user_makes_a_film_of_a_run(small_run: wf.Result, tmp_path: Path) -> None:
+    folder = shutil.copytree(small_run.folder, tmp_path / "run")
     assert main(["animate", str(folder), "--seconds", "1", "--size", "240", "--span", "100 ms", "--quiet"]) == 0
     film = folder / "figures" / "film.gif"
     with Image.open(film) as made:

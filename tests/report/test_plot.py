@@ -11,7 +11,7 @@ from matplotlib import pyplot
 from matplotlib.axes import Axes
 
 import wakeflow as wf
-from support import Page, field_of, shipped
+from support import Here, Page, field_of, shipped
 from wakeflow.core import tables
 from wakeflow.report.plot import cells_left, outcome_of
 
@@ -226,7 +226,7 @@ def test_a_plan_is_a_line_and_a_page() -> None:
 def test_tables_of_many_runs_are_short_too(tmp_path: Path) -> None:
     found = wf.sweep(
         wf.variants(shipped("vacuum", {"feed.count": 32}), {"feed.height": ["50 mm", "60 mm"]}),
-        tmp_path / "sweep", workers=1, figures=False,
+        tmp_path / "sweep", scheduler=Here(), figures=False,
     )  # fmt: skip
     assert repr(found) == f"<Sweep {tmp_path / 'sweep'}: 2 of 2 scenes done over feed.height>"
     page = Page(found._repr_html_())

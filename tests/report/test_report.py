@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure as Canvas
 
-from support import Page
+from support import Page, shipped
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import PartitionCurve, Separation
 from wakeflow.cli.show_result import budget_table, separation_table
@@ -198,9 +198,15 @@ def _granules() -> dict[str, np.ndarray]:
     return {"position": np.zeros((1, 2)), **{name: np.zeros(1) for name in names}}
 
 
-@pytest.fixture(params=["rhombus", "prism", "vacuum"])
-def scene(request: pytest.FixtureRequest, cases: Path) -> Scene:
-    return Scene.load(cases / f"{request.param}.toml")
+@pytest.fixture(scope="module", params=["rhombus", "prism", "vacuum"])
+def scene(request: pytest.FixtureRequest) -> Scene:
+    return shipped(request.param)
+
+
+@pytest.fixture(scope="module")
+def page(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A report of each scene, alone in its folder."""
+    return write_report(tmp_path_factory.mktemp("report"), _outcome(scene))
 
 
 @pytest.fixture
@@ -216,9 +222,9 @@ def _annotations(figure: Any) -> dict[str, Any]:
     return {a.get_text(): a for axes in figure.axes for a in axes.texts if a.get_text()}
 
 
-def test_everything_is_written_whole(scene: Scene, tmp_path: Path) -> None:
-    page = write_report(tmp_path, _outcome(scene))
-    names = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
+def test_everything_is_written_whole(scene: Scene, page: Path) -> None:
+    folder = page.parent
+    names = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
     blocks = {name for name in names if name.startswith("machine/")}
     assert len(blocks) >= len(scene.body) + len(scene.bin)
     names -= blocks
@@ -228,11 +234,9 @@ def test_everything_is_written_whole(scene: Scene, tmp_path: Path) -> None:
     drawn = {f"figures/{name}{suffix}" for name in pictures for suffix in (".png", ".svg")}
     data = {f"figures/{name}" for name in ("pressure.npz", "vorticity.npz", "residence.csv")}
     assert names == always | drawn | ({"field.npz", "field.vtu", *data} if scene.air else set())
-    assert page == tmp_path / "report.html"
-    for name in names:
-        if name.endswith(".png"):
-            head = (tmp_path / name).read_bytes()[:8]
-            assert head == b"\x89PNG\r\n\x1a\n"
+    assert page.name == "report.html"
+    heads = {(folder / name).read_bytes()[:8] for name in names if name.endswith(".png")}
+    assert heads == {b"\x89PNG\r\n\x1a\n"}
 
 
 def test_nothing_of_an_earlier_scene_stays(cases: Path, tmp_path: Path) -> None:
@@ -273,23 +277,22 @@ def sizes() -> Iterator[str]:
     del figures._entries[name]
 
 
-def test_a_new_figure_is_drawn_shown_and_cleared(sizes: str, rhombus: Scene, tmp_path: Path) -> None:
-    page = write_report(tmp_path, _outcome(rhombus))
+def test_a_new_figure_is_drawn_shown_and_cleared(sizes: str, cases: Path, tmp_path: Path) -> None:
+    page = write_report(tmp_path, _outcome(Scene.load(cases / "vacuum.toml")))
     assert (tmp_path / "figures" / f"{sizes}.png").stat().st_size > 500
     assert "How many granules of each fraction were flown." in page.read_text()
     clear_report(tmp_path)
     assert not (tmp_path / "figures" / f"{sizes}.png").exists()
 
 
-def test_a_figure_is_drawn_where_the_run_has_what_it_shows(rhombus: Scene, tmp_path: Path) -> None:
-    name = "never"
-    figures.add(name, Figure("Nothing.", _draw_sizes, lambda outcome: False, always=True))
+def test_a_figure_is_drawn_where_the_run_has_what_it_shows(cases: Path, tmp_path: Path) -> None:
+    figures.add("never", Figure("Nothing.", _draw_sizes, lambda outcome: False, always=True))
     try:
-        write_report(tmp_path, _outcome(rhombus))
-        assert not (tmp_path / "figures" / f"{name}.png").exists()
+        write_report(tmp_path, _outcome(Scene.load(cases / "vacuum.toml")))
+        assert not (tmp_path / "figures" / "never.png").exists()
         assert not is_whole(tmp_path)  # a figure that every report has is missing
     finally:
-        del figures._entries[name]
+        del figures._entries["never"]
     assert is_whole(tmp_path)
 
 
@@ -576,11 +579,10 @@ def test_an_empty_budget_prints() -> None:
     assert "budget" in _printed(budget_table(()))
 
 
-def test_the_page_says_what_the_result_says(scene: Scene, tmp_path: Path) -> None:
-    outcome = _outcome(scene)
-    page = Page(write_report(tmp_path, outcome).read_text())
-    separation = _separation(outcome.result)
-    head, *rows = page.tables["separation"]
+def test_the_page_says_what_the_result_says(scene: Scene, page: Path) -> None:
+    told_page = Page(page.read_text())
+    tables, separation = told_page.tables, _separation(_outcome(scene).result)
+    head, *rows = tables["separation"]
     bins = head[1:-1]
     middles = {name: bin_.line(scene.channel)[:, 0].mean() for name, bin_ in scene.bin.items()}
     assert bins == [*sorted(scene.bin, key=lambda name: middles[name]), "elsewhere"]  # from left to right
@@ -588,30 +590,30 @@ def test_the_page_says_what_the_result_says(scene: Scene, tmp_path: Path) -> Non
         assert row == [name, *(percent(places[b]) for b in bins), percent(separation.recovery[name])]
     assert rows[-1][1:-1] == [f"{separation.throughput[b]:.4g}" for b in bins]
     assert rows[-2][1 + bins.index(separation.bins[0])] == "–"
-    told = {row[0]: row[1:4] for row in page.tables["recovery"][1:]}
+    told = {row[0]: row[1:4] for row in tables["recovery"][1:]}
     for name, fraction in scene.fraction.items():
         found = separation.recovery[name]
         ends = f"{100 * found.low:.3g} to {100 * found.high:.3g}"
         assert told[name] == [" or ".join(fraction.targets), f"{100 * found.value:.1f}", ends]
     if scene.air is not None:
-        air = {row[0]: row[1:] for row in page.tables["airflow"]}
+        air = {row[0]: row[1:] for row in tables["airflow"]}
         assert air["drag coefficient of the body"][0] == "1.234 [1.21, 1.26]"
         assert air["suction zone: length downstream of the body"] == ["83", "mm"]
         assert air["suction zone: area"] == ["41", "cm²"]
         assert "Strouhal number of the shedding" not in air
-    assert page.tables["budget"][1][:4] == [
+    assert tables["budget"][1][:4] == [
         f"share.{next(iter(scene.fraction))}.{separation.bins[0]}", "unknown", "–",
         "sampling 0.43, airflow-model unknown",
     ]  # fmt: skip
-    assert page.tables["sources"][1:] == [
+    assert tables["sources"][1:] == [
         ["sampling", "from this run", "1.5 s"],
         ["airflow-model", "not known", "0.0 s"],
     ]
-    assert page.tables["left-out"][1:] == [["basset-history", "0.00031", "small"], ["brownian", "–", "all < large"]]
-    assert page.tables["fates"][1] == [next(iter(scene.fraction)), "480", "20", "500"]
-    assert [row[:2] for row in page.tables["seconds"][1:]] == [["mesh", "1.2 s"], ["tracks", "3.3 min"]]
-    assert "the curtain is dense" in page.text
-    assert "nan" not in page.text.lower().split()
+    assert tables["left-out"][1:] == [["basset-history", "0.00031", "small"], ["brownian", "–", "all < large"]]
+    assert tables["fates"][1] == [next(iter(scene.fraction)), "480", "20", "500"]
+    assert [row[:2] for row in tables["seconds"][1:]] == [["mesh", "1.2 s"], ["tracks", "3.3 min"]]
+    assert "the curtain is dense" in told_page.text
+    assert "nan" not in told_page.text.lower().split()
 
 
 def test_grids_bracket_and_momentum_model_are_shown(rhombus: Scene) -> None:
@@ -680,17 +682,16 @@ def test_impaction_and_the_limits_of_the_feed_are_shown(rhombus: Scene) -> None:
     assert loading["mass-loading"][1:4] == [f"{mass['value']:.2g}", "0.1", f"{mass['feed_rate']:.3g}"]
 
 
-def test_the_page_needs_no_other_file(rhombus: Scene, tmp_path: Path) -> None:
-    text = write_report(tmp_path, _outcome(rhombus)).read_text()
-    page = Page(text)
-    sources = [given.get("src") or given.get("href") for given in page.every("img", "link", "script")]
-    inlined = list(filter(None, sources))
-    for source, name in zip(
-        inlined, ("sketch", "pressure", "vorticity", "tracks", "residence", "landing"), strict=True
-    ):
+def test_the_page_needs_no_other_file(scene: Scene, page: Path) -> None:
+    text = page.read_text()
+    made = Page(text).every("img", "link", "script")
+    inlined = list(filter(None, (given.get("src") or given.get("href") for given in made)))
+    names = ["sketch", "pressure", "vorticity", "tracks", "residence", "landing"]
+    shown = names if scene.air else [name for name in names if name in ("sketch", "tracks", "landing")]
+    for source, name in zip(inlined, shown, strict=True):
         prefix, data = source.split(",")
         assert prefix == "data:image/png;base64"
-        assert base64.b64decode(data) == (tmp_path / "figures" / f"{name}.png").read_bytes()
+        assert base64.b64decode(data) == (page.parent / "figures" / f"{name}.png").read_bytes()
     assert "http" not in text
 
 

@@ -144,7 +144,7 @@ def test_vacuum_flight_is_the_papers_parabola(cases: Path, tmp_path: Path) -> No
     tables = Scene.load(cases / "vacuum.toml", {"feed.count": 64, "feed.width": "0.1 mm"}).tables()
     del tables["vibration"]
     scene = Scene.parse(tables)
-    result = wf.run(scene, tmp_path)
+    result = wf.run(scene, tmp_path, report=False)
     raised = 1e-3 * np.sqrt(2)  # the centre of a 2 mm granule on a 45 degree slope lies that much above it
     out = wf.impact(np.pi / 4, np.sqrt(2 * 9.81 * (0.1 + 0.0125 - raised)), 0.0, 0.5, 0.3)
     vx, vy = out.velocity
@@ -192,7 +192,7 @@ def test_pressure_gradient_can_be_switched_off_and_matters_to_chaff(rhombus_run:
 def test_the_order_of_bins_in_the_file_changes_no_share(vacuum_run: wf.Result, tmp_path: Path) -> None:
     tables = Scene.parse(vacuum_run.table["scene"]).tables()
     tables["bin"] = dict(reversed(tables["bin"].items()))
-    swapped = wf.run(Scene.parse(tables), tmp_path)
+    swapped = wf.run(Scene.parse(tables), tmp_path, report=False)
     assert swapped.separation["fractions"] == {
         name: {place: row[place] for place in ("far", "near", "elsewhere")}
         for name, row in vacuum_run.separation["fractions"].items()
@@ -201,7 +201,7 @@ def test_the_order_of_bins_in_the_file_changes_no_share(vacuum_run: wf.Result, t
 
 def test_granules_that_leave_through_floor_or_top_without_a_bin_have_escaped(cases: Path, tmp_path: Path) -> None:
     scene = Scene.load(cases / "vacuum.toml", {"feed.count": 64, "bin.far.to": 0.125})
-    result = wf.run(scene, tmp_path)
+    result = wf.run(scene, tmp_path, report=False)
     for name, fates in result.table["fates"].items():
         assert fates["binned"] + fates["escaped"] == 64
         assert result.share(name, "elsewhere")[0] == pytest.approx(fates["escaped"] / 64)
