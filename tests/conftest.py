@@ -67,11 +67,11 @@ def _only_marked_tests_start_programs(event: str, arguments: tuple[Any, ...]) ->
 
 @pytest.fixture(scope="session")
 def small_run(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """A Result of the shipped vacuum on 64 granules with its whole report, which nobody changes."""
+    """A Result of the shipped vacuum on 256 granules with its whole report, which nobody changes."""
     import wakeflow as wf
     from support import shipped  # not above: the program is imported after its cache is named
 
-    return wf.run(shipped("vacuum", {"feed.count": 64}), tmp_path_factory.mktemp("small") / "vacuum")
+    return wf.run(shipped("vacuum", {"feed.count": 256}), tmp_path_factory.mktemp("small") / "vacuum")
 
 
 @pytest.fixture(scope="session")

@@ -151,7 +151,7 @@ def test_frames_are_plain_arrays_without_pandas(small_run: wf.Result, monkeypatc
         (name, place) for name in small_run.scene["fraction"] for place in small_run.targets(name)
     }
     granules = small_run.granules()
-    assert {len(column) for column in granules.values()} == {64 * len(small_run.scene["fraction"])}
+    assert {len(column) for column in granules.values()} == {256 * len(small_run.scene["fraction"])}
     assert set(granules["bin"]) <= {*small_run.scene["bin"], "elsewhere"}
     shares = small_run.scene["fraction"]
     for name in shares:
