@@ -10,17 +10,25 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from html.parser import HTMLParser
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from scipy.spatial import Delaunay
 
+from wakeflow.core.files import case_template
+from wakeflow.core.record import load
+from wakeflow.core.sources import code_key
+from wakeflow.core.store import Store, cache_root, content_key, digest_files
 from wakeflow.field import FlowField
+from wakeflow.foam.airflow import solve_airflow
+from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.case import FlowSpec
+from wakeflow.foam.programs import openfoam_version
 from wakeflow.laws.constants import GRAVITY, STANDARD_AIR
 from wakeflow.laws.shape import shapes
-from wakeflow.meshing import plan_mesh
+from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.pipeline.landings import Landings
 from wakeflow.planning.plan import REPLICATES
 from wakeflow.scene import Scene
@@ -109,6 +117,21 @@ def rhombus_spec(**how: Any) -> FlowSpec:
     """The airflow of a rhombus that blocks a sixth of a short channel; ``how``: what ``plan_mesh`` takes."""
     mesh = plan_mesh([RHOMBUS], width=0.3, top=0.25, bottom=-0.45, names=["rhombus"], **{"scale": 1.6, **how})
     return FlowSpec(mesh, 5.0, **AIR, turbulence="kOmegaSST", stepping="steady" if mesh.half else "time-resolved")
+
+
+def kept_airflow(spec: FlowSpec) -> tuple[Path, AirflowResult]:
+    """Folder (mesh.msh, case) and result of a solved airflow, which nobody changes: kept between sessions until the
+    code that makes it, the template, Gmsh or OpenFOAM is another.
+    """
+
+    def work(part: Path) -> None:
+        build_mesh(spec.mesh, part)
+        solve_airflow(spec, part / "mesh.msh", part / "case")
+
+    code = code_key("wakeflow.meshing", "wakeflow.foam.airflow"), digest_files([case_template()])
+    key = content_key(repr(spec), *code, version("gmsh"), openfoam_version())
+    folder, _ = Store(cache_root()).make("tested-airflow", key, work)
+    return folder, load(AirflowResult, folder / "case" / "airflow.json")
 
 
 def working_in(folder: Path) -> dict[int, str]:

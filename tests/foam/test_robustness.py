@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from proofs.studies import robustness
-from support import RHOMBUS, WIDTH, working_in
+from support import RHOMBUS, WIDTH, kept_airflow, working_in
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import case_template, write_json
 from wakeflow.foam import case as case_module
@@ -46,11 +46,8 @@ def flow(reynolds: float = 20.0, rung: str = "draft", **how: Any) -> FlowSpec:
 
 
 @pytest.fixture(scope="module")
-def solved(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlowSpec, Path, AirflowResult]:
-    folder = tmp_path_factory.mktemp("solved")
-    spec = flow()
-    build_mesh(spec.mesh, folder)
-    return spec, folder, solve_airflow(spec, folder / "mesh.msh", folder / "case")
+def solved() -> tuple[FlowSpec, Path, AirflowResult]:
+    return flow(), *kept_airflow(flow())
 
 
 STACK = "#0  Foam::error::printStack(Foam::Ostream&)\n#1  Foam::sigFpe::sigHandler(int) at ??:?\n"
