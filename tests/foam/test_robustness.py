@@ -403,8 +403,7 @@ class TestRanks:
         """On cells enough for a run of some seconds, so that there is something to interrupt."""
         spec, case = flow(), tmp_path / "case"
         spec = replace(spec, mesh=spec.mesh.scaled(0.4))
-        build_mesh(spec.mesh, tmp_path)
-        alone = solve_airflow(spec, tmp_path / "mesh.msh", tmp_path / "alone")
+        folder, alone = kept_airflow(spec)
 
         saved: list[float] = []
 
@@ -416,14 +415,14 @@ class TestRanks:
 
         spec = replace(spec, ranks=2)
         with pytest.raises(KeyboardInterrupt):
-            solve_airflow(spec, tmp_path / "mesh.msh", case, listener=stop)
+            solve_airflow(spec, folder / "mesh.msh", case, listener=stop)
         seen: list[Progress] = []
-        result = solve_airflow(spec, tmp_path / "mesh.msh", case, listener=seen.append)
+        result = solve_airflow(spec, folder / "mesh.msh", case, listener=seen.append)
         assert seen[0].time > max(saved)
         assert (np.diff(read_table(case, "forceCoefficients", (1,))[:, 0]) == 1).all()
         assert not list(case.glob("processor*"))
         assert "nProcs : 2" in (case / "log.simpleFoam").read_text()
-        undisturbed = solve_airflow(spec, tmp_path / "mesh.msh", tmp_path / "undisturbed")
+        undisturbed = solve_airflow(spec, folder / "mesh.msh", tmp_path / "undisturbed")
         assert replace(result, seconds=0.0) == replace(undisturbed, seconds=0.0)
         assert result.cd.value == pytest.approx(alone.cd.value, rel=1e-3)
         assert result.verdict == alone.verdict
