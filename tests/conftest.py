@@ -5,6 +5,7 @@ that say which outside program a test starts, and skip it where that is missing;
 import os
 import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +65,36 @@ def _only_marked_tests_start_programs(event: str, arguments: tuple[Any, ...]) ->
             raise RuntimeError(f"{_running['test'].nodeid} starts {word} without the marker {marker}")
 
 
+@pytest.fixture(scope="session")
+def small_run(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """A Result of the shipped vacuum on 256 granules with its whole report, which nobody changes."""
+    import wakeflow as wf
+    from support import shipped  # not above: the program is imported after its cache is named
+
+    return wf.run(shipped("vacuum", {"feed.count": 256}), tmp_path_factory.mktemp("small") / "vacuum")
+
+
+@pytest.fixture(scope="session")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """A Dask cluster of two workers on this machine."""
+    from support import LoopbackCluster
+
+    with LoopbackCluster(tmp_path_factory.mktemp("dask"), workers=2) as cluster:
+        yield cluster
+
+
+@pytest.fixture
+def no_screen() -> Iterator[None]:
+    """Figures of pyplot are drawn into memory and closed."""
+    from matplotlib import pyplot
+
+    before = pyplot.get_backend()
+    pyplot.switch_backend("agg")
+    yield
+    pyplot.close("all")
+    pyplot.switch_backend(before)
+
+
 @pytest.fixture
 def cases() -> Path:
     return ROOT / "cases"
@@ -72,7 +103,7 @@ def cases() -> Path:
 @pytest.fixture
 def rhombus() -> Any:
     """The shipped rhombus as it is, a Scene."""
-    from support import shipped  # not above: the program is imported after its cache is named
+    from support import shipped
 
     return shipped("rhombus")
 

@@ -9,17 +9,28 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
+from html.parser import HTMLParser
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from scipy.spatial import Delaunay
 
+from wakeflow.core.files import case_template
+from wakeflow.core.record import load
+from wakeflow.core.sources import code_key
+from wakeflow.core.store import Store, cache_root, content_key, digest_files
 from wakeflow.field import FlowField
+from wakeflow.foam.airflow import solve_airflow
+from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.case import FlowSpec
+from wakeflow.foam.programs import openfoam_version
 from wakeflow.laws.constants import GRAVITY, STANDARD_AIR
 from wakeflow.laws.shape import shapes
-from wakeflow.meshing import plan_mesh
+from wakeflow.meshing import build_mesh, plan_mesh
+from wakeflow.pipeline.landings import Landings
+from wakeflow.planning.plan import REPLICATES
 from wakeflow.scene import Scene
 from wakeflow.tracking import Granules
 
@@ -85,6 +96,15 @@ def with_tau(tau: float, position: Any, velocity: Any, **more: Any) -> Granules:
     return Granules(position, velocity, diameter=np.sqrt(18 * VISCOSITY * tau / density), density=density, **more)
 
 
+def landings_in(bins: Any, **columns: Any) -> Landings:
+    """Granules that ended in bins of these numbers, in replicates in turn; what ``columns`` do not give is 0."""
+    places = np.asarray(bins)
+    names = ("diameter", "fate", "time", "impacts", "realisation", "cycle")
+    plain: dict[str, Any] = dict.fromkeys(names, np.zeros(len(places), dtype=int))
+    plain |= {"position": np.zeros((len(places), 2)), "replicate": np.arange(len(places)) % REPLICATES}
+    return Landings(**{**plain, **columns, "bin": places})
+
+
 def distance(outline: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Distances (n,) of points (n, 2) from an outline (k, 2); written apart from the program's own."""
     along = np.roll(outline, -1, axis=0) - outline
@@ -99,6 +119,21 @@ def rhombus_spec(**how: Any) -> FlowSpec:
     return FlowSpec(mesh, 5.0, **AIR, turbulence="kOmegaSST", stepping="steady" if mesh.half else "time-resolved")
 
 
+def kept_airflow(spec: FlowSpec) -> tuple[Path, AirflowResult]:
+    """Folder (mesh.msh, case) and result of a solved airflow, which nobody changes: kept between sessions until the
+    code that makes it, the template, Gmsh or OpenFOAM is another.
+    """
+
+    def work(part: Path) -> None:
+        build_mesh(spec.mesh, part)
+        solve_airflow(spec, part / "mesh.msh", part / "case")
+
+    code = code_key("wakeflow.meshing", "wakeflow.foam.airflow"), digest_files([case_template()])
+    key = content_key(repr(spec), *code, version("gmsh"), openfoam_version())
+    folder, _ = Store(cache_root()).make("tested-airflow", key, work)
+    return folder, load(AirflowResult, folder / "case" / "airflow.json")
+
+
 def working_in(folder: Path) -> dict[int, str]:
     """Process id and command of running processes whose working folder is ``folder`` or below it."""
     found = {}
@@ -109,6 +144,46 @@ def working_in(folder: Path) -> dict[int, str]:
         except OSError:  # it ended meanwhile, or belongs to someone else
             continue
     return found
+
+
+class Page(HTMLParser):
+    """What a page is made of: tags with their attributes, what is left open, its text, and tables by id as rows of the
+    texts of their cells.
+    """
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.tables: dict[str, list[list[str]]] = {}
+        self.text, self.rows = "", [[""]]
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in ("meta", "img", "br", "input", "link", "hr"):
+            self.open.append(tag)
+        if tag == "table":
+            self.rows = self.tables.setdefault(dict(attrs).get("id") or "", [])
+        elif tag == "tr":
+            self.rows.append([])
+        elif tag in ("td", "th"):
+            self.rows[-1].append("")
+        elif tag == "br":
+            self.handle_data(" ")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+        if {"td", "th"} & set(self.open):
+            self.rows[-1][-1] += data
+
+    def every(self, *names: str) -> list[dict[str, str | None]]:
+        """Attributes of every tag of these names."""
+        return [given for tag, given in self.tags if tag in names]
 
 
 class Here(Executor):

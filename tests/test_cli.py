@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import wakeflow as wf
-from support import CASES
 from wakeflow.cli import app, main
+from wakeflow.cli.show_result import show_result
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import scene_templates
 from wakeflow.scene import Scene
@@ -66,7 +66,6 @@ def test_plan_prints_for_people(
         (["run", "{cases}/rhombus.toml", "--set", ".=3"], "'.=3': write it as KEY=VALUE"),
         (["run", "{cases}/rhombus.toml", "--set", "air.speed = -3"], "air.speed = -3: too small"),
         (["run", "{cases}/rhombus.toml", "--force", "lift"], "write it as TERM=on or TERM=off"),
-        (["run", "{cases}/rhombus.toml", "--set", "air.speed=-3"], "air.speed = -3"),
         (["run", "{cases}/rhombus.toml", "--set", "air.speed=7", "m/s"], "with blanks: --set 'air.speed=7 m/s'"),
         (["run", "--set", "air.speed=7", "m/s", "{cases}/rhombus.toml", "--json"], "--set 'air.speed=7 m/s'"),
         (["run", "{cases}/rhombus.toml", "--set", "air.speed", "=", "7"], "--set 'air.speed = 7'"),
@@ -81,17 +80,8 @@ def test_plan_prints_for_people(
         (["run", "{cases}/rhombus.toml", "--force", "buoyancy=maybe"], "write on or off"),
         (["run", "{cases}/vacuum.toml", "--out", "{cases}/vacuum.toml"], "is a file"),
         (["plan", "{cases}/rhombus.toml", "--set", "fraction.wheat.terminal_velocity=100"], "times a sphere's drag"),
-        (
-            [
-                "plan",
-                "{cases}/rhombus.toml",
-                "--set",
-                "fraction.chaff.density=1",
-                "--set",
-                "fraction.chaff.terminal_velocity=1",
-            ],
-            "lighter than air",
-        ),
+        (["plan", "{cases}/rhombus.toml", "--set", "fraction.chaff.density=1",
+          "--set", "fraction.chaff.terminal_velocity=1"], "lighter than air"),
         (["run", "{cases}/vacuum.toml", "--out", "/proc/x"], "choose another --out"),
         (["run", "{cases}/vacuum.toml", "--workers", "0"], "at least 1"),
         (["plan", "{cases}/vacuum.toml", "--workers", "-3"], "at least 1"),
@@ -100,7 +90,7 @@ def test_plan_prints_for_people(
         (["new", "rombus"], "did you mean 'rhombus'?"),
         (["report", "nowhere"], "holds no finished run"),
     ],
-)
+)  # fmt: skip
 def test_wrong_input_is_one_line_and_code_2(
     arguments: list[str], message: str, cases: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -174,9 +164,8 @@ def test_a_new_command_is_one_function(cases: Path, capsys: pytest.CaptureFixtur
         del app["count"]
 
 
-def test_a_vacuum_is_not_told_to_resolve_a_wake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    command = ["run", str(CASES / "vacuum.toml"), "--set", "feed.count=256", "--out", str(tmp_path)]
-    assert main(command) == 0
+def test_a_vacuum_is_not_told_to_resolve_a_wake(small_run: wf.Result, capsys: pytest.CaptureFixture[str]) -> None:
+    show_result(small_run)
     told = capsys.readouterr().out
     assert "depends most on" in told
     assert "Measure these" in told

@@ -203,7 +203,7 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
         {"basset-history": False, "collisions": False},
     )
     assert wf.plan(scene, rung="coarse", force=still).airflow.scales == (2.0,)
-    result = wf.run(scene, folder, rung="potential", force=still)
+    result = wf.run(scene, folder, rung="potential", force=still, report=False)
     for name in scene.fraction:
         assert sum(result.share(name, place)[0] for place in [*scene.bin, "elsewhere"]) == pytest.approx(1.0)
     assert result.table["airflow"]["verdict"] == "potential flow"

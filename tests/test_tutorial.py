@@ -3,12 +3,10 @@
 import ast
 import re
 import shlex
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from matplotlib import pyplot
 
 from support import DOCS
 from wakeflow.cli import main
@@ -16,15 +14,7 @@ from wakeflow.cli import main
 PAGE = DOCS / "tutorial.md"
 BLOCK = re.compile(r"^```(python|sh)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 STEPS = 10
-
-
-@pytest.fixture(autouse=True)
-def _no_screen() -> Iterator[None]:
-    before = pyplot.get_backend()
-    pyplot.switch_backend("agg")
-    yield
-    pyplot.close("all")
-    pyplot.switch_backend(before)
+pytestmark = pytest.mark.usefixtures("no_screen")
 
 
 def _walked(text: str) -> dict[str, Any]:

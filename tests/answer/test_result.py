@@ -12,7 +12,7 @@ import pytest
 from result_page import PAGE, page
 
 import wakeflow as wf
-from support import shipped
+from support import landings_in, shipped
 from wakeflow.answer.notices import ENDINGS, _out_of_the_top, _unlanded, with_mesh_error
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import BudgetPart, InputPart
@@ -22,20 +22,12 @@ from wakeflow.core.graded import Grade
 from wakeflow.core.number import Number
 from wakeflow.core.record import from_json
 from wakeflow.pipeline.airflow import Airflow, GridStudy
-from wakeflow.pipeline.landings import Landings
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
 from wakeflow.report.words import BUDGET_COLUMNS, IMPACT_COLUMNS, SEPARATION_COLUMNS, holds, separation_cells
 from wakeflow.runs import report_again
 from wakeflow.scene import Scene
 from wakeflow.tracking import Fate
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Result:
-    """A run without air on few granules: seconds, and every file but those of the air."""
-    scene = wf.Scene.load(Path(__file__).parents[2] / "cases" / "vacuum.toml", {"feed.count": 256})
-    return wf.run(scene, tmp_path_factory.mktemp("vacuum"))
 
 
 def tables_of(title: str) -> list[tuple[str, ...]]:
@@ -49,32 +41,32 @@ def first_column(title: str) -> list[str]:
     return [row[0].strip("`") for row in tables_of(title)]
 
 
-def test_a_finished_run_is_read_back_byte_for_byte(finished: Result) -> None:
-    text = (finished.folder / "result.json").read_text()
-    again = Result.load(finished.folder)
+def test_a_finished_run_is_read_back_byte_for_byte(small_run: Result) -> None:
+    text = (small_run.folder / "result.json").read_text()
+    again = Result.load(small_run.folder)
     assert json.dumps(again.to_json(), indent=2) + "\n" == text
-    assert again.table == finished.table == json.loads(text)
-    assert again.share("soft", "near") == finished.share("soft", "near")
-    assert again.separation == finished.table["separation"]
-    assert again.landings == finished.landings
+    assert again.table == small_run.table == json.loads(text)
+    assert again.share("soft", "near") == small_run.share("soft", "near")
+    assert again.separation == small_run.table["separation"]
+    assert again.landings == small_run.landings
 
 
-def test_what_stands_against_an_answer_is_told_with_it(finished: Result) -> None:
-    assert (finished.caveat, finished.lacking) == ("", ())
-    assert holds(finished).startswith("The interval holds 95 %")
+def test_what_stands_against_an_answer_is_told_with_it(small_run: Result) -> None:
+    assert (small_run.caveat, small_run.lacking) == ("", ())
+    assert holds(small_run).startswith("The interval holds 95 %")
 
-    void = replace(finished, warnings=("beads jam; feed.rate below 2 kg/h",), grades=(Grade.VOID.value,))
+    void = replace(small_run, warnings=("beads jam; feed.rate below 2 kg/h",), grades=(Grade.VOID.value,))
     assert repr(void).endswith("; void>")
     assert holds(void).startswith("VOID")
     assert "beads jam" in holds(void)
 
     model = BudgetPart(source="airflow-model")  # of a size that nobody knows
-    budget = tuple(replace(row, parts=(*row.parts, model)) for row in finished.budget)
-    lacking = replace(finished, landings=replace(finished.landings, budget=budget))
+    budget = tuple(replace(row, parts=(*row.parts, model)) for row in small_run.budget)
+    lacking = replace(small_run, landings=replace(small_run.landings, budget=budget))
     assert repr(lacking).endswith("; without airflow-model>")
     assert "lacks airflow-model, whose size is not known; it takes numerics.rung = 'standard'" in holds(lacking)
     known = {row.quantity for row in budget}
-    table = separation_cells(lacking, finished.landings.separation)
+    table = separation_cells(lacking, small_run.landings.separation)
     rows = [dict(zip(table.heads, row, strict=True)) for row in table.rows]
     told = {row["not in the interval"] for row in rows if f"share.{row['fraction']}.{row['bin']}" in known}
     assert told == {"airflow-model"}
@@ -122,9 +114,9 @@ def test_a_folder_without_a_run_is_one_line(tmp_path: Path) -> None:
         ({"seconds": {"tracks": {"seconds": 1.0}}}, r"seconds\.tracks\.cached: is missing"),
     ],
 )
-def test_what_is_no_result_is_named(finished: Result, change: dict[str, object], words: str) -> None:
+def test_what_is_no_result_is_named(small_run: Result, change: dict[str, object], words: str) -> None:
     with pytest.raises(SceneError, match=words):
-        Result.from_json(finished.folder, {**finished.table, **change})
+        Result.from_json(small_run.folder, {**small_run.table, **change})
 
 
 def test_a_run_that_ended_early_has_no_shares(tmp_path: Path, cases: Path) -> None:
@@ -145,14 +137,14 @@ def test_a_plan_is_read_back(cases: Path) -> None:
         assert from_json(Plan, table, "plan").summary() == table
 
 
-def test_a_result_of_schema_1_is_read(finished: Result) -> None:
+def test_a_result_of_schema_1_is_read(small_run: Result) -> None:
     """Made by the last version that wrote it: the shipped vacuum of 256 granules."""
     old = Result.load(Path(__file__).parent / "schema_1")
     assert (old.schema, old.plan.rung) == (2, "none")
-    assert [notice.text for notice in old.plan.notices] == list(finished.plan.warnings)
-    assert old.separation == finished.separation
-    assert old.share("soft", "near") == finished.share("soft", "near")
-    assert [row.total.error for row in old.budget] == [row.total.error for row in finished.budget]
+    assert [notice.text for notice in old.plan.notices] == list(small_run.plan.warnings)
+    assert old.separation == small_run.separation
+    assert old.share("soft", "near") == small_run.share("soft", "near")
+    assert [row.total.error for row in old.budget] == [row.total.error for row in small_run.budget]
 
 
 def test_the_page_says_what_the_types_hold() -> None:
@@ -160,16 +152,16 @@ def test_the_page_says_what_the_types_hold() -> None:
     assert PAGE.read_text() == page()
 
 
-def test_the_page_names_the_columns_of_the_files(finished: Result) -> None:
+def test_the_page_names_the_columns_of_the_files(small_run: Result) -> None:
     for name, columns_ in (("separation", SEPARATION_COLUMNS), ("budget", BUDGET_COLUMNS), ("impact", IMPACT_COLUMNS)):
         assert first_column(f"The columns of {name}.csv") == list(columns_)
-        head = (finished.folder / f"{name}.csv").read_text().splitlines()[0]
+        head = (small_run.folder / f"{name}.csv").read_text().splitlines()[0]
         for column in columns_:
             assert column in head
 
 
-def test_the_page_names_the_arrays_of_granules_npz(finished: Result) -> None:
-    with np.load(finished.folder / "granules.npz") as data:
+def test_the_page_names_the_arrays_of_granules_npz(small_run: Result) -> None:
+    with np.load(small_run.folder / "granules.npz") as data:
         sizes = {"f": len(data["names"]), "n": len(data["bin"]), "2": 2}
         for array, shape, *_ in tables_of("The arrays of granules.npz"):
             wanted = tuple(sizes[part] for part in re.findall(r"\w", shape))
@@ -178,19 +170,19 @@ def test_the_page_names_the_arrays_of_granules_npz(finished: Result) -> None:
 
 
 @pytest.mark.parametrize("file", ["tracks.vtp", "landings.vtp"])
-def test_the_page_names_the_arrays_of_the_vtk_files(finished: Result, file: str) -> None:
+def test_the_page_names_the_arrays_of_the_vtk_files(small_run: Result, file: str) -> None:
     import pyvista
 
-    data = pyvista.read(finished.folder / file)
+    data = pyvista.read(small_run.folder / file)
     told = {"point": data.point_data.keys(), "cell": data.cell_data.keys(), "file": data.field_data.keys()}
     named = [row for row in tables_of("The arrays of the VTK files") if row[0] == f"`{file}`"]
     for where, arrays in told.items():
         assert sorted({row[1].strip("`") for row in named if row[2] == where} - {"loop time (s)"}) == sorted(arrays)
 
 
-def test_the_page_names_every_file(finished: Result) -> None:
+def test_the_page_names_every_file(small_run: Result) -> None:
     named = " ".join(first_column("Results")).replace("`", "")
-    for path in finished.folder.iterdir():
+    for path in small_run.folder.iterdir():
         if not path.name.startswith("."):
             assert path.name in named, path.name
 
@@ -201,12 +193,8 @@ KEY = re.compile(r"\b[a-z]+\.[a-zA-Z_.]+|--force [a-z.-]+=o|\[[a-z.A-Z]+\]")  # 
 def test_granules_that_leave_above_are_told_and_those_that_fall_are_not() -> None:
     scene = shipped("aspirator")
     above, below = scene.level + 0.1, scene.level - 0.1
-    row = np.zeros(4, dtype=int)
-    landing = Landings(
-        position=np.array([[0.0, above], [0.0, above], [0.0, below], [0.0, above]]),
-        bin=np.array([-1, -1, -1, 0]),  # the last one came to a bin
-        replicate=row, diameter=row, fate=np.full(4, Fate.ESCAPED), time=row, impacts=row, realisation=row, cycle=row,
-    )  # fmt: skip
+    position = np.array([[0.0, above], [0.0, above], [0.0, below], [0.0, above]])
+    landing = landings_in([-1, -1, -1, 0], position=position, fate=np.full(4, Fate.ESCAPED))  # the last one in a bin
     tracked = cast("Any", SimpleNamespace(landings={"straw": landing}))
     (told,) = _out_of_the_top(scene, tracked)
     assert told.text.startswith("straw: 0.5 of it leaves through the top")
@@ -237,11 +225,7 @@ def test_what_upward_air_carries_out_has_its_own_bin() -> None:
     assert lost.replace({"air.direction": "down"}).with_top().bin == lost.bin
     assert make_plan(lost).airflow.kind == "analytic"
 
-    row = np.zeros(4, dtype=int)
-    landing = Landings(
-        position=np.full((4, 2), 0.6), bin=np.array([1, 1, 0, 1]), replicate=row, diameter=row,
-        fate=np.full(4, Fate.BINNED), time=row, impacts=row, realisation=row, cycle=row,
-    )  # fmt: skip
+    landing = landings_in([1, 1, 0, 1], position=np.full((4, 2), 0.6), fate=np.full(4, Fate.BINNED))
     (told,) = _out_of_the_top(caught, cast("Any", SimpleNamespace(landings={"straw": landing})))
     assert (told.grade, told.text) == (
         Grade.INFORMATION,

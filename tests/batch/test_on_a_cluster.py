@@ -1,12 +1,9 @@
 """Sweeps on a Dask cluster: the table of a local sweep, whichever worker dies meanwhile."""
 
 import csv
-import time
-from collections.abc import Iterator
 from pathlib import Path
 from threading import Thread
 
-import psutil
 import pytest
 
 import wakeflow as wf
@@ -15,16 +12,9 @@ from wakeflow.answer.result import Request
 from wakeflow.batch.agenda import make_agenda
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
-from wakeflow.core.store import cache_root
 
 COMMAND = ["sweep", str(CASES / "rhombus.toml"), "--rung", "none", "--quiet", "--set", "feed.count=64"]
 COMMAND += ["--set", "fraction.wheat.restitution=0.3,0.5,1.5"]  # without air: seconds, and no compiled tracker
-
-
-@pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LoopbackCluster]:
-    with LoopbackCluster(tmp_path_factory.mktemp("dask"), workers=2) as cluster:
-        yield cluster
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
@@ -90,41 +80,3 @@ def test_an_airflow_in_three_dimensions_asks_for_its_cores(tmp_path: Path) -> No
     asked = {step.name: step.ranks for step in agenda.steps if step.airflow}
     assert sorted(asked.values()) == [1, 2, 6, 6]
     assert {step.ranks for step in agenda.steps if not step.airflow} == {1}
-
-
-@pytest.mark.slow
-@pytest.mark.openfoam
-def test_a_worker_killed_while_its_solver_runs_leaves_no_orphan_and_the_same_table(
-    running: LoopbackCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The local sweep in the tests' cache, the other in an empty one that has the compiled tracker only."""
-    scene = shipped("rhombus", {"numerics.mesh_scale": 3.0, "feed.count": 64})
-    found = wf.variants(scene, {"fraction.chaff.restitution": [0.21, 0.34]})
-    wf.sweep(found, tmp_path / "here", rung="draft", workers=1)
-    (tmp_path / "cache").mkdir()
-    (tmp_path / "cache" / "numba").symlink_to(cache_root() / "numba")
-    monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "cache"))
-    solvers: list[dict[psutil.Process, str]] = []  # with their folders, at every look
-
-    def watch() -> None:
-        """Kill the worker of the first solver that is found; note every look at the solvers."""
-        while not (tmp_path / "there" / "sweep.csv").exists():
-            now = [one for one in psutil.process_iter(["name", "cwd"]) if one.info["name"] == "simpleFoam"]
-            folders = {one: one.info["cwd"] or "/" for one in now}
-            mine = {one: folder for one, folder in folders.items() if Path(folder).is_relative_to(tmp_path)}
-            if mine and not solvers:
-                time.sleep(0.5)  # some iterations into it, of a few seconds of them
-                running.worker_at_work().kill()
-            if mine:
-                solvers.append(mine)
-            time.sleep(0.02)
-
-    thread = Thread(target=watch)
-    thread.start()
-    wf.sweep(found, tmp_path / "there", rung="draft", scheduler=running.address)
-    thread.join()
-    assert all(len(set(seen.values())) == len(seen) for seen in solvers)  # never two in one folder
-    killed = next(iter(solvers[0].values()))
-    assert len({one.pid for seen in solvers for one, folder in seen.items() if folder == killed}) >= 2
-    assert not any(one.is_running() for seen in solvers for one in seen)
-    assert rows(tmp_path / "here") == rows(tmp_path / "there")

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import wakeflow as wf
-from support import shipped
+from support import landings_in, shipped
 from wakeflow.answer.provenance import KnobSettings
 from wakeflow.answer.shares import (
     CALIBRATED,
@@ -219,12 +219,8 @@ def test_a_share_that_converges_at_second_order_has_its_mesh_error() -> None:
 
 def landings(places: Array, cycle: NDArray[np.uint16] | None = None) -> Landings:
     """Granules that ended in bins of the numbers ``places`` (COMPARED, n)."""
-    zero = np.zeros(places.size)
-    return Landings(
-        position=np.zeros((places.size, 2)), bin=places.ravel(), replicate=np.indices(places.shape)[0].ravel(),
-        diameter=zero, fate=zero.astype(np.int8), time=zero, impacts=zero.astype(int),
-        realisation=zero.astype(np.uint8), cycle=zero.astype(np.uint16) if cycle is None else cycle,
-    )  # fmt: skip
+    shed = {} if cycle is None else {"cycle": cycle}
+    return landings_in(places.ravel(), replicate=np.indices(places.shape)[0].ravel(), **shed)
 
 
 def test_the_noise_of_a_difference_is_of_granules_that_change_their_bin() -> None:
@@ -337,12 +333,12 @@ def scene() -> Scene:
 
 def landed(x: np.ndarray, scene: Scene) -> Landings:
     """Granules on the floor at ``x`` (n,) m."""
-    zero, bins = np.zeros(len(x)), np.full(len(x), -1)
+    bins = np.full(len(x), -1)
     for number, place in enumerate(scene.bin.values()):
         (left, _), (right, _) = place.line(scene.channel)[[0, -1]]
         bins[(x >= min(left, right)) & (x < max(left, right))] = number
     position = np.stack([x, np.full(len(x), scene.channel.bottom)], axis=1)
-    return Landings(position, bins, zero.astype(int), zero, zero, zero, zero, zero, zero)
+    return landings_in(bins, position=position, replicate=np.zeros(len(x), dtype=int))
 
 
 def spread(scene: Scene, width: float) -> np.ndarray:

@@ -325,12 +325,6 @@ def _lives(pid: int) -> bool:
 SOLVER = ["sleep", "3333"]
 
 
-@pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LoopbackCluster]:
-    with LoopbackCluster(tmp_path_factory.mktemp("dask"), workers=2) as cluster:
-        yield cluster
-
-
 @pytest.fixture
 def cluster(running: LoopbackCluster, tmp_path: Path) -> Iterator[Cluster]:
     with Cluster.connect(running.address, TaskPlace(tmp_path, tmp_path, tmp_path / "cache")) as found:

@@ -139,7 +139,7 @@ CODE = {name: stages[name].code for name in stages if stages[name].code}
 STAGES = {**CODE, "kernel": ("wakeflow.tracking.kernel.loop",)}
 
 
-SOME = 6  # modules of a stage that are touched: its key reads all of them each time
+SOME = 3  # modules of a stage that are touched: its key reads all of them each time
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ back.
 
 import itertools
 import json
-import os
 import re
 import shutil
 import signal
@@ -19,11 +18,10 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from support import AIR, RHOMBUS, ROOT, WIDTH, rhombus_spec, working_in
+from support import AIR, RHOMBUS, ROOT, WIDTH, kept_airflow, rhombus_spec, working_in
 from wakeflow.core.errors import FoamError, MeshError, SceneError
 from wakeflow.core.files import case_template
 from wakeflow.core.process import run_program
-from wakeflow.core.store import Store
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, environment, set_patch_types, write_case, write_parameters
 from wakeflow.foam.history import kind_of, upward_crossings
@@ -62,35 +60,24 @@ def triangle_spec(reynolds: float, rung: str, *, direction: str = "up", scale: f
     return FlowSpec(mesh, 1.0, 1.2, 1.2 * WIDTH / reynolds, turbulence="laminar", stepping=stepping)  # type: ignore[arg-type]
 
 
-@pytest.fixture(scope="session")
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Store:
-    """One store for all workers of a session, so that every airflow is solved once."""
-    base = tmp_path_factory.getbasetemp()
-    return Store((base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base) / "airflows")
-
-
-def solved(shared: Store, name: str, spec: FlowSpec) -> Solved:
-    def work(folder: Path) -> None:
-        build_mesh(spec.mesh, folder)
-        solve_airflow(spec, folder / "mesh.msh", folder / "case")
-
-    folder, _ = shared.make("airflow", name, work)
+def solved(spec: FlowSpec) -> Solved:
+    folder, _ = kept_airflow(spec)
     return Solved(spec, folder, json.loads((folder / "case" / "airflow.json").read_text()))
 
 
 @pytest.fixture(scope="session")
-def rhombus_flow(shared: Store) -> Solved:
-    return solved(shared, "rhombus", rhombus_spec())
+def rhombus_flow() -> Solved:
+    return solved(rhombus_spec())
 
 
 @pytest.fixture(scope="session")
-def prism_flow(shared: Store) -> Solved:
-    return solved(shared, "prism", triangle_spec(30, "draft"))
+def prism_flow() -> Solved:
+    return solved(triangle_spec(30, "draft"))
 
 
 @pytest.fixture(scope="session")
-def shedding(shared: Store) -> Solved:
-    return solved(shared, "shedding", triangle_spec(100, "standard"))
+def shedding() -> Solved:
+    return solved(triangle_spec(100, "standard"))
 
 
 def copied(source: Solved, folder: Path) -> Path:
@@ -200,8 +187,8 @@ class TestPrism:
         assert prism_flow.result["suction"]["reversal_length"] / WIDTH == pytest.approx(2.17, rel=0.05)
         assert prism_flow.result["cp_base"]["value"] == pytest.approx(-0.74, rel=0.05)
 
-    def test_half_and_whole_domain_agree(self, prism_flow: Solved, shared: Store) -> None:
-        whole = solved(shared, "whole-prism", replace(prism_flow.spec, mesh=replace(prism_flow.spec.mesh, half=False)))
+    def test_half_and_whole_domain_agree(self, prism_flow: Solved) -> None:
+        whole = solved(replace(prism_flow.spec, mesh=replace(prism_flow.spec.mesh, half=False)))
         assert whole.result["flow_rate"] == pytest.approx(prism_flow.result["flow_rate"], rel=1e-6)
         assert whole.result["pressure_drop"] == pytest.approx(prism_flow.result["pressure_drop"], rel=0.01)
         assert whole.result["cp_base"]["value"] == pytest.approx(

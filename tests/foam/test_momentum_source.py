@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from support import rhombus_spec
+from support import kept_airflow, rhombus_spec
 from wakeflow.core.geometry import Boxes, ForceDensity
 from wakeflow.foam import airflow
-from wakeflow.foam.airflow import solve_airflow, solve_loaded
+from wakeflow.foam.airflow import solve_loaded
 from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.failure import AirflowFailure, Cause
@@ -21,7 +21,6 @@ from wakeflow.foam.polymesh import read_polymesh
 from wakeflow.foam.read import time_folders
 from wakeflow.foam.sanity import Check, check_airflow
 from wakeflow.foam.watch import Progress
-from wakeflow.meshing import build_mesh
 
 pytestmark = pytest.mark.openfoam
 
@@ -45,11 +44,10 @@ class Bare:
 
 
 @pytest.fixture(scope="module")
-def bare(tmp_path_factory: pytest.TempPathFactory) -> Bare:
+def bare() -> Bare:
     """Half of a channel with a rhombus in a thousand cells, without a force."""
-    spec, folder = rhombus_spec(rung="draft", half=True, scale=3.0), tmp_path_factory.mktemp("bare")
-    build_mesh(spec.mesh, folder)
-    return Bare(spec, folder, solve_airflow(spec, folder / "mesh.msh", folder / "case"))
+    spec = rhombus_spec(rung="draft", half=True, scale=3.0)
+    return Bare(spec, *kept_airflow(spec))
 
 
 def uniform(force: float) -> ForceDensity:

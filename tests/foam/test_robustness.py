@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from proofs.studies import robustness
-from support import RHOMBUS, WIDTH, working_in
+from support import RHOMBUS, WIDTH, kept_airflow, working_in
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import case_template, write_json
 from wakeflow.foam import case as case_module
@@ -46,11 +46,8 @@ def flow(reynolds: float = 20.0, rung: str = "draft", **how: Any) -> FlowSpec:
 
 
 @pytest.fixture(scope="module")
-def solved(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlowSpec, Path, AirflowResult]:
-    folder = tmp_path_factory.mktemp("solved")
-    spec = flow()
-    build_mesh(spec.mesh, folder)
-    return spec, folder, solve_airflow(spec, folder / "mesh.msh", folder / "case")
+def solved() -> tuple[FlowSpec, Path, AirflowResult]:
+    return flow(), *kept_airflow(flow())
 
 
 STACK = "#0  Foam::error::printStack(Foam::Ostream&)\n#1  Foam::sigFpe::sigHandler(int) at ??:?\n"
@@ -406,8 +403,7 @@ class TestRanks:
         """On cells enough for a run of some seconds, so that there is something to interrupt."""
         spec, case = flow(), tmp_path / "case"
         spec = replace(spec, mesh=spec.mesh.scaled(0.4))
-        build_mesh(spec.mesh, tmp_path)
-        alone = solve_airflow(spec, tmp_path / "mesh.msh", tmp_path / "alone")
+        folder, alone = kept_airflow(spec)
 
         saved: list[float] = []
 
@@ -419,14 +415,14 @@ class TestRanks:
 
         spec = replace(spec, ranks=2)
         with pytest.raises(KeyboardInterrupt):
-            solve_airflow(spec, tmp_path / "mesh.msh", case, listener=stop)
+            solve_airflow(spec, folder / "mesh.msh", case, listener=stop)
         seen: list[Progress] = []
-        result = solve_airflow(spec, tmp_path / "mesh.msh", case, listener=seen.append)
+        result = solve_airflow(spec, folder / "mesh.msh", case, listener=seen.append)
         assert seen[0].time > max(saved)
         assert (np.diff(read_table(case, "forceCoefficients", (1,))[:, 0]) == 1).all()
         assert not list(case.glob("processor*"))
         assert "nProcs : 2" in (case / "log.simpleFoam").read_text()
-        undisturbed = solve_airflow(spec, tmp_path / "mesh.msh", tmp_path / "undisturbed")
+        undisturbed = solve_airflow(spec, folder / "mesh.msh", tmp_path / "undisturbed")
         assert replace(result, seconds=0.0) == replace(undisturbed, seconds=0.0)
         assert result.cd.value == pytest.approx(alone.cd.value, rel=1e-3)
         assert result.verdict == alone.verdict

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from support import RHOMBUS, ROOT, WIDTH, rhombus_spec, working_in
+from support import RHOMBUS, ROOT, WIDTH, kept_airflow, rhombus_spec, working_in
 from wakeflow.foam import watch
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec
@@ -272,7 +272,7 @@ def test_states_to_keep_meet_all_phases_of_the_swing(length: int) -> None:
 
 
 @pytest.mark.openfoam
-def test_a_steady_airflow_that_does_not_settle_is_ended_early_and_kept_as_states(tmp_path: Path) -> None:
+def test_a_steady_airflow_that_does_not_settle_is_ended_early_and_kept_as_states() -> None:
     """A rhombus at Re 100 in the whole channel sheds: no steady solution."""
     from wakeflow.field import FlowField
     from wakeflow.foam.read import late_states, read_flow
@@ -280,9 +280,8 @@ def test_a_steady_airflow_that_does_not_settle_is_ended_early_and_kept_as_states
 
     spec = airflow("time-resolved")
     spec = FlowSpec(spec.mesh, 1.0, 1.2, 1.2 * WIDTH / 200, turbulence="laminar")
-    build_mesh(spec.mesh, tmp_path)
-    case = tmp_path / "case"
-    result = solve_airflow(spec, tmp_path / "mesh.msh", case)
+    folder, result = kept_airflow(spec)
+    case = folder / "case"
     assert result.verdict != "steady"
     assert result.field_time == "states"
     assert result.steps <= 1500 + 2 * WINDOW  # not the 3000 that it may take

@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 from scipy.special import kv
 
-from support import DOCS, RHOMBUS, WIDTH
+from support import DOCS, RHOMBUS, WIDTH, kept_airflow
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.record import to_json
 from wakeflow.field import FlowField
-from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
 from wakeflow.foam.history import CD, CL, read_table
 from wakeflow.foam.mesh_motion import MeshMotion
@@ -171,13 +170,12 @@ boundary
 
 
 @pytest.fixture(scope="module")
-def locked(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlowSpec, Path, Any]:
+def locked() -> tuple[FlowSpec, Path, Any]:
     """Vibration at twice the shedding frequency, a w / U = 0.2: every second vibration sheds a pair of vortices."""
-    folder = tmp_path_factory.mktemp("locked")
     omega = 2 * np.pi * 7.5
     spec = flow(RHOMBUS, MeshMotion(0.2 / omega, omega), scale=3.5, accuracy=0.2)
-    build_mesh(spec.mesh, folder)
-    return spec, folder / "case", solve_airflow(spec, folder / "mesh.msh", folder / "case")
+    folder, result = kept_airflow(spec)
+    return spec, folder / "case", result
 
 
 class TestLoop:

@@ -58,17 +58,6 @@ def test_first_contact_is_a_contact_and_the_first(strength: float) -> None:
     assert np.all(fall + wall[:, 1] > -1e-9)  # it closes in at the first contact
 
 
-def test_a_rising_slope_meets_more_granules() -> None:
-    """The phase density is (1 + V_eta/V0)/2 pi, so that the mean body speed at impact is (a w)^2 / (2 V0)."""
-    omega, fall, peak = 100.0, 1.4, 0.7
-    n = 20_000
-    passing = (np.arange(n) + 0.5) / n * 2 * np.pi / omega
-    normal = np.tile([0.0, 1.0], (n, 1))
-    motion = Motion((0.0, peak / omega), omega / (2 * np.pi))
-    _, wall = first_contact(np.full(n, fall), normal, passing, motion)
-    assert wall[:, 1].mean() == pytest.approx(peak**2 / (2 * fall), rel=1e-6)
-
-
 @pytest.fixture
 def vacuum(cases: Path) -> Scene:
     return Scene.load(cases / "vacuum.toml").replace({"feed.count": 1024})

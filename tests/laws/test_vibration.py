@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 from scipy.stats import ks_2samp
 
 from support import FLOOR, G
@@ -248,108 +247,6 @@ def test_what_does_not_go_with_samples_is_refused_in_one_line(sampled: Scene, ca
     with pytest.raises(SceneError, match=r"follows harmonic vibration only"):
         make_plan(strong, rung="standard")
     assert not make_plan(strong, rung="standard", force={"vibration-of-the-air": False}).airflow.moving
-
-
-F = 15.0
-OMEGA = 2 * np.pi * F
-
-
-def wedge(angle: float, size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A slope of length ``size`` that ends at the origin, its downward tangent and its normal."""
-    down, out = np.array([np.cos(angle), -np.sin(angle)]), np.array([np.sin(angle), np.cos(angle)])
-    return np.array([[0.0, 0.0], -size * down, [-size * np.cos(angle), -0.3], [0.0, -0.3]]), down, out
-
-
-def test_stick_and_slip_on_a_table_shaken_sideways() -> None:
-    """It rides until a w^2 |sin| = f g, then slides under f g until the table has its speed again, and so on."""
-    f, strength = 0.3, 0.6
-    a = strength * G / OMEGA**2
-    body = Body(FLOOR, motion=Motion((a, 0.0), F))
-    grains = Granules([[0.0, 1e-3]], [[a * OMEGA, 0.0]], 2e-3, 1000.0, restitution=0.0, friction=f)
-    turn, pieces = np.arcsin(f / strength), []
-    t = turn / OMEGA
-    x, v, push = (
-        a * np.sin(OMEGA * t),
-        a * OMEGA * np.cos(OMEGA * t),
-        -f * G,
-    )  # it has slipped off: faster than the table
-    for _ in range(6):
-
-        def ahead(s: float, t: float = t, v: float = v, push: float = push) -> float:
-            return -np.sign(push) * (v + push * s - a * OMEGA * np.cos(OMEGA * (t + s)))
-
-        fine = np.linspace(1e-6, 0.1, 20_001)
-        late = fine[np.argmax(np.array([ahead(s) for s in fine]) < 0)]
-        s = brentq(ahead, late - fine[1] + fine[0], late)
-        pieces.append((t + 0.5 * s, x + 0.5 * v * s + 0.125 * push * s * s, v + 0.5 * push * s))
-        t, x, v = t + s, x + v * s + 0.5 * push * s * s, v + push * s
-        pull = -a * OMEGA**2 * np.sin(OMEGA * t)
-        if abs(pull) <= f * G:  # the table has it: ride to where it slips again
-            now = (OMEGA * t) % (2 * np.pi)
-            slips = min(p for p in (turn, np.pi + turn, 2 * np.pi + turn) if p > now)
-            at = t + (slips - now) / OMEGA
-            x += a * (np.sin(OMEGA * at) - np.sin(OMEGA * t))
-            t, v = at, a * OMEGA * np.cos(OMEGA * at)
-            push = -np.sign(np.sin(OMEGA * at)) * f * G
-        else:
-            push = np.sign(pull) * f * G
-    for until, place, speed in pieces:
-        tracks = track(None, grains, until=until, bodies=[body], length=0.1, tolerance=1e-9)
-        assert tracks.position[0, 0] == pytest.approx(place, abs=2e-10)
-        assert tracks.velocity[0, 0] == pytest.approx(speed, abs=1e-7)
-
-
-@pytest.mark.parametrize("strength", [0.2, 0.45])
-def test_sliding_on_a_slope_that_vibrates_along_its_normal_and_leaving_at_its_end(strength: float) -> None:
-    """The wall presses with g cos b + a(t): v = g (sin b - f cos b) t - f (wall's speed gained). At the slope's end it
-    leaves with that and the wall's velocity.
-    """
-    b, f, size, r = np.radians(50.0), 0.2, 0.3, 1e-3
-    outline, down, out = wedge(b, size)
-    a = strength * G / OMEGA**2
-    motion = Motion(tuple(a * out), F)
-    x0, v0 = 0.0, a * OMEGA
-    start = -0.15 * down + r * out
-    grains = Granules([start], [v0 * out], 2 * r, 1000.0, restitution=0.0, friction=f)
-    slope = G * (np.sin(b) - f * np.cos(b))
-
-    def way(t: float) -> float:
-        return 0.5 * slope * t * t - f * (a * np.sin(OMEGA * t) - x0 - v0 * t)
-
-    def speed(t: float) -> float:
-        return slope * t - f * (a * OMEGA * np.cos(OMEGA * t) - v0)
-
-    end = brentq(lambda t: way(t) - 0.15, 0.01, 1.0)
-    bodies = [Body(outline, motion=motion)]
-    for until in (0.4 * end, 0.99 * end, end + 0.02):
-        tracks = track(None, grains, until=until, bodies=bodies, length=0.1, tolerance=1e-8)
-        on = min(until, end)
-        place = start + way(on) * down + motion.at(on)[0]
-        velocity = speed(on) * down + motion.at(on)[1]
-        s = until - on
-        fallen = np.array([0.0, -G * s])
-        place, velocity = place + s * velocity + 0.5 * s * fallen, velocity + fallen
-        np.testing.assert_allclose(tracks.position[0], place, atol=1e-9)
-        np.testing.assert_allclose(tracks.velocity[0], velocity, atol=2e-7)
-
-
-@pytest.mark.parametrize("inertia", [0.4, 0.5])
-def test_rolling_on_a_slope_that_vibrates_along_itself(inertia: float) -> None:
-    """Seen from the wall it rolls with (g sin b - a(t)) / (1 + k): friction turns it, the wall cannot drag it along."""
-    b, r, strength = np.radians(20.0), 1e-3, 0.5
-    outline, down, out = wedge(b, 1.0)
-    a = strength * G / OMEGA**2
-    motion = Motion(tuple(a * down), F)
-    grains = Granules([-0.5 * down + r * out], [a * OMEGA * down], 2 * r, 1000.0, restitution=0.0, friction=0.5,
-                      inertia=inertia)  # fmt: skip
-    for until in (0.05, 0.21):
-        gained, moved = a * OMEGA * (np.cos(OMEGA * until) - 1), a * (np.sin(OMEGA * until) - OMEGA * until)
-        speed = (G * np.sin(b) * until - gained) / (1 + inertia)
-        way = (0.5 * G * np.sin(b) * until**2 - moved) / (1 + inertia)
-        tracks = track(None, grains, until=until, bodies=[Body(outline, motion=motion)], length=0.1, tolerance=1e-8)
-        place = grains.position[0] + way * down + motion.at(until)[0]
-        np.testing.assert_allclose(tracks.position[0], place, atol=1e-9)
-        assert tracks.spin[0] == pytest.approx(-speed / r, rel=1e-7)
 
 
 def test_the_plan_warns_of_faces_that_hold_granules(cases: Path) -> None:

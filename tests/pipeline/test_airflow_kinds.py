@@ -112,7 +112,7 @@ def test_a_scene_runs_to_its_shares_in_a_new_kind_of_airflow(rhombus: Scene, tmp
 
 @pytest.mark.usefixtures("extended")
 def test_realisations_of_an_airflow_are_flown_in_turn_and_stand_in_the_budget(rhombus: Scene, tmp_path: Path) -> None:
-    result = wf.run(rhombus, tmp_path, rung="gusts", force=OFF)
+    result = wf.run(rhombus, tmp_path, rung="gusts", force=OFF, report=False)
     landings = Pipeline(rhombus, make_plan(rhombus, rung="gusts", force=OFF)).tracks().landings["chaff"]
     np.testing.assert_array_equal(landings.realisation, landings.replicate % 4)
     drift = [landings.position[landings.realisation == number, 0].mean() for number in range(4)]

@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
-from support import loaded_scene, shipped
+from support import landings_in, loaded_scene, shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.core.store import content_key
 from wakeflow.foam import ladder
 from wakeflow.injection.feed import feedstock
 from wakeflow.pipeline.cache import code_of
-from wakeflow.pipeline.landings import Landings
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.slab import SlabFlight, SlabFound, _grouped, step_of
@@ -278,10 +277,7 @@ def test_a_first_replicate_that_fails_before_its_step_is_known_says_why(tmp_path
 
 
 def test_a_weight_counts_as_so_many_granules() -> None:
-    none = np.zeros(4, dtype=int)
-    replicate = np.array([0, 0, 1, 1])
-    plain = (np.zeros((4, 2)), np.array([0, 0, 1, 0]), replicate, none, none, none, none, none, none)
-    landing = Landings(*plain, weight=np.array([3.0, 1.0, 1.0, 1.0]))
+    landing = landings_in([0, 0, 1, 0], replicate=np.array([0, 0, 1, 1]), weight=np.array([3.0, 1.0, 1.0, 1.0]))
     np.testing.assert_allclose(landing.counts(2), [[1.0, 0.0, 0.0], [0.5, 0.5, 0.0]])
     tally = Tally.every(landing, 2, 1)[0]
     np.testing.assert_allclose(tally.samples, [1.0, 0.5])
@@ -313,7 +309,7 @@ def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: 
     out = capsys.readouterr().out
     assert "granules colliding" in out
     assert "without collisions" in out
-    off = wf.run(scene, tmp_path / "off", force={COLLISIONS: False})
+    off = wf.run(scene, tmp_path / "off", force={COLLISIONS: False}, report=False)
     assert off.landings.slab is None
     assert "slab" not in off.table
     (value, low, high), (share, least, most) = off.share("hard", "far"), alone.share("hard", "far")

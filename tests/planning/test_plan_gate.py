@@ -15,7 +15,7 @@ import pytest
 
 from proofs.report import cell
 from proofs.studies import bounds as gates
-from support import CASES, shipped
+from support import CASES, landings_in, shipped
 from wakeflow.answer.shares import BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.budget.budget import together
 from wakeflow.budget.comparison import free_ends
@@ -24,7 +24,7 @@ from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.injection.feed import feedstock
-from wakeflow.laws.drag import drag_laws, slip_correction, terminal_velocity
+from wakeflow.laws.drag import slip_correction, terminal_velocity
 from wakeflow.laws.forces import FlightScales, forces
 from wakeflow.laws.forces.history_force import MEMORIES, history_kernel, history_time, memories_of
 from wakeflow.laws.material import materials
@@ -40,7 +40,7 @@ from wakeflow.planning.plan import Plan, whole_terms
 from wakeflow.planning.terms import TYPICAL, bounds
 from wakeflow.scene import Scene
 from wakeflow.statistics.separation import separate
-from wakeflow.tracking import Fate, Granules, Tracks
+from wakeflow.tracking import Fate, Tracks
 
 FRACTIONS = ("dust", "chaff", "wheat")
 COMPUTED = [name for name in forces if forces[name].computed and name in bounds]
@@ -101,18 +101,14 @@ def test_every_material_is_usable_in_every_shipped_machine(name: str, material: 
     """Nothing is refused, and what the history force could move is computed, below the limit, or said to be missing
     among granules that meet.
     """
-    scene = shipped(name)
-    first = next(iter(scene.fraction))
-    share = scene.fraction[first].mass_share
-    own = {"material": material} | ({} if share is None else {"mass_share": share})
-    changed = shipped(name, {f"fraction.{first}": own})
-    for target in {0.01, changed.numerics.target_error}:
-        plan = make_plan(changed, target_error=target)
-        how = plan.fractions[first]
+    alone = Scene.parse({**shipped(name).tables(), "fraction": {"it": {"material": material}}})
+    for target in {0.01, alone.numerics.target_error}:
+        plan = make_plan(alone, target_error=target)
+        how = plan.fractions["it"]
         assert how.limit is not None
         if "basset-history" not in how.forces and how.bounds["basset-history"] > how.limit:
             assert plan.crowd is not None
-            (row,) = [row for row in plan.left_out if (row.fraction, row.name) == (first, "basset-history")]
+            (row,) = [row for row in plan.left_out if row.name == "basset-history"]
             assert "granules that meet" in row.why
 
 
@@ -372,12 +368,10 @@ class Trial:
     plan: Plan
     field: FlowField
 
-    def granules(self, name: str) -> Granules:
-        return feedstock(self.scene, self.plan.with_forces(BASE), name, None).granules
-
-    def fly(self, name: str, terms: tuple[str, ...], tolerance: float = FINE, **options: Any) -> Tracks:
-        plan = self.plan.with_forces(terms)
-        return Flight(self.scene, plan, Realisations(self.field), tolerance).fly(name, self.granules(name), **options)
+    def fly(self, name: str, terms: tuple[str, ...], tolerance: float = FINE) -> Tracks:
+        granules = feedstock(self.scene, self.plan.with_forces(BASE), name, None).granules
+        flight = Flight(self.scene, self.plan.with_forces(terms), Realisations(self.field), tolerance)
+        return flight.fly(name, granules)
 
 
 @cache
@@ -437,51 +431,6 @@ def test_the_mean_shift_is_at_most_what_the_gate_takes_it_for(name: str) -> None
     assert moved(before, after, tried.scene.width).mean() <= TYPICAL * allowed
 
 
-def history_shift(tried: Trial, name: str, grains: Granules, tracks: Tracks, i: int) -> float:
-    """Landing shift (body widths) by the history force along the recorded track of granule ``i``: Mei & Adrian's
-    kernel on the slip that it had; drag and the air's gradients linearised on the way.
-    """
-    field = tried.field
-    t, x, v = tracks.path(i)
-    time = np.linspace(t[0], t[-1], 1200)
-    step = time[1] - time[0]
-    place, velocity = (np.stack([np.interp(time, t, a[:, c]) for c in (0, 1)], axis=1) for a in (x, v))
-    slip = np.nan_to_num(field.sample(place)[0]) - velocity
-    speed = np.linalg.norm(slip, axis=1)
-    d, density, nu = grains.diameter[i], grains.density[i], field.viscosity / field.density
-    stokes = density * d**2 / (18 * field.viscosity)
-    tau = stokes / grains.drag_scale[i] / drag_laws["brown-lawler"].factor(speed * d / nu, 1.0)
-    typical = float(np.median(speed))
-    spent = np.array([history_time(s, d / 2, typical, nu) for s in np.linspace(step, 40 * step, 40)])
-    weight = history_kernel((np.arange(len(time)) + 0.5) * step, d / 2, typical, nu)
-    weight[:40] = np.diff(spent, prepend=0.0) / step
-    force = np.stack(
-        [np.convolve(np.diff(slip[:, c], prepend=slip[0, c]), weight)[: len(time)] for c in (0, 1)], axis=1
-    )
-    triangle = field.locate(place)
-    strain = np.einsum("mkd,mkc->mcd", field.gradients[triangle], field.velocity[field.triangles[triangle]])
-    strain[triangle < 0] = 0.0  # where a wall has swung out of the mesh
-    kick, way = np.zeros(2), np.zeros(2)
-    for push, rate, stretch in zip(force / stokes, step / tau, strain, strict=True):
-        kick = (kick + step * push + rate * stretch @ way) / (1.0 + rate)
-        way = way + step * kick
-    across, along = tracks.velocity[i]
-    return float(abs(way[0] - way[1] * across / along) / tried.scene.width)
-
-
-@pytest.mark.openfoam
-@pytest.mark.parametrize("name", FRACTIONS)
-def test_the_bound_on_the_history_force_holds_along_recorded_tracks(name: str) -> None:
-    tried = trial()
-    grains = tried.granules(name)[:: COUNT // 64]
-    plan = tried.plan.with_forces(BASE)
-    tracks = Flight(tried.scene, plan, Realisations(tried.field), 1e-4).fly(name, grains, record=True)
-    found = [history_shift(tried, name, grains, tracks, i) for i in range(len(grains))]
-    bound, measured = tried.plan.fractions[name].bounds["basset-history"], float(np.percentile(found, 95))
-    assert measured <= bound <= IDLE * measured
-    assert np.mean(found) <= TYPICAL * bound
-
-
 @pytest.mark.openfoam
 @pytest.mark.parametrize("name", FRACTIONS)
 def test_the_bound_on_the_vibration_of_the_air_holds_for_a_quasi_steady_wake(name: str) -> None:
@@ -508,10 +457,7 @@ def landings_at(x: np.ndarray, scene: Scene) -> Landings:
     place = np.full(len(x), -1)
     for i, (low, high) in enumerate(edges):
         place[(x >= low) & (x < high)] = i  # type: ignore[operator]
-    zero = np.zeros(len(x))
-    position = np.stack([x, np.full(len(x), scene.channel.bottom)], axis=1)
-    none = zero.astype(int)
-    return Landings(position, place, np.arange(len(x)) % 16, zero, none, zero, none, none, none)
+    return landings_in(place, position=np.stack([x, np.full(len(x), scene.channel.bottom)], axis=1))
 
 
 def test_a_shift_carries_all_of_one_side_of_an_end_over_it() -> None:

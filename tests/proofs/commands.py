@@ -10,11 +10,14 @@ from wakeflow.verify.report import FOLDER
 
 
 def problems(slow: bool, tell: Tell) -> Report:
-    """Exact problems at six tolerances."""
-    from proofs.problems.tolerances import COLUMNS, run_problems
+    """Exact problems at six tolerances, and exact numbers of whole ensembles."""
+    from proofs.problems.tolerances import COLUMNS, NUMBERS, run_numbers, run_problems
 
     rows = run_problems(lambda done, total: tell(f"exact problems: {done} of {total}"))
-    return Report("problems", [Table("exact problems, worst granule", COLUMNS, rows)], {"rows": rows})
+    numbers = run_numbers(lambda done, total: tell(f"exact numbers: {done} of {total}"))
+    tables = [Table("exact problems, worst granule", COLUMNS, rows), Table("exact numbers", NUMBERS, numbers)]
+    missed = [f"{row['number']}, {row['label']}: {row['value']:g}" for row in numbers if not row["holds"]]
+    return Report("problems", tables, {"rows": rows, "numbers": numbers}, missed=missed)
 
 
 def airflow(slow: bool, tell: Tell) -> Report:

@@ -14,7 +14,6 @@ up to sqrt((pi (1 - e) / (1 + e))^2 + (2 (1 + e^2) / (1 + e)^2)^2) (Luck & Mehta
 from __future__ import annotations
 
 import math
-import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from proofs.report import NOTHING, Column, Report, Row, Table, Tell
+from proofs.report import NOTHING, Column, Report, Row, Table, Tell, mean_interval
 from wakeflow.core.record import to_json
 from wakeflow.core.store import Store, cache_root
 from wakeflow.funnel import compute
@@ -210,14 +209,10 @@ _FULL: _Cases = (
 def _row(name: str, tables: Sequence[Row]) -> Row:
     """Means over pourings, and Student's interval of the rate."""
     rates = [table["rate"] for table in tables]
-    mean = _mean([None if rate is None else rate["value"] for rate in rates])
-    low, high = (None, None) if mean is None else (rates[0]["low"], rates[0]["high"])
-    if mean is not None and len(rates) > 1:
-        from scipy.stats import t
-
-        spread = statistics.stdev(rate["value"] for rate in rates)
-        half = float(t.ppf(0.975, len(rates) - 1)) * spread / math.sqrt(len(rates))
-        low, high = mean - half, mean + half
+    mean = low = high = None
+    if None not in rates:
+        mean, low, high = mean_interval([rate["value"] for rate in rates])
+        low, high = (low, high) if len(rates) > 1 else (rates[0]["low"], rates[0]["high"])
     keys = ("beverloo", "beverloo_cone", "time_to_empty", "packing", "time_step")
     means = {key: _mean([table[key] for table in tables]) for key in keys}
     worst = {key: max(table[key] for table in tables) for key in ("left", "overlap")}
@@ -226,8 +221,7 @@ def _row(name: str, tables: Sequence[Row]) -> Row:
 
 def _mean(values: Sequence[float | None]) -> float | None:
     """None where a pouring has no value: a flow that stopped has no rate."""
-    found = [value for value in values if value is not None]
-    return statistics.fmean(found) if len(found) == len(values) else None
+    return None if None in values else float(np.mean(np.array(values, dtype=float)))
 
 
 def _plate(folder: Path, modulus: float, tell: Tell) -> Row:
@@ -242,13 +236,8 @@ def _plate(folder: Path, modulus: float, tell: Tell) -> Row:
     height = funnel.amplitude * math.sin(phase) + up * since - GRAVITY * since**2 / 2
     bouncing = on_plate(funnel, folder, 20, height=height, speed=up - GRAVITY * since)
     return {
-        "modulus": modulus,
-        "lift_off": float(lying.phase(lying.pressed[long])[-1]),
-        "lift_off_exact": lift_off_phase(gamma),
-        "bounce": float(bouncing.phase(bouncing.middle).mean()),
-        "bounce_exact": phase,
-        "impact": float(-bouncing.before.mean()),
-        "impact_exact": up,
-        "restitution": float(bouncing.restitution.mean()),
-        "restitution_exact": e,
-    }
+        "modulus": modulus, "lift_off": float(lying.phase(lying.pressed[long])[-1]),
+        "lift_off_exact": lift_off_phase(gamma), "bounce": float(bouncing.phase(bouncing.middle).mean()),
+        "bounce_exact": phase, "impact": float(-bouncing.before.mean()), "impact_exact": up,
+        "restitution": float(bouncing.restitution.mean()), "restitution_exact": e,
+    }  # fmt: skip

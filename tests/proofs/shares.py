@@ -9,14 +9,13 @@ are points at walls and lose the share mu of their tangential velocity, ours hav
 from __future__ import annotations
 
 import tempfile
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from proofs.report import Column, Interval, Report, Table, Tell, mean_interval, plus_minus
+from proofs.report import Column, Interval, Report, Row, Table, Tell, mean_interval, plus_minus
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.scene import RESERVED_BIN, Scene
 from wakeflow.statistics.separation import share_interval
@@ -44,23 +43,6 @@ COUNT, SLOW = 2048, 16384  # granules a fraction
 TOLERANCE = 1e-4  # body widths, as in the shipped scene
 
 
-@dataclass(frozen=True)
-class BinRow:
-    """A bin's share of one fraction in percent, (value, low, high) with 95 % intervals over the replicates.
-
-    ``difference``: OpenFOAM's less ours in the same air, paired by replicate; ``free``: the same over the granules that
-    meet no wall after they entered.
-    """
-
-    fraction: str
-    place: str
-    own: Interval  # ours, on the field of a run
-    same: Interval  # ours, on OpenFOAM's interpolant
-    peer: Interval
-    difference: Interval
-    free: Interval | None  # None where every granule meets a wall
-
-
 def run_shares(*, slow: bool = False, tell: Tell = lambda _: None) -> Report:
     """Fly every fraction three ways.
 
@@ -68,8 +50,7 @@ def run_shares(*, slow: bool = False, tell: Tell = lambda _: None) -> Report:
     """
     scene, _, pipeline = shipped(lambda stage, text: tell(f"{stage}: {text}"))
     count = SLOW if slow else COUNT
-    found, met = compare_shares(scene, pipeline, count, tell)
-    rows = [asdict(row) for row in found]
+    rows, met = compare_shares(scene, pipeline, count, tell)
     title = f"bin shares of {count} granules a fraction, %, with 95 % intervals"
     notes = [f"{name}: {100 * share:.2g} % of the granules meet a wall" for name, share in met.items()]
     facts = {"granules": count, "rows": rows, "met_walls": met}
@@ -78,9 +59,9 @@ def run_shares(*, slow: bool = False, tell: Tell = lambda _: None) -> Report:
 
 def compare_shares(
     scene: Scene, pipeline: Pipeline, count: int, tell: Tell = lambda _: None
-) -> tuple[list[BinRow], dict[str, float]]:
+) -> tuple[list[Row], dict[str, float]]:
     """Rows for every fraction and bin of ``scene`` in its steady airflow, and the share of each that meets walls."""
-    rows: list[BinRow] = []
+    rows: list[Row] = []
     met: dict[str, float] = {}
     own = pipeline.field[1]
     with tempfile.TemporaryDirectory(prefix="wakeflow-peer-") as room:
@@ -110,8 +91,11 @@ def _theirs(case: BenchmarkCase, foam: FoamInterpolant, longest: float, folder: 
 
 def _rows(
     name: str, scene: Scene, case: BenchmarkCase, found: list[NDArray[np.int64]], free: NDArray[np.bool_]
-) -> list[BinRow]:
-    """One row a bin that any of the three ways reaches."""
+) -> list[Row]:
+    """One row a bin that any of the three ways reaches: shares in percent, (value, low, high) with 95 % intervals over
+    the replicates, ``own`` on the field of a run, ``same`` on OpenFOAM's interpolant. ``difference``: OpenFOAM's less
+    ours in the same air, paired by replicate; ``free``: the same over the granules that meet no wall, None without any.
+    """
     names = [*sorted(scene.bin, key=lambda b: float(scene.bin[b].start or 0.0)), RESERVED_BIN]
     rows = []
     for number, place in enumerate(names):
@@ -121,7 +105,9 @@ def _rows(
         own, same, peer = (_share(case, way) for way in inside)
         lone = _paired(case, inside[2], inside[1], free) if free.any() else None
         every = np.ones(len(free), dtype=bool)
-        rows.append(BinRow(name, place, own, same, peer, _paired(case, inside[2], inside[1], every), lone))
+        difference = _paired(case, inside[2], inside[1], every)
+        means = {"own": own, "same": same, "peer": peer, "difference": difference, "free": lone}
+        rows.append({"fraction": name, "place": place, **means})
     return rows
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from scipy.spatial import Delaunay
 from proofs.airflow import airflow, measured
 from proofs.airflow.measured import DustyWake, SolvedAirflow, core_seconds, estimate_without, quantities
 from proofs.airflow.published import Case, Published, cases, read_cases, verification_scenes
-from proofs.report import Table
+from proofs.report import Row, Table
 from wakeflow.cli import main
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.record import from_json
@@ -289,7 +289,7 @@ def test_a_scene_of_ones_own_gets_a_grid_study(tmp_path: Path, capsys: pytest.Ca
 def test_a_case_that_fails_does_not_stop_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ran: list[str] = []
 
-    def compare(case: Case, scene: Scene, tell: Any) -> tuple[list[airflow.ComparedValue], dict[str, Any]]:
+    def compare(case: Case, scene: Scene, tell: Any) -> tuple[list[Row], Row]:
         ran.append(case.name)
         if case.name == "dfg-2d1":
             raise FoamError("the airflow diverged")
@@ -314,9 +314,9 @@ def test_a_case_that_fails_does_not_stop_the_others(tmp_path: Path, monkeypatch:
 
 def test_another_scene_of_a_known_name_is_not_compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Case] = []
-    nothing: tuple[list[airflow.ComparedValue], dict[str, Any]] = ([], {})
+    nothing: tuple[list[Row], Row] = ([], {})
 
-    def compare(case: Case, scene: Scene, tell: Any) -> tuple[list[airflow.ComparedValue], dict[str, Any]]:
+    def compare(case: Case, scene: Scene, tell: Any) -> tuple[list[Row], Row]:
         asked.append(case)
         return nothing
 
@@ -356,16 +356,16 @@ def test_rows_say_how_far_and_whether_it_counts(tmp_path: Path, monkeypatch: pyt
     case = read_cases({"some": {**table, "value": [judged, {**VALUE, "value": 2.5}]}})["some"]
     scene = Scene.parse(tomllib.loads(PRISM))
     length, drag, length_beside, drag_beside, closer, between = airflow.compare_case(case, scene)[0]
-    assert (length.ours, length.deviation, length.met) == (pytest.approx(2.2), pytest.approx(0.1), False)
-    assert (drag.deviation, drag.met, drag.why) == (pytest.approx(-0.2), None, "as an example")
-    assert (length_beside.rung, length_beside.met, drag_beside.met) == ("draft", None, None)
-    assert [row.gate for row in (length, drag, length_beside)] == ["5 %", "reported", "reported"]
-    assert (closer.gate, closer.met) == ("closer than draft", True)
-    assert (between.gate, between.met) == ("between draft and standard", False)  # 2.2 and 4, published 2
+    assert (length["ours"], length["deviation"], length["met"]) == (pytest.approx(2.2), pytest.approx(0.1), False)
+    assert (drag["deviation"], drag["met"], drag["why"]) == (pytest.approx(-0.2), None, "as an example")
+    assert (length_beside["rung"], length_beside["met"], drag_beside["met"]) == ("draft", None, None)
+    assert [row["gate"] for row in (length, drag, length_beside)] == ["5 %", "reported", "reported"]
+    assert (closer["gate"], closer["met"]) == ("closer than draft", True)
+    assert (between["gate"], between["met"]) == ("between draft and standard", False)  # 2.2 and 4, published 2
     answers["draft"] = ("draft", 0.099)
     closer, between = airflow.compare_case(case, scene)[0][-2:]
-    assert (closer.met, between.met) == (False, True)  # 2.2 and 1.98
-    printed = Table("", airflow.COLUMNS, [asdict(row) for row in airflow.compare_case(case, scene)[0]]).markdown()
+    assert (closer["met"], between["met"]) == (False, True)  # 2.2 and 1.98
+    printed = Table("", airflow.COLUMNS, airflow.compare_case(case, scene)[0]).markdown()
     assert "| reported | – |" in printed
     assert "somebody 1999; reported: as an example" in printed
 
@@ -427,15 +427,12 @@ def test_the_blend_is_judged_by_what_knows_nothing_of_it(tmp_path: Path, monkeyp
     scene = Scene.parse(tomllib.loads(PRISM))
     rows = airflow.compare_case(read_cases({"some": table})["some"], scene)[0]
     own, beside, _, blend = rows
-    assert [row.met for row in rows] == [None, None, True, True]
-    assert "an end of the blend" in own.why
-    assert blend.rung.startswith("blend 0.")
-    assert blend.gate == "in the range"
-    assert own.ours is not None
-    assert beside.ours is not None
-    assert blend.ours is not None
-    assert own.ours < blend.ours < beside.ours
-    assert (blend.low, blend.high) != (blend.ours, blend.ours)
+    assert [row["met"] for row in rows] == [None, None, True, True]
+    assert "an end of the blend" in own["why"]
+    assert blend["rung"].startswith("blend 0.")
+    assert blend["gate"] == "in the range"
+    assert own["ours"] < blend["ours"] < beside["ours"]
+    assert (blend["low"], blend["high"]) != (blend["ours"], blend["ours"])
     others = [entry for entry in wakes_data() if entry.quantity != "residence_time"]
     assert estimate_without("residence_time", "plate", 1 / 6, scene.reynolds or 0.0) == best_estimate(
         "plate", 1 / 6, scene.reynolds or 0.0, others

@@ -58,9 +58,9 @@ def test_gates(coverage: float, half: float, missed: set[str]) -> None:
     truths = np.where(np.arange(many) < coverage * many, 0.51, 0.8)
     rows = [number(0.5, 0.5 - half, 0.5 + half, float(x)) for x in truths]
     tally = tally_of("all", rows)
-    assert {gate.what for gate in report.gates(tally, [tally], []) if not gate.met} == missed
+    assert {gate["what"] for gate in report.gates(tally, [tally], []) if not gate["met"]} == missed
     broken = Bounded("one", "lift", "share.a.b", 0.01, 0.02, 1e-4)
-    assert not report.gates(tally, [tally], [broken])[-1].met
+    assert not report.gates(tally, [tally], [broken])[-1]["met"]
 
 
 def test_an_oval_is_a_streamline_that_no_air_crosses() -> None:
@@ -156,8 +156,8 @@ MISSES = {
 
 def test_each_measured_wake_is_predicted_from_all_others() -> None:
     rows = left_out_wakes()
-    assert {row.number for row in rows} == {"theta", "strength"}
-    assert {row.name for row in rows if not row.held} == MISSES
+    assert {row["number"] for row in rows} == {"theta", "strength"}
+    assert {row["name"] for row in rows if not row["held"]} == MISSES
 
 
 def test_references_are_shares() -> None:

@@ -49,13 +49,13 @@ def test_openfoams_parcels_land_in_the_same_bins(cases: Path) -> None:
     changes = {"numerics.mesh_scale": 2.0, "numerics.rung": "draft", "fraction.*.impact": "paper"}
     scene = wf.Scene.load(cases / "rhombus.toml", changes)
     rows, met = shares.compare_shares(scene, Pipeline(scene, make_plan(scene, force={"air-loading": False})), 1024)
-    assert {row.fraction for row in rows} == set(shares.FRACTIONS)
+    assert {row["fraction"] for row in rows} == set(shares.FRACTIONS)
     assert met["wheat"] < 0.5
     for row in rows:
-        if row.free is not None:
-            assert abs(row.free[0]) < 0.5 or row.free[1] <= 0.0 <= row.free[2], row
-        if row.fraction == "wheat":
-            assert abs(row.difference[0]) < 0.5, row
+        if row["free"] is not None:
+            assert abs(row["free"][0]) < 0.5 or row["free"][1] <= 0.0 <= row["free"][2], row
+        if row["fraction"] == "wheat":
+            assert abs(row["difference"][0]) < 0.5, row
     for way in ("own", "same", "peer"):
         for name in shares.FRACTIONS:
-            assert sum(getattr(row, way)[0] for row in rows if row.fraction == name) == pytest.approx(100.0, abs=1e-9)
+            assert sum(row[way][0] for row in rows if row["fraction"] == name) == pytest.approx(100.0, abs=1e-9)

@@ -32,12 +32,6 @@ CONTRAST = """() => {
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
-    scene = Scene.load(CASES / "vacuum.toml").replace({"feed.count": 64})
-    return wf.run(scene, tmp_path_factory.mktemp("page"))
-
-
-@pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     from playwright.sync_api import sync_playwright
 
@@ -48,11 +42,11 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="module")
-def comparison(run: wf.Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def comparison(small_run: wf.Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of the run beside one whose soft granules rebound, made by the command's own call."""
     folder = tmp_path_factory.mktemp("compared")
-    other = wf.run(Scene.parse(run.scene).replace({"fraction.soft.restitution": 0.6}), folder / "bouncy")
-    wf.compare([run, other]).write(folder / "out")
+    other = wf.run(Scene.parse(small_run.scene).replace({"fraction.soft.restitution": 0.6}), folder / "bouncy")
+    wf.compare([small_run, other]).write(folder / "out")
     return folder / "out" / "compare.html"
 
 
@@ -71,8 +65,8 @@ def _opened(path: Path, browser: Any, colours: str) -> Iterator[Any]:
 
 
 @pytest.fixture(params=["light", "dark"])
-def page(request: pytest.FixtureRequest, browser: Any, run: wf.Result) -> Iterator[Any]:
-    with _opened(run.folder / "report.html", browser, request.param) as opened:
+def page(request: pytest.FixtureRequest, browser: Any, small_run: wf.Result) -> Iterator[Any]:
+    with _opened(small_run.folder / "report.html", browser, request.param) as opened:
         yield opened
 
 
@@ -83,9 +77,9 @@ def compared(request: pytest.FixtureRequest, browser: Any, comparison: Path) -> 
 
 
 @pytest.fixture(params=itertools.product(("report", "comparison"), ("light", "dark")), ids="-".join)
-def either(request: pytest.FixtureRequest, browser: Any, run: wf.Result, comparison: Path) -> Iterator[Any]:
+def either(request: pytest.FixtureRequest, browser: Any, small_run: wf.Result, comparison: Path) -> Iterator[Any]:
     which, colours = request.param
-    path = run.folder / "report.html" if which == "report" else comparison
+    path = small_run.folder / "report.html" if which == "report" else comparison
     with _opened(path, browser, colours) as opened:
         yield opened
 
@@ -96,7 +90,7 @@ def _drawn(page: Any) -> str:
     return found
 
 
-def test_every_control_changes_what_is_shown(page: Any, run: wf.Result) -> None:
+def test_every_control_changes_what_is_shown(page: Any, small_run: wf.Result) -> None:
     for name in ("show-tracks", "show-granules", "by-mass"):
         before = _drawn(page)
         page.locator(f"#{name}").click()
@@ -123,13 +117,13 @@ def test_every_control_changes_what_is_shown(page: Any, run: wf.Result) -> None:
     assert page.locator(f"#bars [data-fraction='{name}']").first.is_hidden()
 
 
-def test_a_bin_tells_its_shares_to_mouse_and_keyboard(page: Any, run: wf.Result) -> None:
+def test_a_bin_tells_its_shares_to_mouse_and_keyboard(page: Any, small_run: wf.Result) -> None:
     told = page.locator("#told")
     page.locator("#bin").select_option("near")
     assert told.text_content().startswith("near: of all ")
     page.locator("#bin").select_option("choose")
     assert "Point at a bin" in told.text_content()
-    scene = Scene.parse(run.scene)
+    scene = Scene.parse(small_run.scene)
     line, channel = scene.bin["far"].line(scene.channel).mean(axis=0), scene.channel
     page.locator("#machine").scroll_into_view_if_needed()
     box = page.locator("#machine").bounding_box()
@@ -183,13 +177,13 @@ def test_a_page_is_no_wider_than_the_screen(width: int, either: Any) -> None:
     assert either.evaluate("document.documentElement.scrollWidth") <= width
 
 
-def test_paper_holds_every_bin_and_cuts_nothing(page: Any, run: wf.Result, tmp_path: Path) -> None:
+def test_paper_holds_every_bin_and_cuts_nothing(page: Any, small_run: wf.Result, tmp_path: Path) -> None:
     from pypdf import PdfReader
 
     page.pdf(path=tmp_path / "page.pdf", prefer_css_page_size=True)
     sheets = PdfReader(tmp_path / "page.pdf").pages
     text = " ".join(sheet.extract_text() for sheet in sheets)
-    for place in run.landings.separation.bins:
+    for place in small_run.landings.separation.bins:
         assert place in text
     assert "Zoom in" not in text
     for sheet in sheets:

@@ -3,9 +3,9 @@
 import itertools
 import json
 import re
+import shutil
 import sys
 import tomllib
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageSequence
 
 import wakeflow as wf
-from support import field_of, shipped
+from support import Page, field_of, shipped
 from wakeflow.answer.provenance import commit_of
 from wakeflow.answer.result import Request
 from wakeflow.cli import main
@@ -33,40 +33,15 @@ from wakeflow.scene.changes import flat
 from wakeflow.scene.rungs import rungs
 
 SHIPPED = ("rhombus", "prism", "labyrinth", "aspirator", "vacuum")
-VOID = ("meta", "img", "br", "input", "link", "hr")
-
-
-class Outline(HTMLParser):
-    """Every tag with its attributes, ids, what is not closed, and addresses."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.open: list[str] = []
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def every(self, *names: str) -> list[dict[str, str | None]]:
-        return [given for tag, given in self.tags if tag in names]
 
 
 @pytest.fixture(scope="module")
-def vacuum(tmp_path_factory: pytest.TempPathFactory) -> tuple[wf.Result, str]:
-    scene = Scene.load(Path(__file__).parents[2] / "cases" / "vacuum.toml").replace({"feed.count": 64})
-    result = wf.run(scene, tmp_path_factory.mktemp("vacuum"))
-    return result, (result.folder / "report.html").read_text()
+def text(small_run: wf.Result) -> str:
+    return (small_run.folder / "report.html").read_text()
 
 
-def test_the_page_is_well_formed_and_can_be_read_without_eyes_or_mouse(vacuum: tuple[wf.Result, str]) -> None:
-    page = Outline(vacuum[1])
+def test_the_page_is_well_formed_and_can_be_read_without_eyes_or_mouse(text: str) -> None:
+    page = Page(text)
     assert page.open == []
     ids = [given["id"] for _, given in page.tags if "id" in given]
     assert len(ids) == len(set(ids))
@@ -85,35 +60,33 @@ def test_the_page_is_well_formed_and_can_be_read_without_eyes_or_mouse(vacuum: t
     assert all(given.get("scope") == "col" for given in page.every("th"))
 
 
-def test_the_page_asks_nothing_of_the_network_and_is_small(vacuum: tuple[wf.Result, str]) -> None:
-    assert "http" not in vacuum[1]
-    assert "@import" not in vacuum[1]
-    assert len(vacuum[1]) < 10e6
+def test_the_page_asks_nothing_of_the_network_and_is_small(text: str) -> None:
+    assert "http" not in text
+    assert "@import" not in text
+    assert len(text) < 10e6
 
 
-def test_the_page_tells_where_the_answer_comes_from(vacuum: tuple[wf.Result, str]) -> None:
-    result, text = vacuum
-    made = result.provenance
+def test_the_page_tells_where_the_answer_comes_from(small_run: wf.Result, text: str) -> None:
+    made = small_run.provenance
     assert made.seed == 0
     assert made.openfoam is None
-    for told in (made.host, made.system, made.date, result.key, result.versions["numpy"]):
+    for told in (made.host, made.system, made.date, small_run.key, small_run.versions["numpy"]):
         assert told in text
-    again = wf.run(Scene.parse(result.scene), result.folder)
+    again = wf.run(Scene.parse(small_run.scene), small_run.folder)
     assert again.provenance == made  # the answer stood there: it was made then
 
 
-def test_the_script_is_handed_tracks_and_shares(vacuum: tuple[wf.Result, str]) -> None:
-    result, text = vacuum
+def test_the_script_is_handed_tracks_and_shares(small_run: wf.Result, text: str) -> None:
     found = re.search(r'id="live-data">(.*?)</script>', text, re.S)
     data: dict[str, Any] = json.loads(found[1])
     assert data["frames"] == []
     assert data["loop"] is None
-    assert [one["name"] for one in data["bins"]] == bins_across(Scene.parse(result.scene))
+    assert [one["name"] for one in data["bins"]] == bins_across(Scene.parse(small_run.scene))
     for one in data["fractions"]:
         assert len(one["tracks"]) == 48
         assert all(len(track["at"]) == 2 * POINTS for track in one["tracks"])
         for place, share in data["wakes"]["answer"][one["name"]].items():
-            assert share == pytest.approx(100 * result.share(one["name"], place)[0])
+            assert share == pytest.approx(100 * small_run.share(one["name"], place)[0])
 
 
 def test_a_loop_becomes_frames_and_a_steady_field_one() -> None:
@@ -315,9 +288,8 @@ def test_the_page_shows_one_film_or_says_that_it_is_too_large(tmp_path: Path) ->
     assert page.read_text().endswith("<p>after</p>")
 
 
-def test_a_user_makes_a_film_of_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = tmp_path / "run"
-    wf.run(shipped("vacuum", {"feed.count": 64}), folder)
+def test_a_user_makes_a_film_of_a_run(small_run: wf.Result, tmp_path: Path) -> None:
+    folder = shutil.copytree(small_run.folder, tmp_path / "run")
     assert main(["animate", str(folder), "--seconds", "1", "--size", "240", "--span", "100 ms", "--quiet"]) == 0
     film = folder / "figures" / "film.gif"
     with Image.open(film) as made:

@@ -1,9 +1,7 @@
 """A finished run in Python: its pictures on axes of one's own, its tables, and what a notebook shows of it."""
 
 import shutil
-from collections.abc import Iterator
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -13,24 +11,11 @@ from matplotlib import pyplot
 from matplotlib.axes import Axes
 
 import wakeflow as wf
-from support import field_of, shipped
+from support import Here, Page, field_of, shipped
 from wakeflow.core import tables
 from wakeflow.report.plot import cells_left, outcome_of
 
-
-@pytest.fixture(scope="module")
-def result(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
-    scene = shipped("vacuum", {"feed.count": 64})
-    return wf.run(scene, tmp_path_factory.mktemp("run") / "vacuum")
-
-
-@pytest.fixture(autouse=True)
-def _no_screen(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    before = pyplot.get_backend()
-    pyplot.switch_backend("agg")
-    yield
-    pyplot.close("all")
-    pyplot.switch_backend(before)
+pytestmark = pytest.mark.usefixtures("no_screen")
 
 
 def _lines(axes: Axes) -> dict[str, np.ndarray]:
@@ -42,60 +27,61 @@ def _lines(axes: Axes) -> dict[str, np.ndarray]:
     }
 
 
-def test_tracks_on_given_axes_are_those_of_the_report(result: wf.Result) -> None:
+def test_tracks_on_given_axes_are_those_of_the_report(small_run: wf.Result) -> None:
     figure, panels = pyplot.subplots(1, 2)
-    drawn = wf.Result.load(result.folder).plot.tracks(panels[0])
+    drawn = wf.Result.load(small_run.folder).plot.tracks(panels[0])
     assert drawn is panels[0]
     assert figure.axes == list(panels)  # nothing else is changed
-    rows = np.genfromtxt(result.folder / "figures" / "tracks.csv", delimiter=",", names=True, dtype=None, encoding=None)
+    file = small_run.folder / "figures" / "tracks.csv"
+    rows = np.genfromtxt(file, delimiter=",", names=True, dtype=None, encoding=None)
     for label, points in _lines(drawn).items():
         own = rows[rows["fraction"] == label.split(",")[0]]
         told = points[np.isfinite(points[:, 0])]
         assert told == pytest.approx(1e3 * np.stack([own["x_m"], own["y_m"]], axis=1), rel=1e-5, abs=1e-4)
-    assert len(_lines(drawn)) == len(result.scene["fraction"])
+    assert len(_lines(drawn)) == len(small_run.scene["fraction"])
 
 
-def test_a_picture_of_several_panels_takes_the_place_of_the_axes(result: wf.Result) -> None:
+def test_a_picture_of_several_panels_takes_the_place_of_the_axes(small_run: wf.Result) -> None:
     figure, panels = pyplot.subplots(1, 2)
     left = panels[0].get_position()
-    drawn = result.plot.landing(panels[0])
+    drawn = small_run.plot.landing(panels[0])
     assert panels[0] not in figure.axes
-    assert drawn.shape == (len(result.scene["fraction"]), 1)
+    assert drawn.shape == (len(small_run.scene["fraction"]), 1)
     for axes in drawn.flat:
         assert axes.figure.figure is figure
         middle = axes.get_window_extent().x0 / figure.bbox.width
         assert middle < left.x1 + 0.1  # in the left half still
     alone = figure.add_axes((0.0, 0.0, 0.1, 0.1))
     with pytest.raises(wf.SceneError, match="no grid"):
-        result.plot.landing(alone)
+        small_run.plot.landing(alone)
 
 
-def test_without_axes_a_figure_of_pyplot_of_its_own_size(result: wf.Result) -> None:
-    axes = result.plot.sketch()
+def test_without_axes_a_figure_of_pyplot_of_its_own_size(small_run: wf.Result) -> None:
+    axes = small_run.plot.sketch()
     assert axes.figure is pyplot.gcf()
     assert tuple(axes.figure.get_size_inches()) != tuple(pyplot.rcParams["figure.figsize"])
 
 
-def test_what_a_run_has_not_is_said(result: wf.Result, tmp_path: Path) -> None:
-    assert "tracks" in dir(result.plot)
-    assert "pressure" not in dir(result.plot)
-    assert "landing" in repr(result.plot)
+def test_what_a_run_has_not_is_said(small_run: wf.Result, tmp_path: Path) -> None:
+    assert "tracks" in dir(small_run.plot)
+    assert "pressure" not in dir(small_run.plot)
+    assert "landing" in repr(small_run.plot)
     with pytest.raises(wf.SceneError, match="nothing to draw as pressure; it has sketch, tracks"):
-        result.plot.pressure()
+        small_run.plot.pressure()
     with pytest.raises(AttributeError, match="did you mean 'landing'"):
-        _ = result.plot.landings
+        _ = small_run.plot.landings
     for name in ("bracket", "history"):  # no nearest one, still all that there are
         with pytest.raises(AttributeError, match=rf"no picture '{name}'.* \(known: sketch, tracks, landing"):
-            getattr(result.plot, name)
-    assert not hasattr(result.plot, "_repr_png_")
-    moved = replace(result, folder=tmp_path)
+            getattr(small_run.plot, name)
+    assert not hasattr(small_run.plot, "_repr_png_")
+    moved = replace(small_run, folder=tmp_path)
     with pytest.raises(AttributeError, match="known: sketch, pressure"):
         _ = moved.plot.bracket
     with pytest.raises(wf.SceneError, match="holds no report to draw from"):
         moved.plot.tracks()
 
 
-def test_a_picture_is_drawn_on_one_axes_or_a_figure_and_nothing_else(result: wf.Result) -> None:
+def test_a_picture_is_drawn_on_one_axes_or_a_figure_and_nothing_else(small_run: wf.Result) -> None:
     figure, panels = pyplot.subplots(1, 2)
     for given, message in (
         ((3,), "landing draws 2 panels in the place of matplotlib axes or in a figure, not on 3"),
@@ -104,18 +90,18 @@ def test_a_picture_is_drawn_on_one_axes_or_a_figure_and_nothing_else(result: wf.
         ((panels[0], panels[1]), "takes one axes or a figure, not 2 of them"),
     ):
         with pytest.raises(wf.SceneError, match=message):
-            result.plot.landing(*given)
+            small_run.plot.landing(*given)
     with pytest.raises(wf.SceneError, match=r"plot\.tracks takes one axes, not 2"):
-        result.plot.tracks(list(panels))
+        small_run.plot.tracks(list(panels))
     with pytest.raises(wf.SceneError, match=r"takes one axes or a figure, not ax=: plot.tracks\(axes\)"):
-        result.plot.tracks(ax=panels[0])
+        small_run.plot.tracks(ax=panels[0])
     assert figure.axes == list(panels)  # all refused before anything was drawn or taken away
-    assert result.plot.landing(pyplot.figure()).shape == (2, 1)
+    assert small_run.plot.landing(pyplot.figure()).shape == (2, 1)
 
 
-def test_what_a_run_does_not_keep_is_found_in_its_file(result: wf.Result, tmp_path: Path) -> None:
+def test_what_a_run_does_not_keep_is_found_in_its_file(small_run: wf.Result, tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    shutil.copytree(result.folder, folder)
+    shutil.copytree(small_run.folder, folder)
     (folder / "figures" / "forces.png").write_bytes(b"of a solved airflow")
     with pytest.raises(wf.SceneError, match=f"see {folder}/figures/forces.png; wakeflow report"):
         wf.Result.load(folder).plot.forces()
@@ -145,35 +131,35 @@ def test_the_air_of_a_finished_run_is_read_back(tmp_path: Path) -> None:
     assert np.array_equal(found.triangles, field.triangles)
 
 
-def test_landings_read_back_are_those_of_the_kept_granules(result: wf.Result) -> None:
-    landings = outcome_of(result).landings
-    assert list(landings) == list(result.scene["fraction"])
+def test_landings_read_back_are_those_of_the_kept_granules(small_run: wf.Result) -> None:
+    landings = outcome_of(small_run).landings
+    assert list(landings) == list(small_run.scene["fraction"])
     for name, landed in landings.items():
         assert landed.weight.sum() == pytest.approx(1.0)
-        for index, place in enumerate(result.scene["bin"]):
+        for index, place in enumerate(small_run.scene["bin"]):
             share = landed.weight[landed.bin == index].sum()
-            assert share == pytest.approx(result.share(name, place)[0], abs=1e-9)  # all granules are kept here
+            assert share == pytest.approx(small_run.share(name, place)[0], abs=1e-9)  # all granules are kept here
 
 
-def test_frames_are_plain_arrays_without_pandas(result: wf.Result, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frames_are_plain_arrays_without_pandas(small_run: wf.Result, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "find_spec", lambda name: None)
-    table: dict[str, Any] = result.frame()
+    table: dict[str, Any] = small_run.frame()
     assert list(table) == ["fraction", "bin", "share", "low", "high", "target"]
     for name, place, share, low, high in zip(*(table[head] for head in list(table)[:5]), strict=True):
-        assert [share, low, high] == [*result.share(name, place)]
+        assert [share, low, high] == [*small_run.share(name, place)]
     assert {(n, p) for n, p, t in zip(table["fraction"], table["bin"], table["target"], strict=True) if t} == {
-        (name, place) for name in result.scene["fraction"] for place in result.targets(name)
+        (name, place) for name in small_run.scene["fraction"] for place in small_run.targets(name)
     }
-    granules = result.granules()
-    assert {len(column) for column in granules.values()} == {64 * len(result.scene["fraction"])}
-    assert set(granules["bin"]) <= {*result.scene["bin"], "elsewhere"}
-    shares = result.scene["fraction"]
+    granules = small_run.granules()
+    assert {len(column) for column in granules.values()} == {256 * len(small_run.scene["fraction"])}
+    assert set(granules["bin"]) <= {*small_run.scene["bin"], "elsewhere"}
+    shares = small_run.scene["fraction"]
     for name in shares:
         own = granules["fraction"] == name
         assert granules["weight"][own].sum() == pytest.approx(shares[name].get("mass_share", 1.0 / len(shares)))
 
 
-def test_frames_are_pandas_where_it_is_installed(result: wf.Result, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frames_are_pandas_where_it_is_installed(small_run: wf.Result, monkeypatch: pytest.MonkeyPatch) -> None:
     class Pandas:
         @staticmethod
         def DataFrame(columns: dict[str, Any]) -> tuple[str, list[str]]:
@@ -181,30 +167,30 @@ def test_frames_are_pandas_where_it_is_installed(result: wf.Result, monkeypatch:
 
     monkeypatch.setattr(tables, "find_spec", lambda name: name)
     monkeypatch.setattr(tables, "import_module", lambda name: {"pandas": Pandas}[name])
-    assert result.frame() == ("frame", ["fraction", "bin", "share", "low", "high", "target"])
+    assert small_run.frame() == ("frame", ["fraction", "bin", "share", "low", "high", "target"])
 
 
-def test_what_does_not_exist_is_said_with_the_nearest_name(result: wf.Result) -> None:
-    first = next(iter(result.scene["fraction"]))
+def test_what_does_not_exist_is_said_with_the_nearest_name(small_run: wf.Result) -> None:
+    first = next(iter(small_run.scene["fraction"]))
     with pytest.raises(wf.SceneError, match=f"no fraction '{first}x'; did you mean '{first}'"):
-        result.share(f"{first}x", "near")
+        small_run.share(f"{first}x", "near")
     with pytest.raises(wf.SceneError, match="no bin 'neer'; did you mean 'near'"):
-        result.share(first, "neer")
+        small_run.share(first, "neer")
     with pytest.raises(wf.SceneError, match=f"no fraction '{first}x'; did you mean '{first}'"):
-        result.recovery(f"{first}x")
+        small_run.recovery(f"{first}x")
     with pytest.raises(wf.SceneError, match="no bin 'neer'; did you mean 'near'"):
-        result.purity("neer", first)
+        small_run.purity("neer", first)
     with pytest.raises(wf.SceneError, match=f"no fraction '{first}x'"):
-        result.purity("near", f"{first}x")
+        small_run.purity("near", f"{first}x")
     with pytest.raises(wf.SceneError, match="nothing lands in elsewhere"):
-        result.purity("elsewhere", first)
+        small_run.purity("elsewhere", first)
 
 
-def test_recovery_and_purity_are_those_of_the_table(result: wf.Result) -> None:
-    table, first = result.separation, next(iter(result.scene["fraction"]))
+def test_recovery_and_purity_are_those_of_the_table(small_run: wf.Result) -> None:
+    table, first = small_run.separation, next(iter(small_run.scene["fraction"]))
     for found, row in (
-        (result.recovery(first), table["recovery"][first]),
-        (result.purity("near", first), table["purity"]["near"][first]),
+        (small_run.recovery(first), table["recovery"][first]),
+        (small_run.purity("near", first), table["purity"]["near"][first]),
     ):
         assert [*found] == [row["value"], row["low"], row["high"]]
     tables = shipped("vacuum", {"feed.count": 32}).tables()
@@ -215,57 +201,34 @@ def test_recovery_and_purity_are_those_of_the_table(result: wf.Result) -> None:
     assert chained.purity("near", first)[0] == chained.separation["purity"]["near"][first]["value"]
 
 
-class _Cells(HTMLParser):
-    """The texts of a table's cells, and what is left open."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.cells: list[str] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: Any) -> None:
-        if tag != "br":
-            self.open.append(tag)
-        if tag in ("td", "th"):
-            self.cells.append("")
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        if {"td", "th"} & set(self.open):
-            self.cells[-1] += data
-
-
-def test_a_notebook_shows_the_answer_and_a_line_says_it(result: wf.Result) -> None:
-    assert len(repr(result)) < 300
-    assert str(result.folder) in repr(result)
-    page = _Cells(result._repr_html_())
+def test_a_notebook_shows_the_answer_and_a_line_says_it(small_run: wf.Result) -> None:
+    assert len(repr(small_run)) < 300
+    assert str(small_run.folder) in repr(small_run)
+    page = Page(small_run._repr_html_())
     assert not page.open
-    bins, fractions = result.separation["bins"], list(result.scene["fraction"])
-    assert page.cells[: len(fractions) + 1] == ["% of its mass", *fractions]
-    assert page.cells[:: len(fractions) + 3] == ["% of its mass", *bins, "recovery"]
-    value = 100 * result.share(fractions[0], bins[0])[0]
-    assert float(page.cells[len(fractions) + 4].split()[0]) == pytest.approx(value, abs=0.06)
+    bins, fractions = small_run.separation["bins"], list(small_run.scene["fraction"])
+    (rows,) = page.tables.values()
+    assert rows[0][: len(fractions) + 1] == ["% of its mass", *fractions]
+    assert [row[0] for row in rows] == ["% of its mass", *bins, "recovery"]
+    value = 100 * small_run.share(fractions[0], bins[0])[0]
+    assert float(rows[1][1].split()[0]) == pytest.approx(value, abs=0.06)
 
 
 def test_a_plan_is_a_line_and_a_page() -> None:
     plan = wf.plan(shipped("rhombus"))
     assert len(repr(plan)) < 300
     assert "wheat" in repr(plan)
-    page = _Cells(plan._repr_html_())
+    page = Page(plan._repr_html_())
     assert not page.open
     assert "left out" in plan._repr_html_()
 
 
-def test_tables_of_many_runs_are_short_too(result: wf.Result, tmp_path: Path) -> None:
+def test_tables_of_many_runs_are_short_too(tmp_path: Path) -> None:
     found = wf.sweep(
         wf.variants(shipped("vacuum", {"feed.count": 32}), {"feed.height": ["50 mm", "60 mm"]}),
-        tmp_path / "sweep", workers=1, figures=False,
+        tmp_path / "sweep", scheduler=Here(), figures=False,
     )  # fmt: skip
     assert repr(found) == f"<Sweep {tmp_path / 'sweep'}: 2 of 2 scenes done over feed.height>"
-    page = _Cells(found._repr_html_())
+    page = Page(found._repr_html_())
     assert not page.open
-    assert "0.05" in page.cells
-    assert "0.06" in page.cells
+    assert {"0.05", "0.06"} <= {cell for rows in page.tables.values() for row in rows for cell in row}

@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator
 from csv import DictReader
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure as Canvas
 
+from support import Page, shipped
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import PartitionCurve, Separation
 from wakeflow.cli.show_result import budget_table, separation_table
@@ -200,9 +200,15 @@ def _granules() -> dict[str, np.ndarray]:
     return {"position": np.zeros((1, 2)), **{name: np.zeros(1) for name in names}}
 
 
-@pytest.fixture(params=["rhombus", "prism", "vacuum"])
-def scene(request: pytest.FixtureRequest, cases: Path) -> Scene:
-    return Scene.load(cases / f"{request.param}.toml")
+@pytest.fixture(scope="module", params=["rhombus", "prism", "vacuum"])
+def scene(request: pytest.FixtureRequest) -> Scene:
+    return shipped(request.param)
+
+
+@pytest.fixture(scope="module")
+def page(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A report of each scene, alone in its folder."""
+    return write_report(tmp_path_factory.mktemp("report"), _outcome(scene))
 
 
 @pytest.fixture
@@ -218,9 +224,9 @@ def _annotations(figure: Any) -> dict[str, Any]:
     return {a.get_text(): a for axes in figure.axes for a in axes.texts if a.get_text()}
 
 
-def test_everything_is_written_whole(scene: Scene, tmp_path: Path) -> None:
-    page = write_report(tmp_path, _outcome(scene))
-    names = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
+def test_everything_is_written_whole(scene: Scene, page: Path) -> None:
+    folder = page.parent
+    names = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
     blocks = {name for name in names if name.startswith("machine/")}
     assert len(blocks) >= len(scene.body) + len(scene.bin)
     names -= blocks
@@ -230,11 +236,9 @@ def test_everything_is_written_whole(scene: Scene, tmp_path: Path) -> None:
     drawn = {f"figures/{name}{suffix}" for name in pictures for suffix in (".png", ".svg")}
     data = {f"figures/{name}" for name in ("pressure.npz", "vorticity.npz", "residence.csv")}
     assert names == always | drawn | ({"field.npz", "field.vtu", *data} if scene.air else set())
-    assert page == tmp_path / "report.html"
-    for name in names:
-        if name.endswith(".png"):
-            head = (tmp_path / name).read_bytes()[:8]
-            assert head == b"\x89PNG\r\n\x1a\n"
+    assert page.name == "report.html"
+    heads = {(folder / name).read_bytes()[:8] for name in names if name.endswith(".png")}
+    assert heads == {b"\x89PNG\r\n\x1a\n"}
 
 
 def test_nothing_of_an_earlier_scene_stays(cases: Path, tmp_path: Path) -> None:
@@ -275,23 +279,22 @@ def sizes() -> Iterator[str]:
     del figures._entries[name]
 
 
-def test_a_new_figure_is_drawn_shown_and_cleared(sizes: str, rhombus: Scene, tmp_path: Path) -> None:
-    page = write_report(tmp_path, _outcome(rhombus))
+def test_a_new_figure_is_drawn_shown_and_cleared(sizes: str, cases: Path, tmp_path: Path) -> None:
+    page = write_report(tmp_path, _outcome(Scene.load(cases / "vacuum.toml")))
     assert (tmp_path / "figures" / f"{sizes}.png").stat().st_size > 500
     assert "How many granules of each fraction were flown." in page.read_text()
     clear_report(tmp_path)
     assert not (tmp_path / "figures" / f"{sizes}.png").exists()
 
 
-def test_a_figure_is_drawn_where_the_run_has_what_it_shows(rhombus: Scene, tmp_path: Path) -> None:
-    name = "never"
-    figures.add(name, Figure("Nothing.", _draw_sizes, lambda outcome: False, always=True))
+def test_a_figure_is_drawn_where_the_run_has_what_it_shows(cases: Path, tmp_path: Path) -> None:
+    figures.add("never", Figure("Nothing.", _draw_sizes, lambda outcome: False, always=True))
     try:
-        write_report(tmp_path, _outcome(rhombus))
-        assert not (tmp_path / "figures" / f"{name}.png").exists()
+        write_report(tmp_path, _outcome(Scene.load(cases / "vacuum.toml")))
+        assert not (tmp_path / "figures" / "never.png").exists()
         assert not is_whole(tmp_path)  # a figure that every report has is missing
     finally:
-        del figures._entries[name]
+        del figures._entries["never"]
     assert is_whole(tmp_path)
 
 
@@ -576,47 +579,10 @@ def test_an_empty_budget_prints() -> None:
     assert "budget" in _printed(budget_table(()))
 
 
-class _Page(HTMLParser):
-    """Tables by id as lists of rows of cell texts, picture sources, and all text."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tables: dict[str, list[list[str]]] = {}
-        self.sources: list[str] = []
-        self.text, self._table, self._cell = "", "", False
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        given = dict(attrs)
-        if tag == "table":
-            self._table = given["id"] or ""
-            self.tables[self._table] = []
-        elif tag == "tr":
-            self.tables[self._table].append([])
-        elif tag in ("td", "th"):
-            self.tables[self._table][-1].append("")
-            self._cell = True
-        elif tag == "br":
-            self.handle_data(" ")
-        elif tag in ("img", "link", "script"):
-            self.sources.append(given.get("src") or given.get("href") or "")
-
-    def handle_endtag(self, tag: str) -> None:
-        if tag in ("td", "th"):
-            self._cell = False
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
-        if self._cell:
-            self.tables[self._table][-1][-1] += data
-
-
-def test_the_page_says_what_the_result_says(scene: Scene, tmp_path: Path) -> None:
-    outcome = _outcome(scene)
-    page = _Page(write_report(tmp_path, outcome).read_text())
-    separation = _separation(outcome.result)
-    head, *rows = page.tables["separation"]
+def test_the_page_says_what_the_result_says(scene: Scene, page: Path) -> None:
+    told_page = Page(page.read_text())
+    tables, separation = told_page.tables, _separation(_outcome(scene).result)
+    head, *rows = tables["separation"]
     bins = head[1:-1]
     middles = {name: bin_.line(scene.channel)[:, 0].mean() for name, bin_ in scene.bin.items()}
     assert bins == [*sorted(scene.bin, key=lambda name: middles[name]), "elsewhere"]  # from left to right
@@ -624,30 +590,30 @@ def test_the_page_says_what_the_result_says(scene: Scene, tmp_path: Path) -> Non
         assert row == [name, *(percent(places[b]) for b in bins), percent(separation.recovery[name])]
     assert rows[-1][1:-1] == [f"{separation.throughput[b]:.4g}" for b in bins]
     assert rows[-2][1 + bins.index(separation.bins[0])] == "–"
-    told = {row[0]: row[1:4] for row in page.tables["recovery"][1:]}
+    told = {row[0]: row[1:4] for row in tables["recovery"][1:]}
     for name, fraction in scene.fraction.items():
         found = separation.recovery[name]
         ends = f"{100 * found.low:.3g} to {100 * found.high:.3g}"
         assert told[name] == [" or ".join(fraction.targets), f"{100 * found.value:.1f}", ends]
     if scene.air is not None:
-        air = {row[0]: row[1:] for row in page.tables["airflow"]}
+        air = {row[0]: row[1:] for row in tables["airflow"]}
         assert air[CD][0] == "1.234 [1.21, 1.26]"
         assert air[LENGTH] == ["83", "mm"]
         assert air["suction zone, area: of both sides together"] == ["41", "cm²"]
         assert not any(name.startswith("strouhal") for name in air)
-    assert page.tables["budget"][1][:4] == [
+    assert tables["budget"][1][:4] == [
         f"share.{next(iter(scene.fraction))}.{separation.bins[0]}", "unknown", "–",
         "sampling 0.43, airflow-model unknown",
     ]  # fmt: skip
-    assert page.tables["sources"][1:] == [
+    assert tables["sources"][1:] == [
         ["sampling", "from this run", "1.5 s"],
         ["airflow-model", "not known", "0.0 s"],
     ]
-    assert page.tables["left-out"][1:] == [["basset-history", "0.00031", "small"], ["brownian", "–", "all < large"]]
-    assert page.tables["fates"][1] == [next(iter(scene.fraction)), "480", "20", "500"]
-    assert [row[:2] for row in page.tables["seconds"][1:]] == [["mesh", "1.2 s"], ["tracks", "3.3 min"]]
-    assert "the curtain is dense" in page.text
-    assert "nan" not in page.text.lower().split()
+    assert tables["left-out"][1:] == [["basset-history", "0.00031", "small"], ["brownian", "–", "all < large"]]
+    assert tables["fates"][1] == [next(iter(scene.fraction)), "480", "20", "500"]
+    assert [row[:2] for row in tables["seconds"][1:]] == [["mesh", "1.2 s"], ["tracks", "3.3 min"]]
+    assert "the curtain is dense" in told_page.text
+    assert "nan" not in told_page.text.lower().split()
 
 
 def test_grids_bracket_and_momentum_model_are_shown(rhombus: Scene) -> None:
@@ -658,7 +624,7 @@ def test_grids_bracket_and_momentum_model_are_shown(rhombus: Scene) -> None:
     result["airflow"]["grids"] = [row]
     result["bracket"] = {"wheat": {"middle": {"steady": 0.25, "answer": 0.125}, "elsewhere": {"steady": 0.0,
                          "answer": 0.0}}}  # fmt: skip
-    found = _Page(html.render(_read(result), {})).tables
+    found = Page(html.render(_read(result), {})).tables
     assert found["grids"][1] == ["cd", "1.23", "1.3", "1.2 to 1.26", "–", "two grids"]
     assert found["bracket"] == [["fraction", "bin", "steady", "answer"], ["wheat", "middle", "25.0", "12.5"]]
     rows = {row[0]: row[1] for row in found["airflow"]}
@@ -674,7 +640,7 @@ def test_a_best_estimate_stands_between_its_ends(rhombus: Scene) -> None:
     wake = {"theta": share, "strength": {"value": 0.6, "low": 0.4, "high": 0.9}, "why": "two measurements"}
     ends = {"steady": end(1.0, 0.1), "time_resolved": end(2.0, 0.3)}
     result = _result(rhombus, {**AIRFLOW, **end(1.5, 0.2), "wake": wake, "ends": ends})
-    page = _Page(html.render(_read(result), {}))
+    page = Page(html.render(_read(result), {}))
     assert "0.50 (0.35 to 0.70)" in page.text
     assert "two measurements" in page.text
     rows = page.tables["ends"]
@@ -682,14 +648,14 @@ def test_a_best_estimate_stands_between_its_ends(rhombus: Scene) -> None:
     assert rows[1] == [CD, "1 [0.99, 1.01]", "1.5 [1.49, 1.51]", "2 [1.99, 2.01]", ""]
     assert [LENGTH, "100", "200", "300", "mm"] in rows
     assert not any("lift" in row[0] for row in rows)  # the ends here do not tell it
-    plain = _Page(html.render(_read(_result(rhombus, AIRFLOW)), {}))
+    plain = Page(html.render(_read(_result(rhombus, AIRFLOW)), {}))
     assert "ends" not in plain.tables
 
 
 def test_impacts_are_shown_and_saved(rhombus: Scene, tmp_path: Path) -> None:
     result = _result(rhombus, None)
     result["impact"] = to_json(impact_loads(rhombus, make_plan(rhombus)))
-    shown = _Page(html.render(_read(result), {})).tables["impact"]
+    shown = Page(html.render(_read(result), {})).tables["impact"]
     assert [row[:2] for row in shown[1:]] == [
         [name, slope] for name in (*rhombus.fraction, "all") for slope in ("left", "right")
     ]
@@ -704,7 +670,7 @@ def test_impacts_are_shown_and_saved(rhombus: Scene, tmp_path: Path) -> None:
 
 def test_impaction_and_the_limits_of_the_feed_are_shown(rhombus: Scene) -> None:
     plan = make_plan(rhombus).summary()
-    found = _Page(html.render(_read({**_result(rhombus, None), "plan": plan}), {})).tables
+    found = Page(html.render(_read({**_result(rhombus, None), "plan": plan}), {})).tables
     assert [row[:2] for row in found["impaction"][1:]] == [
         [name, row["mode"]] for name, row in plan["fractions"].items()
     ]
@@ -716,16 +682,16 @@ def test_impaction_and_the_limits_of_the_feed_are_shown(rhombus: Scene) -> None:
     assert loading["mass-loading"][1:4] == [f"{mass['value']:.2g}", "0.1", f"{mass['feed_rate']:.3g}"]
 
 
-def test_the_page_needs_no_other_file(rhombus: Scene, tmp_path: Path) -> None:
-    text = write_report(tmp_path, _outcome(rhombus)).read_text()
-    page = _Page(text)
-    inlined = [source for source in page.sources if source]
-    for source, name in zip(
-        inlined, ("sketch", "pressure", "vorticity", "tracks", "residence", "landing"), strict=True
-    ):
+def test_the_page_needs_no_other_file(scene: Scene, page: Path) -> None:
+    text = page.read_text()
+    made = Page(text).every("img", "link", "script")
+    inlined = list(filter(None, (given.get("src") or given.get("href") for given in made)))
+    names = ["sketch", "pressure", "vorticity", "tracks", "residence", "landing"]
+    shown = names if scene.air else [name for name in names if name in ("sketch", "tracks", "landing")]
+    for source, name in zip(inlined, shown, strict=True):
         prefix, data = source.split(",")
         assert prefix == "data:image/png;base64"
-        assert base64.b64decode(data) == (tmp_path / "figures" / f"{name}.png").read_bytes()
+        assert base64.b64decode(data) == (page.parent / "figures" / f"{name}.png").read_bytes()
     assert "http" not in text
 
 
@@ -758,7 +724,7 @@ UNTIL_AIRFLOW = ("separation", "bracket", "budget", "fates", "met_by_law", "impa
 
 def test_a_run_without_separation_still_has_a_page(rhombus: Scene) -> None:
     result = {k: v for k, v in _result(rhombus, AIRFLOW).items() if k not in UNTIL_AIRFLOW}
-    page = _Page(html.render(_read(result), {}))
+    page = Page(html.render(_read(result), {}))
     assert set(page.tables) == {
         "airflow", "left-out", "machine-table", "materials", "origin", "proofs", "seconds",
     }  # fmt: skip

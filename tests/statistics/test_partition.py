@@ -12,7 +12,7 @@ import pytest
 from scipy.special import expit
 
 import wakeflow as wf
-from support import ALONE, shipped
+from support import ALONE, landings_in, shipped
 from wakeflow.cli import main
 from wakeflow.cli.show_result import show_dividers
 from wakeflow.core.errors import SceneError
@@ -44,11 +44,7 @@ def _landings(scene: Scene, seed: int, count: int = 16384, drag: float | None = 
     for name in scene.fraction:
         size = np.exp(rng.uniform(*np.log(SIZES), count))
         bins = (rng.random(count) < expit(SHARPNESS * np.log(size / CUT))).astype(np.int16)
-        none = np.zeros(count, dtype=int)
-        own = None if drag is None else np.full(count, drag)
-        found[name] = Landings(
-            np.zeros((count, 2)), bins, np.arange(count) % 16, size, none, none, none, none, none, drag=own
-        )
+        found[name] = landings_in(bins, diameter=size, drag=None if drag is None else np.full(count, drag))
     return found
 
 

@@ -7,29 +7,13 @@ import numpy as np
 import pytest
 from scipy.stats import norm, qmc
 
+from support import landings_in
 from wakeflow.core.errors import SceneError
-from wakeflow.pipeline.landings import Landings
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown
 from wakeflow.scene import Scene
 from wakeflow.statistics.grid_convergence import cell_size, estimate, extrapolate, observed_order
 from wakeflow.statistics.inputs import regressed
 from wakeflow.statistics.separation import separate, share_interval
-
-
-def landings(bins: np.ndarray, replicates: int = 16) -> Landings:
-    n = len(bins)
-    zero = np.zeros(n)
-    return Landings(
-        position=np.zeros((n, 2)),
-        bin=bins,
-        replicate=np.arange(n) % replicates,
-        diameter=zero,
-        fate=np.zeros(n, dtype=int),
-        time=zero,
-        impacts=np.zeros(n, dtype=int),
-        realisation=np.zeros(n, dtype=int),
-        cycle=np.zeros(n, dtype=int),
-    )
 
 
 @pytest.fixture
@@ -42,7 +26,7 @@ def scene(cases: Path) -> Scene:
 def test_shares_purity_recovery_throughput(scene: Scene) -> None:
     soft = np.repeat([0, 1, -1, 0], 160)  # half near, a quarter far, a quarter elsewhere
     hard = np.repeat([1, 1, 1, 0], 160)
-    found = separate(scene, {"soft": landings(soft), "hard": landings(hard)})
+    found = separate(scene, {"soft": landings_in(soft), "hard": landings_in(hard)})
     assert found.bins == ("near", "far", "elsewhere")
     assert [found.fractions["soft"][place].value for place in found.bins] == [0.5, 0.25, 0.25]
     for shares in found.fractions.values():
@@ -57,7 +41,7 @@ def test_shares_purity_recovery_throughput(scene: Scene) -> None:
 
 
 def test_an_empty_bin_has_no_purity_and_still_an_upper_limit(scene: Scene) -> None:
-    found = separate(scene, {"soft": landings(np.zeros(640, int)), "hard": landings(np.zeros(640, int))})
+    found = separate(scene, {"soft": landings_in(np.zeros(640, int)), "hard": landings_in(np.zeros(640, int))})
     assert found.purity["far"] is None
     assert found.fractions["soft"]["far"].value == 0.0
     assert 0.003 < found.fractions["soft"]["far"].high < 0.01  # Wilson: z^2 / (n + z^2) = 0.006
@@ -96,7 +80,7 @@ def test_purity_of_a_nearly_pure_bin_admits_what_was_not_seen(scene: Scene) -> N
     covered = 0
     for _ in range(60):
         soft, hard = (np.where(rng.random(n) < p, 1, 0) for p in (p_soft, p_hard))
-        purity = separate(scene, {"soft": landings(soft), "hard": landings(hard)}).purity["far"]
+        purity = separate(scene, {"soft": landings_in(soft), "hard": landings_in(hard)}).purity["far"]
         low, high = purity["soft"].low, purity["soft"].high
         assert high is not None
         covered += low <= truth <= high

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, t
 
+from support import landings_in
 from wakeflow.core.number import Number
 from wakeflow.pipeline.landings import Landings
 from wakeflow.planning.plan import REPLICATES
@@ -33,8 +34,7 @@ def landed(rng: np.random.Generator, near: np.ndarray, fields: int = 1) -> Landi
     realisation, cycle = replicate % fields, np.tile(np.arange(SIZE) * cycles // SIZE, REPLICATES)
     here, u = near[realisation * cycles + cycle], rng.random(len(replicate))
     bins = np.where(u < here, 0, np.where(u < 1.5 * here, 1, -1))
-    zero = np.zeros(len(bins), dtype=int)
-    return Landings(np.zeros((len(bins), 2)), bins, replicate, zero, zero, zero, zero, realisation, cycle)
+    return landings_in(bins, replicate=replicate, realisation=realisation, cycle=cycle)
 
 
 def covered(scene: Scene, mean: float, spread: float, clusters: int, fields: int = 1) -> dict[str, float]:

@@ -6,8 +6,8 @@ One-dimensional exponential steps with the drag of their beginning: good to abou
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -82,9 +82,7 @@ class UniformFall:
 
     def tau(self, slip: Array) -> Array:
         """Relaxation times (n,) s at slips (n,) m/s."""
-        reynolds = self.air.density * slip * self.diameter / self.air.viscosity
-        factor = self.scale * drag_laws[self.law].factor(reynolds, self.sphericity)
-        return self.density * self.diameter**2 / (18.0 * self.air.viscosity) / factor
+        return self._granule.tau(slip)
 
     def times(self) -> FallTimes:
         """Times and speeds of the whole fall; without a body from the entry to the end."""
@@ -92,10 +90,10 @@ class UniformFall:
         top, speed = scene.level, scene.release[1]
         if scene.body:
             before, arrival = self.arrival()
-            points = list(self.points(0.0, -channel.bottom, channel.top))
+            points = self.points(0.0, -channel.bottom, channel.top)
         else:
             before, arrival = 0.0, abs(speed)
-            points = list(self.points(speed, top - channel.bottom, max(channel.top - top, channel.width)))
+            points = self.points(speed, top - channel.bottom, max(channel.top - top, channel.width))
         time, _, landing = points[-1]
         near = next((t for t, way, _ in points if abs(way) >= NEAR * scene.width), time) if scene.body else time
         speeds = np.array([point.speed for point in points])
@@ -108,23 +106,51 @@ class UniformFall:
         if above == 0.0:
             return Arrival(0.0, speed)
         room = max(self.scene.channel.top - self.scene.level - above, self.scene.width)
-        *_, (time, _, arrival) = self.points(speed, above, room)
+        time, _, arrival = self.points(speed, above, room)[-1]
         return Arrival(time, arrival)
 
-    def points(self, speed: float, down: float, up: float) -> Iterator[FallPoint]:
+    def points(self, speed: float, down: float, up: float) -> tuple[FallPoint, ...]:
         """Points of the fall that begins with ``speed`` (m/s), until it has come ``down`` or ``up`` (m)."""
-        pull = GRAVITY * (1.0 - self.air.density / self.density)
-        least = min(down, up)
-        step = STEP * min(math.sqrt(2.0 * least / GRAVITY), least / abs(self.along))
-        time = way = 0.0
-        for _ in range(MOST_STEPS):
-            tau = float(self.tau(np.array([abs(self.along - speed)]))[0])
-            further, speed = relaxed(speed, self.along + pull * tau, tau, step, math.exp(-step / tau))
-            way += further
-            time += step
-            yield FallPoint(time, way, speed)
-            if way >= down or way <= -up:
-                return
+        return _fall(self._granule, speed, down, up)
+
+    @property
+    def _granule(self) -> _Granule:
+        own = self.diameter, self.density, self.law, self.sphericity, self.scale
+        return _Granule(*own, self.along, self.air.density, self.air.viscosity)
+
+
+class _Granule(NamedTuple):
+    """What a fall depends on: the granule, and the air with its velocity ``along`` the fall."""
+
+    diameter: float
+    density: float
+    law: str
+    sphericity: float
+    scale: float
+    along: float
+    air_density: float
+    viscosity: float
+
+    def tau(self, slip: Array) -> Array:
+        reynolds = self.air_density * slip * self.diameter / self.viscosity
+        factor = self.scale * drag_laws[self.law].factor(reynolds, self.sphericity)
+        return self.density * self.diameter**2 / (18.0 * self.viscosity) / factor
+
+
+@lru_cache(maxsize=1024)  # a plan asks for the same falls for its forces, its estimate of collisions and the slab
+def _fall(granule: _Granule, speed: float, down: float, up: float) -> tuple[FallPoint, ...]:
+    along, pull = granule.along, GRAVITY * (1.0 - granule.air_density / granule.density)
+    least = min(down, up)
+    step = STEP * min(math.sqrt(2.0 * least / GRAVITY), least / abs(along))
+    time = way = 0.0
+    points: list[FallPoint] = []
+    while len(points) < MOST_STEPS and not (way >= down or way <= -up):
+        tau = float(granule.tau(np.array([abs(along - speed)]))[0])
+        further, speed = relaxed(speed, along + pull * tau, tau, step, math.exp(-step / tau))
+        way += further
+        time += step
+        points.append(FallPoint(time, way, speed))
+    return tuple(points)
 
 
 def fall_speeds(scene: Scene, name: str, law: str, factor: float, diameter: float, drop: Array) -> Array:

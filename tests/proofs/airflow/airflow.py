@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from proofs.airflow.measured import (
-    RESIDENCE,
-    QuantityValue,
-    SolvedAirflow,
-    estimate_without,
-    measured,
-    quantities,
-    within_estimate,
-)
+from proofs.airflow.measured import RESIDENCE, SolvedAirflow, estimate_without, measured, quantities, within_estimate
 from proofs.airflow.published import Case, Published, cases, verification_scenes
-from proofs.report import NOTHING, Column, Report, Table, Tell, cell
+from proofs.report import NOTHING, Column, Report, Row, Table, Tell, cell
 from wakeflow.core.errors import FoamError, MeshError, SceneError
+from wakeflow.core.number import Number
 from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.pipeline.airflow import GridEstimate
 from wakeflow.pipeline.pipeline import Pipeline
@@ -48,34 +40,10 @@ AIR_TABLES = ("body", "channel", "air", "vibration")  # what an airflow depends 
 SHARED = ("cd", "cl_rms", "strouhal", "cp_base", "reversal")  # what is studied there
 
 
-@dataclass(frozen=True)
-class ComparedValue:
-    """One number of one case. ``low`` .. ``high`` holds the 95 % interval of the finest mesh, or, where several were
-    computed, the mesh error with it (``error`` says how, ``order`` the observed one). ``theirs``: low and high of what
-    is published; ``deviation`` relative to its nearer end. ``gate`` is what a row has to meet, in words, and ``met``
-    whether it does; where nothing is asked it is "reported", ``met`` None, and ``why`` the reason.
-    """
-
-    case: str
-    title: str
-    rung: str
-    quantity: str
-    ours: float | None
-    low: float | None
-    high: float | None
-    theirs: tuple[float, float] | None
-    deviation: float | None
-    within: float | None
-    gate: str
-    why: str
-    met: bool | None
-    cells: int
-    core_seconds: float
-    date: str
-    error: str
-    order: float | None
-    source: str
-    status: str
+# Each is one number of one case. ``low`` .. ``high`` holds the 95 % interval of the finest mesh, or, where several were
+# computed, the mesh error with it (``error`` says how, ``order`` the observed one). ``theirs``: low and high of what is
+# published; ``deviation`` relative to its nearer end. ``met``: None where nothing is asked, and ``why`` is the reason.
+Rows = list[Row]
 
 
 def run_airflow(folder: Path, *, slow: bool = False, tell: Tell = lambda _: None) -> Report:
@@ -133,7 +101,7 @@ def _run(
         except (FoamError, MeshError) as problem:
             facts["failed"].append({"case": case.name, "why": str(problem)})
             continue
-        facts["rows"] += [asdict(row) for row in rows]
+        facts["rows"] += rows
         facts["momentum"].append(beside)
     failed = facts["failed"]
     notes += [f"failed: {failure['case']}: {failure['why']}" for failure in failed]
@@ -153,7 +121,7 @@ def _percent(value: float | None) -> str:
     return NOTHING if value is None else f"{100 * value:{'+.0f' if abs(value) >= 0.995 else '+.2g'}}"
 
 
-def compare_case(case: Case, scene: Scene, tell: Tell = lambda _: None) -> tuple[list[ComparedValue], dict[str, Any]]:
+def compare_case(case: Case, scene: Scene, tell: Tell = lambda _: None) -> tuple[Rows, Row]:
     """All rows of one case, and the momentum model beside it. Drags published without walls are brought to the
     scene's blockage first.
     """
@@ -202,30 +170,23 @@ def grid_study(airflows: Sequence[SolvedAirflow], names: Sequence[str], scene: S
 
 
 def _plain(
-    case: Case, rung: str, airflow: SolvedAirflow, name: str, number: QuantityValue | None, study: GridEstimate | None
-) -> ComparedValue:
+    case: Case, rung: str, airflow: SolvedAirflow, name: str, number: Number | None, study: GridEstimate | None
+) -> Row:
     shown = study or number
-    return ComparedValue(
-        case=case.name, title=case.title, rung=rung, quantity=quantities[name].label,
-        ours=None if shown is None else shown.value, low=None if shown is None else shown.low,
-        high=None if shown is None else shown.high, theirs=None, deviation=None, within=None, gate=REPORTED,
-        why="nothing is published of it", met=None,
-        cells=airflow.cells, core_seconds=airflow.cost, date=airflow.day,
-        error="one grid" if study is None else study.kind, order=None if study is None else study.order,
-        source="", status="",
-    )  # fmt: skip
+    value, low, high = (None, None, None) if shown is None else (shown.value, shown.low, shown.high)
+    return {
+        "case": case.name, "title": case.title, "rung": rung, "quantity": quantities[name].label, "ours": value,
+        "low": low, "high": high, "theirs": None, "deviation": None, "within": None, "gate": REPORTED,
+        "why": "nothing is published of it", "met": None, "cells": airflow.cells, "core_seconds": airflow.cost,
+        "date": airflow.day, "error": "one grid" if study is None else study.kind,
+        "order": None if study is None else study.order, "source": "", "status": "",
+    }  # fmt: skip
 
 
 def _row(
-    case: Case,
-    rung: str,
-    airflow: SolvedAirflow,
-    known: Published,
-    number: QuantityValue | None,
-    study: GridEstimate | None,
+    case: Case, rung: str, airflow: SolvedAirflow, known: Published, number: Number | None, study: GridEstimate | None,
     reported: str = "",
-) -> ComparedValue:
-    row = asdict(_plain(case, rung, airflow, known.quantity, number, study))
+) -> Row:  # fmt: skip
     deviation = None if number is None else known.deviation(number.value)
     why = reported or known.reported
     within = None if why else known.within
@@ -233,19 +194,17 @@ def _row(
     gate = REPORTED if within is None else f"{100 * within:.2g} %" if within > 0.0 else "in the range"
     known_of = {"theirs": (known.low, known.high), "source": known.source, "status": known.status}
     judged = {"deviation": deviation, "within": within, "gate": gate, "why": why, "met": met}
-    return ComparedValue(**{**row, **known_of, **judged})
+    return {**_plain(case, rung, airflow, known.quantity, number, study), **known_of, **judged}
 
 
-def _order_row(
-    case: Case, rung: str, airflow: SolvedAirflow, studies: dict[str, GridEstimate]
-) -> Iterator[ComparedValue]:
+def _order_row(case: Case, rung: str, airflow: SolvedAirflow, studies: dict[str, GridEstimate]) -> Iterator[Row]:
     for name, least in case.order.items():
         study = studies[name]
-        row = asdict(_plain(case, rung, airflow, name, None, study))
-        label, gate = f"order of {quantities[name].label}", f"at least {least:g}"
-        met = study.order is not None and study.order >= least
-        shown = {"quantity": label, "ours": study.order, "low": None, "high": None, "met": met, "source": study.why}
-        yield ComparedValue(**{**row, **shown, "gate": gate, "why": ""})
+        shown = {
+            "quantity": f"order of {quantities[name].label}", "ours": study.order, "low": None, "high": None, "why": "",
+            "gate": f"at least {least:g}", "met": study.order is not None and study.order >= least, "source": study.why,
+        }  # fmt: skip
+        yield {**_plain(case, rung, airflow, name, None, study), **shown}
 
 
 def _an_end(case: Case, quantity: str) -> str:
@@ -253,27 +212,25 @@ def _an_end(case: Case, quantity: str) -> str:
     return "an end of the blend, which is judged" if case.blend is not None and quantity == RESIDENCE else ""
 
 
-def _beside_rows(
-    case: Case, own: Sequence[ComparedValue], rung: str, airflow: SolvedAirflow
-) -> Iterator[ComparedValue]:
+def _beside_rows(case: Case, own: Rows, rung: str, airflow: SolvedAirflow) -> Iterator[Row]:
     """The other rung's numbers, only reported; whether the scene's own rung is closer where it has to be, and whether
     what is published lies between the two.
     """
     why = f"rung {rung}, beside the scene's own"
     rows = [_row(case, rung, airflow, v, quantities[v.quantity].of(airflow), None, why) for v in case.values]
-    yield from (row for row in rows if row.ours is not None)
+    yield from (row for row in rows if row["ours"] is not None)
     pairs = [(v, mine, beside) for v, mine, beside in zip(case.values, own, rows, strict=False)]
     if case.closer is not None:
         mine, beside = next((mine, beside) for v, mine, beside in pairs if v.quantity == case.closer)
-        distances = [abs(row.deviation) if row.deviation is not None else float("inf") for row in (mine, beside)]
+        distances = [float("inf") if row["deviation"] is None else abs(row["deviation"]) for row in (mine, beside)]
         yield _asked(mine, f"closer than {rung}", distances[0] < distances[1])
     for known, mine, beside in pairs:
-        if known.checked(case.between) and mine.ours is not None and beside.ours is not None:
-            low, high = sorted((mine.ours, beside.ours))
-            yield _asked(mine, f"between {rung} and {mine.rung}", low <= known.low and known.high <= high)
+        if known.checked(case.between) and mine["ours"] is not None and beside["ours"] is not None:
+            low, high = sorted((mine["ours"], beside["ours"]))
+            yield _asked(mine, f"between {rung} and {mine['rung']}", low <= known.low and known.high <= high)
 
 
-def _blended_rows(case: Case, scene: Scene, own: SolvedAirflow, beside: SolvedAirflow) -> Iterator[ComparedValue]:
+def _blended_rows(case: Case, scene: Scene, own: SolvedAirflow, beside: SolvedAirflow) -> Iterator[Row]:
     """The residence time in the best estimate between the two rungs, which knows nothing of what it is judged by.
 
     Its interval holds those at both ends of the ranges of theta and of the strength.
@@ -286,14 +243,14 @@ def _blended_rows(case: Case, scene: Scene, own: SolvedAirflow, beside: SolvedAi
     estimate = estimate_without(RESIDENCE, case.blend, blockage, scene.reynolds)
     found = list(within_estimate(own.wake, beside.wake, estimate))
     band = min(one.low for one in found), max(one.high for one in found)
-    number = None if found[0].closed else QuantityValue(found[0].value, *band)
+    number = None if found[0].closed else Number(found[0].value, *band)
     rung = f"blend {estimate.theta.value:.2f}, {estimate.strength.value:.2f}"
     yield from (_row(case, rung, own, v, number, None) for v in case.values if v.quantity == RESIDENCE)
 
 
-def _asked(row: ComparedValue, gate: str, met: bool) -> ComparedValue:
+def _asked(row: Row, gate: str, met: bool) -> Row:
     """The row once more, judged by another gate."""
-    return replace(row, within=None, error="", gate=gate, why="", met=met)
+    return {**row, "within": None, "error": "", "gate": gate, "why": "", "met": met}
 
 
 def momentum(case: Case, scene: Scene, airflow: SolvedAirflow) -> dict[str, Any]:
@@ -305,11 +262,6 @@ def momentum(case: Case, scene: Scene, airflow: SolvedAirflow) -> dict[str, Any]
     assert base is not None
     assert drag is not None
     return {
-        "case": case.name,
-        "title": case.title,
-        "cp_model": float(model.cp.max()),
-        "cp_computed": front.value,
-        "cd_model": model.drag(base.value),
-        "cd_computed": drag.value,
-        "cp_base": base.value,
-    }
+        "case": case.name, "title": case.title, "cp_model": float(model.cp.max()), "cp_computed": front.value,
+        "cd_model": model.drag(base.value), "cd_computed": drag.value, "cp_base": base.value,
+    }  # fmt: skip

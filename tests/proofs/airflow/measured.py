@@ -108,20 +108,6 @@ HISTORY_CD, HISTORY_CL = 1, 3  # columns of OpenFOAM's coefficient.dat
 
 
 @dataclass(frozen=True)
-class QuantityValue:
-    """A value with the ends of its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
-
-    @property
-    def half(self) -> float:
-        """Half of the interval's width."""
-        return (self.high - self.low) / 2
-
-
-@dataclass(frozen=True)
 class SolvedAirflow:
     """A solved airflow: what was ``found``, its OpenFOAM case, the body's projected width (m), the case of the draft
     that a time-resolved one starts from, and the air round the body for what is measured with dust in it.
@@ -164,7 +150,7 @@ class Quantity:
     """``label`` as printed in tables; ``of`` a solved airflow: the number, None where it has none."""
 
     label: str
-    of: Callable[[SolvedAirflow], QuantityValue | None]
+    of: Callable[[SolvedAirflow], Number | None]
 
 
 quantities: Registry[Quantity] = Registry("quantity")
@@ -177,36 +163,36 @@ def measured(pipeline: Pipeline) -> SolvedAirflow:
     return SolvedAirflow(pipeline.airflow, case, pipeline.scene.width, start, dusty_wake(pipeline))
 
 
-def _number(found: Number | float | None, scale: float = 1.0) -> QuantityValue | None:
+def _number(found: Number | float | None, scale: float = 1.0) -> Number | None:
     """A number of an airflow, with or without its interval."""
     if found is None:
         return None
     value, low, high = found if isinstance(found, Number) else (found,) * 3
     if isinstance(found, Number) and not found.known:
         return None
-    return QuantityValue(scale * value, scale * low, scale * high)
+    return Number(scale * value, scale * low, scale * high)
 
 
-def _pressures(airflow: SolvedAirflow) -> QuantityValue | None:
+def _pressures(airflow: SolvedAirflow) -> Number | None:
     front, base = _number(airflow.found.cp_front), _number(airflow.found.cp_base)
     assert front is not None
     assert base is not None
-    return QuantityValue(front.value - base.value, front.low - base.high, front.high - base.low)
+    return Number(front.value - base.value, front.low - base.high, front.high - base.low)
 
 
-def _reversal(airflow: SolvedAirflow) -> QuantityValue | None:
+def _reversal(airflow: SolvedAirflow) -> Number | None:
     zone = airflow.found.suction
     return None if zone is None else _number(zone.reversal_length, 1 / airflow.width)
 
 
-def _residence(airflow: SolvedAirflow) -> QuantityValue | None:
+def _residence(airflow: SolvedAirflow) -> Number | None:
     """None also for a wake that keeps its dust for ever."""
     found = None if airflow.wake is None else airflow.wake.residence()
-    return None if found is None or found.closed else QuantityValue(found.value, found.low, found.high)
+    return None if found is None or found.closed else Number(found.value, found.low, found.high)
 
 
-def _swing(column: int, what: Callable[[NDArray[np.float64]], Any]) -> Callable[[SolvedAirflow], QuantityValue | None]:
-    def of(airflow: SolvedAirflow) -> QuantityValue | None:
+def _swing(column: int, what: Callable[[NDArray[np.float64]], Any]) -> Callable[[SolvedAirflow], Number | None]:
+    def of(airflow: SolvedAirflow) -> Number | None:
         return None if airflow.found.period is None else _number(float(what(airflow.last_periods[:, column])))
 
     return of
@@ -260,11 +246,11 @@ def mean_axial(case: Path, behind: Array, across: Array) -> Array:
     return np.asarray(field.sample(places)[0] @ along / speed)
 
 
-def _exact(value: float) -> QuantityValue | None:
-    return QuantityValue(value, value, value) if np.isfinite(value) else None
+def _exact(value: float) -> Number | None:
+    return Number(value, value, value) if np.isfinite(value) else None
 
 
-def _reversed(airflow: SolvedAirflow, *, where: bool) -> QuantityValue | None:
+def _reversed(airflow: SolvedAirflow, *, where: bool) -> Number | None:
     behind = np.arange(STEP, REACH, STEP)
     values = mean_axial(airflow.case, behind, np.zeros_like(behind))
     if np.isnan(values).all():
@@ -273,22 +259,20 @@ def _reversed(airflow: SolvedAirflow, *, where: bool) -> QuantityValue | None:
     return _exact(float(behind[fastest] if where else values[fastest]))
 
 
-def _on_axis(airflow: SolvedAirflow, station: float) -> QuantityValue | None:
+def _on_axis(airflow: SolvedAirflow, station: float) -> Number | None:
     return _exact(float(mean_axial(airflow.case, np.array([station]), np.zeros(1))[0]))
 
 
-def _fastest_beside(airflow: SolvedAirflow, station: float) -> QuantityValue | None:
+def _fastest_beside(airflow: SolvedAirflow, station: float) -> Number | None:
     across = np.arange(-ACROSS, ACROSS + STEP, STEP)
     values = mean_axial(airflow.case, np.full_like(across, station), across)
     return None if np.isnan(values).any() else _exact(float(values.max()))
 
 
-def _add(name: str, label: str, of: Callable[[SolvedAirflow], QuantityValue | None]) -> None:
-    quantities.add(name, Quantity(label, of))
-
-
-_add("axis_least", "least mean u on the axis", partial(_reversed, where=False))
-_add("axis_least_at", "its place behind the rear / D", partial(_reversed, where=True))
-for _station in STATIONS:
-    _add(f"axis_{_station:g}", f"mean u on the axis at {_station:g} D", partial(_on_axis, station=_station))
-    _add(f"beside_{_station:g}", f"largest mean u at {_station:g} D", partial(_fastest_beside, station=_station))
+for _name, _label, _of in (
+    ("axis_least", "least mean u on the axis", partial(_reversed, where=False)),
+    ("axis_least_at", "its place behind the rear / D", partial(_reversed, where=True)),
+    *((f"axis_{at:g}", f"mean u on the axis at {at:g} D", partial(_on_axis, station=at)) for at in STATIONS),
+    *((f"beside_{at:g}", f"largest mean u at {at:g} D", partial(_fastest_beside, station=at)) for at in STATIONS),
+):
+    quantities.add(_name, Quantity(_label, _of))

@@ -14,7 +14,6 @@ import numpy as np
 from proofs.coverage.flown import Predicted
 from proofs.studies.laws import left_one_out
 from wakeflow.budget.source import INPUTS
-from wakeflow.core.number import Number
 from wakeflow.planning.unknowns import SIGMAS
 from wakeflow.statistics.separation import separate
 
@@ -87,17 +86,10 @@ def tally_of(label: str, rows: Sequence[Counted]) -> HeldTally:
     every = float(np.mean([row.covered for row in rows])) if rows else None
     if not told:
         return HeldTally(label, scenes, 0, None, every, None, None, None, None)
-    return HeldTally(
-        label,
-        scenes,
-        len(told),
-        float(np.mean([row.covered for row in told])),
-        every,
-        float(np.mean([row.truth > row.high + ROUND_OFF for row in told])),
-        float(np.mean([row.truth < row.low - ROUND_OFF for row in told])),
-        float(np.median([row.half for row in told])),
-        float(np.median([row.error for row in told])),
-    )
+    above, below = (row.truth > row.high + ROUND_OFF for row in told), (row.truth < row.low - ROUND_OFF for row in told)
+    shares = [float(np.mean(list(part))) for part in ((row.covered for row in told), above, below)]
+    halves = [float(np.median([getattr(row, name) for row in told])) for name in ("half", "error")]
+    return HeldTally(label, scenes, len(told), shares[0], every, *shares[1:], *halves)
 
 
 def counted(told: Predicted, truth: dict[str, Any]) -> Iterator[Counted]:
@@ -218,26 +210,11 @@ def bounded(told: Predicted, count: int) -> Iterator[Bounded]:
                     yield Bounded(told.one.name, term, quantity, part.error, abs(after - before), within)
 
 
-@dataclass(frozen=True)
-class LeftOne:
-    """One measured wake that is left out of the data: what it ``gave`` and the range that the others give."""
-
-    name: str
-    number: str
-    gave: float
-    low: float
-    high: float
-
-    @property
-    def held(self) -> bool:
-        return self.low <= self.gave <= self.high
-
-
-def left_out_wakes() -> list[LeftOne]:
-    """Theta and the strength, each measurement predicted from all others."""
-    rows: list[LeftOne] = []
+def left_out_wakes() -> list[dict[str, Any]]:
+    """Theta and the strength, each measurement predicted from all others: what it ``gave``, and the range of these."""
+    rows = []
     for entry, gave, others in left_one_out():
-        found: Number = others
-        which = "theta" if entry.of_theta else "strength"
-        rows.append(LeftOne(entry.name, which, float(np.clip(gave.value, 0.0, 1.0)), found.low, found.high))
+        value, number = float(np.clip(gave.value, 0.0, 1.0)), "theta" if entry.of_theta else "strength"
+        ends = {"low": others.low, "high": others.high, "held": others.low <= value <= others.high}
+        rows.append({"name": entry.name, "number": number, "gave": value, **ends})
     return rows

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -19,11 +19,11 @@ from proofs.coverage.counted import (
     of_kind,
     sampling_alone,
     tally_of,
-)
+)  # fmt: skip
 from proofs.coverage.flown import Predicted, predicted, with_bins
 from proofs.coverage.laminar import laminar_rows, references
 from proofs.coverage.scenes import GROUPS, VariedScene, varied_scenes
-from proofs.report import Report, Table, Tell
+from proofs.report import Report, Row, Table, Tell
 from wakeflow.core.store import Store, cache_root
 
 SCENES, QUICK = 200, 20
@@ -57,16 +57,6 @@ class _Found:
     inputs: list[Counted] = field(default_factory=list)
     laminar: list[Counted] = field(default_factory=list)
     bounds: list[Bounded] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class CoverageGate:
-    """What is asked, what was found, and whether it is met."""
-
-    what: str
-    wanted: str
-    found: str
-    met: bool
 
 
 def run_coverage(
@@ -118,33 +108,24 @@ def _report(found: _Found, scenes: int, seconds: float) -> Report:
         tally_of("mesh and averaging, laminar", found.laminar),
     ]
     wakes, asked = left_out_wakes(), gates(kinds[0], groups, found.bounds)
+    groups_told, kinds_told, parts = ([tally.table() for tally in tallies] for tallies in (groups, kinds, alone))
     facts: dict[str, Any] = {
-        "scenes": scenes,
-        "seconds": seconds,
-        "groups": _tables(groups),
-        "kinds": _tables(kinds),
-        "parts": _tables(alone),
-        "bounds": _bounds(found.bounds),
-        "wakes": [asdict(row) | {"held": row.held} for row in wakes],
-        "gates": [asdict(gate) for gate in asked],
+        "scenes": scenes, "seconds": seconds, "groups": groups_told, "kinds": kinds_told, "parts": parts,
+        "bounds": _bounds(found.bounds), "wakes": wakes, "gates": asked,
         "outside": [asdict(row) for row in shares if not row.trivial and not row.covered],
-    }
+    }  # fmt: skip
     notes = [
         f"{scenes} scenes in {seconds:.0f} s; of recoveries and purities nothing is asked",
-        f"theta and strength of wakes, each measurement predicted from all others: {sum(w.held for w in wakes)} of "
-        f"{len(wakes)} lie within the range given; not {', '.join(w.name for w in wakes if not w.held)}",
+        f"theta and strength of wakes, each measurement predicted from all others: {sum(w['held'] for w in wakes)} of "
+        f"{len(wakes)} lie within the range given; not {', '.join(w['name'] for w in wakes if not w['held'])}",
         *(f"known not to be met: {gate}; {why}" for gate, why in FAILING.items()),
     ]
     titles = {"groups": "shares, by group", "kinds": "all groups", "parts": "one part alone"}
     tables = [Table(f"truth within the 95 % interval: {text}", HELD, facts[key]) for key, text in titles.items()]
     tables.append(Table("terms switched on against their bounds", BOUNDS, facts["bounds"]))
     tables.append(Table("to reach, and reached", GATES, facts["gates"]))
-    missed = [gate.what for gate in asked if not gate.met and gate.what not in FAILING]
+    missed = [gate["what"] for gate in asked if not gate["met"] and gate["what"] not in FAILING]
     return Report("coverage", tables, facts, notes, missed)
-
-
-def _tables(tallies: Iterable[HeldTally]) -> list[dict[str, Any]]:
-    return [tally.table() for tally in tallies]
 
 
 def _bounds(rows: Sequence[Bounded]) -> list[dict[str, Any]]:
@@ -158,23 +139,18 @@ def _bounds(rows: Sequence[Bounded]) -> list[dict[str, Any]]:
     return made
 
 
-def gates(overall: HeldTally, groups: Sequence[HeldTally], bounds: Sequence[Bounded]) -> list[CoverageGate]:
-    """What is asked of the shares, and of the bounds."""
+def gates(overall: HeldTally, groups: Sequence[HeldTally], bounds: Sequence[Bounded]) -> list[Row]:
+    """What is asked of the shares, and of the bounds; what was found, and whether it is met."""
     low, high = OVERALL
     known = [group for group in groups if group.coverage is not None]
     worst = min(known, key=lambda group: group.coverage or 0.0)
     broken = sum(not row.held for row in bounds)
-    share, width = overall.coverage or 0.0, overall.width or float("inf")
-    return [
-        CoverageGate(
-            "shares held overall", f"{100 * low:g} to {100 * high:g} %", f"{100 * share:.1f} %", low <= share <= high
-        ),
-        CoverageGate(
-            "shares held in the worst group",
-            f"at least {100 * IN_GROUP:g} %",
-            f"{100 * (worst.coverage or 0.0):.1f} % ({worst.label})",
-            (worst.coverage or 0.0) >= IN_GROUP,
-        ),
-        CoverageGate("median half width over median error", f"at most {WIDEST:g}", f"{width:.2f}", width <= WIDEST),
-        CoverageGate(BROKEN, "none", f"{broken} of {len(bounds)}", broken == 0),
-    ]
+    share, least, width = overall.coverage or 0.0, worst.coverage or 0.0, overall.width or float("inf")
+    asked = (
+        ("shares held overall", f"{100 * low:g} to {100 * high:g} %", f"{100 * share:.1f} %", low <= share <= high),
+        ("shares held in the worst group", f"at least {100 * IN_GROUP:g} %", f"{100 * least:.1f} % ({worst.label})",
+         least >= IN_GROUP),
+        ("median half width over median error", f"at most {WIDEST:g}", f"{width:.2f}", width <= WIDEST),
+        (BROKEN, "none", f"{broken} of {len(bounds)}", broken == 0),
+    )  # fmt: skip
+    return [dict(zip(("what", "wanted", "found", "met"), gate, strict=True)) for gate in asked]

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wakeflow.core.number import student
+from proofs.report import mean_interval
 from wakeflow.tracking import Body, Collisions, Granules, track
 
 Array = NDArray[np.float64]
@@ -119,15 +119,8 @@ def cooling_coefficients(gas: Gas, seed: int) -> tuple[float, float, float]:
 def cooling_row(gas: Gas, replicates: int) -> dict[str, Any]:
     """Both ratios, (value, low, high) with 95 % intervals over the replicates, and the seconds of all."""
     found = np.array([cooling_coefficients(gas, seed) for seed in range(replicates)])
-    middle = found.mean(axis=0)
-    half = student(replicates - 1) * found.std(axis=0, ddof=1) / math.sqrt(replicates)
-    frequency, rate = (tuple(map(float, (middle[i], middle[i] - half[i], middle[i] + half[i]))) for i in (0, 1))
+    frequency, rate = (mean_interval(found[:, i]) for i in (0, 1))
     return {
-        "restitution": gas.restitution,
-        "filled": gas.filled,
-        "granules": gas.count,
-        "frequency": frequency,
-        "cooling": rate,
-        "loss": gas.loss,
-        "seconds": float(found[:, 2].sum()),
-    }
+        "restitution": gas.restitution, "filled": gas.filled, "granules": gas.count, "frequency": frequency,
+        "cooling": rate, "loss": gas.loss, "seconds": float(found[:, 2].sum()),
+    }  # fmt: skip

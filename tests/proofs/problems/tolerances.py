@@ -21,6 +21,10 @@ COLUMNS = {
     "problem": "{problem}", "tolerance": "{tolerance:.0e}", "error (m)": "{error:.1e}", "steps": "{steps:.0f}",
     "order": "{order:.2f}", "expected": "{expected_order:g}", "error / tolerance": "{ratio:.1e}",
 }  # fmt: skip
+NUMBERS = {
+    "number": "{number}", "what": "{label}", "value": "{value:g}", "from": "{low:g}", "to": "{high:g}",
+    "exact": "{exact:g}",
+}  # fmt: skip
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 MODULES = (flights, terms, ensembles, memory)  # importing them registers their problems
 
@@ -114,6 +118,11 @@ def run_problems(
     return rows
 
 
+def _bound(value: float) -> float | None:
+    """An end of an interval; None where it has none there."""
+    return float(value) if np.isfinite(value) else None
+
+
 def run_numbers(progress: Callable[[int, int], object] | None = None, tolerance: float = 1e-5) -> list[dict[str, Any]]:
     """Every number whose forces the tracker computes, one row a value: number, label, value, low, high, exact, holds,
     source.
@@ -124,8 +133,8 @@ def run_numbers(progress: Callable[[int, int], object] | None = None, tolerance:
         for k, value in enumerate(entry.measure(tolerance)):
             exact = None if entry.exact is None else float(entry.exact[k])
             rows.append({
-                "number": name, "label": entry.labels[k], "value": float(value), "low": float(entry.low[k]),
-                "high": float(entry.high[k]), "exact": exact,
+                "number": name, "label": entry.labels[k], "value": float(value), "low": _bound(entry.low[k]),
+                "high": _bound(entry.high[k]), "exact": exact,
                 "holds": bool(entry.low[k] <= value <= entry.high[k]), "source": entry.source,
             })  # fmt: skip
         if progress is not None:

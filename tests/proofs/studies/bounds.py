@@ -1,27 +1,17 @@
 """Studies of the bounds and the plan's laws: what a term, an impact and an approach to a body move.
 
-gates: How far each computed term moves landings next to the plan's bound on it, in scenes on which no bound was tuned.
+All of them are in docs/validation.md.
 
-A bound is to hold for 95 % of the granules that meet walls as often and land on the same side with and without the
-term, and half of it for the mean of these 95 %: of the rest some meet other walls. ``wake`` is the shipped rhombus in
-its time-resolved airflow on a coarse mesh. Some minutes a scene; docs/validation.md.
+gates: How far each computed term moves landings next to the plan's bound on it, in scenes on which no bound was tuned:
+a bound is to hold for 95 % of the granules that meet the same bodies with and without the term, half of it for their
+mean. ``wake`` is the shipped rhombus in its time-resolved airflow on a coarse mesh.
 
-injection_or_resolved: Injected granules next to resolved ones, for every scene in cases: bin shares, and what makes
-their difference.
+injection_or_resolved: Every fraction flown with the same granules in the steady airflow (rung draft): *straight*, as if
+there were no air before the body; *weighed*, with those that the air carries round the body released above it;
+*resolved*, the tracker doing all impacts. *Calm*: without the random forces of the turbulence.
 
-Every fraction is flown with the same granules in the steady airflow (rung draft): *straight*, all by eq. (1)-(2) as if
-there were no air before the body; *weighed*, as feed.mode = "injected" does it, with those that the air carries round
-the body released above it; *resolved*, the tracker doing all impacts. *Calm*: without the random forces of the
-turbulence. Straight to weighed is what the granules carried round make; calm weighed to calm resolved what the turning
-of the rest makes; what else lies between weighed and resolved is turbulence before and at the slope. Some minutes of
-one core with the airflows; docs/validation.md: injection_or_resolved 8192
-
-impaction: How many granules meet the front of a body: the plan's ideal flow, exact values, and solved airflows.
-
-First the cylinder in unbounded ideal flow, where trajectories of high accuracy and Langmuir & Blodgett's table are
-known; then bodies in the channel of cases/rhombus.toml: efficiency by the ideal flow round a wedge and its wake, and by
-the tracker in OpenFOAM's steady airflow, with the same drag, weight and drop. Half a minute of one core an airflow;
-docs/validation.md.
+impaction: How many granules meet the front of a body: the plan's ideal flow, exact values, and solved airflows, with
+the same drag, weight and drop.
 """
 
 from __future__ import annotations

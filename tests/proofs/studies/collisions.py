@@ -1,35 +1,19 @@
 """Studies of granules that meet each other.
 
 crowd_draws: How far the unknown numbers of a scene move the shares of granules that meet, next to those of granules
-alone.
+alone. The slope is that of the slab's changes of all bin shares over those of granules alone: 1 where what an answer
+takes for it holds. Changes alone are of two halves of the granules, one the other's instrument, so that their sampling
+does not lower the slope; its interval is a jackknife's over the draws. *Taken* is the factor that an answer takes
+(src/wakeflow/budget/comparison.py). docs/uncertainty.md.
 
-An answer's draws fly alone, and what they move is taken for what they would move among granules that meet. Here the
-slab flies under some of the draws, each in air of its own while there are such. The slope is that of the slab's changes
-of all bin shares over those of granules alone: 1 where the assumption holds. Changes alone are of two halves of the
-granules, one the other's instrument, so that their sampling does not lower the slope; its interval is a jackknife's
-over the draws. *Taken* is the factor that an answer takes for it, from how many granules land near the ends of bins
-among others and alone (src/wakeflow/budget/comparison.py). Ten minutes a scene; docs/uncertainty.md.
+crowd_speed: How fast granules that meet fly, and in how much memory: a stream of wheat and chaff through air that rises
+in a channel past the rhombus. docs/crowd.md: --granules 3000
 
-crowd_speed: How fast granules that meet fly: granule steps a second and core, and memory, of streams in a channel, by
-density.
-
-A stream of wheat and chaff falls through air that rises in a channel past the rhombus, fed evenly in time, in a slab
-that is periodic across the picture. Of drag and gravity, and with the pressure gradient and dispersion too: the
-granules that fly at once, the steps of granules a second and core, collisions a granule, and the memory of the slab.
-docs/crowd.md: --granules 3000
-
-crowding: The plan's estimate of collisions and its bound on what they change, next to slabs that were flown.
-
-Collisions are those with granules of any mass that are simulated one by one; the change is that of the share, in any
-bin, which changes most between granules that meet and granules alone, with its sampling error. The bound holds where
-the change does not exceed it by more than sampling explains. Some minutes a scene; docs/validation.md.
+crowding: The plan's estimate of collisions and its bound on what they change, next to slabs that were flown; the bound
+holds where the change of no share exceeds it by more than sampling explains. docs/validation.md.
 
 throughput: Recovery and purity against the feed rate, of granules that meet in air that feels them, printed and drawn.
-
-Scenes are those of cases/ that have a feed rate. The first row has each granule alone in air that does not feel it, by
-the forces of the slab: without history force. The slab flies at every rate, even where the plan would leave collisions
-out; the air feels the granules where the plan wants it. The tables and the picture of docs/throughput.md: throughput
-docs/pictures/throughput.png
+The first row has each granule alone in air that does not feel it. docs/throughput.md: docs/pictures/throughput.png
 """
 
 from __future__ import annotations

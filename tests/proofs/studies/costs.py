@@ -1,32 +1,16 @@
-"""Studies of run time.
+"""Studies of run time (docs/validation.md, docs/sweeps.md).
 
 plan_times: The run time that `wakeflow plan` expects of each shipped scene next to the time that `wakeflow run` then
-takes.
+takes, each in a cache of its own: *new* is what is expected of a machine on which nothing has run, *learned* what is
+expected once the scenes of the rows above have.
 
-Each scene runs in a cache of its own, in which nothing is but the compiled kernels. *new* is what is expected of a
-machine on which nothing has run, *learned* what is expected once the scenes of the rows above have. All times are of
-the whole command, its report too. With --stages a second table has every stage next to what was expected of it, each
-time that it is done. Half an hour of two cores; docs/validation.md.
-
-sweep_speed: What sweeps cost: two workers against one, 100 feeds over 5 airflows, and airflows solved on from a
-neighbour's.
-
-Every sweep has an empty cache, but for the compiled tracker; one worker has one core of the machine. Parts: airflows,
-tracks (two workers against one, where OpenFOAM bounds and where tracking does), feeds (wall time on one worker against
-the run time of every stage, each counted once), neighbours (steady airflows from rest and from that of the shipped
-rhombus in air of 5 m/s, on cells 5 % smaller; seconds are the solver's). docs/sweeps.md.
+sweep_speed: Two workers against one, where OpenFOAM bounds (airflows) and where tracking does (tracks), 100 feeds over
+5 airflows, and airflows solved on from a neighbour's. Every sweep has an empty cache, but for the compiled tracker.
 
 mpi_ranks: From how many cells a second MPI rank pays: the shipped rhombus' steady airflow on finer and finer meshes.
 
-Seconds an iteration of simpleFoam on one rank and on two. A machine with less than two idle cores says nothing about
-MPI. docs/validation.md.
-
 time_resolved_cost: What the shipped rhombus' time-resolved airflow costs, and its error, with other steps, cells and
-solvers.
-
-Every variant runs for one flow time from one shedding wake, the program's own, and is averaged over the whole periods
-at its end; +- is the standard error over them. Cost is the solver's processor time (user), not the wall's: what else
-the machine does hardly counts. docs/validation.md.
+solvers, each averaged over whole periods of one flow time. Cost is the solver's processor time (user).
 """
 
 from __future__ import annotations

@@ -1,18 +1,12 @@
-"""Studies of airflows: inlet and outlet, and the locked band.
+"""Studies of airflows: inlet and outlet, and the locked band (docs/validation.md).
 
-domain: Move inlet and outlet of the shipped rhombus' airflow, and see what that changes of the air and of the shares.
+domain: One table a rung: the scene with its inlet and outlet at so many body widths from the body; in the last row they
+are furthest off, and the last columns compare each row's shares with that one's. Other ends move cells everywhere:
+every row is the mean over meshes of slightly different cells, with its standard error.
 
-One table a rung: the scene with its ends at so many body widths before and behind the body; in the last row they are
-furthest off, and the last columns compare each row's shares with that one's. Other ends move cells everywhere, and so
-the shares by more than the ends themselves do: every row is the mean over meshes of slightly different cells, and its
-change has the standard error of that mean. The steady wake shows what the inlet does, through which no vortices leave;
-the time-resolved one what the outlet does. docs/validation.md.
-
-locked_band: Where vibration along the air takes over the vortex shedding of a rhombus (or a prism) at Re 100.
-
-Every run takes some 10 s of one core and is kept in the folder, so an interrupted series goes on. For each speed ratio
-a w / U and frequency ratio f / fs: whether the lift repeats with the vibration or with every second one, and how much
-mean drag, lift, base pressure and velocity differ from a body at rest. docs/validation.md.
+locked_band: Where vibration along the air takes over the vortex shedding of a rhombus (or a prism) at Re 100: whether
+the lift repeats with the vibration or with every second one, and how much the means differ from a body at rest. Every
+run is kept in the folder, so an interrupted series goes on.
 """
 
 from __future__ import annotations

@@ -1,34 +1,21 @@
 """Studies of the paper's laws, of the data, and of what granules and air do to each other.
 
-best_estimate: The data of the best estimate, and what the other entries alone say of each entry's body.
+best_estimate: For each entry of src/wakeflow/laws/wakes.toml theta or strength by it with its own error, and by the
+range of that body if this entry did not exist; held: the two meet. docs/model.md.
 
-For each entry of src/wakeflow/laws/wakes.toml: theta or strength by it with its own error, and with the range that the
-program would take for that body if this entry did not exist; held: the two ranges meet. The table of docs/model.md.
+printed_form: What eq. (2) of the paper gives as printed, next to what follows from eq. (1), in the body's frame (Spade,
+Vaicis, Vutukuru & Irbe 2020, doi 10.22616/ERDev.2020.19.TF365): velocity down the slope over the closing speed W. An
+energy (after over before) above 1 is energy from nothing.
 
-printed_form: What eq. (2) of the paper gives as printed, next to what follows from eq. (1), in the body's frame.
+rebound: Shares of the shipped rhombus with one part of a real rebound after the other, from the paper's point mass to
+what the materials say. docs/rebound.md: rebound --count 2048
 
-Spade, Vaicis, Vutukuru & Irbe 2020, doi 10.22616/ERDev.2020.19.TF365. Three forms of the velocity down the slope over
-the closing speed W; the velocity off the slope is R cos(b) W in all. An energy (after over before) above 1 is energy
-from nothing: the body's frame moves steadily during the impact, and neither R <= 1 nor friction can give any.
-
-rebound: What each part of a real rebound moves: shares of the shipped rhombus with one part after the other.
-
-The first row is the paper's granule: a point mass, all of a fraction alike. Each of the next ones adds one part alone
-(the same granules, released at the same places and times), the last one is what the materials say, all parts together.
-On rung none in a vacuum and without OpenFOAM; another rung flies in its airflow. docs/rebound.md: rebound --count 2048
-
-labyrinth: What the air does in cases/labyrinth.toml: shares without air and in the steady airflow of all bodies.
-
-How far a granule's landing moves by the air is compared with the bound of the plan that leaves the air out;
-docs/validation.md: labyrinth 512 2
+labyrinth: What the air does in cases/labyrinth.toml: shares without air and in the steady airflow of all bodies; how
+far landings move next to the bound of the plan that leaves the air out. docs/validation.md: labyrinth 512 2
 
 air_loading: What the granules' force on the air does, pass by pass, in the steady airflow and in the answer's own.
-
-For every pass the force given to the air, the drag coefficient, the air's speed on the body's axis one width before it,
-and for each fraction its share in the bin that the force moves most; then these shares in the answer's own airflow,
-without the force and with it. --both solves the time-resolved end under the last force as well, which the program does
-not do, and flies in the wake between both loaded ends: what the answer misses by taking the change of the steady end
-for that of both. Some minutes of two cores with the airflows, --both some more; docs/model.md.
+--both solves the time-resolved end under the last force as well, which the program does not do, and flies in the wake
+between both loaded ends. docs/model.md.
 """
 
 from __future__ import annotations

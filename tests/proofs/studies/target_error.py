@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -25,7 +24,7 @@ from wakeflow.runs.settings import applied, cheapest, knobs, own_settings
 from wakeflow.scene import Scene
 from wakeflow.verify.scene_curves import BinShares, bin_shares, largest_error, largest_half, reference_shares
 
-from .common import Row, compile_tracker, show, with_one_fraction
+from .common import Row, cache_at, compile_tracker, show, with_one_fraction
 
 TARGETS = (0.03, 0.02, 0.015)  # half widths of every bin share, in turn
 TOLERANCES = (1e-3, 1e-4)  # of the fixed settings
@@ -52,20 +51,6 @@ class TimedRun:
     seconds: float
     rounds: int = 1
 
-    def error(self, truth: BinShares) -> float:
-        """The largest error of a bin share against the ``truth``."""
-        return largest_error(self.shares, truth)
-
-
-def at_settings(scene: Scene, settings: KnobSettings, rung: str | None = None) -> TimedRun:
-    """A run of ``scene`` with fixed ``settings`` in an empty cache."""
-    return _timed(applied(scene, settings), None, rung)
-
-
-def to_target(scene: Scene, target: float, rung: str | None = None) -> TimedRun:
-    """A run of ``scene`` with a target error in an empty cache."""
-    return _timed(scene, target, rung)
-
 
 def best_fixed(scene: Scene, target: float, tolerances: Sequence[float], rung: str | None = None) -> TimedRun:
     """The quickest of fixed settings whose own half width meets the ``target``: at each of the ``tolerances`` the
@@ -75,7 +60,7 @@ def best_fixed(scene: Scene, target: float, tolerances: Sequence[float], rung: s
     own = own_settings(scene, make_plan(scene, rung=rung))
     for tolerance in tolerances:
         settings = replace(own, granules=cheapest(own, target).granules, tolerance=tolerance)
-        while (point := at_settings(scene, settings, rung)).half > target:
+        while (point := timed_run(applied(scene, settings), None, rung)).half > target:
             further = knobs["granules"].next(settings)
             assert further is not None
             settings = further
@@ -83,35 +68,16 @@ def best_fixed(scene: Scene, target: float, tolerances: Sequence[float], rung: s
     return min(found, key=lambda point: point.seconds)
 
 
-def _timed(scene: Scene, target: float | None, rung: str | None) -> TimedRun:
-    with _empty_cache() as folder:
-        started = processor_seconds()
-        result = wf.run(scene, folder / "run", rung=rung, target_error=target, report=False)
-        seconds = processor_seconds() - started
+def timed_run(scene: Scene, target: float | None, rung: str | None = None) -> TimedRun:
+    """A run of ``scene`` in an empty cache, to a ``target`` error or with its own settings."""
+    with TemporaryDirectory(prefix="wakeflow-") as folder, cache_at(Path(folder)):
+        started = sum(os.times()[:4])  # of this process and all that it waited for: what else runs disturbs it least
+        result = wf.run(scene, Path(folder) / "run", rung=rung, target_error=target, report=False)
+        seconds = sum(os.times()[:4]) - started
     table = result.refinement
     settings = own_settings(scene, make_plan(scene, rung=rung)) if table is None else table.rounds[-1].settings
     rounds = 1 if table is None else len(table.rounds)
     return TimedRun(settings, bin_shares(result), largest_half(result), seconds, rounds)
-
-
-def processor_seconds() -> float:
-    """Processor time (s) of this process and all that it waited for: what else the machine does disturbs it least."""
-    return sum(os.times()[:4])
-
-
-@contextmanager
-def _empty_cache() -> Iterator[Path]:
-    """A cache in which nothing stands, for the time of a run; its folder. The compiled tracker is in memory."""
-    before = os.environ.get("WAKEFLOW_CACHE")
-    with TemporaryDirectory(prefix="wakeflow-") as folder:
-        os.environ["WAKEFLOW_CACHE"] = folder
-        try:
-            yield Path(folder)
-        finally:
-            if before is None:
-                del os.environ["WAKEFLOW_CACHE"]
-            else:
-                os.environ["WAKEFLOW_CACHE"] = before
 
 
 def scenes() -> Scenes:
@@ -175,9 +141,9 @@ def _open_air(between: Any) -> wf.Scene:
 
 def row(name: str, scene: wf.Scene, target: float) -> Row:
     """One scene both ways; of a solver's airflow no fixed settings are tried."""
-    led = to_target(scene, target)
+    led = timed_run(scene, target)
     fixed = best_fixed(scene, target, TOLERANCES) if led.settings.mesh_scale is None else None
-    error = led.error(reference_shares(scene, led.settings))
+    error = largest_error(led.shares, reference_shares(scene, led.settings))
     return {
         "scene": name, "target": target, "led": led, "error": error, "met": error <= target, "fixed": fixed,
         "best": fixed and fixed.seconds, "times": fixed and led.seconds / fixed.seconds,
