@@ -195,7 +195,7 @@ def _restitution(fraction: Fraction) -> float:
     return float(own(np.ones(1))[0]) if isinstance(own, Restitution) else float(own)
 
 
-def _turning(fraction: Fraction) -> float | None:
+def _inverse_inertia(fraction: Fraction) -> float | None:
     """m r^2 / I of granules that turn."""
     return None if fraction.inertia is None else 1.0 / fraction.inertia
 
@@ -223,7 +223,7 @@ _add_of_fractions("friction", "1", lambda f: f.properties.friction, _of_granules
 _add_of_fractions("rebound_scatter", "rad", lambda f: f.properties.rebound_scatter, _of_granules("scatter"))
 unknown_kinds.add("terminal_velocity", UnknownKind(_settling, _vary_settling))
 _add_of_fractions("size", "m", lambda f: f.properties.diameter, _of_granules("size"))
-_add_of_fractions("turning", "1", _turning, _of_granules("turning"), _how_known)
+_add_of_fractions("inverse_inertia", "1", _inverse_inertia, _of_granules("inverse_inertia"), _how_known)
 
 
 # -- of the curtain and the air ----------------------------------------------------------------------------------------
