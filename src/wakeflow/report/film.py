@@ -19,7 +19,7 @@ from ..core.errors import SceneError
 from ..core.files import atomic_write
 from .air import Turning
 from .canvas import INK, MM, Window, air_arrow, canvas, draw_bins, fraction_colours, frame, streams
-from .moving import EVEN, LEVELS, Path2D, Stage, gif_of, picture_of
+from .moving import EVEN, LEVELS, MovingMachine, Path2D, gif_of, picture_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -103,7 +103,7 @@ class _Set:
         drawn = [(colours[name], Path2D.of(one)) for name, part in film.paths.items() for one in part]
         self.paths = [path for _, path in drawn]
         sizes = [max(least, path.diameter) for path in self.paths]
-        self.stage = Stage(axes, scene, sizes, [colour for colour, _ in drawn], RIM)
+        self.machine = MovingMachine(axes, scene, sizes, [colour for colour, _ in drawn], RIM)
         self.air = None if field is None else _Air(axes, field, window, scale)
 
     def frames(self, times: Array) -> Iterator[Image.Image]:
@@ -113,7 +113,7 @@ class _Set:
     def _frame(self, time: float) -> Image.Image:
         there = [path.time[0] <= time <= path.time[-1] for path in self.paths]
         places = np.array([path.at(np.array([time]))[0][0] for path in self.paths]).reshape(-1, 2)
-        self.stage.move(time, np.where(np.reshape(there, (-1, 1)), places, np.nan))
+        self.machine.move(time, np.where(np.reshape(there, (-1, 1)), places, np.nan))
         if self.air is not None:
             self.air.move(time)
         self.clock.set_text(f"{1e3 * (time - self.begin):.0f} ms")

@@ -85,7 +85,7 @@ class Path2D:
         return float(halved(lambda time: self.at(np.array([time]))[0][0, 1] > level, low, high, 60)[1])
 
 
-class Stage:
+class MovingMachine:
     """The bodies of a scene and granules of ``diameters`` (n,) m in ``colours`` on axes, to be moved to any time."""
 
     def __init__(
