@@ -105,6 +105,12 @@ class _Set:
         sizes = [max(least, path.diameter) for path in self.paths]
         self.machine = MovingMachine(axes, scene, sizes, [colour for colour, _ in drawn], RIM)
         self.air = None if field is None else _Air(axes, field, window, scale)
+        inside = (*axes.images, *axes.lines, *axes.patches, *axes.collections, *axes.texts)
+        self.axes, self.inside = axes, sorted(inside, key=lambda artist: artist.zorder)
+        for artist in self.inside:
+            artist.set_animated(True)  # drawn in every frame, on what is around the channel
+        self.figure.canvas.draw()
+        self.around = self.figure.canvas.copy_from_bbox(self.figure.bbox)  # type: ignore[attr-defined]
 
     def frames(self, times: Array) -> Iterator[Image.Image]:
         """The machine at ``times`` (k,) s on the airflow's clock."""
@@ -117,6 +123,9 @@ class _Set:
         if self.air is not None:
             self.air.move(time)
         self.clock.set_text(f"{1e3 * (time - self.begin):.0f} ms")
+        self.figure.canvas.restore_region(self.around)  # type: ignore[attr-defined]
+        for artist in self.inside:
+            self.axes.draw_artist(artist)
         return picture_of(self.figure, self.box)
 
 

@@ -218,6 +218,7 @@ def _gif(path: Path, view: View, actors: list[_Actor], window: Window, frames: A
 
 def _frame(figure: Figure, panel: _Panel, time: float) -> Image.Image:
     panel.show(time)
+    figure.canvas.draw()
     return picture_of(figure, figure.bbox_inches)
 
 
