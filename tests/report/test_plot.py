@@ -84,16 +84,16 @@ def test_what_a_run_has_not_is_said(small_run: wf.Result, tmp_path: Path) -> Non
 def test_a_picture_is_drawn_on_one_axes_or_a_figure_and_nothing_else(small_run: wf.Result) -> None:
     figure, panels = pyplot.subplots(1, 2)
     for given, message in (
-        ((3,), "landing draws 2 panels in the place of matplotlib axes or in a figure, not on 3"),
-        (("landing.png",), "not on 'landing.png'"),
-        ((panels,), "takes one axes, in whose place its 2 panels are drawn, not 2: hand over one of them"),
-        ((panels[0], panels[1]), "takes one axes or a figure, not 2 of them"),
+        ((3,), r"in the place of one matplotlib axes, or in a figure, plot.landing\(axes\), not on int"),
+        (("landing.png",), "not on str"),
+        ((panels,), "in the place of one matplotlib axes, .* not on ndarray"),
+        ((panels[0], panels[1]), "not on Axes"),
     ):
         with pytest.raises(wf.SceneError, match=message):
             small_run.plot.landing(*given)
-    with pytest.raises(wf.SceneError, match=r"plot\.tracks takes one axes, not 2"):
+    with pytest.raises(wf.SceneError, match=r"plot\.tracks draws in the place of one .* not on list"):
         small_run.plot.tracks(list(panels))
-    with pytest.raises(wf.SceneError, match=r"takes one axes or a figure, not ax=: plot.tracks\(axes\)"):
+    with pytest.raises(wf.SceneError, match=r"plot.tracks\(axes\), not on ax="):
         small_run.plot.tracks(ax=panels[0])
     assert figure.axes == list(panels)  # all refused before anything was drawn or taken away
     assert small_run.plot.landing(pyplot.figure()).shape == (2, 1)

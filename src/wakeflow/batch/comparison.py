@@ -32,7 +32,7 @@ class RunComparison:
 
     def _repr_html_(self) -> str:
         """The table of main numbers, as a notebook shows it."""
-        from ..report.html.cards import table_card
+        from ..report.views import table_card
 
         return table_card(self.table)
 

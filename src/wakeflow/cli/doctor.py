@@ -24,6 +24,7 @@ from ..core.process import capture, cores
 from ..core.store import cache_root
 from ..funnel import engine
 from ..planning.machine_rates import is_compiled
+from .screen import screen_table
 
 if TYPE_CHECKING:
     from packaging.specifiers import SpecifierSet
@@ -120,12 +121,9 @@ def exit_code(findings: list[Finding]) -> int:
 
 def table(findings: list[Finding]) -> Table:
     """The findings for a terminal; the command that mends stands in the last column."""
-    from rich.table import Table
     from rich.text import Text
 
-    made = Table(pad_edge=False)
-    for head in ("", "what", "found", "needed for", "mend with"):
-        made.add_column(head, overflow="fold")
+    rows = []
     for found in findings:
         if found.ok:
             mark = Text("✓", style="green")
@@ -133,8 +131,8 @@ def table(findings: list[Finding]) -> Table:
             mark = Text("–", style="yellow") if found.optional else Text("✗", style="bold red")
         use = f"{found.needed_for} (optional)" if found.optional else found.needed_for
         cells = (found.name, found.version or "missing", use, found.mend)
-        made.add_row(mark, *(Text(cell) for cell in cells))
-    return made
+        rows.append([mark, *map(Text, cells)])
+    return screen_table(("", "what", "found", "needed for", "mend with"), rows, left=5)
 
 
 # -- Python ------------------------------------------------------------------------------------------------------------

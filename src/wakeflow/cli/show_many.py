@@ -12,7 +12,7 @@ from ..batch.compute import Sweep, SweepEstimate
 from ..batch.designs import FoundDesign, Search
 from ..batch.sensitivity import Sensitivity
 from ..core.quantities import duration, say, speaking, split_quantity
-from ..report.many import main_quantities
+from ..report.many import input_words, main_quantities
 from ..report.sketch import UNITS
 from ..report.words import NO_VALUE, difference_text, percent
 from ..statistics.inputs import InputMove
@@ -92,11 +92,8 @@ def _doubts(table: ResultTable) -> Iterator[str]:
 
 
 def _inputs(table: ResultTable, entry: Entry) -> list[str]:
-    return [_input(entry.inputs.get(key)) for key in table.inputs] or [entry.name]
-
-
-def _input(value: object) -> str:
-    return NO_VALUE if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+    values = [entry.inputs.get(key) for key in table.inputs]
+    return [NO_VALUE if value is None else input_words(value) for value in values] or [entry.name]
 
 
 def _cells(names: Sequence[str], entry: Entry) -> list[str]:
@@ -202,7 +199,7 @@ def _value(value: object) -> str:
     """A value to four digits, with its unit."""
     if isinstance(value, str) and (parts := split_quantity(value)):
         return f"{parts[0]:.4g} {parts[1]}".strip()
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return input_words(value)
 
 
 def show_sensitivity(found: Sensitivity, quantities: Sequence[str] = ()) -> None:

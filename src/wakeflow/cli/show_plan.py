@@ -70,9 +70,8 @@ def _lines(plan: Plan, scene: Scene) -> Iterator[tuple[str, str]]:
 
 
 def _machine(scene: Scene) -> str:
-    bodies = [
-        f"{name} {metres(float(size), 3)} wide{_slope(scene.body[name])}" for name, size in _widths(scene).items()
-    ]
+    ends = {name: (body.outline()[:, 0].min(), body.outline()[:, 0].max()) for name, body in scene.body.items()}
+    bodies = [f"{name} {metres(float(b - a), 3)} wide{_slope(scene.body[name])}" for name, (a, b) in ends.items()]
     if scene.vibration is not None:
         bodies.append(f"vibrating at {motion_words(scene.vibration)}")
     many = len(scene.body) > 2
@@ -92,10 +91,6 @@ def _round(number: float) -> str:
     return "less than one" if 0.0 < number < 0.5 else f"{float(f'{number:.2g}'):.0f}"
 
 
-def _widths(scene: Scene) -> dict[str, float]:
-    return {name: body.outline()[:, 0].max() - body.outline()[:, 0].min() for name, body in scene.body.items()}
-
-
 def _air(plan: Plan, scene: Scene) -> str:
     if scene.air is None:
         return "none: granules fly in a vacuum"
@@ -109,14 +104,10 @@ def _feed(scene: Scene) -> str:
     rate = say(scene.feed.mass_flow, "kg/s")
     if scene.feed.rate is None:
         rate = f"no rate given ({rate} where one is needed)"
-    shares = ", ".join(f"{name} {share:.3g} %" for name, share in _percent(scene))
+    shares = ", ".join(f"{name} {100.0 * share:.3g} %" for name, share in scene.mass_shares().items())
     falls = f", {fall_words(scene.feed)}" if scene.body else ""
     count = REPLICATES * replicate_size(scene.feed.count)
     return f"{rate}{falls}: {shares}; {count} granules of each fly"
-
-
-def _percent(scene: Scene) -> Iterator[tuple[str, float]]:
-    return ((name, 100.0 * share) for name, share in scene.mass_shares().items())
 
 
 def _terms(plan: Plan) -> str:

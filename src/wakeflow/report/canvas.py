@@ -130,8 +130,10 @@ def frame(axes: Axes, window: Window, margin: Mapping[str, float] | None = None)
 
 def solids(axes: Axes, scene: Scene, level: float = 4.0) -> list[Polygon]:
     """The bodies, at the middle of their motion, on a ``level`` of the picture."""
-    look: dict[str, Any] = {"facecolor": BODY, "edgecolor": INK, "linewidth": 0.9, "zorder": level}
-    return [axes.fill(*(MM * body.outline()).T, **look)[0] for body in scene.body.values()]
+    return [
+        axes.fill(*(MM * body.outline()).T, facecolor=BODY, edgecolor=INK, linewidth=0.9, zorder=level)[0]
+        for body in scene.body.values()
+    ]
 
 
 def air_arrow(axes: Axes, scene: Scene, window: Window, number: str = "") -> None:

@@ -19,7 +19,7 @@ from ..core.errors import SceneError
 from ..core.files import atomic_write
 from .air import Turning
 from .canvas import INK, MM, Window, air_arrow, canvas, draw_bins, fraction_colours, frame, streams
-from .moving import EVEN, LEVELS, Path2D, Stage, gif_of, picture_of
+from .moving import EVEN, LEVELS, MovingMachine, Path2D, gif_of, picture_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -103,8 +103,14 @@ class _Set:
         drawn = [(colours[name], Path2D.of(one)) for name, part in film.paths.items() for one in part]
         self.paths = [path for _, path in drawn]
         sizes = [max(least, path.diameter) for path in self.paths]
-        self.stage = Stage(axes, scene, sizes, [colour for colour, _ in drawn], RIM)
+        self.machine = MovingMachine(axes, scene, sizes, [colour for colour, _ in drawn], RIM)
         self.air = None if field is None else _Air(axes, field, window, scale)
+        inside = (*axes.images, *axes.lines, *axes.patches, *axes.collections, *axes.texts)
+        self.axes, self.inside = axes, sorted(inside, key=lambda artist: artist.zorder)
+        for artist in self.inside:
+            artist.set_animated(True)  # drawn in every frame, on what is around the channel
+        self.figure.canvas.draw()
+        self.around = self.figure.canvas.copy_from_bbox(self.figure.bbox)  # type: ignore[attr-defined]
 
     def frames(self, times: Array) -> Iterator[Image.Image]:
         """The machine at ``times`` (k,) s on the airflow's clock."""
@@ -113,10 +119,13 @@ class _Set:
     def _frame(self, time: float) -> Image.Image:
         there = [path.time[0] <= time <= path.time[-1] for path in self.paths]
         places = np.array([path.at(np.array([time]))[0][0] for path in self.paths]).reshape(-1, 2)
-        self.stage.move(time, np.where(np.reshape(there, (-1, 1)), places, np.nan))
+        self.machine.move(time, np.where(np.reshape(there, (-1, 1)), places, np.nan))
         if self.air is not None:
             self.air.move(time)
         self.clock.set_text(f"{1e3 * (time - self.begin):.0f} ms")
+        self.figure.canvas.restore_region(self.around)  # type: ignore[attr-defined]
+        for artist in self.inside:
+            self.axes.draw_artist(artist)
         return picture_of(self.figure, self.box)
 
 

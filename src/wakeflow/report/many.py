@@ -189,14 +189,15 @@ def _varied(table: ResultTable) -> list[str]:
     return [key for key in table.inputs if len({str(entry.inputs.get(key)) for entry in table.done}) > 1]
 
 
-def _input(value: object) -> str:
+def input_words(value: object) -> str:
+    """An input as it is written in tables and legends."""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _told(entry: Entry, keys: Sequence[str]) -> str:
     """What a scene's inputs of these ``keys`` are, by the last part of each key."""
     told = [key for key in keys if entry.inputs.get(key) is not None]
-    return ", ".join(f"{key.rpartition('.')[2]} {_input(entry.inputs[key])}" for key in told)
+    return ", ".join(f"{key.rpartition('.')[2]} {input_words(entry.inputs[key])}" for key in told)
 
 
 def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: str) -> None:

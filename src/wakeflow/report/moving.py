@@ -85,7 +85,7 @@ class Path2D:
         return float(halved(lambda time: self.at(np.array([time]))[0][0, 1] > level, low, high, 60)[1])
 
 
-class Stage:
+class MovingMachine:
     """The bodies of a scene and granules of ``diameters`` (n,) m in ``colours`` on axes, to be moved to any time."""
 
     def __init__(
@@ -117,10 +117,9 @@ EVEN = 2  # dots, of both sides of a frame: an MP4 asks for it
 
 
 def picture_of(figure: Figure, box: Bbox) -> Image.Image:
-    """A figure as it now is, cut to a ``box`` (inches)."""
+    """A figure as it was drawn last, cut to a ``box`` (inches)."""
     from PIL import Image
 
-    figure.canvas.draw()
     dots = np.asarray(figure.canvas.buffer_rgba())  # type: ignore[attr-defined]
     left, right = (max(0, round(x * figure.dpi)) for x in (box.x0, box.x1))
     top, bottom = (max(0, len(dots) - round(y * figure.dpi)) for y in (box.y1, box.y0))

@@ -78,15 +78,25 @@ class Plot:
 
         return [name for name in STANDARD_FIGURES if (has := figures[name].needs) is None or has(self.outcome)]
 
-    def _draw(self, name: str, axes: Axes | AnyFigure | None = None, *more: object, **unknown: object) -> Any:
+    def _draw(self, name: str, paper: Axes | AnyFigure | None = None, *more: object, **unknown: object) -> Any:
+        from matplotlib.axes import Axes
+        from matplotlib.figure import Figure, SubFigure
+
         from .figures import figures
 
-        if unknown or more:
-            given = f"{next(iter(unknown))}=" if unknown else f"{1 + len(more)} of them"
-            raise SceneError(f"plot.{name} takes one axes or a figure, not {given}: plot.{name}(axes)")
+        wrong = [type(one).__name__ for one in more] + [f"{key}=" for key in unknown]
+        if paper is not None and not isinstance(paper, Axes | Figure | SubFigure):
+            wrong.insert(0, type(paper).__name__)
+        if wrong:
+            place = f"in the place of one matplotlib axes, or in a figure, plot.{name}(axes)"
+            raise SceneError(f"plot.{name} draws {place}, not on {', '.join(wrong)}")
         if name not in self._there():
             raise SceneError(self._why_not(name))
-        return figures[name].draw(self._paper(name, axes), self.outcome)
+        if paper is None:
+            from matplotlib import pyplot
+
+            paper = pyplot.figure(layout="constrained")
+        return figures[name].draw(paper, self.outcome)
 
     def _why_not(self, name: str) -> str:
         """Why a picture cannot be drawn here: there is nothing to show, or it is not kept."""
@@ -96,28 +106,6 @@ class Plot:
             anew = f"wakeflow report {folder} draws it anew"
             return f"{name} shows more of the solved airflow than {folder} keeps: see {file}; {anew}"
         return f"{folder} has nothing to draw as {name}; it has {', '.join(self._there())}"
-
-    def _paper(self, name: str, given: Axes | AnyFigure | None) -> Axes | AnyFigure:
-        """What to draw on: ``given`` axes or figure, else a new figure of pyplot. Raises SceneError for anything else,
-        as for the array of ``pyplot.subplots``, which would stay empty.
-        """
-        from matplotlib.axes import Axes
-        from matplotlib.figure import Figure, SubFigure
-
-        from .figures import figures
-
-        if given is None:
-            from matplotlib import pyplot
-
-            return pyplot.figure(layout="constrained")
-        if isinstance(given, Axes | Figure | SubFigure):
-            return given
-        panels = np.size(figures[name].draw(Figure(), self.outcome))
-        if isinstance(given, np.ndarray | list | tuple):
-            here = f"takes one axes, in whose place its {panels} panels are drawn" if panels > 1 else "takes one axes"
-            raise SceneError(f"plot.{name} {here}, not {np.size(given)}: hand over one of them, or their figure")
-        draws = f"draws {panels} panels" if panels > 1 else "draws"
-        raise SceneError(f"plot.{name} {draws} in the place of matplotlib axes or in a figure, not on {given!r}")
 
 
 def outcome_of(result: Result) -> Outcome:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..core.files import atomic_write
 from ..core.quantities import metres, say, speaking
-from .canvas import BARS, BODY, INK, MM, new_figure, save, text_width
+from .canvas import BARS, INK, MM, new_figure, save, solids, text_width
 from .outcome import add_figure
 
 if TYPE_CHECKING:
@@ -70,8 +70,8 @@ def draw_sketch(scene: Scene, units: Mapping[str, str] | None = None, paper: Pap
         _draw_channel(sheet, scene)
         _draw_feed(sheet.axes, scene)
         _draw_air(sheet, scene)
-        for body in scene.body.values():
-            _draw_body(sheet, body, scene)
+        solids(sheet.axes, scene, 5.0)
+        _draw_vibration(sheet, scene)
         _draw_bins(sheet, scene)
         _write(sheet, notes)
     return figure
@@ -222,13 +222,12 @@ def _draw_air(sheet: _Sheet, scene: Scene) -> None:
         axes.annotate("", (tip, y), xytext=(wall, y), arrowprops=style, annotation_clip=False, zorder=7)
 
 
-def _draw_body(sheet: _Sheet, body: Body, scene: Scene) -> None:
-    """A body at the middle of its motion, with an arrow along its vibration."""
-    from matplotlib.patches import Polygon
-
-    outline = MM * body.outline()
-    sheet.axes.add_patch(Polygon(outline, closed=True, facecolor=BODY, edgecolor=INK, linewidth=0.9, zorder=5))
-    if scene.vibration is not None:
+def _draw_vibration(sheet: _Sheet, scene: Scene) -> None:
+    """An arrow on each body along its vibration."""
+    if scene.vibration is None:
+        return
+    for body in scene.body.values():
+        outline = MM * body.outline()
         middle = (outline.min(axis=0) + outline.max(axis=0)) / 2
         arm = 0.35 * min(np.ptp(outline, axis=0).min(), sheet.away(0.6)) * scene.vibration.along
         style = {"arrowstyle": "<|-|>", "color": "white", "linewidth": 1.1, "mutation_scale": 8}

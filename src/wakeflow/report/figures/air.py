@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,28 +125,17 @@ def _zones(axes: Axes, grid: PlotGrid, scene: Scene, window: Window, numbers: Ma
     ahead = y > np.mean(upstream * outline[:, 1])
     shade = (y < np.min(upstream * outline[:, 1])) & (np.abs(x) < width / 2)  # right behind the body
     pressed = np.where(ahead & (np.abs(x) < width) & (cp > PRESSING_LEVEL), cp, -np.inf)
+    found: dict[str, tuple[Any, float]] = {}  # the cell that a name points to, and which way the name is moved
     if np.isfinite(pressed).any():
-        i, j = np.unravel_index(np.argmax(pressed), pressed.shape)
-        _callout(
-            axes,
-            numbers.get("pressing zone", "") + "pressing zone",
-            (grid.x[j], grid.y[i]),
-            0.7 * upstream * width,
-            window,
-        )
+        found["pressing zone"] = np.unravel_index(np.argmax(pressed), pressed.shape), upstream
     low = shade & (cp < SUCTION_LEVEL)
     if not low.any():
         low = ~ahead & (cp < SUCTION_LEVEL)
     if low.any():  # its deeper half: in a narrow channel the zone itself may reach far downstream
         sucked = np.argwhere(low & (cp <= 0.5 * (SUCTION_LEVEL + cp[low].min())))
-        i, j = sucked[np.argmin(np.sum((sucked - np.median(sucked, axis=0)) ** 2, axis=1))]
-        _callout(
-            axes,
-            numbers.get("suction zone", "") + "suction zone",
-            (grid.x[j], grid.y[i]),
-            -0.7 * upstream * width,
-            window,
-        )
+        found["suction zone"] = sucked[np.argmin(np.sum((sucked - np.median(sucked, axis=0)) ** 2, axis=1))], -upstream
+    for name, ((i, j), way) in found.items():
+        _callout(axes, numbers.get(name, "") + name, (grid.x[j], grid.y[i]), 0.7 * way * width, window)
 
 
 def _callout(axes: Axes, text: str, place: tuple[float, float], lift: float, window: Window) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..air import window_round_body
-from ..canvas import BODY, COLOURS, INK, MM, Window, first_outline, frame, new_figure, save
+from ..canvas import COLOURS, INK, MM, Window, first_outline, frame, new_figure, save, solids
 from ..outcome import add_figure
 
 if TYPE_CHECKING:
@@ -86,8 +86,7 @@ def draw_mesh(paper: Paper, cells: PlaneCells, scene: Scene, airflow: Airflow) -
     panels: NDArray[np.object_] = figure.subplots(1, 2, gridspec_kw={"width_ratios": shapes})
     for axes, window, line in zip(panels, windows, (0.25, 0.45), strict=True):
         _draw_cells(axes, cells, window, line)
-        for body in scene.body.values():
-            axes.fill(*(MM * body.outline()).T, facecolor=BODY, edgecolor=INK, linewidth=0.9, zorder=1)
+        solids(axes, scene, 1.0)
         axes.set_aspect("equal")
         frame(axes, window)
     panels[0].set_title(f"{len(cells.cells)} cells, those beyond the channel's ends counted", fontsize=9, loc="left")

@@ -14,7 +14,7 @@ from ...core.geometry import distance_to
 from ...core.record import JsonTable
 from ...scene.pictures import Animation
 from ..canvas import INK, MM, Window, fraction_colours, new_figure, save
-from ..moving import Path2D, Stage, body_displacement, gif_of, picture_of
+from ..moving import MovingMachine, Path2D, body_displacement, gif_of, picture_of
 from .view import Drawn, View
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ class _Panel:
         own = fraction_colours(list(self.scene.fraction))
         colours, least = [own[actor.fraction] for actor in actors], VISIBLE * (window[1] - window[0])
         self.trails = [axes.plot([], [], color=colour, linewidth=0.7, zorder=4.2)[0] for colour in colours]
-        self.stage = Stage(axes, self.scene, [max(actor.path.diameter, least) for actor in actors], colours)
+        self.machine = MovingMachine(axes, self.scene, [max(actor.path.diameter, least) for actor in actors], colours)
         outlines = [body.outline() for body in self.scene.body.values()]
         ends = [outline[np.argmax(side * outline[:, 0])] for outline in outlines for side in (-1, 1)]
         self.ends = np.reshape(ends, (-1, 2))
@@ -145,7 +145,7 @@ class _Panel:
         paths = [actor.at(self.scene, moments)[0] for actor in self.actors]
         for trail, path in zip(self.trails, paths, strict=True):
             trail.set_data(*(MM * path).T)
-        shift = self.stage.move(time, np.array([path[-1] for path in paths]))
+        shift = self.machine.move(time, np.array([path[-1] for path in paths]))
         self.edges.set_data(*(MM * (self.ends + shift)).T)
         self.axes.set_title(f"{MM * (time - self.start):.0f} ms", fontsize=8, loc="left")
 
@@ -218,6 +218,7 @@ def _gif(path: Path, view: View, actors: list[_Actor], window: Window, frames: A
 
 def _frame(figure: Figure, panel: _Panel, time: float) -> Image.Image:
     panel.show(time)
+    figure.canvas.draw()
     return picture_of(figure, figure.bbox_inches)
 
 
