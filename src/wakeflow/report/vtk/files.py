@@ -6,7 +6,6 @@ import os
 import shutil
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
@@ -78,22 +77,29 @@ def save_series(path: Path, times: Iterable[float], pieces: Iterable[Any], suffi
     return path
 
 
+BLOCKS_HEAD = '<?xml version="1.0"?>\n<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">\n'
+BLOCKS_FOOT = "  </vtkMultiBlockDataSet>\n</VTKFile>\n"
+
+
 def write_machine(folder: Path | str, scene: Scene) -> Path:
     """Write machine.vtm: the groups bodies, bins, walls and inlets, each of blocks with the scene's own names.
 
     Bodies are polygons at the middle of their motion, the others lines. A body that vibrates has in its field data the
     ``vibration (m)``, its amplitude (x, y), and the ``frequency (Hz)``.
     """
-    import pyvista
-
-    index, place = Path(folder) / "machine.vtm", Path(folder) / "machine"
+    folder, place = Path(folder), Path(folder) / "machine"
     shutil.rmtree(place, ignore_errors=True)
-    groups = {name: pyvista.MultiBlock(blocks) for name, blocks in machine_blocks(scene).items()}
-    with TemporaryDirectory(dir=folder) as draft:
-        pyvista.MultiBlock(groups).save(Path(draft) / index.name, binary=True)
-        os.replace(Path(draft) / place.name, place)
-        os.replace(Path(draft) / index.name, index)
-    return index
+    lines = ["  <vtkMultiBlockDataSet>\n"]
+    for number, (group, blocks) in enumerate(machine_blocks(scene).items()):
+        lines.append(f'    <Block index="{number}" name={quoteattr(group)}>\n')
+        for index, (name, block) in enumerate(blocks.items()):
+            file = save_piece(block, place / f"{group}_{index:02d}.vtp")
+            path = quoteattr(f"machine/{file.name}")
+            lines.append(f'      <DataSet index="{index}" name={quoteattr(name)} file={path}/>\n')
+        lines.append("    </Block>\n")
+    with atomic_write(folder / "machine.vtm") as stream:
+        stream.write("".join([BLOCKS_HEAD, *lines, BLOCKS_FOOT]))
+    return folder / "machine.vtm"
 
 
 def machine_blocks(scene: Scene) -> dict[str, dict[str, Any]]:
