@@ -15,13 +15,12 @@ from proofs.problems.reference_all_terms import reference_end_states
 from support import CASES
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.drag import (
-    TABLE_CELLS,
-    TABLE_DECADES,
     drag_factor_for_terminal_velocity,
     drag_laws,
     drag_table,
     relaxation_time,
     slip_correction,
+    table_factor,
     terminal_velocity,
 )
 from wakeflow.laws.forces import Bound, FlightScales, Force, Instant, forces
@@ -228,17 +227,6 @@ def test_every_law_tends_to_stokes_and_never_lies_below_it(law: str) -> None:
         assert creeping[0] >= 1.0
     assert entry.source
     assert entry.reynolds_max > 0
-
-
-def table_factor(table: np.ndarray, reynolds: object) -> np.ndarray:
-    """f from a :func:`drag_table`: constant below its range, constant Cd above. The tracker's kernel does the same."""
-    re = np.asarray(reynolds, dtype=float)
-    low, high = TABLE_DECADES
-    y = (np.log10(np.clip(re, 10.0**low, 10.0**high)) - low) * TABLE_CELLS
-    cell = np.clip(y.astype(int), 0, len(table) - 1)
-    c, w = table[cell], y - cell
-    f = c[..., 0] + w * (c[..., 1] + w * (c[..., 2] + w * c[..., 3]))
-    return f * np.maximum(re / 10.0**high, 1.0)
 
 
 @pytest.mark.parametrize("law", list(drag_laws))
