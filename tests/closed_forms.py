@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wakeflow.laws.collision import approach_speed, thrown
+from wakeflow.laws.collision import approach_speed, scattered_rebound
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.random_numbers import normal_pair
 from wakeflow.laws.restitution import restitution_at
@@ -174,7 +174,7 @@ class _Granule:
             e = float(np.ravel(restitution_at(self.one.restitution, approach_speed(*self.v, *normal, *wall)))[0])
         friction, scatter = self._friction(body), float(self.one.scatter[0])
         drawn = normal_pair(*(np.array([n]) for n in (self.seed, self.i, -1 - self.impacts)))[0] if scatter else 0.0
-        velocity, spin, impulse = thrown(
+        velocity, spin, impulse = scattered_rebound(
             self.v[None], np.array([self.spin]), normal[None], wall[None], e, friction, self.mobility, self.r,
             self.one.tangential_restitution, scatter * np.ones(1) * drawn,
         )  # fmt: skip

@@ -16,7 +16,7 @@ from support import landings_in, shipped
 from wakeflow.answer.notices import ENDINGS, _out_of_the_top, _unlanded, with_mesh_error
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import BudgetPart, InputPart
-from wakeflow.cli.screen import MOST_WARNINGS, warn
+from wakeflow.cli.screen import MAX_WARNINGS, warn
 from wakeflow.core.errors import SceneError
 from wakeflow.core.graded import Grade
 from wakeflow.core.number import Number
@@ -209,8 +209,8 @@ def test_the_gravest_stand_on_screen_and_the_rest_are_counted(capsys: pytest.Cap
     warn(plan.warnings, [notice.grade.value for notice in plan.notices])
     out = capsys.readouterr().out
     assert plan.notices[0].grade is Grade.VOID  # 500 kg/h are far beyond independent granules
-    assert sum(out.count(f"! {grade.value}: ") for grade in Grade) == MOST_WARNINGS
-    assert f"! and {len(plan.notices) - MOST_WARNINGS} more" in out
+    assert sum(out.count(f"! {grade.value}: ") for grade in Grade) == MAX_WARNINGS
+    assert f"! and {len(plan.notices) - MAX_WARNINGS} more" in out
 
 
 def test_what_upward_air_carries_out_has_its_own_bin() -> None:

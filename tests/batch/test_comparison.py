@@ -231,7 +231,7 @@ def test_a_few_scenes_are_named_at_their_points(drawn: list[Any], monkeypatch: p
     told = [text.get_text() for text in axes.get_legend().get_texts()]
     assert told == ["dust in near", *(f"speed {speed}, gamma {gamma}" for speed in (3, 4) for gamma in (1, 2))]
     assert {text.get_text(): text.xy for text in axes.texts} == {"1,2": (0.0, 0.0), "3,4": (0.1, 0.1)}
-    monkeypatch.setattr(many, "FEW", 3)
+    monkeypatch.setattr(many, "MAX_NUMBERED_SCENES", 3)
     many.draw_trade_off(Path("unused"), _grid_of(0.0, 0.0))
     [axes] = drawn[1].axes
     assert not axes.texts

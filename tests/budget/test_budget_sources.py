@@ -13,37 +13,37 @@ from numpy.typing import NDArray
 
 import wakeflow as wf
 from support import landings_in, shipped
-from wakeflow.answer.provenance import KnobSettings
+from wakeflow.answer.provenance import RefinedSettings
 from wakeflow.answer.shares import (
     CALIBRATED,
-    COMPANION,
     LEFT_OUT,
     MEASURED,
     NOT_COMPUTED,
+    PERTURBED_RERUN,
     UNKNOWN,
     BudgetPart,
     BudgetRow,
     BudgetTotal,
 )
-from wakeflow.budget.comparison import MOST, AmongOthers, Comparison, compared, differences
+from wakeflow.budget.comparison import MAX_FACTOR, AmongOthers, Comparison, compared, differences
 from wakeflow.budget.mesh import Grid, difference_noise, mesh_error, shedding_noise
 from wakeflow.budget.model import MODEL
 from wakeflow.budget.source import INPUTS, FractionResults, Parts, Source, add, budget_sources
-from wakeflow.budget.total import numerical, remedies, whole
+from wakeflow.budget.total import combine, numerical, remedies
 from wakeflow.core.number import student
 from wakeflow.core.store import Store
 from wakeflow.laws.best_estimate import WakeEstimate, best_estimate
 from wakeflow.pipeline.cache import StageTime
 from wakeflow.pipeline.landings import Landings, Tracked
 from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.track_stage import Companion
+from wakeflow.pipeline.track_stage import PerturbedRerun
 from wakeflow.planning.cost import flown_again
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import COMPARED, REPLICATES
 from wakeflow.planning.stages import StageCost, Workload
 from wakeflow.planning.unknowns import SIGMAS
 from wakeflow.planning.wake import Wake
-from wakeflow.runs.refine import told_unmet
+from wakeflow.runs.refine import unreached_lines
 from wakeflow.runs.settings import expected_half, expected_part, expected_seconds
 from wakeflow.scene import Scene
 
@@ -51,7 +51,7 @@ from wakeflow.scene import Scene
 class CoarserSteps(Source[Tracked]):
     """Granules flown again at ten times the tolerance: an example of a source, as docs/extending.md shows it."""
 
-    name, how, place = "coarser-steps", COMPANION, 70
+    name, how, place = "coarser-steps", PERTURBED_RERUN, 70
     if_unknown = "numerics.tolerance = 1e-3"
     if_large = "fly by hand"
 
@@ -59,7 +59,7 @@ class CoarserSteps(Source[Tracked]):
         return [flown_again(work, self.name, 0.5)]  # half as long as the granules of a comparison
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Tracked:
-        return pipeline.tracks(Companion(self.name, tolerance=10 * pipeline.scene.numerics.tolerance))
+        return pipeline.tracks(PerturbedRerun(self.name, tolerance=10 * pipeline.scene.numerics.tolerance))
 
     def shares(self, fraction: FractionResults) -> Parts:
         coarse, bins = fraction.flights.of(self), len(fraction.pipeline.scene.bin)
@@ -67,7 +67,7 @@ class CoarserSteps(Source[Tracked]):
         errors, seconds = np.abs(moved.mean(axis=0)), fraction.pipeline.spent(self.name)
         return {place: [self.part(float(error), seconds)] for place, error in zip(fraction.shares, errors, strict=True)}
 
-    def expected(self, part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
+    def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         return (part.error or 0.0) * then.tolerance / now.tolerance
 
 
@@ -108,9 +108,9 @@ def test_a_new_source_that_flies_again_is_in_the_plans_cost(cases: Path, request
 
 @pytest.mark.usefixtures("coarser")
 def test_a_new_source_is_refined_and_has_a_remedy(cases: Path) -> None:
-    now = KnobSettings(granules=1024, tolerance=1e-3, mesh_scale=None, averaging=None, slab=None)
+    now = RefinedSettings(granules=1024, tolerance=1e-3, mesh_scale=None, averaging=None, slab=None)
     finer = replace(now, tolerance=1e-4)
-    part = BudgetPart("coarser-steps", 0.2, 1.0, COMPANION)
+    part = BudgetPart("coarser-steps", 0.2, 1.0, PERTURBED_RERUN)
     assert expected_part(part, now, finer) == pytest.approx(0.02)
     row = BudgetRow("share.wheat.left", None, (part,), BudgetTotal(0.2, 1.0, 0.0, 1.0, 0.2))
     assert expected_half(row, now, finer) == pytest.approx(0.02)
@@ -118,7 +118,7 @@ def test_a_new_source_is_refined_and_has_a_remedy(cases: Path) -> None:
     assert expected_seconds(spent, now, replace(now, granules=4096)) == pytest.approx(0.4 + 4.0 * 4.6)
     assert remedies(["coarser-steps"]) == ["numerics.tolerance = 1e-3"]
     scene = Scene.load(cases / "vacuum.toml")
-    (line,) = told_unmet([row], now, 1e-9, scene, make_plan(scene))
+    (line,) = unreached_lines([row], now, 1e-9, scene, make_plan(scene))
     assert line.startswith("wheat in left: coarser-steps stays at")
     assert line.endswith(": fly by hand")
 
@@ -127,14 +127,14 @@ def test_a_new_source_is_refined_and_has_a_remedy(cases: Path) -> None:
 def test_a_source_says_what_it_is(name: str) -> None:
     source: Source[Any] = budget_sources[name]
     assert source.name == name
-    assert source.how in (MEASURED, COMPANION, CALIBRATED, UNKNOWN)
+    assert source.how in (MEASURED, PERTURBED_RERUN, CALIBRATED, UNKNOWN)
     assert type(source).__doc__
 
 
 def test_every_source_that_flies_granules_again_is_in_the_plans_cost() -> None:
     flying = {name for name in budget_sources if type(budget_sources[name]).fly is not Source.fly}
     assert flying == {name for name in budget_sources if type(budget_sources[name]).costs is not Source.costs}
-    assert {name for name in flying if budget_sources[name].how != COMPANION} == set()
+    assert {name for name in flying if budget_sources[name].how != PERTURBED_RERUN} == set()
 
 
 def test_no_two_sources_share_a_place_in_a_row() -> None:
@@ -171,10 +171,10 @@ def pipeline(cases: Path, tmp_path: Path) -> Pipeline:
 
 
 def test_a_companion_flies_the_first_replicates_granules_again(pipeline: Pipeline) -> None:
-    whole, part = pipeline.tracks(), pipeline.tracks(Companion("again"))
+    combine, part = pipeline.tracks(), pipeline.tracks(PerturbedRerun("again"))
     for name in pipeline.scene.fraction:
-        first, again = compared(whole.landings[name]), part.landings[name]
-        assert len(again.bin) == len(whole.landings[name].bin) * COMPARED // REPLICATES
+        first, again = compared(combine.landings[name]), part.landings[name]
+        assert len(again.bin) == len(combine.landings[name].bin) * COMPARED // REPLICATES
         for column in ("position", "bin", "replicate", "diameter", "time"):
             np.testing.assert_array_equal(getattr(first, column), getattr(again, column))
     assert {"tracks", "again"} <= set(pipeline.seconds)
@@ -268,14 +268,14 @@ def inputs(low: float, high: float) -> BudgetPart:
 
 
 def test_independent_parts_add_up_in_squares() -> None:
-    total = whole(0.5, [part("sampling", 0.03), part("mesh", 0.04)], 7.0)
+    total = combine(0.5, [part("sampling", 0.03), part("mesh", 0.04)], 7.0)
     assert (total.error, total.numerical, total.seconds) == (pytest.approx(0.05), pytest.approx(0.05), 7.0)
     assert (total.low, total.high) == (pytest.approx(0.45), pytest.approx(0.55))
     assert total.note is None
 
 
 def test_a_range_over_inputs_keeps_its_two_arms() -> None:
-    total = whole(0.5, [inputs(-0.08, 0.03), part("sampling", 0.04)], 0.0)
+    total = combine(0.5, [inputs(-0.08, 0.03), part("sampling", 0.04)], 0.0)
     assert total.low == pytest.approx(0.5 - math.hypot(0.08, 0.04))
     assert total.high == pytest.approx(0.5 + math.hypot(0.03, 0.04))
     assert total.error == pytest.approx(0.5 - total.low)
@@ -283,7 +283,7 @@ def test_a_range_over_inputs_keeps_its_two_arms() -> None:
 
 
 def test_a_bound_is_a_rectangular_distribution_and_no_part_of_computing() -> None:
-    total = whole(0.5, [part("lift", 0.01, LEFT_OUT), part("sampling", 0.05)], 0.0)
+    total = combine(0.5, [part("lift", 0.01, LEFT_OUT), part("sampling", 0.05)], 0.0)
     assert total.high == pytest.approx(0.5 + math.hypot(1.959964 / math.sqrt(3.0) * 0.01, 0.05))
     assert total.numerical == pytest.approx(0.05)
     assert total.note is None  # small beside the total
@@ -291,13 +291,13 @@ def test_a_bound_is_a_rectangular_distribution_and_no_part_of_computing() -> Non
 
 @pytest.mark.parametrize("kind", [LEFT_OUT, NOT_COMPUTED])
 def test_a_row_says_when_it_is_mostly_a_bound(kind: str) -> None:
-    total = whole(0.5, [part("magnus", 0.2, kind), part("sampling", 0.01)], 0.0)
+    total = combine(0.5, [part("magnus", 0.2, kind), part("sampling", 0.01)], 0.0)
     assert total.error == pytest.approx(0.226, abs=1e-3)
     assert "magnus" in total.note
 
 
 def test_an_unknown_part_leaves_no_total_but_says_what_to_do() -> None:
-    total = whole(0.5, [part("sampling", 0.01), part("mesh", None)], 0.0)
+    total = combine(0.5, [part("sampling", 0.01), part("mesh", None)], 0.0)
     assert total.error is None
     assert (total.low, total.high) == (pytest.approx(0.49), pytest.approx(0.51))  # of what is known
     assert "mesh" in total.note
@@ -305,14 +305,14 @@ def test_an_unknown_part_leaves_no_total_but_says_what_to_do() -> None:
 
 
 def test_shares_keep_within_nothing_and_everything() -> None:
-    total = whole(0.99, [inputs(-0.5, 0.5)], 0.0)
+    total = combine(0.99, [inputs(-0.5, 0.5)], 0.0)
     assert (total.low, total.high) == (pytest.approx(0.49), 1.0)
-    assert whole(0.0, [part("sampling", 0.02)], 0.0).low == 0.0
+    assert combine(0.0, [part("sampling", 0.02)], 0.0).low == 0.0
 
 
 def test_a_range_that_leaves_the_answer_out_does_not_turn_its_interval_round() -> None:
     """All draws lie above the answer: nothing below it but the numerical part."""
-    total = whole(0.5, [inputs(0.02, 0.1), part("sampling", 0.01)], 0.0)
+    total = combine(0.5, [inputs(0.02, 0.1), part("sampling", 0.01)], 0.0)
     assert total.low == pytest.approx(0.49)
     assert total.high == pytest.approx(0.5 + math.hypot(0.1, 0.01))
 
@@ -366,5 +366,5 @@ def test_few_granules_near_an_end_make_no_large_factor(scene: Scene) -> None:
     few[:4], many[: COUNT // 2] = end, end
     alone = landed(nowhere, scene)
     assert 1.0 < AmongOthers(scene, {"a": alone}, {"a": landed(few, scene)}).factor("a") <= 1.5
-    assert AmongOthers(scene, {"a": alone}, {"a": landed(many, scene)}).factor("a") == MOST
-    assert AmongOthers(scene, {"a": landed(many, scene)}, {"a": alone}).factor("a") == 1.0 / MOST
+    assert AmongOthers(scene, {"a": alone}, {"a": landed(many, scene)}).factor("a") == MAX_FACTOR
+    assert AmongOthers(scene, {"a": landed(many, scene)}, {"a": alone}).factor("a") == 1.0 / MAX_FACTOR

@@ -19,7 +19,7 @@ from wakeflow.core.errors import FoamError, MeshError, ProgramError, SceneError
 from wakeflow.core.executor import Cluster, TaskPlace, Workers
 from wakeflow.core.files import atomic_write, write_json
 from wakeflow.core.lazy import cached_property
-from wakeflow.core.process import beside, call_in_child, heed, run_program, tail
+from wakeflow.core.process import background, call_in_child, check_cancelled, run_program, tail
 from wakeflow.core.store import Store, content_key
 
 
@@ -179,14 +179,14 @@ def test_jobs_are_done_in_their_order_beside_the_block() -> None:
         met.wait(LONG)  # the block is there at the same time
         done.append("first")
 
-    with beside([first, lambda: done.append("second")]):
+    with background([first, lambda: done.append("second")]):
         met.wait(LONG)
     assert done == ["first", "second"]
 
 
 def test_without_jobs_only_the_block_runs() -> None:
-    with beside([]):
-        heed()
+    with background([]):
+        check_cancelled()
 
 
 def test_a_job_that_fails_ends_the_program_that_the_block_waits_for(tmp_path: Path) -> None:
@@ -195,10 +195,10 @@ def test_a_job_that_fails_ends_the_program_that_the_block_waits_for(tmp_path: Pa
         raise FoamError("the other airflow diverged", ended="failed")
 
     begun = time.monotonic()
-    with pytest.raises(FoamError, match="the other airflow diverged"), beside([fail]):
+    with pytest.raises(FoamError, match="the other airflow diverged"), background([fail]):
         sleeping(tmp_path)
     assert time.monotonic() - begun < LONG / 2
-    heed()  # nothing is left of it in this thread
+    check_cancelled()  # nothing is left of it in this thread
 
 
 def test_a_failure_of_a_job_is_never_taken_for_one_of_the_block() -> None:
@@ -213,12 +213,12 @@ def test_a_failure_of_a_job_is_never_taken_for_one_of_the_block() -> None:
         assert failed.wait(LONG)
         for _ in range(100):
             try:
-                heed()
+                check_cancelled()
             except Exception:
                 pytest.fail("caught as if it were the block's")
             time.sleep(0.05)
 
-    with pytest.raises(MeshError, match="folded"), beside([fail]):
+    with pytest.raises(MeshError, match="folded"), background([fail]):
         heeding_in_spite_of_failures()
 
 
@@ -235,7 +235,7 @@ def test_a_block_that_ends_takes_the_jobs_program_with_it(tmp_path: Path, ending
         raise ending
 
     begun = time.monotonic()
-    with pytest.raises(type(ending)), beside([job, lambda: later.append(1)]):
+    with pytest.raises(type(ending)), background([job, lambda: later.append(1)]):
         end()
     assert time.monotonic() - begun < LONG / 2
     assert not later

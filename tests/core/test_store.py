@@ -15,7 +15,7 @@ import pytest
 import wakeflow
 from wakeflow import Scene
 from wakeflow.cli import main
-from wakeflow.cli.show_stored import MOST_ROWS, show_stages
+from wakeflow.cli.show_stored import MAX_ROWS, show_stages
 from wakeflow.core import sources
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import link_or_copy, write_json
@@ -66,7 +66,7 @@ def test_what_was_used_last_stays_longest(store: Store) -> None:
 
 
 def test_a_long_list_ends_in_what_it_leaves_out(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    stages = [KeptStage("mesh", tmp_path / f"key{number}", 10**6, 2.0, 1e9 + number) for number in range(MOST_ROWS + 5)]
+    stages = [KeptStage("mesh", tmp_path / f"key{number}", 10**6, 2.0, 1e9 + number) for number in range(MAX_ROWS + 5)]
     show_stages(stages)
     told = capsys.readouterr().out
     assert "5 more" in told

@@ -27,8 +27,8 @@ from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.airflow_result import AirflowResult, Attempt
 from wakeflow.foam.case import SETTINGS, FlowSpec, write_case
 from wakeflow.foam.failure import AirflowFailure, Cause, diagnose, disk_trouble_named
+from wakeflow.foam.fallback_settings import FALLBACKS, climb, warning
 from wakeflow.foam.history import read_table
-from wakeflow.foam.ladder import LADDER, climb, warning
 from wakeflow.foam.prepare import prepare_case
 from wakeflow.foam.read import time_folders
 from wakeflow.foam.sanity import blockage, check_airflow, check_finite, friction, gap_speed
@@ -232,7 +232,7 @@ def test_when_nothing_serves_all_that_was_tried_is_named_and_the_next_call_start
     for _ in range(2):
         with pytest.raises(AirflowFailure, match="failed with all settings") as failed:
             climb(flow(), tmp_path, solve, "log.simpleFoam")
-        assert all(f"{name}: the airflow diverged: a test" in str(failed.value) for name in LADDER)
+        assert all(f"{name}: the airflow diverged: a test" in str(failed.value) for name in FALLBACKS)
         assert failed.value.cause.numerical
     with pytest.raises(SceneError, match="settings = 'bold'"):
         climb(flow(settings="bold"), tmp_path, solve, "log.simpleFoam")
@@ -251,7 +251,7 @@ def test_what_safer_settings_cannot_cure_is_not_tried_again(cause: Cause, tmp_pa
 def test_every_setting_has_its_files_in_the_template() -> None:
     system = case_template() / "system"
     safer = set(SETTINGS) - {"normal"}
-    assert safer | {"first-order-start"} == set(LADDER) - {"normal"}
+    assert safer | {"first-order-start"} == set(FALLBACKS) - {"normal"}
     for settings, stepping, name in itertools.product(safer, ("steady", "time-resolved"), ("fvSchemes", "fvSolution")):
         assert (system / settings / stepping / name).exists()
 
@@ -441,7 +441,7 @@ def test_every_two_properties_meet_in_the_matrix() -> None:
 def check_case(case: dict[str, Any]) -> None:
     found = robustness.outcome(case)
     assert "error" not in found, found["error"]
-    assert found["cells"] <= robustness.MOST_CELLS
+    assert found["cells"] <= robustness.MAX_CELLS
     assert found["settings"] != "first-order"
     assert found["cd"]["low"] <= found["cd"]["value"] <= found["cd"]["high"]
     assert max(found["checks"].values()) < 1

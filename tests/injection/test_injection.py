@@ -14,7 +14,7 @@ from wakeflow.injection.feed import contact_points, feedstock
 from wakeflow.injection.first_contact import first_contact
 from wakeflow.injection.stream import FALLEN, SlabFeed, slab_stream
 from wakeflow.laws.shape import shapes
-from wakeflow.planning.crowd import number_rates
+from wakeflow.planning.collisions import number_rates
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import REPLICATES, Plan
 from wakeflow.scene import Scene

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from support import DOCS, ROOT
 from wakeflow.core.errors import SceneError
-from wakeflow.laws.collision import ImpactModel, collide, collide_pair, impact, impact_models, thrown
+from wakeflow.laws.collision import ImpactModel, collide, collide_pair, impact, impact_models, scattered_rebound
 from wakeflow.laws.impaction import sphere_caught
 from wakeflow.laws.random_numbers import normal_pair
 
@@ -295,7 +295,7 @@ def energy(hit: dict[str, np.ndarray], velocity: np.ndarray, spin: np.ndarray) -
 @pytest.mark.parametrize("rms", [0.1, 0.2, 1.0])
 def test_every_granule_leaves_the_true_wall_and_no_energy_is_made(rms: float) -> None:
     hit = impacts(1)
-    velocity, spin, impulse = thrown(**hit, angle=np.random.default_rng(2).normal(0, rms, COUNT))
+    velocity, spin, impulse = scattered_rebound(**hit, angle=np.random.default_rng(2).normal(0, rms, COUNT))
     assert np.all(((velocity - hit["wall"]) * hit["normal"]).sum(axis=1) > 0.0)
     assert np.all(impulse > 0.0)
     assert np.all(energy(hit, velocity, spin) <= energy(hit, hit["velocity"], hit["spin"]) * (1 + 1e-12))
@@ -303,7 +303,7 @@ def test_every_granule_leaves_the_true_wall_and_no_energy_is_made(rms: float) ->
 
 def test_without_an_angle_it_is_the_collision_itself() -> None:
     hit = impacts(3)
-    velocity, spin, impulse = thrown(**hit, angle=np.zeros(COUNT))
+    velocity, spin, impulse = scattered_rebound(**hit, angle=np.zeros(COUNT))
     (vx, vy), (nx, ny), (wx, wy) = hit["velocity"].T, hit["normal"].T, hit["wall"].T
     rest = (hit[key] for key in ("restitution", "friction", "mobility", "radius", "tangential_restitution"))
     ends = collide(vx, vy, hit["spin"], nx, ny, wx, wy, *rest)
@@ -316,15 +316,15 @@ def test_a_mirror_image_rebounds_as_the_mirror_image() -> None:
     """The law prefers no side: angle and opposite are cut down alike, so that their mean stays zero."""
     hit, angle, flip = impacts(4), np.random.default_rng(5).normal(0, 0.5, COUNT), np.array([-1.0, 1.0])
     image = hit | {key: hit[key] * flip for key in ("velocity", "normal", "wall")} | {"spin": -hit["spin"]}
-    velocity, spin, _ = thrown(**hit, angle=angle)
-    mirrored, turning, _ = thrown(**image, angle=-angle)
+    velocity, spin, _ = scattered_rebound(**hit, angle=angle)
+    mirrored, turning, _ = scattered_rebound(**image, angle=-angle)
     np.testing.assert_allclose(mirrored * flip, velocity, atol=1e-12)
     np.testing.assert_allclose(-turning, spin, rtol=1e-9, atol=1e-9)
 
 
 def test_without_restitution_nothing_is_scattered() -> None:
     hit = impacts(6, restitution=0.0)
-    smooth, rough = (thrown(**hit, angle=np.full(COUNT, angle))[0] for angle in (0.0, 0.3))
+    smooth, rough = (scattered_rebound(**hit, angle=np.full(COUNT, angle))[0] for angle in (0.0, 0.3))
     np.testing.assert_array_equal(rough, smooth)
 
 
@@ -332,7 +332,7 @@ def test_a_grazing_granule_keeps_grazing() -> None:
     """Without friction its rebound stays between 0 and 2 R u, with R u in the mean."""
     u, w, e = 1e-3, 1.0, 0.5
     rows = np.ones((COUNT, 1))
-    velocity, _, _ = thrown(
+    velocity, _, _ = scattered_rebound(
         rows * [w, -u], np.zeros(COUNT), rows * [0.0, 1.0], np.zeros((COUNT, 2)), e, 0.0, 0.0, 1e-3, 0.0,
         np.random.default_rng(7).normal(0, 0.15, COUNT),
     )  # fmt: skip
@@ -344,7 +344,7 @@ def test_a_grazing_granule_keeps_grazing() -> None:
 def test_a_steep_impact_is_turned_by_twice_the_angle() -> None:
     """Straight down on a level wall, elastic and smooth: a mirror turned by a turns the ray by 2 a."""
     angle = np.array([-0.1, 0.05, 0.2])
-    velocity, _, _ = thrown(
+    velocity, _, _ = scattered_rebound(
         np.array([[0.0, -1.0]] * 3), np.zeros(3), np.array([[0.0, 1.0]] * 3), np.zeros((3, 2)), 1.0, 0.0, 0.0, 1e-3,
         0.0, angle,
     )  # fmt: skip

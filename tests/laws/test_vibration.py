@@ -145,11 +145,11 @@ def test_nothing_enters_a_body_shaken_by_noise_and_nothing_is_lost() -> None:
 
 
 def test_a_field_that_swings_refuses_samples() -> None:
-    from wakeflow.field import Swing
+    from wakeflow.field import MeshOscillation
     from wakeflow.tracking.frame import relative
 
     with pytest.raises(SceneError, match="by samples"):
-        relative(Motion.sampled(*of_a_sine(9)), Swing(0.0, 1e-3, 100.0, 0.0))
+        relative(Motion.sampled(*of_a_sine(9)), MeshOscillation(0.0, 1e-3, 100.0, 0.0))
 
 
 def contacts_by_tracking(

@@ -14,7 +14,7 @@ import wakeflow as wf
 from support import landings_in, loaded_scene, shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.core.store import content_key
-from wakeflow.foam import ladder
+from wakeflow.foam import fallback_settings as ladder
 from wakeflow.injection.feed import feedstock
 from wakeflow.pipeline.cache import code_of
 from wakeflow.pipeline.pipeline import Pipeline

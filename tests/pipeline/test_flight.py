@@ -15,15 +15,15 @@ from wakeflow.field.combined import varied
 from wakeflow.injection.birth import samples
 from wakeflow.injection.feed import feedstock
 from wakeflow.laws.restitution import Restitution
-from wakeflow.pipeline.draws import DrawStage
 from wakeflow.pipeline.film_stage import SINGLY, Film
+from wakeflow.pipeline.input_samples import DrawStage
 from wakeflow.pipeline.landings import load_tracked
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight, _second_half, bodies_and_walls, end_lines
-from wakeflow.planning.crowd import number_rates
+from wakeflow.planning.collisions import number_rates
 from wakeflow.planning.make import make_plan
-from wakeflow.planning.plan import COMPARED, DRAWS, REPLICATES, SAME_AIR, replicate_size
+from wakeflow.planning.plan import COMPARED, INPUT_SAMPLES, REPLICATES, SAME_AIR, replicate_size
 from wakeflow.planning.terms import COLLISIONS
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS, unknown_kinds
 from wakeflow.scene import Scene
@@ -235,8 +235,8 @@ def test_the_air_has_fewer_draws_and_all_are_standard_normal() -> None:
     stage = DrawStage(Pipeline(scene, make_plan(scene))._track_stage)
     of_air = np.array([unknown_kinds[one.kind].of_air for one in stage.unknowns])
     air, rest = stage.design[:, of_air], stage.design[:, ~of_air]
-    assert len(np.unique(air, axis=0)) == DRAWS // SAME_AIR
-    assert len(np.unique(rest, axis=0)) == DRAWS
+    assert len(np.unique(air, axis=0)) == INPUT_SAMPLES // SAME_AIR
+    assert len(np.unique(rest, axis=0)) == INPUT_SAMPLES
     np.testing.assert_allclose(stage.design.mean(axis=0), 0.0, atol=0.1)
     np.testing.assert_allclose(stage.design.std(axis=0), 1.0, atol=0.15)
     for part in (air, rest):  # by how much each slope's variance grows because the columns are not orthogonal

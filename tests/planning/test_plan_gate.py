@@ -17,9 +17,9 @@ from proofs.report import cell
 from proofs.studies import bounds as gates
 from support import CASES, landings_in, shipped
 from wakeflow.answer.shares import BudgetPart, BudgetRow, BudgetTotal
-from wakeflow.budget.budget import together
+from wakeflow.budget.budget import total_notices
 from wakeflow.budget.comparison import free_ends
-from wakeflow.budget.left_out import left_out_terms, most_crossing
+from wakeflow.budget.truncation import most_crossing, truncation_terms
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
@@ -35,7 +35,7 @@ from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.make import Planner, make_plan
-from wakeflow.planning.messages import unusual_lines
+from wakeflow.planning.messages import magnitude_lines
 from wakeflow.planning.plan import Plan, whole_terms
 from wakeflow.planning.terms import TYPICAL, bounds
 from wakeflow.scene import Scene
@@ -263,9 +263,9 @@ def test_granules_lighter_than_the_air_are_doubted(draft: Scene) -> None:
     ],
 )
 def test_a_number_that_no_machine_has_is_asked_about(changes: dict[str, Any], told: str, draft: Scene) -> None:
-    (line,) = [n.text for n in unusual_lines(draft.replace(changes))]
+    (line,) = [n.text for n in magnitude_lines(draft.replace(changes))]
     assert re.search(told, line)
-    assert not list(unusual_lines(draft))
+    assert not list(magnitude_lines(draft))
 
 
 def test_fine_dust_slips_between_the_airs_molecules(draft: Scene) -> None:
@@ -477,7 +477,7 @@ def test_the_budgets_share_covers_granules_that_are_shifted(draft: Scene, kind: 
     rng = np.random.default_rng(3)
     x = rng.normal(0.0, 0.06, 20_000)
     plan = make_plan(draft)
-    terms = left_out_terms(draft, plan, "wheat", landings_at(x, draft))
+    terms = truncation_terms(draft, plan, "wheat", landings_at(x, draft))
     before = separate(draft, dict.fromkeys(FRACTIONS, landings_at(x, draft))).fractions["wheat"]
     direction = {"right": np.ones(len(x)), "outward": np.sign(x), "random": rng.choice([-1.0, 1.0], len(x))}[kind]
     for row in (row for row in plan.left_out if row.fraction == "wheat"):
@@ -494,17 +494,17 @@ def test_terms_that_are_small_alone_are_named_when_they_are_not_together() -> No
     parts = [BudgetPart(t, e, kind="left-out") for t, e in (("lift", 0.012), ("buoyancy", 0.0119))]
     parts += [BudgetPart("magnus", 0.9, kind="not-computed"), BudgetPart("mesh")]
     rows = [BudgetRow("share.chaff.inner.left", None, tuple(parts), BudgetTotal(None, 0.0))]
-    (told,) = together(rows, 0.01)
+    (told,) = total_notices(rows, 0.01)
     assert "chaff" in told.text
     assert "inner.left by 1.2 points" in told.text
     assert told.text.endswith("most by lift, [force] lift = 'on'")
-    assert together(rows, 0.013) == []
+    assert total_notices(rows, 0.013) == []
 
 
 def test_of_terms_that_are_alike_none_is_blamed() -> None:
     """Several that move a share by the least that the granules can show: computing one of them would help nothing."""
     parts = tuple(BudgetPart(t, 0.04, kind="left-out") for t in ("brownian", "basset-history"))
-    (told,) = together([BudgetRow("share.straw.light", None, parts, BudgetTotal(None, 0.0))], 0.01)
+    (told,) = total_notices([BudgetRow("share.straw.light", None, parts, BudgetTotal(None, 0.0))], 0.01)
     assert told.text.endswith("feed.count")
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from support import CASES, shipped
-from wakeflow.answer.provenance import KnobSettings
+from wakeflow.answer.provenance import RefinedSettings
 from wakeflow.cli.show_plan import show_plan
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store
@@ -22,8 +22,8 @@ from wakeflow.planning.stages import OWN, AirLabel, Scaling, Stage, StageCost, S
 from wakeflow.runs.progress import RunProgress
 from wakeflow.runs.settings import expected_seconds
 
-COARSE = KnobSettings(granules=1024, tolerance=1e-3, mesh_scale=2.0, averaging=None, slab=None)
-FINE = KnobSettings(granules=4096, tolerance=1e-3, mesh_scale=1.0, averaging=None, slab=None)
+COARSE = RefinedSettings(granules=1024, tolerance=1e-3, mesh_scale=2.0, averaging=None, slab=None)
+FINE = RefinedSettings(granules=4096, tolerance=1e-3, mesh_scale=1.0, averaging=None, slab=None)
 
 
 def weighing(work: Workload) -> Iterator[StageCost]:

@@ -9,7 +9,7 @@ import pytest
 
 import wakeflow as wf
 from support import ALONE, shipped
-from wakeflow.budget.inputs import DRAWN
+from wakeflow.budget.inputs import SAMPLE_SECONDS
 from wakeflow.budget.source import budget_sources
 from wakeflow.core.errors import SceneError
 from wakeflow.injection.feed import feedstock, granules_of
@@ -22,7 +22,7 @@ from wakeflow.planning.airflow import FLAT_BELOW, LAMINAR_BELOW, SHEDDING_ABOVE,
 from wakeflow.planning.cost import EACH_STAGE, airflow_cost, flown_again
 from wakeflow.planning.impaction import Deflection, deflection
 from wakeflow.planning.make import TURNING, make_plan
-from wakeflow.planning.plan import COMPARED, DRAWS, REPLICATES
+from wakeflow.planning.plan import COMPARED, INPUT_SAMPLES, REPLICATES
 from wakeflow.planning.stages import Workload
 from wakeflow.planning.unknowns import SIGMAS, Unknown, unknown_kinds, unknowns, variation_at
 from wakeflow.planning.wake import Wake, family_of, wake_of, wakes_beside
@@ -122,7 +122,7 @@ def test_only_a_turbulent_wake_in_time_is_estimated(
     assert [cost.key.label.grid for cost in again["mesh"]] == list(found.scales[1:])
     once = flown_again(work, "once", 1.0).seconds - EACH_STAGE
     (draws,) = again["inputs"]  # as many granules as the answer
-    assert draws.seconds == pytest.approx(EACH_STAGE + DRAWS * DRAWN + once * REPLICATES / COMPARED)
+    assert draws.seconds == pytest.approx(EACH_STAGE + INPUT_SAMPLES * SAMPLE_SECONDS + once * REPLICATES / COMPARED)
 
 
 def test_the_other_wakes_are_the_ends() -> None:

@@ -120,7 +120,7 @@ def _contacts(time: Array, v: Array, omega: float, speed: float) -> Contacts:
 
 
 BASE: dict[str, Any] = {"orifice": 0.0096, "count": 1000}  # an outlet of 8 diameters
-LARGE = 3000  # beads: enough for several periods of 20 Hz
+MANY_BEADS = 3000  # beads: enough for several periods of 20 Hz
 VIBRATIONS = ((20.0, (1.0, 2.0, 3.4)), (35.0, (1.0, 2.0, 3.4)))  # Hz and Gammas; the paper: 5 to 35 Hz, Gamma below 3.5
 SEEDS = (0, 1, 2)
 STEPS = (12, 25, 50)  # in a collision
@@ -182,7 +182,7 @@ def run_funnel(folder: Path, *, slow: bool, tell: Tell) -> Report:
         ],
     }
     if slow:
-        facts["large"] = [_row(name, [discharge(count=LARGE, **how)]) for name, how in _VIBRATIONS]
+        facts["large"] = [_row(name, [discharge(count=MANY_BEADS, **how)]) for name, how in _VIBRATIONS]
         facts["full"] = [_row(name, [discharge(count=None, mass=0.035, **how)]) for name, how in _FULL]
     tables = [
         Table(f"{TITLES[key]} ({facts[key][0]['beads']} beads)", RATES, facts[key]) for key in TITLES if key in facts

@@ -27,7 +27,10 @@ from wakeflow.foam.watch import Watch
 from wakeflow.meshing import build_mesh, plan_mesh
 
 WIDTH, ACCURACY, LONGER = 1.0, 0.02, 8.0
-MOST, SPARE = 130.0, 60.0  # convective times that a case may take to its stop; that its record lasts beyond 8 times it
+MAX_TIMES, SPARE = (
+    130.0,
+    60.0,
+)  # convective times that a case may take to its stop; that its record lasts beyond 8 times it
 ANGLES = np.linspace(0, 2 * np.pi, 24, endpoint=False)
 SHAPES = {
     "circle": 0.5 * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)]),
@@ -64,8 +67,8 @@ def long_record(spec: FlowSpec, folder: Path) -> None:
     case = folder / "case"
     prepare_case(spec, folder / "mesh.msh", case)
     perturb(spec, case)
-    watch = Watch(case, "start-up", lambda _: None, expected=MOST)
-    end, now = LONGER * MOST, 20.0
+    watch = Watch(case, "start-up", lambda _: None, expected=MAX_TIMES)
+    end, now = LONGER * MAX_TIMES, 20.0
     while now < end:
         run_segment(case, "pimpleFoam", now, {"deltaT": 1e-3}, watch)
         purge(case)

@@ -16,7 +16,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.browser]
 
 CASES = Path(__file__).parents[2] / "cases"
 WIDTHS = {"desk": 1280, "telephone": 360}
-LEAST_CONTRAST = 4.5  # of text on its ground: WCAG 2.1, level AA
+MIN_CONTRAST = 4.5  # of text on its ground: WCAG 2.1, level AA
 A4 = (595, 842)  # points
 CONTRAST = """() => {
   const light = (text) => { const [r, g, b] = text.match(/[\\d.]+/g).map((x) => Number(x) / 255)
@@ -168,7 +168,7 @@ def test_runs_are_compared_by_fraction_run_picture_and_certainty(compared: Any) 
 
 
 def test_text_stands_out_from_its_ground(either: Any) -> None:
-    assert either.evaluate(CONTRAST) >= LEAST_CONTRAST
+    assert either.evaluate(CONTRAST) >= MIN_CONTRAST
 
 
 @pytest.mark.parametrize("width", list(WIDTHS.values()), ids=list(WIDTHS))

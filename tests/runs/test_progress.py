@@ -9,7 +9,7 @@ import pytest
 
 import wakeflow as wf
 from support import CASES, shipped
-from wakeflow.pipeline.cache import silent
+from wakeflow.pipeline.cache import null_listener
 from wakeflow.planning.stages import StageCost
 from wakeflow.runs import progress as bars
 from wakeflow.runs.progress import FROM_CACHE, RunProgress, live
@@ -168,7 +168,7 @@ def test_a_listener_of_the_caller_hears_instead(cell: Cell, tmp_path: Path) -> N
 
 def test_nothing_is_shown_in_a_script() -> None:
     assert not bars._in_notebook()
-    assert bars.heard(None)[0] is silent
+    assert bars.as_listener(None)[0] is null_listener
 
 
 @pytest.mark.slow

@@ -12,12 +12,12 @@ from scipy.stats import binomtest
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.answer.provenance import KnobSettings, Refinement
+from wakeflow.answer.provenance import RefinedSettings, Refinement
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.pipeline.cache import StageTime
 from wakeflow.planning.make import make_plan
-from wakeflow.runs.refine import told_unmet
+from wakeflow.runs.refine import unreached_lines
 from wakeflow.runs.settings import (
     applied,
     cheapest,
@@ -34,7 +34,7 @@ from wakeflow.runs.settings import (
 )
 from wakeflow.scene import Scene
 
-NOW = KnobSettings(granules=1024, tolerance=1e-3, mesh_scale=None, averaging=None, slab=None)
+NOW = RefinedSettings(granules=1024, tolerance=1e-3, mesh_scale=None, averaging=None, slab=None)
 SPENT = {"tracks": StageTime(4.0, False), "companion": StageTime(2.0, False), "draws": StageTime(5.0, False)}
 
 
@@ -133,12 +133,12 @@ def test_rows_that_no_setting_brings_below_the_target_are_told_apart() -> None:
     bound = BudgetPart("lift", 0.06, 0.0, "calibrated", NOT_COMPUTED)
     rows = [row(sampling(0.05)), row(sampling(0.05), bound, place="chaff.middle")]
     assert reachable(rows, NOW, 0.02) == rows  # a bound is no part of what computing alone leaves
-    (line,) = told_unmet(rows, NOW, 0.02, scene, plan)
+    (line,) = unreached_lines(rows, NOW, 0.02, scene, plan)
     assert line.startswith("chaff in middle: lift is not computed")
     assert line.endswith("--force chaff.lift=on")
     model = row(BudgetPart("airflow-model", 0.1, 0.0, "companion"))
     assert reachable([model], NOW, 0.02) == []
-    (line,) = told_unmet([model], NOW, 0.02, scene, plan)
+    (line,) = unreached_lines([model], NOW, 0.02, scene, plan)
     assert line == "dust in middle: airflow-model stays at 10 points: run rung 3d (--rung 3d)"
 
 

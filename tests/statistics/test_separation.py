@@ -91,7 +91,7 @@ DRAWS = 64
 
 
 def points(dimensions: int, seed: int) -> np.ndarray:
-    """Where draws lie, as in ``pipeline.draws``."""
+    """Where draws lie, as in ``pipeline.input_samples``."""
     sobol = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed))
     return np.clip(norm.ppf(sobol.random(DRAWS)), -FARTHEST, FARTHEST)
 

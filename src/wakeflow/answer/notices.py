@@ -14,7 +14,7 @@ from ..funnel.rate import FunnelSummary
 from ..pipeline.airflow import Airflow, GridStudy, ResidenceTimes, WakeEnds
 from ..pipeline.pipeline import Pipeline
 from ..scene import OVER_THE_TOP, Scene
-from .shares import CrowdSummary
+from .shares import CollisionSummary
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 LOOSE_LOOP = 0.1  # of the rms fluctuation: a stored loop that joins with more kicks the granules once a period
 LONGER = 1e-9  # m: rounding of the mesh's ends, no longer channel
 JAM = "granules that lie still become more as long as it runs; widen the gap, or lower feed.rate"
-MANY = 0.05  # of a fraction: more granules without a landing void its shares; chosen
+MAX_LOST_PART = 0.05  # of a fraction: more granules without a landing void its shares; chosen
 ENDINGS = {  # fates that are no landing: what they mean, and what to change
     "airborne": (
         "were still in the air when tracking ended",
@@ -44,7 +44,7 @@ def notices(
     airflow: Airflow | None,
     funnel: FunnelSummary | None,
     tracked: Tracked | None,
-    slab: CrowdSummary | None = None,
+    slab: CollisionSummary | None = None,
 ) -> list[Notice]:
     """What a user must know of the airflow, of the feed funnel and of how the tracks ended; those in the ``slab``,
     where granules meet in one.
@@ -98,7 +98,7 @@ def _unlanded(ended: Mapping[str, Mapping[str, int]]) -> Iterator[Notice]:
         total = sum(fates.values())
         for fate, (meaning, hint) in ENDINGS.items():
             if fates.get(fate):
-                grade = void if fates[fate] > MANY * total else less_sure
+                grade = void if fates[fate] > MAX_LOST_PART * total else less_sure
                 yield grade(f"{name}: {fates[fate]} of {total} granules {meaning}; they count as elsewhere{hint}")
 
 

@@ -14,7 +14,7 @@ from ..core.record import column
 from ..scene import Scene
 
 
-# -- Where an answer comes from: when, where, by which command and with which programs it was made ---------------------
+# -- Where an answer comes from ----------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Provenance:
     """When, where, by which command and with which programs an answer was made first."""
@@ -55,9 +55,9 @@ def commit_of(folder: Path) -> str | None:
     return text.strip() if code == 0 else None
 
 
-# -- What a run with a target error bought, round by round: tables of result.json --------------------------------------
+# -- What a run with a target error bought, round by round -------------------------------------------------------------
 @dataclass(frozen=True)
-class KnobSettings:
+class RefinedSettings:
     """The numbers of a scene that time is spent on."""
 
     granules: int = column("1", "tracked per fraction: feed.count")
@@ -73,7 +73,7 @@ class KnobSettings:
 class RefinementRound:
     """One run on the way to a target error: what it was spent on, and the error that was expected and found."""
 
-    settings: KnobSettings = column("", "what was computed with")
+    settings: RefinedSettings = column("", "what was computed with")
     bought: str = column("", "what is finer than in the round before, in words")
     expected: float | None = column("1", "largest error by computing that was expected; null of the first round")
     found: float = column("1", "the same, found: of the bin shares that computing can bring to the target")

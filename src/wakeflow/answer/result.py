@@ -241,7 +241,7 @@ class Result:
 
     @property
     def caveat(self) -> str:
-        """What stands against the intervals in a word: that the answer is void, what they lack, or an air that was left
+        """What is against the intervals in a word: that the answer is void, what they lack, or an air that was left
         out and fills them; empty without.
         """
         if self.void or self.lacking:

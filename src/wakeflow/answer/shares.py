@@ -17,9 +17,9 @@ from ..pipeline.slab import SlabFound
 from ..planning.plan import Plan
 
 
-# -- The slab in which granules meet: the ``slab`` table of result.json ------------------------------------------------
+# -- The slab in which granules meet -----------------------------------------------------------------------------------
 @dataclass(frozen=True)
-class CrowdSummary:
+class CollisionSummary:
     """The slab of hard spheres that the shares with collisions come from."""
 
     depth: float = column("m", "of the slab across the picture, periodic")
@@ -36,16 +36,16 @@ class CrowdSummary:
     jammed: int = column("1", "replicates in which granules that lie still became more as long as it was fed")
 
 
-def crowd_of(plan: Plan, crowd: SlabFound) -> CrowdSummary:
+def collisions_of(plan: Plan, crowd: SlabFound) -> CollisionSummary:
     """What the slab was, and what granules met in it."""
     landings = crowd.landings
-    return CrowdSummary(
+    return CollisionSummary(
         depth=crowd.depth,
         replicates=crowd.replicates,
         start_up=crowd.start_up,
         granules={name: len(found.bin) for name, found in landings.items()},
         tracers=dict(known(plan.crowd).tracers),
-        meetings={name: _mean_meetings(found) for name, found in landings.items()},
+        meetings={name: _mean_collisions(found) for name, found in landings.items()},
         fates={name: fates_of(found.fate) for name, found in landings.items()},
         step=crowd.step,
         step_error=None if np.isnan(crowd.step_error) else crowd.step_error,
@@ -53,16 +53,16 @@ def crowd_of(plan: Plan, crowd: SlabFound) -> CrowdSummary:
     )
 
 
-def _mean_meetings(found: Landings) -> float:
+def _mean_collisions(found: Landings) -> float:
     return float(known(found.meetings) @ found.mass_shares)
 
 
-# -- What the landings say: shares, what the airflow could change of them, and the budget of their ---------------------
+# -- What the landings say ---------------------------------------------------------------------------------------------
 Entry = TypeVar("Entry")
 
 SHARE_UNIT = "1"  # unit of the error of a share: a fraction of 1, absolute
 # How an error is known: from this run, from flying granules again, from a bound and what was found, or not at all.
-MEASURED, COMPANION, CALIBRATED, UNKNOWN = "measured", "companion", "calibrated", "unknown"
+MEASURED, PERTURBED_RERUN, CALIBRATED, UNKNOWN = "measured", "companion", "calibrated", "unknown"
 LEFT_OUT, NOT_COMPUTED = "left-out", "not-computed"  # kinds of a term: small enough for the accuracy, or not
 
 
@@ -156,7 +156,10 @@ class BudgetPart:
         "1", "of the mesh: what a finite number of granules makes of it; else left out", absent=True, default=None
     )
     of_sheddings: float | None = column(
-        "1", "of the mesh: what a finite number of sheddings makes of it; else left out", absent=True, default=None
+        "1",
+        "of the mesh: what a finite number of shedding cycles makes of it; else left out",
+        absent=True,
+        default=None,
     )
     note: str | None = column("", "how the error is known; left out where nothing does", absent=True, default=None)
 
@@ -241,7 +244,7 @@ class LandingResults:
     without_collisions: Separation | None = column(
         "", "the same of granules that meet no others; left out where the answer is that", absent=True, default=None
     )
-    slab: CrowdSummary | None = column(
+    slab: CollisionSummary | None = column(
         "", "where collisions were computed; left out where granules fly alone", absent=True, default=None
     )
     air_loading: dict[str, dict[str, LoadingEffect]] | None = column(

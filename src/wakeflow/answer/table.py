@@ -27,7 +27,7 @@ from ..scene.messages import unit_of
 from .result import VOID, Result
 from .shares import Separation
 
-# -- The numbers of a result as one flat list: name, unit, value, 95 % interval and the whole error --------------------
+# -- The numbers of a result as one flat list --------------------------------------------------------------------------
 SECONDS = "seconds"
 RENAMED = {"fractions": "share"}  # as the rows of the budget are called
 PARTS = ("share.", "purity.", "recovery.")
@@ -112,7 +112,7 @@ def _numbers(value: object, name: str, unit: str, errors: Mapping[str, float | N
         yield TableQuantity(value, name=name, unit=unit, error=errors.get(name))
 
 
-# -- One tidy table of many results: a row for each number of each scene, with its interval, its unit ------------------
+# -- One tidy table of many results ------------------------------------------------------------------------------------
 DONE, FAILED, OPEN = "done", "failed", "open"
 NUMBERS = ("value", "low", "high", "error", "numerical")
 
@@ -120,7 +120,7 @@ NUMBERS = ("value", "low", "high", "error", "numerical")
 @dataclass(frozen=True)
 class Entry:
     """One scene of a table: its ``inputs`` (SI), its ``state`` (done, failed or open), the ``reason`` why it failed, or
-    what stands against the intervals of one that is done (:attr:`Result.caveat`), its numbers.
+    what is against the intervals of one that is done (:attr:`Result.caveat`), its numbers.
     """
 
     name: str
@@ -170,7 +170,7 @@ class ResultTable:
 
     @cached_property
     def caveats(self) -> dict[str, list[str]]:
-        """The scenes that are done, by what stands against their intervals; those that nothing does are left out."""
+        """The scenes that are done, by what is against their intervals; those that nothing does are left out."""
         found: dict[str, list[str]] = {}
         for entry in self.done:
             if entry.reason:

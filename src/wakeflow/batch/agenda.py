@@ -3,8 +3,9 @@
 Where neighbours help an airflow waits for the one that it starts from (``neighbours``), and goes on from rest where
 that one fails.
 Scenes that fly in one airflow wait for it, and it is solved once. Of scenes whose flights are the same (they differ in
-mass shares, targets or the feed's rate) one flies and the others wait for it. Both are told from plans alone, before
-anything is computed. Where two stages turn out equal beyond that, the lock of the cache makes one wait for the other.
+mass shares, targets or the feed's rate) one flies and the others wait for it. Both are reported from plans alone,
+before anything is computed. Where two stages turn out equal beyond that, the lock of the cache makes one wait for the
+other.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from ..core.lazy import cached_property
 from ..core.quantities import duration
 from ..core.store import content_key
 from ..pipeline.airflow_kinds import CaseAir
-from ..pipeline.cache import Listener, silent
+from ..pipeline.cache import Listener, null_listener
 from ..pipeline.pipeline import Pipeline
 from ..pipeline.track_stage import unweighed
 from ..planning.cost import airflow_cost, ranks_for, typical_cells
@@ -33,11 +34,11 @@ from ..planning.make import make_plan
 from ..planning.plan import Plan
 from ..runs import answer_key
 from ..scene import Scene
-from .variant import TOLD_EVERY, Variant
+from .variant import SCENES_PER_LINE, Variant
 from .work import Job, finished, fly_scene, solve_airflow_of
 
 
-# -- Which airflow of a sweep starts from which: told by the inputs alone, so that every order of work -----------------
+# -- Which airflow of a sweep starts from which ------------------------------------------------------------------------
 def starts(points: Sequence[Mapping[str, object]]) -> list[int | None]:
     """For each of the ``points`` (inputs by dotted key) the place of the one that it starts from; None for the most
     central one, which starts from rest.
@@ -75,7 +76,7 @@ def _distances(points: Sequence[Mapping[str, object]]) -> NDArray[np.float64]:
     return np.asarray(np.sqrt(squares))
 
 
-# -- The agenda of a sweep: which stages its scenes share, what waits for what, what it will cost ----------------------
+# -- The agenda of a sweep ---------------------------------------------------------------------------------------------
 AIRFLOWS = "airflows"  # folder of the airflows' own results
 
 
@@ -167,7 +168,7 @@ def make_agenda(
     threads: Callable[[int], int] = lambda _: 1,
     report: bool = False,
     neighbours: bool = False,
-    listener: Listener = silent,
+    listener: Listener = null_listener,
 ) -> Agenda:
     """What is still to be done for ``variants`` in the folder ``out``; scenes that are finished there need nothing.
 
@@ -177,7 +178,7 @@ def make_agenda(
     planned: list[_Planned] = []
     problems: dict[str, str] = {}
     for number, variant in enumerate(variants, 1):
-        if number % TOLD_EVERY == 0:
+        if number % SCENES_PER_LINE == 0:
             listener("sweep", f"planning scene {number} of {len(variants)}")
         if variant.scene is None:
             problems[variant.name] = variant.problem
@@ -243,7 +244,7 @@ def _flight_steps(planned: Iterable[_Planned], out: Path, threads: int, *, repor
         yield Step(name, one.job(out / name, threads, report=report), False, needs, seconds, disk)
 
 
-# -- Doing an agenda: steps go to an executor as soon as what they need is done ----------------------------------------
+# -- Doing an agenda ---------------------------------------------------------------------------------------------------
 TELL_EVERY = 1.0  # s between looks at the time left, where nothing ends
 
 

@@ -17,8 +17,8 @@ from ..core.registry import Registry
 from ..scene.messages import unit_of
 from ..scene.overrides import changes_of, setting
 
-# -- An axis of a sweep: a key of the scene, or keys tied by =, and the values taken, read from text or ----------------
-MOST_SCENES = 20_000  # of a sweep: planning these takes minutes, and a table of more is read by nobody
+# -- An axis of a sweep ------------------------------------------------------------------------------------------------
+MAX_SCENES = 20_000  # of a sweep: planning these takes minutes, and a table of more is read by nobody
 DIGITS = 12  # of a value between two ends: 0.3, not 0.30000000000000004
 ALIKE = 1e-9  # relative: numbers that differ by less are one, written in two units
 SWITCHES = {"on": True, "off": False}
@@ -144,7 +144,7 @@ def axis_of_text(text: str, option: str = "--set") -> Axis:
 
 def _in_units(where: str, pieces: Sequence[str]) -> list[str]:
     """The values of a list, numbers alone with the unit that follows the last of them. Raises SceneError where units
-    stand behind others but not behind all.
+    are behind others but not behind all.
     """
     parts = [split_quantity(piece) for piece in pieces]
     units = [part[1] for part in parts if part is not None]
@@ -227,8 +227,8 @@ def _range(key: str, low: float, high: float, count: int, unit: str, *, log: boo
     """``count`` values from ``low`` to ``high``, both taken. Raises SceneError where there is no such range."""
     if count < 2 or not math.isfinite(low) or not math.isfinite(high) or low == high:
         raise SceneError(f"{key} = {low:g}:{high:g}:{count}: needs two different ends and a count of at least 2; {HOW}")
-    if count > MOST_SCENES:
-        raise SceneError(f"{key} = {low:g}:{high:g}:{count}: a sweep has {MOST_SCENES} scenes at most")
+    if count > MAX_SCENES:
+        raise SceneError(f"{key} = {low:g}:{high:g}:{count}: a sweep has {MAX_SCENES} scenes at most")
     if log and min(low, high) <= 0:
         raise SceneError(f"{key}: a range on scale log needs ends above 0")
     axis = Axis(key, (), (low, high), unit, log)
@@ -236,7 +236,7 @@ def _range(key: str, low: float, high: float, count: int, unit: str, *, log: boo
     return Axis(key, values, (low, high), unit, log)
 
 
-# -- Designs: which combinations of the axes' values a sweep computes --------------------------------------------------
+# -- Designs -----------------------------------------------------------------------------------------------------------
 Changes = JsonTable  # dotted key to value
 # (axes, count of scenes or None, seed) to the changes of every scene
 Design = Callable[[Sequence[Axis], int | None, int], list[Changes]]
@@ -309,8 +309,8 @@ def _changes(axes: Sequence[Axis], row: Sequence[object]) -> Changes:
 
 
 def _few_enough(scenes: int) -> None:
-    if scenes > MOST_SCENES:
-        raise SceneError(f"a sweep of {scenes} scenes: {MOST_SCENES} at most; give fewer values, or draw a --count")
+    if scenes > MAX_SCENES:
+        raise SceneError(f"a sweep of {scenes} scenes: {MAX_SCENES} at most; give fewer values, or draw a --count")
 
 
 def _no_count(design: str, count: int | None) -> None:

@@ -19,8 +19,8 @@ from ..core.executor import Cluster, TaskPlace, Workers
 from ..core.files import made_folder, path_of
 from ..core.process import check_workers, cores
 from ..core.store import cache_root
-from ..pipeline.cache import Listener, silent
-from ..runs.progress import heard
+from ..pipeline.cache import Listener, null_listener
+from ..runs.progress import as_listener
 from ..scene import Scene
 from ..scene.whole import States
 from .agenda import Agenda, Step, do_agenda, make_agenda
@@ -61,7 +61,7 @@ class Sweep:
     def frame(self, *, wide: bool = False) -> Any:
         """A row for each number of each scene, with its interval and the scene's inputs; ``wide``: a row a scene.
 
-        A pandas DataFrame where pandas is installed, else a dict of numpy arrays. An input's unit stands behind its
+        A pandas DataFrame where pandas is installed, else a dict of numpy arrays. An input's unit is behind its
         key, a number's in the column ``unit``.
         """
         return self.table.frame(wide=wide)
@@ -109,7 +109,7 @@ def look_ahead(
     force: States | None = None,
     target_error: float | str | None = None,
     neighbours: bool = False,
-    listener: Listener = silent,
+    listener: Listener = null_listener,
 ) -> SweepEstimate:
     """What :func:`sweep` would have to do; starts nothing. Raises SceneError as it does."""
     found, request = _variants(scenes), Request.asked(None, rung, force, target_error)
@@ -150,7 +150,7 @@ def sweep(
     """
     from filelock import FileLock, Timeout
 
-    folder, found, (listener, _) = path_of(out, "out"), _variants(scenes), heard(listener)
+    folder, found, (listener, _) = path_of(out, "out"), _variants(scenes), as_listener(listener)
     check_workers(workers)
     if workers is not None and scheduler is not None:
         raise SceneError(f"workers = {workers}: of this machine; those of a scheduler are its own")

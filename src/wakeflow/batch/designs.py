@@ -21,7 +21,7 @@ from ..core.files import made_folder, path_of
 from ..core.process import check_workers, cores
 from ..core.record import JsonMapping, JsonTable
 from ..pipeline.cache import Listener
-from ..runs.progress import heard
+from ..runs.progress import as_listener
 from .compute import Sweep, executor_on, sweep
 from .history import DesignPoint, Evaluation, Expected, History, Proposer, by_estimator
 from .task import FAN, SearchTask, read_search_file
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import distributed
 
 
-# -- search(): designs on the coarse level, those that may be best on finer ones, until the budget is ------------------
+# -- search() ----------------------------------------------------------------------------------------------------------
 # (level, places) to what was found at each of them
 Evaluator = Callable[[int, Sequence[DesignPoint]], Sequence[Evaluation]]
 
@@ -84,15 +84,15 @@ def _next(history: History, propose: Proposer) -> tuple[int, Sequence[DesignPoin
 
 
 def _ahead(history: History, level: int, few: int) -> list[DesignPoint]:
-    """A few contenders of a level, before them the scene as it stands: what every design is measured by."""
+    """A few contenders of a level, before them the scene as it is: what every design is measured by."""
     own, able = history.task.as_it_stands, history.contenders(level)[:few]
     if own is None or own not in history.known() or own in history.found[level]:
         return able
     return [own, *(place for place in able if place != own)]
 
 
-# -- A search carried out: designs become scenes, scenes are swept, and the answer is a table, a front -----------------
-LEAST = 1.0  # s that a design costs, at least: planning, reading, writing
+# -- A search carried out ----------------------------------------------------------------------------------------------
+MIN_DESIGN_TIME = 1.0  # s that a design costs, at least: planning, reading, writing
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def search(
     """
     asked = task if isinstance(task, SearchTask) else read_search_file(task)
     check_workers(workers)
-    folder, (listener, _) = made_folder(path_of(out, "out")), heard(listener)
+    folder, (listener, _) = made_folder(path_of(out, "out")), as_listener(listener)
     with executor_on(scheduler, workers or cores(), folder) as executor:
         scenes = _Scenes(asked, folder, partial(sweep, scheduler=executor, listener=listener))
         history = explore(asked, scenes.evaluate, tell=partial(listener, "search"))
@@ -219,11 +219,11 @@ class _Scenes:
     def _evaluation(self, place: DesignPoint, entry: Entry, found: Sweep) -> Evaluation:
         if not entry.quantities:
             self.problems[place] = entry.reason
-            return Evaluation(LEAST, problem=entry.reason)
+            return Evaluation(MIN_DESIGN_TIME, problem=entry.reason)
         spent = {(stage, time.seconds) for stage, time in found.result(entry.name).seconds.items()}
         new = spent - self.counted  # a stage that took the very same time is the same one, from the cache
         self.counted |= new
-        return Evaluation(max(LEAST, sum(seconds for _, seconds in new)), _with_fan(entry.by_name))
+        return Evaluation(max(MIN_DESIGN_TIME, sum(seconds for _, seconds in new)), _with_fan(entry.by_name))
 
 
 def _with_fan(quantities: Mapping[str, TableQuantity]) -> Mapping[str, TableQuantity]:

@@ -19,7 +19,7 @@ from ..core.errors import SceneError
 from ..core.registry import did_you_mean
 from .task import SearchTask
 
-# -- What a search has found: every design at every level, what is expected of it at the finest, what ------------------
+# -- What a search has found -------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 DesignPoint = tuple[float, ...]  # of a design: 0 to 1 along every axis
 TWO_SIGMA = 2.0
@@ -169,7 +169,7 @@ def _dominates(one: Array, other: Array) -> bool:
     return bool(np.all(one <= other) and np.any(one < other))
 
 
-# -- Which designs to try next: the scene as it stands and balanced points first, then those that ----------------------
+# -- Which designs to try next -----------------------------------------------------------------------------------------
 # (history, how many) to places that are not in the history
 Proposer = Callable[[History, int], list[DesignPoint]]
 FIRST = 3  # balanced points an axis before the estimator is asked, at least those of one batch
@@ -177,7 +177,7 @@ HOPELESS = 1e6  # excess of a design that cannot be computed
 
 
 def at_random(history: History, count: int) -> list[DesignPoint]:
-    """Points of a scrambled Sobol' sequence, from where the history ends; the first is the scene as it stands."""
+    """Points of a scrambled Sobol' sequence, from where the history ends; the first is the scene as it is."""
     task, before = history.task, len(history.found[0])
     own = [] if task.as_it_stands is None else [task.as_it_stands]
     if before < len(own):

@@ -69,7 +69,7 @@ class SearchTask:
 
     @cached_property
     def as_it_stands(self) -> tuple[float, ...] | None:
-        """Where the scene as it stands lies along the axes; None where it lies outside of them."""
+        """Where the scene as it is lies along the axes; None where it lies outside of them."""
         tables = flat(json.loads(self.scene.model_dump_json(by_alias=True)))
         places = [axis.where(tables) for axis in self.within]
         known = tuple(place for place in places if place is not None)

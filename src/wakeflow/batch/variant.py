@@ -12,7 +12,7 @@ from ..core.errors import SceneError
 from ..core.files import path_of, read_toml
 from ..core.record import JsonMapping, JsonTable
 from ..core.registry import did_you_mean
-from ..pipeline.cache import Listener, silent
+from ..pipeline.cache import Listener, null_listener
 from ..scene import Scene
 from ..scene.changes import differing, flat, folder_name
 from ..scene.overrides import changes_of
@@ -20,7 +20,7 @@ from ..scene.schema import refuse_unknown
 from .axis import DIGITS, Axis, axes_of, axis_of_text, designs
 
 
-# -- Files that ask for many scenes: one table, [sweep] or [search], which names the scene file that it ----------------
+# -- Files that ask for many scenes ------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class TaskFile:
     """The ``table`` called ``kind`` of the file at ``path``, which holds nothing beside it."""
@@ -86,9 +86,9 @@ def _read(path: Path) -> JsonMapping:
         raise SceneError(f"no file {str(path)!r}") from None
 
 
-# -- The scenes of a sweep: one base changed along axes, a sweep file, or scenes of the caller's own -------------------
+# -- The scenes of a sweep ---------------------------------------------------------------------------------------------
 KNOWN = ("scene", "design", "count", "seed", "over", "set")
-TOLD_EVERY = 100  # scenes between words about how many are read or planned
+SCENES_PER_LINE = 100  # scenes between words about how many are read or planned
 UNCHANGED = "base"  # name of a scene in which nothing was changed
 
 
@@ -145,14 +145,14 @@ def variants(
         refuse_unknown(key, tables, key)
     rows, found = designs[design](axes, count, seed), []
     for number, changes in enumerate(rows, 1):
-        if number % TOLD_EVERY == 0 and listener is not None:
+        if number % SCENES_PER_LINE == 0 and listener is not None:
             listener("sweep", f"reading scene {number} of {len(rows)}")
         found.append(_variant(load, before, changes, axes))
     return named(found)
 
 
 def asked_for(
-    file: Path, settings: Sequence[str], design: str, count: int | None, seed: int, listener: Listener = silent
+    file: Path, settings: Sequence[str], design: str, count: int | None, seed: int, listener: Listener = null_listener
 ) -> tuple[list[Variant], str]:
     """The scenes of a sweep file, or of a scene file changed by ``settings``; and a name for the folder: the file's,
     with the keys of the settings. Of a sweep file settings are values that all scenes have.
@@ -180,7 +180,7 @@ def _variant(
     for one in (key for axis in axes for key in axis.keys):
         # a value that is a table, such as a law of restitution, is more than one input; one that is not set is none
         inside = {key: value for key, value in set_now.items() if f"{key}.".startswith(f"{one}.")}
-        if "*" in one:  # all that it stands for have one value
+        if "*" in one:  # all that it represents have one value
             values = [value for key, value in set_now.items() if fnmatchcase(key, one)]
             inside = {one: values[0]} if values else {}
         inputs |= inside or ({one: changes[one]} if one in changes else {})
@@ -237,9 +237,9 @@ def of_scenes(scenes: Iterable[Scene | Path | str | Variant] | Mapping[str, Scen
 
 
 def read_sweep_file(
-    path: Path | str, fixed: Mapping[str, object] | None = None, listener: Listener = silent
+    path: Path | str, fixed: Mapping[str, object] | None = None, listener: Listener = null_listener
 ) -> list[Variant]:
-    """The scenes of a sweep file: [sweep] with scene (a path beside the file), design, count, seed, and the tables
+    """The scenes of a sweep file: [sweep] with scene (a path relative to the file), design, count, seed, and the tables
     [sweep.over] of keys to change and [sweep.set] of keys that are the same in all; ``fixed`` overrides the latter.
 
     Raises SceneError where the file is no sweep.

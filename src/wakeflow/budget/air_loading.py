@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..answer.shares import COMPANION, LoadingEffect
+from ..answer.shares import PERTURBED_RERUN, LoadingEffect
 from ..pipeline.pipeline import Pipeline
-from ..pipeline.track_stage import Companion
+from ..pipeline.track_stage import PerturbedRerun
 from ..planning.cost import flown_again
 from ..planning.stages import StageCost, Workload
 from ..planning.terms import LOADING
@@ -18,7 +18,7 @@ from .source import FractionResults, Parts, Source, add
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
 
-WITHOUT = Companion("unloaded", loaded=False)
+WITHOUT = PerturbedRerun("unloaded", loaded=False)
 # Of what the force moves: the error of taking the steady end's change for that of both ends, of granules that follow
 # the air (approach Stokes number below FOLLOWS) and of others. Measured in the shipped rhombus by the study air_loading
 # --both (tests/proofs/studies): 1.2 for dust (1.4), 0.1 for chaff (16) and wheat (98), of which three times
@@ -49,7 +49,7 @@ class LoadedAir(Source[Unloaded]):
     does, since the change is that of the steady wake.
     """
 
-    name, how, place = LOADING, COMPANION, 55
+    name, how, place = LOADING, PERTURBED_RERUN, 55
     if_large = "lower feed.rate, or run rung draft, whose air the force is solved in"
 
     def costs(self, work: Workload) -> Iterable[StageCost]:

@@ -13,7 +13,7 @@ from ..core.graded import Notice, less_sure
 from ..pipeline.pipeline import Pipeline
 from ..planning.terms import TYPICAL
 from .source import Flights, FractionResults, in_order
-from .total import whole
+from .total import combine
 
 ONLY_STEPS = "of the tracker's steps alone: where 95 % of the granules land with finer ones"
 
@@ -33,7 +33,7 @@ def make_budget(flights: Flights, separation: Separation) -> tuple[BudgetRow, ..
     """Rows for the share of every fraction in every bin that got any, then for its landing place.
 
     Errors of shares are absolute; a row with a unit states its errors in that unit. The error of a landing place is
-    the 95th percentile over the granules of how far the companion run moves them. A part that stands for a left-out
+    the 95th percentile over the granules of how far the companion run moves them. A part that represents a left-out
     term has a note and a kind: left-out (small enough for the accuracy asked for) or not-computed.
     """
     pipeline = flights.pipeline
@@ -60,7 +60,7 @@ def _share_rows(fraction: FractionResults, seconds: float) -> list[BudgetRow]:
         if share.value == 0.0 and not any(part.error for part in filling):
             continue
         parts = tuple(part for _, parts in found for part in parts.get(place, ()))
-        total = whole(share.value, parts, seconds)
+        total = combine(share.value, parts, seconds)
         rows.append(BudgetRow(f"share.{fraction.name}.{place}", None, parts, total))
     return rows
 
@@ -84,7 +84,7 @@ def _cure(small: Mapping[str, float]) -> str:
     return f"most by {most}, [force] {most} = 'on'"
 
 
-def together(rows: Sequence[BudgetRow], target: float) -> list[Notice]:
+def total_notices(rows: Sequence[BudgetRow], target: float) -> list[Notice]:
     """One for each fraction whose small terms, left out one by one, add up to more than the accuracy asked for."""
     worst: dict[str, _Sum] = {}
     for row in rows:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
 
 
-# -- Granules flown again with another step, airflow or grid, and what that changes of their shares --------------------
+# -- Granules flown again with another step, airflow or grid -----------------------------------------------------------
 Array = NDArray[np.float64]
 Shares = dict[str, Array]  # a fraction's share in every bin and elsewhere, (replicates, bins + 1)
 Key = TypeVar("Key", bound=Hashable)  # of an airflow: its wake, its grid
@@ -38,8 +38,8 @@ Key = TypeVar("Key", bound=Hashable)  # of an airflow: its wake, its grid
 class Comparison(Generic[Key]):
     """Shares by wake or by grid, the answer's own last, and the run time (s) of the others.
 
-    ``noise``: halves of the 95 % intervals (2, bins + 1) that a finite number of granules, and one of sheddings, leave
-    of what a fraction's shares differ from the answer's by, where that is known.
+    ``noise``: halves of the 95 % intervals (2, bins + 1) that a finite number of granules, and one of shedding cycles,
+    leave of what a fraction's shares differ from the answer's by, where that is known.
     """
 
     shares: dict[Key, Shares]
@@ -78,19 +78,19 @@ def differences(comparison: Comparison[Key], name: str, place: int) -> Iterator[
         yield which, float(shares[name][:, place].mean() - here)
 
 
-# -- The ends of bins over which granules can pass, and how many land near them ----------------------------------------
+# -- The ends of bins over which granules can pass ---------------------------------------------------------------------
 BinEnds = dict[str, list[tuple[float, float]]]  # m: the ends of every bin
 SAME_PLACE = 1e-9  # channel widths: an end of a bin so near to a corner of the channel is in it
 DIGITS = 9  # of a place in m: ends that agree in them are one end
-NEAR = 0.3  # body widths to either side of an end: about as far as what is unknown shifts landings
-FEW = 8.0  # granules: as many are added to both counts, so that a few near an end alone make no large factor
-MOST = 3.0  # largest factor, and one over the least
+END_REACH = 0.3  # body widths to either side of an end: about as far as what is unknown shifts landings
+ADDED_GRANULES = 8.0  # granules: as many are added to both counts, so that a few near an end alone make no large factor
+MAX_FACTOR = 3.0  # largest factor, and one over the least
 
 
 def free_ends(scene: Scene) -> BinEnds:
     """The ends (m) of every bin over which granules can pass, and for ``elsewhere`` the ends that no two bins share.
 
-    An end in a corner of the channel is closed by the wall, unless a bin stands on that wall.
+    An end in a corner of the channel is closed by the wall, unless a bin is on that wall.
     """
     channel, slack = scene.channel, SAME_PLACE * scene.channel.width
     walls = {b.on for b in scene.bin.values() if b.points is None} & {"left", "right"}
@@ -132,11 +132,11 @@ class AmongOthers:
         """
         if not self._ends:
             return 1.0
-        few = FEW / self.alone[name].size
+        few = ADDED_GRANULES / self.alone[name].size
         alone, met = (self._near(found[name]) + few for found in (self.alone, self.met))
-        return float(np.clip(met / alone, 1.0 / MOST, MOST))
+        return float(np.clip(met / alone, 1.0 / MAX_FACTOR, MAX_FACTOR))
 
     def _near(self, landing: Landings) -> float:
         """The share of a fraction's mass that lands near any end."""
         away = np.min([np.linalg.norm(landing.position - point, axis=1) for point in self._ends], axis=0)
-        return float(landing.mass_shares @ (away <= NEAR * self.scene.width))
+        return float(landing.mass_shares @ (away <= END_REACH * self.scene.width))

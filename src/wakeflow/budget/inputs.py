@@ -6,33 +6,33 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..answer.shares import COMPANION
+from ..answer.shares import PERTURBED_RERUN
 from ..pipeline.pipeline import Pipeline
 from ..planning.cost import flown_again
-from ..planning.plan import COMPARED, DRAWS, REPLICATES
+from ..planning.plan import COMPARED, INPUT_SAMPLES, REPLICATES
 from ..planning.stages import StageCost, Workload
 from .source import INPUTS, FractionResults, Parts, Source, add
 
 if TYPE_CHECKING:
-    from ..pipeline.draws import Draws
+    from ..pipeline.input_samples import InputSamples
     from ..pipeline.landings import Tracked
 
 STAGE = "draws"
-DRAWN = 0.05  # s: to draw the granules of a fraction anew, and its air
-WEIGHTY, MOST_TOLD = 0.1, 3  # part of the variance from which an unknown is told, and how many are
+SAMPLE_SECONDS = 0.05  # s: to draw the granules of a fraction anew, and its air
+WEIGHTY, MAX_TOLD = 0.1, 3  # part of the variance from which an unknown is reported, and how many are
 
 
-class UnknownInputs(Source["Draws"]):
+class UnknownInputs(Source["InputSamples"]):
     """The numbers of the scene that are not known exactly: the range of the share over draws of them all."""
 
-    name, how, place, fills = INPUTS, COMPANION, 15, True
+    name, how, place, fills = INPUTS, PERTURBED_RERUN, 15, True
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         """As many granules fly as the answer has."""
-        drawn = 0.0 if work.airflow.rung == "none" else DRAWS * DRAWN * work.fractions
+        drawn = 0.0 if work.airflow.rung == "none" else INPUT_SAMPLES * SAMPLE_SECONDS * work.fractions
         return [flown_again(work, STAGE, REPLICATES / COMPARED, more=drawn)]
 
-    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Draws | None:
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> InputSamples | None:
         del tracked  # the draws are of the tracks in the cache
         return pipeline.draws()
 
@@ -44,7 +44,7 @@ class UnknownInputs(Source["Draws"]):
         found = {}
         for bin_ in fraction.shares:
             over = inputs.of_share(fraction.name, [bin_])
-            weighty = [(key, one) for key, one in over.effects.items() if one.variance >= WEIGHTY][:MOST_TOLD]
+            weighty = [(key, one) for key, one in over.effects.items() if one.variance >= WEIGHTY][:MAX_TOLD]
             told = ", ".join(f"{key} {100 * one.variance:.0f} %" for key, one in weighty)
             note = f"of its variance {told}" if told else None
             if note is not None and inputs.correction is not None:

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..answer.provenance import KnobSettings
-from ..answer.shares import COMPANION, BudgetPart
+from ..answer.provenance import RefinedSettings
+from ..answer.shares import PERTURBED_RERUN, BudgetPart
 from ..core.errors import known
 from ..pipeline.airflow import Airflow, GridEstimate, GridStudy
 from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Pipeline
-from ..pipeline.track_stage import Companion
+from ..pipeline.track_stage import PerturbedRerun
 from ..planning.cost import flown_again
 from ..planning.stages import AirLabel, StageCost, Workload
 from ..planning.unknowns import SIGMAS
@@ -28,7 +28,7 @@ from .source import RATE, FractionResults, Parts, Source, add, averaged
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
 
-ON_ANOTHER_GRID = Companion("tracks")
+ON_ANOTHER_GRID = PerturbedRerun("tracks")
 MESH_ORDER = 2.0  # of the schemes
 
 
@@ -42,7 +42,7 @@ class Grid(NamedTuple):
 class Mesh(Source[Comparison[Grid]]):
     """The cells of the airflow's mesh: the same granules in the airflow on other grids."""
 
-    name, how, place, fills = "mesh", COMPANION, 40, True
+    name, how, place, fills = "mesh", PERTURBED_RERUN, 40, True
     if_unknown = "numerics.rung = 'reference'"
     if_large = "run rung reference (--rung reference)"
 
@@ -77,7 +77,7 @@ class Mesh(Source[Comparison[Grid]]):
             return self.unless_known(fraction)
         return {bin_: [self._part(flown, fraction.name, i)] for i, bin_ in enumerate(fraction.shares)}
 
-    def expected(self, part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
+    def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         """The part falls as the square of a cell's edge but for what sampling and the wake's averages make of it."""
         error = part.error or 0.0
         if now.mesh_scale is None or then.mesh_scale is None:
@@ -108,7 +108,7 @@ def difference_noise(own: Landings, other: Landings, bins: int) -> Array:
 
     Of the granules, from how many changed into the bin and out of it (Bonett & Price 2012, J. Educ. Behav. Stat. 37,
     479, for proportions of paired samples; meant for independent granules, so it is wide for balanced ones). Of the
-    sheddings, those of both flights: each wake in time is a finite sample of its own.
+    shedding cycles, those of both flights: each wake in time is a finite sample of its own.
     """
     places = np.array([*range(bins), -1])[:, None]
     here, there, size = own.bin == places, other.bin == places, len(own.bin) + 2
@@ -120,14 +120,14 @@ def difference_noise(own: Landings, other: Landings, bins: int) -> Array:
 
 
 def shedding_noise(landing: Landings, bins: int) -> Array:
-    """Half of the 95 % interval (bins + 1,) of each share that the airflow's finite number of sheddings leaves."""
+    """Half of the 95 % interval (bins + 1,) of each share that a finite number of shedding cycles leaves."""
     return np.array([tally.spread.airflow for tally in Tally.every(landing, bins, cycles_of([landing]))])
 
 
 def mesh_error(comparison: Comparison[Grid], name: str, place: int) -> tuple[GridEstimate, Array]:
-    """A share with its mesh error, and what of that error a finite number of granules makes, and one of sheddings (2,).
-    The same granules fly on all grids: what is noise is the noise of differences from the answer's own share, whose
-    sampling is another part of the budget.
+    """A share with its mesh error, and what of that error a finite number of granules makes, and one of shedding cycles
+    (2,). The same granules fly on all grids: what is noise is the noise of differences from the answer's own share,
+    whose sampling is another part of the budget.
     """
     values = [float(shares[name][:, place].mean()) for shares in comparison.shares.values()]
     halves = [comparison.noise.get(grid) for grid in comparison.shares]

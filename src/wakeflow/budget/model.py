@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from ..answer.shares import COMPANION, BudgetPart
+from ..answer.shares import PERTURBED_RERUN, BudgetPart
 from ..pipeline.pipeline import Pipeline
-from ..pipeline.track_stage import Companion
+from ..pipeline.track_stage import PerturbedRerun
 from ..planning.cost import flown_again
 from ..planning.stages import OWN, AirLabel, StageCost, Workload
 from ..planning.wake import Wake
@@ -23,7 +23,7 @@ class AirflowModel(Source[Comparison[Wake]]):
     fluctuation. The two numbers of a best estimate are unknowns among the others; the ends are flown for comparison.
     """
 
-    name, how, place, fills = "airflow-model", COMPANION, 50, True
+    name, how, place, fills = "airflow-model", PERTURBED_RERUN, 50, True
     if_unknown = "numerics.rung = 'standard', or in a duct air.case, a solved OpenFOAM case of yours"
     if_large = "run rung 3d (--rung 3d)"
 
@@ -40,9 +40,9 @@ class AirflowModel(Source[Comparison[Wake]]):
             return None
         shares, seconds = {}, 0.0
         for wake, numbers in wakes.items():
-            where, change = pipeline, Companion(_stage(wake), wake=numbers)
+            where, change = pipeline, PerturbedRerun(_stage(wake), wake=numbers)
             if wake is Wake.STEADY:  # on its own mesh, where a second core may have flown it already
-                where, change = pipeline.draft, Companion(_stage(wake))
+                where, change = pipeline.draft, PerturbedRerun(_stage(wake))
             shares[wake] = shares_of(pipeline, where.tracks(change))
             seconds += where.spent(change.name)
         return Comparison({**shares, Wake.ANSWER: shares_of(pipeline, tracked)}, seconds)
@@ -50,7 +50,7 @@ class AirflowModel(Source[Comparison[Wake]]):
     def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
         if not pipeline.plan.airflow.brackets:
             return ()
-        return [lambda: pipeline.draft.tracks(Companion(_stage(Wake.STEADY)))]
+        return [lambda: pipeline.draft.tracks(PerturbedRerun(_stage(Wake.STEADY)))]
 
     def shares(self, fraction: FractionResults) -> Parts:
         wakes = fraction.flights.of(self)

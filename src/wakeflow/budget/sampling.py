@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..answer.provenance import KnobSettings
+from ..answer.provenance import RefinedSettings
 from ..answer.shares import MEASURED, BudgetPart
 from ..planning.plan import REPLICATES
 from ..statistics.separation import cycles_of
@@ -18,7 +18,7 @@ class Sampling(Source[None]):
         spent = fraction.flights.tracking
         return {bin_: [self.part(spread.sampling, spent)] for bin_, spread in fraction.spreads.items()}
 
-    def expected(self, part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
+    def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         return max(sampled(part.error or 0.0, now, then), 0.5 * REPLICATES / landed(then))
 
 
@@ -37,7 +37,7 @@ class AirflowStatistics(Source[None]):
         note = f"from {clusters} " + ("shedding cycles" if cycles > 1 else "states of the airflow")
         return {bin_: [self.part(spread.airflow, note=note)] for bin_, spread in fraction.spreads.items()}
 
-    def expected(self, part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
+    def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         return (part.error or 0.0) * averaged(now, then)
 
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from ..answer.provenance import KnobSettings
-from ..answer.shares import COMPANION, BudgetPart
+from ..answer.provenance import RefinedSettings
+from ..answer.shares import PERTURBED_RERUN, BudgetPart
 from ..core.number import student
-from ..pipeline.slab import CrowdCompanion, SlabFound
+from ..pipeline.slab import CollisionRerun, SlabFound
 from ..planning.cost import slab_again
 from ..planning.stages import Scaling, Stage, StageCost, Workload, stages
 from .source import FractionResults, Parts, Source, add, sampled
@@ -30,8 +30,8 @@ THINNER = 0.5  # depth of the companion's slab over the answer's
 class _SlabAgain(Source[SlabFound]):
     """Some replicates of the slab under a companion's change."""
 
-    how = COMPANION
-    companion: ClassVar[CrowdCompanion]
+    how = PERTURBED_RERUN
+    companion: ClassVar[CollisionRerun]
     part_of_slab: ClassVar[float]  # its run time over the slab's
     same_feed: ClassVar[bool] = False  # whether the same granules come, so that replicates are compared one by one
 
@@ -59,7 +59,7 @@ class _SlabAgain(Source[SlabFound]):
             for i, place in enumerate(fraction.shares)
         }
 
-    def expected(self, part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
+    def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         """A difference of replicates that go apart: sampling in all but the name."""
         return sampled(part.error or 0.0, now, then)
 
@@ -68,14 +68,14 @@ class SlabStep(_SlabAgain):
     """The time step in which granules that meet are moved: part of the replicates with one twice as long."""
 
     name, place, same_feed = "slab-time-step", 21, True
-    companion, part_of_slab = CrowdCompanion("slab longer steps", step=COARSER), 0.18
+    companion, part_of_slab = CollisionRerun("slab longer steps", step=COARSER), 0.18
 
 
 class SlabDepth(_SlabAgain):
     """The slab's depth, beyond which it repeats itself: part of the replicates in one of half the depth."""
 
     name, place = "slab-depth", 22
-    companion, part_of_slab = CrowdCompanion("thinner slab", depth=THINNER), 0.14
+    companion, part_of_slab = CollisionRerun("thinner slab", depth=THINNER), 0.14
 
 
 def _apart(found: SlabFound, fraction: FractionResults) -> bool:

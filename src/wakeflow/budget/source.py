@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from math import sqrt
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 
-from ..answer.provenance import KnobSettings
+from ..answer.provenance import RefinedSettings
 from ..answer.shares import UNKNOWN, BudgetPart
 from ..core.lazy import cached_property
 from ..core.number import Number
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ..pipeline.slab import SlabFound
 
 
-# -- A source of the budget: what may make a share or a landing place wrong, and how far, as a -------------------------
+# -- A source of the budget --------------------------------------------------------------------------------------------
 Flown = TypeVar("Flown")
 Parts = Mapping[str, Sequence[BudgetPart]]
 INPUTS = "inputs"  # the part of what the scene does not say exactly
@@ -86,7 +86,7 @@ class Source(Generic[Flown]):
         del fraction  # for subclasses
         return ()
 
-    def expected(self, part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
+    def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         """What the error of a ``part`` that was found with the settings ``now`` would be with those of ``then``: as it
         is, where no setting changes it.
         """
@@ -192,21 +192,21 @@ def source_of(part: BudgetPart) -> Source[Any] | None:
     return budget_sources[part.source] if part.kind is None and part.source in budget_sources else None
 
 
-# -- What an error would be with other settings, from what it is with those of a finished round ------------------------
+# -- What an error would be with other settings ------------------------------------------------------------------------
 RATE = 0.6  # of sampling with the number of granules; assumed
 
 
-def landed(settings: KnobSettings) -> int:
+def landed(settings: RefinedSettings) -> int:
     """Granules of a fraction whose landings make the shares."""
     return settings.granules if settings.slab is None else settings.slab
 
 
-def sampled(error: float, now: KnobSettings, then: KnobSettings) -> float:
+def sampled(error: float, now: RefinedSettings, then: RefinedSettings) -> float:
     """An ``error`` that goes as sampling does."""
     return error * float((landed(now) / landed(then)) ** RATE)
 
 
-def averaged(now: KnobSettings, then: KnobSettings) -> float:
+def averaged(now: RefinedSettings, then: RefinedSettings) -> float:
     """The factor on what the finite averages of a wake make of an error."""
     return 1.0 if now.averaging is None or then.averaging is None else then.averaging / now.averaging
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..answer.provenance import KnobSettings
-from ..answer.shares import COMPANION, BudgetPart
+from ..answer.provenance import RefinedSettings
+from ..answer.shares import PERTURBED_RERUN, BudgetPart
 from ..pipeline.pipeline import Pipeline
-from ..pipeline.track_stage import Companion
+from ..pipeline.track_stage import PerturbedRerun
 from ..planning.cost import flown_again
 from ..planning.plan import COMPARED, REPLICATES
 from ..planning.stages import StageCost, Workload
@@ -30,14 +30,14 @@ LANDED_WITHIN = 95  # percentile over the granules of how far a companion run mo
 class Integration(Source["Tracked"]):
     """The tracker's steps: the same granules at a hundredth of the tolerance."""
 
-    name, how, place, of_any_bin = "integration", COMPANION, 20, True
+    name, how, place, of_any_bin = "integration", PERTURBED_RERUN, 20, True
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         return [flown_again(work, FINER_STEPS, SLOWER)]
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Tracked:
         del tracked  # the answer's landings are compared fraction by fraction
-        return pipeline.tracks(Companion(FINER_STEPS, tolerance=FINER * pipeline.scene.numerics.tolerance))
+        return pipeline.tracks(PerturbedRerun(FINER_STEPS, tolerance=FINER * pipeline.scene.numerics.tolerance))
 
     def shares(self, fraction: FractionResults) -> Parts:
         """Upper 95 % limit of the share of granules that the finer steps put into another bin."""
@@ -49,7 +49,7 @@ class Integration(Source["Tracked"]):
         shift = np.linalg.norm(moved, axis=1) / fraction.pipeline.scene.width
         return [self._part(fraction, float(np.percentile(shift, LANDED_WITHIN)))]
 
-    def expected(self, part: BudgetPart, now: KnobSettings, then: KnobSettings) -> float:
+    def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         fewer = (then.tolerance / now.tolerance) ** STEP_RATE
         flown = COMPARED / REPLICATES
         return limited_again(part.error or 0.0, flown * now.granules, flown * then.granules, fewer)

@@ -1,10 +1,10 @@
 """One interval for every number that leaves the program: all parts of its error together.
 
-What nobody knows of the scene gives a range (:mod:`.inputs`). Beside it stand the parts that computing leaves: halves
-of 95 % intervals (granules, sheddings, steps, mesh, the slab, the air's load), which count as independent and add up in
-squares; and true bounds (terms left out), of which nothing is known between -bound and +bound: a rectangular
-distribution of the standard deviation bound / sqrt(3) (JCGM 100:2008, 4.3.7). A part of unknown size makes the total
-unknown: the row then says what to give or to run, and its interval holds what is known.
+What nobody knows of the scene gives a range (:mod:`.inputs`). In addition there are the parts that computing leaves:
+halves of 95 % intervals (granules, shedding cycles, steps, mesh, the slab, the air's load), which count as independent
+and add up in squares; and true bounds (terms left out), of which nothing is known between -bound and +bound: a
+rectangular distribution of the standard deviation bound / sqrt(3) (JCGM 100:2008, 4.3.7). A part of unknown size makes
+the total unknown: the row then says what to give or to run, and its interval holds what is known.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def remedies(names: Iterable[str]) -> list[str]:
 
 
 def numerical(parts: Iterable[BudgetPart]) -> float:
-    """Half of the 95 % interval by computing alone: granules, sheddings, steps, mesh; neither inputs nor bounds."""
+    """Half of the 95 % interval by computing alone (granules, cycles, steps, mesh): neither inputs nor bounds."""
     return math.sqrt(sum((part.error or 0.0) ** 2 for part in parts if part.source != INPUTS and part.kind is None))
 
 
@@ -45,7 +45,7 @@ def _half(part: BudgetPart) -> float:
     return SIGMAS / math.sqrt(3.0) * error if part.kind in BOUNDS else error
 
 
-def whole(value: float, parts: Sequence[BudgetPart], seconds: float) -> BudgetTotal:
+def combine(value: float, parts: Sequence[BudgetPart], seconds: float) -> BudgetTotal:
     """The total of a row of a share with ``value``; ``seconds``: run time of everything that it rests on."""
     beside = math.sqrt(sum(_half(part) ** 2 for part in parts if part.source != INPUTS))
     inputs = next((part for part in parts if part.source == INPUTS), None)
@@ -72,7 +72,8 @@ def _ends(inputs: BudgetPart | None) -> tuple[float, float]:
 
 def totalled(separation: Separation, budget: Sequence[BudgetRow], inputs: Inputs | None, scene: Scene) -> Separation:
     """``separation`` with the total of its ``budget`` as the interval of every number; what was its interval, of finite
-    numbers of granules and sheddings, is part of that. ``inputs``: what they change; None where nothing is uncertain.
+    numbers of granules and shedding cycles, is part of that. ``inputs``: what they change; None where nothing is
+    uncertain.
     """
     rows = {row.quantity: row for row in budget}
     fractions = {

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 SETUP = "sh cases/setup.sh"
 FOAM_HOME = "/usr/share/openfoam"  # Debian's; its programs find their etc folder by WM_PROJECT_DIR only
 OLDEST_PYTHON = (3, 11)
-LEAST_MEMORY = 1e9  # bytes: OpenFOAM and the tracker on the shipped scenes stay below
-LEAST_DISK = 0.5e9  # bytes: a time-resolved airflow with its snapshots
+MIN_MEMORY = 1e9  # bytes: OpenFOAM and the tracker on the shipped scenes stay below
+MIN_DISK = 0.5e9  # bytes: a time-resolved airflow with its snapshots
 PROBE = 60.0  # s: the first import on a slow disk takes long
 
 PACKAGES = {  # distribution: what it is for
@@ -120,7 +120,7 @@ def exit_code(findings: list[Finding]) -> int:
 
 
 def table(findings: list[Finding]) -> Table:
-    """The findings for a terminal; the command that mends stands in the last column."""
+    """The findings for a terminal; the command that mends is in the last column."""
     from rich.text import Text
 
     rows = []
@@ -257,8 +257,8 @@ def _cores() -> Finding:
 def _memory() -> Finding:
     """Memory available to this process: the machine's, or the container's limit where that is lower."""
     size = min(_memory_limits())
-    mend = "" if size >= LEAST_MEMORY else "close other programs or run in a container with more memory"
-    return Finding("memory", f"{size / 1e9:.1f} GB", size >= LEAST_MEMORY, "airflow, tracking", mend)
+    mend = "" if size >= MIN_MEMORY else "close other programs or run in a container with more memory"
+    return Finding("memory", f"{size / 1e9:.1f} GB", size >= MIN_MEMORY, "airflow, tracking", mend)
 
 
 def _memory_limits() -> Iterator[float]:
@@ -270,8 +270,8 @@ def _memory_limits() -> Iterator[float]:
 
 def _disk() -> Finding:
     free = shutil.disk_usage(_existing(cache_root())).free
-    mend = "" if free >= LEAST_DISK else "wakeflow clean --everything    # or: export WAKEFLOW_CACHE=/a/larger/disk"
-    return Finding("disk", f"{free / 1e9:.1f} GB free", free >= LEAST_DISK, f"the cache in {cache_root()}", mend)
+    mend = "" if free >= MIN_DISK else "wakeflow clean --everything    # or: export WAKEFLOW_CACHE=/a/larger/disk"
+    return Finding("disk", f"{free / 1e9:.1f} GB free", free >= MIN_DISK, f"the cache in {cache_root()}", mend)
 
 
 def _cache() -> Finding:

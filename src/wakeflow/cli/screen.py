@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
-MOST_WARNINGS = 3  # on screen; the rest is in the report
+MAX_WARNINGS = 3  # on screen; the rest is in the report
 
 
 def screen_table(
@@ -52,7 +52,7 @@ def print_lines(lines: Iterable[str], style: str | None = None) -> None:
         console.print(line, highlight=False, markup=False, soft_wrap=True, style=style)
 
 
-def warn(warnings: Sequence[str], grades: Sequence[str], most: int = MOST_WARNINGS) -> None:
+def warn(warnings: Sequence[str], grades: Sequence[str], most: int = MAX_WARNINGS) -> None:
     """Print the gravest warnings with their grades, at ``most`` so many, and how many more there are."""
     from rich.console import Console
 

@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
-FEW = 5  # scenes that are named in a line
-MOST_ROWS = 50  # of a table on a terminal; all are in the file
-MOST_INPUTS = 8  # told of a quantity; all are in the file
+MAX_NAMED_SCENES = 5  # scenes that are named in a line
+MAX_ROWS = 50  # of a table on a terminal; all are in the file
+MAX_INPUTS = 8  # told of a quantity; all are in the file
 GAP = 2  # letters between columns
-AS_IT_STANDS = "the scene as it stands"
+AS_IT_STANDS = "the scene as it is"
 DIFFERENCES_HOLD = (
     "bold: zero lies outside of the interval, of what computing adds; of all that is not known where rungs or terms "
     "differ, and of purities"
@@ -66,7 +66,7 @@ def show_table(table: ResultTable) -> None:
     """
     from rich.console import Console
 
-    shown, names = table.entries[:MOST_ROWS], main_quantities(table)
+    shown, names = table.entries[:MAX_ROWS], main_quantities(table)
     inputs = list(zip(_heads(table), *(_inputs(table, entry) for entry in shown), strict=True))
     numbers = list(
         zip((name.replace(".", "\n") for name in names), *(_cells(names, one) for one in shown), strict=True)
@@ -76,16 +76,20 @@ def show_table(table: ResultTable) -> None:
         rows = zip(*(cells for _, *cells in columns), strict=True)
         console.print(screen_table([head for head, *_ in columns], rows, title, left=0))
         title = ""
-    if len(table.entries) > MOST_ROWS:
-        console.print(f"more in the file: {_counted(len(table.entries) - MOST_ROWS, 'scene')}")
+    if len(table.entries) > MAX_ROWS:
+        console.print(f"more in the file: {_counted(len(table.entries) - MAX_ROWS, 'scene')}")
     print_lines(_doubts(table), "yellow")
 
 
 def _doubts(table: ResultTable) -> Iterator[str]:
-    """What stands against the numbers of a table."""
+    """What is against the numbers of a table."""
     for caveat, names in table.caveats.items():
-        where = "every scene" if len(names) == len(table.done) > 1 else ", ".join(names[:FEW])
-        more = f" and {len(names) - FEW} more" if where != "every scene" and len(names) > FEW else ""
+        where = "every scene" if len(names) == len(table.done) > 1 else ", ".join(names[:MAX_NAMED_SCENES])
+        more = (
+            f" and {len(names) - MAX_NAMED_SCENES} more"
+            if where != "every scene" and len(names) > MAX_NAMED_SCENES
+            else ""
+        )
         yield f"! {where}{more}: {'the answer is void' if caveat == VOID else f'intervals {caveat}'}"
     for key in table.idle():
         yield f"! {key} changes no number here: what is left out of these scenes does not feel it"
@@ -141,7 +145,7 @@ def show_comparison(found: RunComparison) -> None:
         if quantity in names
     ]
     table = screen_table(["less " + first, *others], rows, "differences", DIFFERENCES_HOLD)
-    Console().print(table if rows else f"no number of {first} stands in another of these runs")
+    Console().print(table if rows else f"no number of {first} is in another of these runs")
 
 
 def _difference(one: Difference) -> str:
@@ -169,7 +173,7 @@ def show_search(found: Search) -> None:
 
 
 def _labelled(found: Search) -> Iterator[tuple[str, FoundDesign]]:
-    """The recommended design, the others on the front, and the scene as it stands, each once."""
+    """The recommended design, the others on the front, and the scene as it is, each once."""
     best, own = found.recommended, found.as_it_stands
     name = None if own is None else own.name
     yield "recommended" if best.name != name else f"recommended: {AS_IT_STANDS}", best
@@ -212,7 +216,7 @@ def show_sensitivity(found: Sensitivity, quantities: Sequence[str] = ()) -> None
     for name, moves in shown.items():
         told = [one for one in moves if one.error is None or one.error < one.reach]
         if told:
-            console.print(_moves_table(name, told[:MOST_INPUTS]))
+            console.print(_moves_table(name, told[:MAX_INPUTS]))
         if rest := len(moves) - len(told):
             which = f"{rest} other input{'s' if rest > 1 else ''}" if told else "any input"
             console.print(f"{name}: what {which} may change is within its own error", soft_wrap=True)

@@ -14,7 +14,7 @@ from ..planning.cost import typical_cells, wall_seconds
 from ..planning.machine_rates import on_this_machine
 from ..planning.plan import REPLICATES, replicate_size, whole_terms
 from ..report.sketch import fall_words, motion_words
-from .screen import MOST_WARNINGS, screen_table, warn
+from .screen import MAX_WARNINGS, screen_table, warn
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -60,11 +60,11 @@ def _lines(plan: Plan, scene: Scene) -> Iterator[tuple[str, str]]:
         yield "meetings", f"granules meet, {flying} at a time in a slab {metres(plan.crowd.depth, 2)} deep"
     yield "left out", _left_out(plan)
     doubts = [notice for notice in plan.notices if notice.grade is not Grade.INFORMATION]
-    for number, notice in enumerate(doubts[:MOST_WARNINGS]):
+    for number, notice in enumerate(doubts[:MAX_WARNINGS]):
         grade = f"{notice.grade.value}: " if notice.grade is Grade.VOID else ""
         yield "" if number else "doubtful", grade + notice.text
     yield "costs", _cost(plan)
-    more = len(plan.notices) - min(len(doubts), MOST_WARNINGS)
+    more = len(plan.notices) - min(len(doubts), MAX_WARNINGS)
     noted = f", and {more} more note{'s' if more > 1 else ''}" if more else ""
     yield "", f"--all tells every bound and stage{noted}"
 

@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
 NEXT = "Measure these, and write them as { value = ..., uncertainty = ... }"
 NEXT_OF_WAKE = "of wake.*: numerics.rung = '3d'"
-TOLD_FROM = 0.1  # part of a share's variance from which an unknown number is told
-MOST_TOLD = 4  # numbers that are told under the answer
-WEIGHS, MOST_PARTS = 0.1, 4  # of the largest error of a quantity, and how many errors are told on screen
+MIN_VARIANCE_PART = 0.1  # part of a share's variance from which an unknown number is reported
+MAX_NUMBERS = 4  # numbers that are reported under the answer
+WEIGHS, MAX_PARTS = 0.1, 4  # of the largest error of a quantity, and how many errors are reported on screen
 SHORTEST = 0.5  # s: shorter run times are not worth a word
 LEVEL = ("floor", "top")  # lines along x
 
@@ -134,7 +134,9 @@ def measure_next(result: Result) -> list[str]:
     """For each fraction the numbers of the scene that make most of its least certain share uncertain."""
     told, wake = [], False
     for name, (place, parts) in ({} if result.landings is None else least_certain(result.landings)).items():
-        known = [(key, part) for key, part in parts.items() if part.variance >= TOLD_FROM and part.tells][:MOST_TOLD]
+        known = [(key, part) for key, part in parts.items() if part.variance >= MIN_VARIANCE_PART and part.tells][
+            :MAX_NUMBERS
+        ]
         if known:
             inputs = ", ".join(f"{key} {100 * part.half:.2g}" for key, part in known)
             told.append(f"{name} in {place} depends most on (points each): {inputs}")
@@ -177,12 +179,12 @@ def _largest(row: BudgetRow) -> str:
     parts = sorted((part for part in row.parts if part.error), key=lambda part: -(part.error or 0.0))
     if not parts:
         return NO_VALUE
-    weighing = [part for part in parts if (part.error or 0.0) >= WEIGHS * (parts[0].error or 0.0)][:MOST_PARTS]
+    weighing = [part for part in parts if (part.error or 0.0) >= WEIGHS * (parts[0].error or 0.0)][:MAX_PARTS]
     return ", ".join(f"{part.source} {_bare(row, part.error)}" for part in weighing)
 
 
 def _budget_notes(rows: Sequence[BudgetRow], known: Collection[str]) -> str | None:
-    """Which terms stand behind each sum of terms, and which sources are unknown."""
+    """Which terms are behind each sum of terms, and which sources are unknown."""
     notes: dict[str, None] = {}  # in order, each once
     for row in rows:
         for part in row.parts:

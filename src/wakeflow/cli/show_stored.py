@@ -11,7 +11,7 @@ from ..laws.material import Material, default_margins
 from .screen import screen_table
 
 NONE = "–"
-MOST_ROWS = 50  # of the cache
+MAX_ROWS = 50  # of the cache
 RANGE = 2.0  # standard deviations: 95 % of the granules lie within
 NOTE = (
     "+-: from granule to granule, 95 % within. Trust: of size and terminal velocity.\n"
@@ -97,11 +97,11 @@ def show_stages(stages: Sequence[KeptStage]) -> None:
         return [used, f"{len(part)} {what}", "", f"{size / 1e6:.1f}", duration(spent)]
 
     rows: list[list[str] | None] = []
-    for one in stages[:MOST_ROWS]:
+    for one in stages[:MAX_ROWS]:
         used = datetime.fromtimestamp(one.used, UTC).astimezone().strftime("%Y-%m-%d %H:%M")
         again = NONE if one.seconds is None else duration(one.seconds)
         rows.append([used, one.stage, one.folder.name[:12], f"{one.size / 1e6:.1f}", again])
-    if len(stages) > MOST_ROWS:
-        rows.append(sums("later", "more", stages[MOST_ROWS:]))
+    if len(stages) > MAX_ROWS:
+        rows.append(sums("later", "more", stages[MAX_ROWS:]))
     heads = ("used", "stage", "key", "MB", "to make again")
     Console().print(screen_table(heads, [*rows, None, sums("all", "stages", stages)], "in the cache", left=3))

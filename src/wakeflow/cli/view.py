@@ -117,7 +117,7 @@ def animate(
     """Make a film of a finished run: its granules through the moving wake past the vibrating body, as they come.
 
     Where granules meet each other, a thin slab is flown for it at the true feed rate, once. A film in the run's folder
-    stands on the page of the report too.
+    is on the page of the report too.
 
     Parameters
     ----------

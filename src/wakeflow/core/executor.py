@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     import distributed
 
 
-# -- Workers: an executor whose processes are fresh interpreters, one task at a time each, and of which ----------------
+# -- Workers -----------------------------------------------------------------------------------------------------------
 Result = TypeVar("Result")
 Given = ParamSpec("Given")
 # One core each: libraries that multiply matrices must not start a thread for every core of the machine.
@@ -161,7 +161,7 @@ def _answer(question: bytes) -> tuple[bool, Any]:
         return False, (f"{type(problem).__name__}: {problem}", traceback.format_exc())
 
 
-# -- Workers on other machines: an executor over a Dask cluster, whose tasks run as those of ---------------------------
+# -- Workers on other machines -----------------------------------------------------------------------------------------
 RANKS = "ranks"  # Dask's abstract resource: the MPI processes that a worker has cores for
 PATIENCE = 20.0  # s for a scheduler to answer
 

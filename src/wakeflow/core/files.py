@@ -17,7 +17,7 @@ from typing import IO, Any
 from .errors import SceneError
 from .quantities import QUANTITY
 
-# -- Files that are whole or absent: atomic writes ---------------------------------------------------------------------
+# -- Files that are whole or absent ------------------------------------------------------------------------------------
 FULL = errno.ENOSPC, errno.EDQUOT
 
 
@@ -89,7 +89,7 @@ def link_or_copy(source: Path, target: Path) -> None:
         draft.unlink(missing_ok=True)
 
 
-# -- TOML files of the user's, as editors on every system save them ----------------------------------------------------
+# -- TOML files of the user's ------------------------------------------------------------------------------------------
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file, in UTF-8 with or without a mark of the byte order at its head.
 
@@ -123,7 +123,7 @@ def _hint(text: str, problem: str) -> str:
     return ""
 
 
-# -- Files that are shipped beside the code: scenes to start from and the OpenFOAM case template -----------------------
+# -- Files that are shipped beside the code ----------------------------------------------------------------------------
 def _cases() -> Path:
     """``cases`` of the repository in an editable install, the copy inside the package in a wheel."""
     inside = Path(__file__).parents[1] / "cases"

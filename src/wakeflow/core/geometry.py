@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from .errors import SceneError
 from .quantities import metres
 
-# -- Plane geometry: closed polygons, and a density on square boxes ----------------------------------------------------
-# -- Closed polygons: what the mesh, the injection and the tracker all need to know of a body's outline ----------------
+# -- Plane geometry ----------------------------------------------------------------------------------------------------
+# -- Closed polygons ---------------------------------------------------------------------------------------------------
 ARC = math.radians(7.5)  # how much one chord of a rounded corner turns at most
 Array = NDArray[np.float64]
 
@@ -155,7 +155,7 @@ def are_symmetric(outlines: Sequence[Array], axis: float = 0.0, tolerance: float
     return all(any(same(image, outline) for outline in outlines) for image in mirrored)
 
 
-# -- A force on the air by place: its density on square boxes in the plane ---------------------------------------------
+# -- A force on the air by place ---------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Boxes:
     """Square boxes of edge ``pitch`` (m): ``columns`` of them from ``left`` (m) on, ``rows`` from ``bottom`` (m) up."""
@@ -217,7 +217,7 @@ class ForceDensity:
         return replace(self, density=self.density + share * (other.density - self.density))
 
 
-# -- Bisection: the one search for where a condition changes that needs neither a derivative nor luck ------------------
+# -- Bisection ---------------------------------------------------------------------------------------------------------
 def halved(before: Callable[[float], Any], low: float, high: float, halvings: int) -> tuple[float, float]:
     """The ends (low, high) of the bracket in which ``before`` turns from true to false, after so many ``halvings``.
 

@@ -27,7 +27,7 @@ from typing import IO
 from . import errors
 from .errors import ProgramError, SceneError, WakeflowError
 
-# -- Work in a second thread beside the caller's own, on a core that would be idle; what fails first -------------------
+# -- Work in a second thread, on a core that would be idle -------------------------------------------------------------
 _thread = threading.local()
 
 
@@ -35,7 +35,7 @@ class _Over(BaseException):
     """The other thread has failed. No Exception: nobody may take it for a failure of the program that it ends."""
 
 
-def heed() -> None:
+def check_cancelled() -> None:
     """End this thread's work where the other's has failed; called several times a second by what takes long."""
     over: threading.Event | None = getattr(_thread, "over", None)
     if over is not None and over.is_set():
@@ -43,11 +43,11 @@ def heed() -> None:
 
 
 @contextlib.contextmanager
-def beside(jobs: Sequence[Callable[[], object]]) -> Iterator[None]:
+def background(jobs: Sequence[Callable[[], object]]) -> Iterator[None]:
     """Do ``jobs`` one after the other in a thread of their own while the block of the ``with`` runs; wait for both.
 
-    Where a job raises, the block is ended at its next :func:`heed`, outside programs at once, and the job's exception
-    is raised; where the block raises, Ctrl-C included, the job is ended likewise.
+    Where a job raises, the block is ended at its next :func:`check_cancelled`, outside programs at once, and the job's
+    exception is raised; where the block raises, Ctrl-C included, the job is ended likewise.
     """
     failed: list[BaseException] = []
     job_failed, block_failed = threading.Event(), threading.Event()
@@ -56,7 +56,7 @@ def beside(jobs: Sequence[Callable[[], object]]) -> Iterator[None]:
         try:
             with _ends_with(block_failed):
                 for job in jobs:
-                    heed()
+                    check_cancelled()
                     job()
         except _Over:
             pass
@@ -206,7 +206,7 @@ def _follow(
     """Hand every finished line of the log to ``on_line`` until the child has ended."""
     rest, heard = b"", time.monotonic()
     while True:
-        heed()
+        check_cancelled()
         ended = child.poll() is not None  # asked before reading, so that nothing that is written at the end is missed
         new = source.read()
         if new:
@@ -288,7 +288,7 @@ def call_in_child(
     with tempfile.TemporaryDirectory(prefix="wakeflow-") as folder:
         ask, answer = Path(folder, "ask.json"), Path(folder, "answer.json")
         ask.write_text(json.dumps({"target": target, "argument": argument}))
-        # -P: a file in the current folder that is called like a library must not stand in for it
+        # -P: a file in the current folder that is called like a library must not replace it
         command = [sys.executable, "-P", "-m", "wakeflow.core.process", str(ask), str(answer)]
         try:
             run_program(command, cwd=Path.cwd(), log=log, timeout=timeout, error=error)

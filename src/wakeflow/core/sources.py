@@ -3,7 +3,7 @@
 A stage's key must change whenever the code that computes it does. A list kept by hand becomes incomplete sooner or
 later, so a key covers the import closure: a module, the modules that it imports from this package at the top or inside
 a function, the modules that these import, the packages that they lie in, and so on. Imports for type checking do not
-run and do not count, but for the names that a package hands on at first use: these stand in its ``__init__`` for type
+run and do not count, but for the names that a package hands on at first use: these are in its ``__init__`` for type
 checking, and count where they are asked for.
 """
 

@@ -16,7 +16,7 @@ from typing import Any
 from .errors import SceneError
 from .files import write_json
 
-# -- The cache of finished stages: their keys, and folders that are whole or absent ------------------------------------
+# -- The cache of finished stages --------------------------------------------------------------------------------------
 MANIFEST = "manifest.json"
 
 
@@ -135,7 +135,7 @@ def _digest(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-# -- What the cache holds: what each stage takes on disk and would take to make again, and removal of ------------------
+# -- What the cache holds ----------------------------------------------------------------------------------------------
 SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(B|[kMGT]B?)\s*|\s*0\s*", re.IGNORECASE)  # a bare 10 may mean gigabytes
 PREFIX = {"": 1.0, "b": 1.0, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}
 

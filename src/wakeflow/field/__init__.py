@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from .combined import blended_wake, interpolated
 from .flow import FlowField
-from .mirror import Swing
+from .mirror import MeshOscillation
 from .modes import Truncation
 from .triangles import Divergence
 
-__all__ = ["Divergence", "FlowField", "Swing", "Truncation", "blended_wake", "interpolated"]
+__all__ = ["Divergence", "FlowField", "MeshOscillation", "Truncation", "blended_wake", "interpolated"]

@@ -31,7 +31,7 @@ from .triangles import Triangles
 # -- The wake between its two ends -------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 POSITIVE = ("k", "dissipation")
-NEAR = 8  # triangles tried for a point outside the mesh: those whose centres are nearest
+MAX_TRIANGLES_TRIED = 8  # triangles tried for a point outside the mesh: those whose centres are nearest
 AT_REST, FIXED = 1e-3, 1e-6  # of the fastest air: mean speed at a wall, moving or not; fluctuation where air is given
 SAMPLES = 8  # of the swing for each knot of the splines in time: enough that the fit is theirs
 
@@ -40,7 +40,7 @@ def blended_wake(resolved: FlowField, steady: FlowField, theta: float, strength:
     """The air between ``steady`` and the field in time ``resolved``, on the latter's nodes and functions of time.
 
     ``theta``: share of the mean of ``resolved`` in the mean; ``strength``: rms of the fluctuation over that of
-    ``resolved``; both 0 to 1. ``steady`` may stand on another mesh of the same channel. A field that is steady itself
+    ``resolved``; both 0 to 1. ``steady`` may be on another mesh of the same channel. A field that is steady itself
     comes back as it is, and without fluctuation the result is steady. On a mesh that swings with the body the steady
     air swings with it as it would past a slow body: u_s + V (e - u_s / U), V(t) e the velocity of the mesh and U the
     mean air speed, which is V at the body and the given velocity at the inlet.
@@ -81,7 +81,7 @@ def interpolated(mesh: Triangles, nodal: Mapping[str, Array], points: Array) -> 
     out = np.flatnonzero(triangle < 0)
     if len(out):
         centres = cKDTree(mesh.points[mesh.triangles].mean(axis=1))
-        near = centres.query(points[out], k=min(NEAR, len(mesh.triangles)))[1].reshape(len(out), -1)
+        near = centres.query(points[out], k=min(MAX_TRIANGLES_TRIED, len(mesh.triangles)))[1].reshape(len(out), -1)
         spread = np.repeat(points[out], near.shape[1], axis=0)
         least = mesh.barycentric(near.ravel(), spread).min(axis=1).reshape(near.shape)
         triangle[out] = near[np.arange(len(out)), least.argmax(axis=1)]
@@ -138,7 +138,7 @@ def _swinging(field: FlowField, still: Array, share: float) -> FlowField:
     return replace(field, coefficients=np.hstack([field.coefficients, found - found.mean(axis=0)]), **more)
 
 
-# -- A record of an irregular wake made periodic: its end is faded into what came before its beginning -----------------
+# -- A record of an irregular wake made periodic -----------------------------------------------------------------------
 EVEN = 1e-3  # of the time between snapshots: how far they may be off an even spacing (OpenFOAM rounds times)
 SIGNED = ("velocity", "pressure", "given_gradient")
 
@@ -180,15 +180,17 @@ def cross_faded(field: FlowField, lead: int) -> FlowField:
 
 
 # -- What something changes of one field, brought to another field of the same channel ---------------------------------
-MOST = 10.0  # times as much, or as little, k and dissipation as before: chosen, where there was next to none before
+MAX_TURBULENCE_RATIO = (
+    10.0  # times as much, or as little, k and dissipation as before: chosen, where there was next to none before
+)
 
 
 def changed_as(field: FlowField, before: FlowField, after: FlowField) -> FlowField:
     """``field`` with the change from ``before`` to ``after``, two steady fields on one mesh of the same channel.
 
-    Velocity and pressure change by the difference, all through time; k and dissipation by the factor, at most MOST, so
-    that they stay positive. Walls stay at rest. Each of the three fields conserves volume, and so does the result, to
-    the error of interpolation. The change of a field as of ``before`` itself gives ``after``.
+    Velocity and pressure change by the difference, all through time; k and dissipation by the factor, at most
+    MAX_TURBULENCE_RATIO, so that they stay positive. Walls stay at rest. Each of the three fields conserves volume, and
+    so does the result, to the error of interpolation. The change of a field as of ``before`` itself gives ``after``.
     Raises SceneError where before and after differ in their mesh or in what they hold, or lack what ``field`` has.
     """
     own = nodal(field)
@@ -220,7 +222,9 @@ def _change(own: Mapping[str, Array], before: FlowField, after: FlowField) -> di
             raise SceneError(f"changed_as: the fields of the change have no {name}, the one to be changed has")
         if name in POSITIVE:
             least = np.finfo(float).tiny
-            change[name] = np.clip(np.maximum(new, least) / np.maximum(old, least), 1.0 / MOST, MOST)
+            change[name] = np.clip(
+                np.maximum(new, least) / np.maximum(old, least), 1.0 / MAX_TURBULENCE_RATIO, MAX_TURBULENCE_RATIO
+            )
         else:
             change[name] = new - old
     return change
@@ -233,7 +237,7 @@ def _walls(field: FlowField) -> NDArray[np.int64]:
     return np.asarray(edge[speed[edge] < AT_REST * speed.max()])
 
 
-# -- The same airflow at another speed, or with other turbulence -------------------------------------------------------
+# -- The same airflow at another speed ---------------------------------------------------------------------------------
 def varied(field: FlowField, speed: float = 1.0, energy: float = 1.0, lifetime: float = 1.0) -> FlowField:
     """``field`` with the factor ``speed`` on its velocity, ``energy`` on the kinetic energy of its turbulence beside
     that, ``lifetime`` on that of the eddies k / dissipation beside both.

@@ -20,14 +20,16 @@ from ..core.errors import SceneError
 from ..core.lazy import cached_property
 from ..core.tables import save_arrays
 from . import checks
-from .mirror import Swing, mirrored, reflected
+from .mirror import MeshOscillation, mirrored, reflected
 from .modes import TimeAxis, Truncation, compress, design
 from .recovery import gradient_operators
 from .triangles import Divergence, Triangles, divergence_of
 
 Array = NDArray[np.float64]
 NODAL = ("velocity", "pressure", "k", "dissipation", "given_gradient")  # the arrays with a value at every node
-LEAST = 0.05  # of their means: k and dissipation of a compressed field are no smaller. Chosen: a lifetime stays finite
+MIN_TURBULENCE_RATIO = (
+    0.05  # of their means: k and dissipation of a compressed field are no smaller. Chosen: a lifetime stays finite
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +53,7 @@ class FlowField(Triangles):
     viscosity: float = 1.8e-5
     given_gradient: Array | None = None
     coefficients: Array | None = None
-    motion: Swing | None = None
+    motion: MeshOscillation | None = None
     truncation: Truncation | None = None
 
     @classmethod
@@ -207,7 +209,7 @@ class FlowField(Triangles):
         drawn = design(self.times, float(self.times[0]), self.period, len(self.times)) @ self.coefficients
         whole = self.mapped(lambda nodal: np.tensordot(drawn, nodal, axes=1))
         limited: dict[str, Any] = {
-            name: np.maximum(values, LEAST * getattr(self, name)[0])
+            name: np.maximum(values, MIN_TURBULENCE_RATIO * getattr(self, name)[0])
             for name in ("k", "dissipation")
             if (values := getattr(whole, name)) is not None
         }
@@ -220,7 +222,7 @@ class FlowField(Triangles):
         repeat after a whole number of swings, which is a SceneError otherwise.
         """
         across, along = np.asarray(amplitude, dtype=float).tolist()
-        swing = Swing(across, along, float(omega), float(phase))
+        swing = MeshOscillation(across, along, float(omega), float(phase))
         swing.check(self.times is not None, self.period)
         return replace(self, motion=swing)
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
 
-# -- Mirror images about a vertical line: the other half of a half domain, and the whole turned round ------------------
+# -- Mirror images about a vertical line -------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 VECTORS = ("velocity", "given_gradient")  # their x component changes sign
@@ -60,11 +60,11 @@ def reflected(
     return (2 * x, 0.0) + points * (-1.0, 1.0), np.ascontiguousarray(triangles[:, ::-1]), turned
 
 
-# -- The motion of a field's whole mesh, which swings with the vibrating bodies ----------------------------------------
+# -- The motion of a field's whole mesh --------------------------------------------------------------------------------
 WHOLE = 0.01  # vibrations by which a moving field's period may miss a whole number of them. Chosen: 4 degrees of phase
 
 
-class Swing(NamedTuple):
+class MeshOscillation(NamedTuple):
     """Harmonic motion of the whole mesh: displacement (x, y) sin(omega t + phase); m, rad/s, rad."""
 
     x: float

@@ -5,7 +5,7 @@ ch. IX), h the period over the number of knots: twice continuously differentiabl
 any time made of four coefficients only.
 
 Proper orthogonal decomposition by the method of snapshots (Sirovich 1987, Q. Appl. Math. 45, 561) of velocity and
-pressure together, each weighted by the area a node stands for and scaled to unit energy; k and dissipation are
+pressure together, each weighted by the area a node represents and scaled to unit energy; k and dissipation are
 projected on the same functions of time (extended modes: Boree 2003, Exp. Fluids 35, 188). What is cut off is measured
 on the snapshots.
 """
@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.errors import SceneError
 from ..core.record import column
 
-# -- Functions of time that repeat: periodic cubic B-splines on uniform knots ------------------------------------------
+# -- Functions of time that repeat -------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 # coefficients of 1, w, w^2, w^3 in an interval between knots, of the four spline coefficients around it
@@ -53,9 +53,9 @@ def fit(t: Array, values: Array, period: float, knots: int) -> Array:
     return np.asarray(found, dtype=np.float64)
 
 
-# -- A field's functions of time: what of each of its snapshots or parts makes it up at a time -------------------------
+# -- A field's functions of time ---------------------------------------------------------------------------------------
 def time_shares(times: Array, period: float | None) -> Array:
-    """The part of the time that each snapshot stands for (T,): trapezoidal rule, round the period if there is one."""
+    """The part of the time that each snapshot represents (T,): trapezoidal rule, round the period if there is one."""
     step = np.diff(times)
     share = np.zeros(len(times))
     share[:-1] += step / 2
@@ -130,9 +130,9 @@ class TimeAxis:
         return time_shares(self.times, self.period) if self.coefficients is None else self.coefficients.mean(axis=0)
 
 
-# -- A repeating field as its mean and the modes that matter, with functions of time that are smooth -------------------
+# -- A repeating field as its mean and the modes that matter -----------------------------------------------------------
 TINY = 1e-13  # of the mean square: a fluctuation below it is round-off
-FEWEST_KNOTS = 8  # of a period, for splines and snapshots alike; chosen: below, a mode's function of time is a guess
+MIN_KNOTS = 8  # of a period, for splines and snapshots alike; chosen: below, a mode's function of time is a guess
 
 
 @dataclass(frozen=True)
@@ -167,17 +167,17 @@ def compress(
     """Nodal parts (R, N, ..) by name, spline coefficients (M, R) of their functions of time, and what was lost.
 
     ``times`` (T,) s of the snapshots over the ``period`` (s); ``nodal``: arrays (T, N, ..) by name, velocity and
-    pressure among them; ``node_area`` (N,): share of the area that each node stands for. Part 0 is the mean over time.
+    pressure among them; ``node_area`` (N,): share of the area that each node represents. Part 0 is the mean over time.
     As few modes and, unless ``knots`` says how many, as few knots as keep the rms error of velocity and pressure below
-    ``error`` times the rms of their fluctuations. Raises SceneError without a period, with fewer than FEWEST_KNOTS
+    ``error`` times the rms of their fluctuations. Raises SceneError without a period, with fewer than MIN_KNOTS
     snapshots, and for ``error`` or ``knots`` out of range.
     """
-    if times is None or period is None or len(times) < FEWEST_KNOTS:
-        raise SceneError(f"compressed: needs at least {FEWEST_KNOTS} snapshots over a whole period")
+    if times is None or period is None or len(times) < MIN_KNOTS:
+        raise SceneError(f"compressed: needs at least {MIN_KNOTS} snapshots over a whole period")
     if not 0 < error < 1:
         raise SceneError(f"compressed: error = {error:g}, allowed above 0 and below 1")
-    if knots is not None and not FEWEST_KNOTS <= knots <= len(times):
-        raise SceneError(f"compressed: knots = {knots}, allowed {FEWEST_KNOTS} to {len(times)}, the snapshots")
+    if knots is not None and not MIN_KNOTS <= knots <= len(times):
+        raise SceneError(f"compressed: knots = {knots}, allowed {MIN_KNOTS} to {len(times)}, the snapshots")
     share, area = time_shares(times, period), node_area
     mean = {name: np.tensordot(share, values, axes=1) for name, values in nodal.items()}
     grams = [_gram(nodal[n] - mean[n], mean[n], share, area) for n in ("velocity", "pressure") if n in nodal]
@@ -222,7 +222,7 @@ def _smooth(
     """Spline coefficients (M, K) on as few knots as lose no more than ``lost`` of any energy at the snapshots."""
     rows = np.sqrt(share)[:, None]
     energy = [(rows * motion).T @ gram @ (rows * motion) for gram in grams]
-    for count in range(FEWEST_KNOTS, len(times) + 1) if knots is None else [knots]:
+    for count in range(MIN_KNOTS, len(times) + 1) if knots is None else [knots]:
         found = fit(times, motion, period, count)
         left = rows * (design(times, float(times[0]), period, count) @ found - motion)
         if all(float(np.sum((left.T @ left) * e)) <= lost for e in energy):

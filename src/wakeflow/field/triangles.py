@@ -36,7 +36,7 @@ class Triangles:
 
     @cached_property
     def node_area(self) -> Array:
-        """The share of the whole area that each node stands for (N,): a third of each triangle around it."""
+        """The share of the whole area that each node represents (N,): a third of each triangle around it."""
         area = np.bincount(self.triangles.ravel(), np.repeat(self.area / 3, 3), len(self.points))
         return np.asarray(area / area.sum(), dtype=np.float64)
 

@@ -12,7 +12,7 @@ from ..core.record import save
 from .airflow_result import AirflowResult
 from .case import FlowSpec
 from .failure import disk_trouble_named
-from .ladder import climb, first_order_start, schemes_in
+from .fallback_settings import climb, first_order_start, schemes_in
 from .measure import measure
 from .momentum_source import write_source
 from .prepare import prepare_case
@@ -36,9 +36,9 @@ def solve_airflow(
     from (best of the same bodies; another mesh, speed, size and Reynolds number are scaled). ``listener`` gets a
     :class:`Progress` several times a second; an exception it raises ends the solver. A numerical failure, or a solution
     that is not possible (:mod:`wakeflow.foam.sanity`), is tried again with safer settings
-    (:mod:`wakeflow.foam.ladder`); the result names those that served and what failed before. Raises MeshError for a
-    mesh that checkMesh refuses; AirflowFailure (a FoamError) when OpenFOAM is missing or fails, when the disk is full,
-    or when no settings serve.
+    (:mod:`wakeflow.foam.fallback_settings`); the result names those that served and what failed before. Raises
+    MeshError for a mesh that checkMesh refuses; AirflowFailure (a FoamError) when OpenFOAM is missing or fails, when
+    the disk is full, or when no settings serve.
     """
     begun = time.monotonic()
     log = folder / ("log.simpleFoam" if spec.stepping == "steady" else "log.pimpleFoam")
@@ -69,7 +69,7 @@ def _last_residuals(log: Path) -> dict[str, float]:
     return {name: float(value) for name, value in re.findall(r"Solving for (\w+), Initial residual = ([^,]+)", text)}
 
 
-# -- A steady airflow under a force: solved on from the airflow without it ---------------------------------------------
+# -- A steady airflow under a force ------------------------------------------------------------------------------------
 def solve_loaded(
     spec: FlowSpec,
     msh: Path,

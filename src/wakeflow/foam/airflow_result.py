@@ -43,7 +43,7 @@ class MeshMotionSummary:
 
 @dataclass(frozen=True)
 class Attempt:
-    """A solution that failed before the settings that served were found, see :mod:`wakeflow.foam.ladder`."""
+    """A solution that failed before the settings that served were found, see :mod:`wakeflow.foam.fallback_settings`."""
 
     settings: str = column("", "the settings it was tried with")
     cause: str = column("", "why it failed, in a word")

@@ -37,7 +37,7 @@ def read_vectors(case: Path, what: str) -> Array:
 
 
 def _parsed(text: str, columns: tuple[int, ...] | None) -> Array:
-    """Time and ``columns`` of the whole lines of a table, whose vectors stand in brackets and comments behind #."""
+    """Time and ``columns`` of the whole lines of a table, whose vectors are in brackets and comments behind #."""
     lines = re.sub("[()]", " ", text[: text.rfind("\n") + 1]).splitlines()
     words = [row for row in map(str.split, lines) if row and row[0][0] != "#"]
     chosen = range(len(words[0]) if words else 1) if columns is None else (0, *columns)

@@ -105,7 +105,7 @@ def _range(values: Array) -> Number:
     return Number(float(values.mean()), float(values.min()), float(values.max()))
 
 
-# -- What an airflow amounts to in numbers: drag, shedding, pressures, the suction zone, mass balance ------------------
+# -- What an airflow amounts to in numbers -----------------------------------------------------------------------------
 def measure(
     spec: FlowSpec,
     folder: Path,

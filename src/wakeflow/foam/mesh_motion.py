@@ -32,7 +32,7 @@ class MeshMotion:
         return self.amplitude * self.omega
 
     def displacement(self, time: float) -> float:
-        """Where the mesh stands at ``time`` (s), along y from its reference position (m)."""
+        """Where the mesh is at ``time`` (s), along y from its reference position (m)."""
         return self.amplitude * math.sin(self.omega * time)
 
     def speed(self, time: float) -> float:

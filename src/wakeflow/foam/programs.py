@@ -14,7 +14,7 @@ from .case import INSTALL, environment, read_parameters
 from .failure import AirflowFailure, Cause, diagnose, disk_is_full
 from .read import every_time
 
-# -- Start one OpenFOAM program in a case; its failure becomes one line with a cause -----------------------------------
+# -- Start one OpenFOAM program in a case ------------------------------------------------------------------------------
 SOLVERS = ("simpleFoam", "pimpleFoam")  # only what these compute can be cured by safer settings
 SILENCE = 900.0  # s without a line in the log: no iteration of a two-dimensional case takes that long
 SUSPICION = 2.0  # s without a line after which the disk is looked at: a full one swallows the log too
@@ -70,13 +70,13 @@ def _failure(cause: Cause, said: str, log: Path, command: str = "") -> AirflowFa
 
 
 def _since(log: Path, start: int) -> str:
-    """The text logged since byte ``start``, of a long log its last part: causes stand at the end."""
+    """The text logged since byte ``start``, of a long log its last part: causes are at the end."""
     with log.open("rb") as stream:
         stream.seek(max(start, log.stat().st_size - 200_000))
         return stream.read().decode(errors="replace")
 
 
-# -- MPI: a large case is cut into strips along the air, one a rank; afterwards it is one case again -------------------
+# -- MPI ---------------------------------------------------------------------------------------------------------------
 def scatter(folder: Path) -> tuple[list[str], list[str]]:
     """Cut the case's latest time into as many parts as its parameters ask ranks for.
 

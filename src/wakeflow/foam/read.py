@@ -20,7 +20,7 @@ from .case import read_parameters
 from .polymesh import FoamMesh, read_polymesh
 from .reconstruction import Reconstruction, triangulate
 
-# -- The fields of one OpenFOAM case: values at cells and on boundary edges, time by time ------------------------------
+# -- The fields of one OpenFOAM case -----------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?(e[+-]?[0-9]+)?", re.I)  # the name of a time folder
 

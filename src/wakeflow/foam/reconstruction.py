@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 WORST = 1e-3  # least singular value over the largest of a node's scaled fit; below it the stencil grows by one ring
-FEWEST = 4  # data points in a linear fit: one more than it needs
+MIN_FIT_POINTS = 4  # data points in a linear fit: one more than it needs
 SLENDER = 0.1  # least singular value over the largest of a scaled stencil below which a ring is added. Chosen
 RINGS = 4  # most rings that a stencil grows by. Chosen
 NEAREST = 1e-6  # of a stencil's size: data nearer to the node weigh as if they were so far off, for 1/distance to exist
@@ -245,7 +245,7 @@ def _ill_posed(points: Array, data: Array, stencil: csr_array) -> NDArray[np.boo
     offset, _, _, there = _padded(points, data, stencil)
     matrix = np.concatenate([there[..., None].astype(float), offset], axis=2)
     singular = np.linalg.svd(matrix, compute_uv=False)
-    return np.asarray((there.sum(axis=1) < FEWEST) | (singular[:, -1] < SLENDER * singular[:, 0]))
+    return np.asarray((there.sum(axis=1) < MIN_FIT_POINTS) | (singular[:, -1] < SLENDER * singular[:, 0]))
 
 
 def _fit(points: Array, data: Array, stencil: csr_array) -> tuple[Index, Index, Array]:

@@ -47,7 +47,7 @@ CREEPING = 40.0  # creeping flow about a body: three times Lamb's drag of a cyli
 CHANNEL = 24.0  # plane Poiseuille flow: 12 mu U L / W^2 over rho U^2 / 2
 GAP = 96.0  # the same in two gaps of half the free width each, at the mean speed there
 MARGIN = 3.0  # on the sum. Chosen: no sound solution comes near the limit
-LEAST_GAP = 1e-3  # of the channel's width: what bodies leave free counts as no less
+MIN_GAP = 1e-3  # of the channel's width: what bodies leave free counts as no less
 ROUNDING = 1e-9  # of a scale: what counts as zero
 
 
@@ -104,7 +104,7 @@ def gap_speed(spec: FlowSpec, inflow: float = 0.0, fastest: float = 0.0) -> floa
     """
     share = blockage(spec.mesh.bodies, spec.mesh.width)
     own = 0.0 if spec.vibration is None else abs(spec.vibration.peak_speed)
-    return max(spec.speed, inflow / spec.mesh.width, fastest) / max(1.0 - share, LEAST_GAP) + own
+    return max(spec.speed, inflow / spec.mesh.width, fastest) / max(1.0 - share, MIN_GAP) + own
 
 
 def friction(spec: FlowSpec) -> float:
@@ -112,7 +112,7 @@ def friction(spec: FlowSpec) -> float:
     share = blockage(spec.mesh.bodies, spec.mesh.width)
     size, width = spec.mesh.projected_width, spec.mesh.width
     heights = sum(float(np.ptp([y for _, y in body])) for body in spec.mesh.bodies) / size
-    gap = GAP * share**2 / max(1.0 - share, LEAST_GAP) ** 3 * max(heights, 1.0)
+    gap = GAP * share**2 / max(1.0 - share, MIN_GAP) ** 3 * max(heights, 1.0)
     channel = CHANNEL * (spec.mesh.top - spec.mesh.bottom) * size / width**2
     return MARGIN * (CREEPING * len(spec.mesh.bodies) + gap + channel) / spec.reynolds
 

@@ -1,6 +1,6 @@
 """Means of an airflow in three dimensions over time and span: profiles behind the body, correlation along the span.
 
-The plane mean wake is what a two-dimensional one is measured by; the rms beside it are of everything resolved about
+The plane mean wake is what a two-dimensional one is measured by; the rms next to it are of everything resolved about
 that mean, the shedding and what broke it up.
 """
 
@@ -20,7 +20,7 @@ from .span_record import K_AT, OMEGA_AT, SpanRecord, des_dissipation
 from .suction import AxisCrossings
 
 Array = NDArray[np.float64]
-NEAR = (0.5, 4.0)  # widths behind the body, and
+NEAR_WAKE = (0.5, 4.0)  # widths behind the body, and
 BESIDE = 1.0  # widths to each side of its middle: where the span's correlation is taken
 PLACES = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0)  # widths behind the body of the profiles
 
@@ -119,7 +119,7 @@ def _near(spec: FlowSpec, record: SpanRecord) -> NDArray[np.intp]:
     size, centres = spec.mesh.projected_width, record.plane.mesh.plane.centres
     behind = (spec.along * centres[:, 1] - rear) / size
     beside = np.abs(centres[:, 0] - middle) / size
-    return np.flatnonzero((behind > NEAR[0]) & (behind < NEAR[1]) & (beside < BESIDE))
+    return np.flatnonzero((behind > NEAR_WAKE[0]) & (behind < NEAR_WAKE[1]) & (beside < BESIDE))
 
 
 def axis_profile(spec: FlowSpec, record: SpanRecord, means: SpanMeans) -> AxisProfiles:

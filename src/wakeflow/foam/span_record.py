@@ -2,7 +2,7 @@
 
 A snapshot is one file ``packed/TIME.npy``: single precision, one row a cell in OpenFOAM's order, columns
 :data:`COLUMNS` (the velocity's three components, kinematic p as OpenFOAM holds it, k, omega). ``layers.npz`` says which
-cell of the plane mesh each of them stands over (``at``) and at which height its centre lies (``z``, m).
+cell of the plane mesh each of them is over (``at``) and at which height its centre lies (``z``, m).
 """
 
 from __future__ import annotations
@@ -158,7 +158,7 @@ class SpanRecord:
         return velocity, k, sliding, inlet, plane.on("outlet")
 
 
-# -- Read layers of a three-dimensional airflow as plane wakes in time, for ``FlowField.from_arrays`` ------------------
+# -- Read layers of a three-dimensional airflow as plane wakes in time -------------------------------------------------
 APART = 0.5  # body widths between layers that count as samples of their own, at least
 LEAD = 3.0  # convective times over which a record's end is faded into its beginning: half a usual shedding
 

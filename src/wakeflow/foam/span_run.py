@@ -159,7 +159,7 @@ def make_periodic(boundary: Path, depth: float) -> None:
 
 
 def layer_map(centres: Array, plane: Array, width: float) -> NDArray[np.intp]:
-    """The plane cell (n,) that each cell stands over, from the ``centres`` (n, 3) and those of the ``plane`` (m, 2).
+    """The plane cell (n,) that each cell is over, from the ``centres`` (n, 3) and those of the ``plane`` (m, 2).
 
     extrudeMesh does not keep the order of the cells. Raises FoamError for a cell over none.
     """
@@ -178,7 +178,7 @@ def _scalar(path: Path) -> Array:
     return np.asarray(FoamFieldFile(path).internal_field, dtype=float)
 
 
-# -- Run an airflow in three dimensions: in segments of flow time, resumable at any moment and over days ---------------
+# -- Run an airflow in three dimensions --------------------------------------------------------------------------------
 SPAN = "span"  # the extruded case, below the one-layer one
 # Convective times. Chosen:
 PLANE = 15.0  # of the plane wake before it is extruded: the vortices have formed by then

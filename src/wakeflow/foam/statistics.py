@@ -19,8 +19,11 @@ from .history import upward_crossings
 
 Array = NDArray[np.float64]
 # Chosen by trials on records of known statistics (tests/foam/test_statistics.py) where no source is given.
-FEWEST = 6  # whole periods after the start-up
-ENOUGH = {"periodic": FEWEST, "broadband": 12}  # before a run may end: a few unequal periods look alike by chance
+MIN_PERIODS = 6  # whole periods after the start-up
+MIN_PERIODS_TO_STOP = {
+    "periodic": MIN_PERIODS,
+    "broadband": 12,
+}  # before a run may end: a few unequal periods look alike by chance
 SOONER = 8  # the same for a broadband wake whose intervals are SURE: nothing but their number would be lacking
 BATCHES = 8  # at most about twice as many: fewer but longer batches of a longer run are less correlated
 MARGIN = 1.5  # of the periods up to the crossing: what is left of the start-up there goes too
@@ -29,9 +32,9 @@ SHARED = -0.4  # periods share their ends: what one is longer by, its neighbour 
 OFTEN = 1.15  # looked at often, a spread that is small by chance ends the run: wider by what that costs in trials
 SURE = 0.5  # of the width asked: so narrow that one look at a periodic wake is enough, fewer periods of another one
 RESOLVED = 0.05  # of the half-width asked: no interval is narrower, slower changes than the run lasted go unseen
-LEAST_DRAG = 0.1  # Cd, and as a share of Cd the lift's rms: smaller ones are measured against this (see `wanted`)
-LEAST_PRESSURE = 0.5  # base pressure coefficient: the same
-STRONGEST = 0.8  # correlation of neighbouring batches, at most: a stronger one cannot be told from few batches
+MIN_DRAG = 0.1  # Cd, and as a share of Cd the lift's rms: smaller ones are measured against this (see `wanted`)
+MIN_PRESSURE = 0.5  # base pressure coefficient: the same
+STRONGEST = 0.8  # correlation of neighbouring batches, at most: a stronger one cannot be estimated from few batches
 NO_SLOWING = 0.9  # ratio of successive thirds' changes with which a drift that does not slow down is extrapolated
 SHORTEST = 0.1  # of the mean period: the lower end of its interval is no lower
 FAINT = 0.01  # of the drag: lift below it has no rhythm of its own
@@ -50,7 +53,7 @@ class Statistics:
 
     ``frequency`` (1/s) and ``period`` are None where the lift shows no shedding; the mean is then taken over equal
     pieces of the record. ``cp_base`` is in the units of the history. ``excess``: the largest of half-width over the
-    half-width asked; the answer stands when it is at most 1.
+    half-width asked; the answer is settled when it is at most 1.
     """
 
     begin: float
@@ -66,7 +69,7 @@ class Statistics:
     @property
     def stands(self) -> bool:
         """Whether every interval is as narrow as asked, over enough periods to trust it."""
-        fewest = ENOUGH[self.verdict]
+        fewest = MIN_PERIODS_TO_STOP[self.verdict]
         return self.excess <= 1.0 and self.periods >= (min(fewest, SOONER) if self.excess <= SURE else fewest)
 
 
@@ -80,7 +83,7 @@ def evaluate(rows: Array, accuracy: float) -> Statistics | None:
     shedding = len(table) > 0
     if not shedding:
         table = _pieces(rows)
-    if len(table) < FEWEST:
+    if len(table) < MIN_PERIODS:
         return None
     first = start_up_of(table)
     kept = table[first:]
@@ -114,7 +117,7 @@ def wanted(values: dict[str, float], accuracy: float) -> dict[str, float]:
     as directly; a small rms is measured against a tenth of Cd, a small base pressure against half the
     dynamic pressure, so that a quantity near zero does not keep the run going.
     """
-    floor = {"cd": LEAST_DRAG, "cl_rms": LEAST_DRAG * abs(values["cd"]), "cp_base": LEAST_PRESSURE}
+    floor = {"cd": MIN_DRAG, "cl_rms": MIN_DRAG * abs(values["cd"]), "cp_base": MIN_PRESSURE}
     scale = {name: max(abs(value), floor.get(name, 0.0)) for name, value in values.items()}
     return {name: LOOSER[name] * accuracy * size for name, size in scale.items()}
 
@@ -153,7 +156,7 @@ def _means(rows: Array, cuts: Array) -> Array:
 
 
 def start_up_of(table: Array) -> int:
-    """How many leading rows of :func:`cycles` belong to the start-up: at most half, and never the last FEWEST."""
+    """How many leading rows of :func:`cycles` belong to the start-up: at most half, and never the last MIN_PERIODS."""
     count = len(table)
     half = count // 2
     last = 0
@@ -161,7 +164,7 @@ def start_up_of(table: Array) -> int:
         side = np.sign(signal - signal[half:].mean())
         crossed = np.flatnonzero(side[1:] != side[0])
         last = max(last, int(crossed[0]) + 1 if len(crossed) else 0)
-    return max(min(int(np.ceil(MARGIN * min(last, half))), count - FEWEST), 0)
+    return max(min(int(np.ceil(MARGIN * min(last, half))), count - MIN_PERIODS), 0)
 
 
 def _interval(values: Array) -> Number:

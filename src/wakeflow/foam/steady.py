@@ -1,4 +1,4 @@
-"""The steady solution: iterate until what is measured stands still."""
+"""The steady solution: iterate until what is measured no longer changes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def run_steady(
     listener: ProgressListener = lambda _: None,
     most: int = 3000,
 ) -> str:
-    """Iterate simpleFoam until what is measured stands still, until it is clear that it will not, or ``most``
+    """Iterate simpleFoam until what is measured no longer changes, until it is clear that it will not, or ``most``
     iterations; go on from what is there, or from ``start`` (another solved case). Returns the verdict.
 
     Standing still, over the last 300 iterations: Cd within 2e-4, base pressure within 1e-3 (of the dynamic pressure at

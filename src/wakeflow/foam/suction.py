@@ -11,7 +11,7 @@ from ..core.geometry import area
 from .airflow_result import SuctionZone
 from .case import FlowSpec, axis_points
 
-# -- Values on a body's axis: the line along the air through the middle of the first body, from its rear ---------------
+# -- Values on a body's axis -------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 ASIDE = 1e-7  # widths beside the axis, where no node lies: an edge that ends on the axis would cross it twice or never
 ON_BODY = 1e-9  # widths before the rear: edges of the body's own, which round-off puts before it, count
@@ -53,7 +53,7 @@ class AxisCrossings:
         return np.interp(behind, self.behind, self.values(nodes))
 
 
-# -- The suction zone behind a body: how far, how wide, how deep, and how far the air runs backwards -------------------
+# -- The suction zone behind a body ------------------------------------------------------------------------------------
 THRESHOLD = -0.5  # pressure coefficient below which the air counts as the suction zone
 
 

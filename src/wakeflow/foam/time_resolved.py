@@ -1,4 +1,4 @@
-"""The time-resolved run: through the start-up, then on until the statistics stand, keeping a loop of snapshots."""
+"""The time-resolved run: through the start-up, then until the statistics have settled; it keeps a loop of snapshots."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ SEGMENT = 5.0  # convective times between two decisions of a start-up: starting 
 LONG = 10.0  # convective times of a recording that an interruption may cost, about
 COLLAPSED = 1e-7  # convective times: a time step this short will never arrive
 PUSHED = 2.0  # convective times at the beginning that show the push, not the shedding
-LEAST_START = 15.0  # convective times before a start-up may end: the wake has to fill first
-ALIKE = 0.1  # relative spread of the last three periods below which their length can be told
+MIN_START = 15.0  # convective times before a start-up may end: the wake has to fill first
+ALIKE = 0.1  # relative spread of the last three periods below which their length can be estimated
 LONGEST_START = 80.0  # convective times before a start-up is given up as irregular
 LONGEST = 300.0  # convective times after which a run ends with what it has, its intervals wider than asked
 TYPICAL = 40.0  # convective times of a start-up, or of a whole run: what the time left is estimated from
@@ -54,7 +54,7 @@ def run_time_resolved(
     start: Path | None = None,
     listener: ProgressListener = lambda _: None,
 ) -> str:
-    """Run pimpleFoam until the statistics stand (:class:`Stopping`, FlowSpec.accuracy). Returns the verdict.
+    """Run pimpleFoam until the statistics have settled (:class:`Stopping`, FlowSpec.accuracy). Returns the verdict.
 
     From ``start`` (any solved case, best the draft of the same bodies) or a uniform flow, with a transverse push behind
     the body that sets off the shedding. Once three periods look alike, or after 80 widths of travel, snapshots are
@@ -120,14 +120,14 @@ def _start_up(spec: FlowSpec, folder: Path, listener: ProgressListener) -> None:
 def _has_started(rows: Array, spec: FlowSpec) -> bool:
     """Whether the start-up is over: the wake rests, its last periods look alike, or it will not become regular."""
     now, scale = rows[-1, 0], spec.convective_time
-    if now < LEAST_START * scale * (1 - WHOLE):
+    if now < MIN_START * scale * (1 - WHOLE):
         return False
     still = is_still(rows, scale, swings=spec.vibration is not None)
     return still or now > LONGEST_START * scale or alike(rows[rows[:, 0] > PUSHED * scale])
 
 
 def alike(rows: Array) -> bool:
-    """Whether the last three shedding periods have lengths and mean drags within ALIKE: their length can be told."""
+    """Whether the last three shedding periods have lengths and mean drags within ALIKE: one can be estimated."""
     last = cycles(rows)[-3:]
     return len(last) == 3 and bool((np.ptp(last[:, 1:3], axis=0) <= ALIKE * np.abs(last[:, 1:3].mean(axis=0))).all())
 
@@ -154,7 +154,7 @@ def _record(
     state: dict[str, float],
     listener: ProgressListener,
 ) -> None:
-    """Run on, writing snapshots at a fixed cadence, until the statistics stand and a loop can be chosen."""
+    """Run on, writing snapshots at a fixed cadence, until the statistics have settled and a loop can be chosen."""
     begin, step, scale = state["begin"], _cadence(spec, state), spec.convective_time
     vibration = 0.0 if spec.vibration is None else spec.vibration.period  # the loop begins and ends on a whole one
     kept = int(((BROADBAND_PERIODS + SPARE_PERIODS) * state["period"] + 2 * vibration) / step) + 2

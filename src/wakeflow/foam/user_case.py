@@ -96,7 +96,7 @@ def _from_fields(
 
 
 def _inner(plane: PlaneMesh) -> NDArray[np.bool_]:
-    """Boundary edges (b,) off the mesh's bounding box: those of what stands in the channel."""
+    """Boundary edges (b,) off the mesh's bounding box: those of what is in the channel."""
     low, high = plane.points.min(axis=0), plane.points.max(axis=0)
     slack = 1e-6 * (high - low)
     ends = plane.points[plane.faces]

@@ -18,7 +18,7 @@ from .history import CD, HistoryTable
 
 LOOK_EVERY = 0.2  # s of wall time between two looks at the history; chosen: an eye sees no faster
 ABSURD = 1e3  # a drag coefficient that no body has above Re 1; below, drag grows as 1/Re
-MOST_SWEEPS, UNSOLVED = 1000, 20  # OpenFOAM's own limit on a linear solver; reached so often in a row it is stuck
+MAX_SWEEPS, UNSOLVED = 1000, 20  # OpenFOAM's own limit on a linear solver; reached so often in a row it is stuck
 CRAWL, CRAWLING = 10.0, 200  # so many time steps in a row below so many of the least ones: time stands still
 NEXT = 1e-9  # relative: a row of the history so much before a step belongs to the one before it
 IMPULSE = 50  # first steps, in which a flow started from a guess pushes the body without bound as the step shrinks
@@ -26,7 +26,7 @@ IMPULSE = 50  # first steps, in which a flow started from a guess pushes the bod
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a solver stands. ``time`` counts iterations when steady, else seconds of flow; ``left`` is wall seconds,
+    """Where a solver is. ``time`` counts iterations when steady, else seconds of flow; ``left`` is wall seconds,
     estimated.
     """
 
@@ -104,7 +104,7 @@ class Watch:
         if not np.isfinite(residual):
             self._fail(Cause.DIVERGED, f"diverged: the residual of {name} is not a number")
         if name == "p":
-            self.unsolved = self.unsolved + 1 if iterations >= MOST_SWEEPS else 0
+            self.unsolved = self.unsolved + 1 if iterations >= MAX_SWEEPS else 0
             if self.unsolved >= UNSOLVED:
                 self._fail(Cause.STALLED, f"stalled: the pressure took {iterations} sweeps {UNSOLVED} times in a row")
 
@@ -129,7 +129,7 @@ class Watch:
             self.listener(Progress(self.stage, now, drag, dict(self.residuals), self._left()))
 
     def _left(self) -> float | None:
-        """Wall seconds left at the pace so far; None where that cannot be told."""
+        """Wall seconds left at the pace so far; None where that cannot be reported."""
         covered = self.covered + self.now - known(self.first)
         if not (covered > 0 and self.now < self.expected):  # past it: no idea
             return None

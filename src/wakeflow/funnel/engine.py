@@ -23,7 +23,7 @@ from ..core.process import capture, run_program, tail
 from ..laws.constants import GRAVITY
 from ..scene import Funnel
 
-# -- LIGGGHTS, the granular engine: the installed version, its input and output files, one run of it -------------------
+# -- LIGGGHTS, the granular engine -------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 PROGRAM = "liggghts"
 INSTALL = "apt-get install --no-install-recommends liggghts    # or: sh cases/setup.sh funnel"
@@ -105,10 +105,10 @@ def read_dump(path: Path) -> list[tuple[int, Array]]:
     return found
 
 
-# -- The funnel's walls as triangles, and the loose heap of beads that is poured into it -------------------------------
-SIDES = 36  # of the polygon that stands for the circle, of equal area
+# -- The funnel's walls as triangles -----------------------------------------------------------------------------------
+SIDES = 36  # of the polygon that represents the circle, of equal area
 SPACING = 1.03  # largest diameters between the beads of the loose heap
-ROOM = 2.5  # times the wall's peak speed: beads thrown higher than that leave over the brim
+BRIM_SPEED_RATIO = 2.5  # times the wall's peak speed: beads thrown higher than that leave over the brim
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ def cone_of(funnel: Funnel) -> Cone:
     _, fill = _layers(funnel)
     slope = math.tan(funnel.half_angle)
     top = fill + funnel.high if funnel.width is None else (funnel.width - funnel.orifice) / (2 * slope)
-    peak = ROOM * funnel.amplitude * 2 * math.pi * (funnel.frequency or 0.0)
+    peak = BRIM_SPEED_RATIO * funnel.amplitude * 2 * math.pi * (funnel.frequency or 0.0)
     brim = max(top, fill) + 5 * funnel.high + 2 * funnel.amplitude + peak**2 / (2 * GRAVITY)
     return Cone(funnel.orifice / 2, slope, top, brim)
 

@@ -30,7 +30,7 @@ from .engine import (
 )
 from .rate import Curve, DischargeCurve, FunnelSummary, rate_of, read_curve, time_to_empty
 
-# -- The bed: a loose heap that has fallen into the closed funnel at rest. The same for every vibration ----------------
+# -- The bed -----------------------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 POISSON = 0.25  # glass 0.2 to 0.25; the ratio of tangential to normal stiffness depends on it weakly
 FAST = 1.0  # m/s, and the wall's peak speed: the quickest collision that the time step resolves
@@ -137,14 +137,14 @@ def packing_fraction(bed: Bed, cone: Cone) -> float:
     return float((distance < radii).any(axis=1).mean())
 
 
-# -- The discharge: the lid of the vibrating funnel is taken off, and the beads that fall out are ----------------------
+# -- The discharge -----------------------------------------------------------------------------------------------------
 SAMPLING = 5e-4  # s between counts
 REST = 0.03  # s with the lid on: the friction contacts of the poured bed form again
 SHAKEN = 0.05  # s at least of vibration with the lid on
 QUIET = 0.1  # s, and four periods: after that time without a bead the discharge is over
 PATIENCE = 10.0  # times what Beverloo's law would take, and a second
 SHOTS = 6  # pictures of the beads in the time that Beverloo's law would take
-DRAWN = 400  # points of the curve that are kept
+CURVE_POINTS = 400  # points of the curve that are kept
 
 
 def discharge(funnel: Funnel, poured: Path, folder: Path, tell: Callable[[str], None]) -> None:
@@ -206,7 +206,7 @@ def _table(
         if math.isnan(filled)
         else beverloo(funnel.orifice, funnel.diameter, filled * funnel.bead_density, gravity=GRAVITY)
     )
-    kept = np.unique(np.linspace(0, len(curve.time) - 1, min(len(curve.time), DRAWN)).astype(int))
+    kept = np.unique(np.linspace(0, len(curve.time) - 1, min(len(curve.time), CURVE_POINTS)).astype(int))
     left = int(curve.beads[-1])
     return FunnelSummary(
         verdict="emptied" if left <= 0.01 * len(bed.diameters) else "stopped",

@@ -15,7 +15,7 @@ from ..core.record import column
 Array = NDArray[np.float64]
 STEADY = (0.10, 0.75)  # shares of the mass discharged: between them the funnel neither starts nor runs empty
 BATCHES = 8  # parts of the steady stretch whose rates give the interval
-FEWEST = 4  # parts below which no interval is given
+MIN_PARTS = 4  # parts below which no interval is given
 EMPTY = 0.99  # share of the mass discharged at which the funnel counts as empty, since single beads may stay
 
 
@@ -57,7 +57,7 @@ def rate_of(curve: Curve, total: float, period: float | None) -> Number | None:
         whole = math.floor(length / period)
         length = whole * period
     parts = BATCHES if period is None or end - start < period else min(BATCHES, whole)
-    if period is not None and parts < BATCHES and whole < FEWEST:
+    if period is not None and parts < BATCHES and whole < MIN_PARTS:
         parts = 1
     edges = start + length * np.arange(parts + 1) / parts
     if period is not None and parts > 1:  # parts of whole periods, some a period longer than others
@@ -70,7 +70,7 @@ def _student(mass: Array, time: Array) -> Number:
     """Total over total time, with Student's interval of the parts' rates weighted by their time."""
     value = float(mass.sum() / time.sum())
     count = len(mass)
-    if count < FEWEST:
+    if count < MIN_PARTS:
         return Number(value)
     from scipy.stats import t
 
@@ -79,7 +79,7 @@ def _student(mass: Array, time: Array) -> Number:
     return Number(value, value - half, value + half)
 
 
-# -- What a feed funnel delivered: the ``funnel`` table of result.json -------------------------------------------------
+# -- What a feed funnel delivered --------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class DischargeCurve:
     """The mass left in the funnel over time."""

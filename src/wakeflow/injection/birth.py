@@ -14,7 +14,7 @@ from ..planning.plan import REPLICATES, replicate_size
 from ..planning.variation import GranuleVariation
 from ..tracking import Granules
 
-# -- Random numbers of granules at birth: scrambled Sobol points, a set of its own for every fraction ------------------
+# -- Random numbers of granules at birth -------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 ROUND_OFF = 1e-12  # quantiles keep that far from 0 and 1, where a distribution may be infinite
 PLACED = 5  # random numbers of a granule at most that say where, when and how large: dimensions of its Sobol set
@@ -58,7 +58,7 @@ def _points(name: str, size: int, seed: int, replicate: int, dimensions: int, *a
 
 
 # -- Granules as a draw of what is unknown has them --------------------------------------------------------------------
-MOST_SCATTER = 1.0  # rad, as the tracker takes it
+MAX_SCATTER = 1.0  # rad, as the tracker takes it
 
 
 def varied_granules(grains: Granules, variation: GranuleVariation) -> Granules:
@@ -73,7 +73,7 @@ def varied_granules(grains: Granules, variation: GranuleVariation) -> Granules:
         diameter=grains.diameter * variation.size,
         restitution=restitution,
         friction=grains.friction * variation.friction,
-        scatter=np.minimum(grains.scatter * variation.scatter, MOST_SCATTER),
+        scatter=np.minimum(grains.scatter * variation.scatter, MAX_SCATTER),
         drag_scale=grains.drag_scale * variation.drag,
         inertia=grains.inertia / variation.inverse_inertia,
     )

@@ -22,7 +22,7 @@ from .. import tracking
 from ..core.errors import known
 from ..core.geometry import edges, halved, normals
 from ..field import FlowField
-from ..laws.collision import approach_speed, thrown
+from ..laws.collision import approach_speed, scattered_rebound
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from ..laws.forces import forces
@@ -38,7 +38,7 @@ from .first_contact import first_contact, motion_of
 
 Array = NDArray[np.float64]
 MIXING = 1024  # shedding periods over which release times spread: their fraction cut off biases the phase that much
-LEAST_WAY = 0.01  # body widths over which an acceleration is taken from speeds
+MIN_WAY = 0.01  # body widths over which an acceleration is taken from speeds
 HALVINGS = 60  # of a bracket in time: to round-off
 AS_GIVEN = GranuleVariation()
 CLEARANCE = 1e-3  # of its radius: how far above a contact a resolved granule may start at the least
@@ -258,13 +258,13 @@ def _pull(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, speed
         return np.zeros(len(drop))
     if scene.air is None:
         return np.full(len(drop), GRAVITY)
-    way = max(float(np.linalg.norm(scene.vibration.displacement)), LEAST_WAY * scene.width)
+    way = max(float(np.linalg.norm(scene.vibration.displacement)), MIN_WAY * scene.width)
     later = arrival(scene, plan, grains, drop + way, speed)
     return np.nan_to_num((later**2 - fall**2) / (2 * way), nan=0.0)
 
 
 def entering(scene: Scene, grains: Granules, x: Array) -> Granules:
-    """The curtain where no body stands: at the feed's level, with the velocity it has there."""
+    """The curtain where there is no body: at the feed's level, with the velocity it has there."""
     y = min(scene.level, scene.channel.top - 1e-6 * scene.width)
     velocity = np.broadcast_to(scene.entry, (len(x), 2))
     return grains.replace(position=np.stack([x, np.full(len(x), y)], axis=1), velocity=velocity)
@@ -277,7 +277,7 @@ def _rebound(grains: Granules, fall: Array, normal: Array, wall: Array, chance: 
     falling = np.stack([np.zeros(len(fall)), -fall], axis=1)
     e = restitution_at(grains.restitution, approach_speed(0.0, -fall, *normal.T, *wall.T))
     angle = grains.scatter * normal_quantile(chance) if grains.scatter.any() else grains.scatter
-    velocity, spin, _ = thrown(
+    velocity, spin, _ = scattered_rebound(
         falling, np.zeros(len(fall)), normal, wall, e, grains.friction, 1.0 / grains.inertia, grains.diameter / 2,
         grains.tangential_restitution, angle,
     )  # fmt: skip

@@ -79,7 +79,7 @@ class ImpactSummary:
 
 
 def impact_loads(scene: Scene, plan: Plan) -> ImpactSummary | None:
-    """What the stream does to the first body; None where none stands, or another may be met before it."""
+    """What the stream does to the first body; None where there is none, or another may be met before it."""
     if not scene.body or scene.obstacles:
         return None
     name, body = next(iter(scene.body.items()))

@@ -2,7 +2,7 @@
 
 Granules come as a Poisson process, each fraction at its own rate and independently of the others: what a feeder does
 that mixes well and neither doses nor clogs. Sizes, given by mass, are drawn by number, for each of these granules is a
-real one. What is too fine for that comes as tracers, of which each stands for many granules and for the same mass.
+real one. What is too fine for that comes as tracers, of which each represents many granules and for the same mass.
 
 A curtain that starts at rest is infinitely dense where it starts. The slab begins where it has fallen FALLEN of its way
 down to the body, each granule as it comes there alone, spread by the air's turbulence; no two overlap
@@ -22,7 +22,7 @@ from ..core.errors import known
 from ..field import FlowField
 from ..laws.constants import GRAVITY
 from ..laws.restitution import Restitution, restitution_at
-from ..planning.crowd import MASS_LEVELS, CrowdPlan, number_rates
+from ..planning.collisions import MASS_LEVELS, CollisionPlan, number_rates
 from ..planning.plan import Plan
 from ..planning.variation import AS_GIVEN, GranuleVariation, Variation
 from ..scene import Scene
@@ -41,7 +41,7 @@ ROUNDS = 200  # in which granules that overlap at birth are given other places, 
 class SlabFeed:
     """The granules that one replicate of a slab is fed with, by time of birth.
 
-    ``fraction`` (n,) is each one's place among the scene's; ``mass`` (n,) kg what it stands for; ``counted``
+    ``fraction`` (n,) is each one's place among the scene's; ``mass`` (n,) kg what it represents; ``counted``
     (n,) whether it came in steady operation. ``granules.fraction``
     is the same place, plus the number of fractions for ``tracers``.
     """
@@ -124,7 +124,7 @@ def _mass_flow(scene: Scene, name: str, depth: float) -> float:
 
 
 def _singles(
-    scene: Scene, crowd: CrowdPlan, name: str, variation: GranuleVariation, rng: np.random.Generator, whole: float,
+    scene: Scene, crowd: CollisionPlan, name: str, variation: GranuleVariation, rng: np.random.Generator, whole: float,
     depth: float,
 ) -> tuple[Array, Array]:  # fmt: skip
     """Times (s) and mass quantiles of the granules that are simulated one by one: a Poisson process, of larger granules
@@ -140,7 +140,7 @@ def _singles(
     return time, (level + rng.random(len(time))) / MASS_LEVELS
 
 
-def _tracers(crowd: CrowdPlan, name: str, rng: np.random.Generator, whole: float) -> tuple[Array, Array]:
+def _tracers(crowd: CollisionPlan, name: str, rng: np.random.Generator, whole: float) -> tuple[Array, Array]:
     """Times (s) and mass quantiles of tracers, so many that those that count are as many as the plan says."""
     fine = crowd.tracers[name]
     if fine == 0.0:

@@ -3,7 +3,7 @@
 A steady wake of a bluff body is too long and its suction too weak; a time-resolved one in two dimensions sheds too
 coherently, and its suction is too strong. ``theta`` is the share of the second in the mean of the air, ``strength``
 the rms of the real fluctuation over that of the second. A measured number x between the two ends says theta = (x -
-steady) / (resolved - steady), a fluctuation says strength = x / resolved. The data stand in wakes.toml.
+steady) / (resolved - steady), a fluctuation says strength = x / resolved. The data are in wakes.toml.
 """
 
 from __future__ import annotations
@@ -23,14 +23,16 @@ from ..core.number import Number
 from ..core.record import column
 
 WAKE_FAMILIES = ("rhombus", "triangle-up", "triangle-down", "square", "plate")
-OF_THETA = ("cd", "cp_base", "reversal_length", "residence_time")
-OF_STRENGTH = ("cl_rms", "u_rms", "v_rms")
+OF_MEAN_WEIGHT = ("cd", "cp_base", "reversal_length", "residence_time")
+OF_FLUCTUATION_WEIGHT = ("cl_rms", "u_rms", "v_rms")
 STATUSES, CHECKED = ("measured", "handbook", "computed"), ("read", "quoted", "unchecked", "own")
-NEAR = 2.0  # factor in blockage up to which a measurement counts as near, where two or more are; chosen
-FAR = 0.1  # error that a factor e in blockage adds. The handbooks' rhombus: theta 0.44 at 5 %, 0.38 at 12.5 %
+MAX_BLOCKAGE_RATIO = 2.0  # factor in blockage up to which a measurement counts as near, where two or more are; chosen
+ERROR_PER_BLOCKAGE = (
+    0.1  # error that a factor e in blockage adds. The handbooks' rhombus: theta 0.44 at 5 %, 0.38 at 12.5 %
+)
 ALIKE = 15.0  # deg: slopes that differ by no more count as one shape; chosen
-FEWEST = 2  # measurements that say how far they scatter
-LEAST = 0.03  # own error of an entry: no measurement of a wake, and no mesh of ours, is better
+MIN_MEASUREMENTS = 2  # measurements that say how far they scatter
+MIN_ENTRY_ERROR = 0.03  # own error of an entry: no measurement of a wake, and no mesh of ours, is better
 
 
 @dataclass(frozen=True)
@@ -66,9 +68,9 @@ class WakeEntry:
     slope: float | None = None
 
     @property
-    def of_theta(self) -> bool:
+    def of_mean_weight(self) -> bool:
         """Whether it gives theta; else the strength."""
-        return self.quantity in OF_THETA
+        return self.quantity in OF_MEAN_WEIGHT
 
     @property
     def here(self) -> tuple[float, float]:
@@ -87,7 +89,7 @@ class WakeEntry:
         low, high = (self._place(x) for x in self.here)
         middle = 0.5 * (low + high)
         ends = math.hypot(middle * self.resolved_within, (1.0 - middle) * self.steady_within)
-        half = max(LEAST, math.hypot(0.5 * (high - low), ends / (self.resolved - self.steady)))
+        half = max(MIN_ENTRY_ERROR, math.hypot(0.5 * (high - low), ends / (self.resolved - self.steady)))
         return Number(middle, middle - half, middle + half)
 
     def _place(self, x: float) -> float:
@@ -131,7 +133,7 @@ def _entry(name: str, table: dict[str, Any]) -> WakeEntry:
     drag = entry.unconfined is not None and entry.base is not None and entry.quantity in ("cd", "cp_base")
     wrong = (
         f"unknown family {entry.family!r}" if entry.family not in WAKE_FAMILIES
-        else f"unknown quantity {entry.quantity!r}" if entry.quantity not in (*OF_THETA, *OF_STRENGTH)
+        else f"unknown quantity {entry.quantity!r}" if entry.quantity not in (*OF_MEAN_WEIGHT, *OF_FLUCTUATION_WEIGHT)
         else "needs value, or unconfined and base of a drag" if (entry.value is None) == (not drag)
         else f"value {entry.value}: low before high" if entry.value is not None and entry.value[0] > entry.value[1]
         else f"status {entry.status!r}: one of {', '.join(STATUSES)}" if entry.status not in STATUSES
@@ -141,7 +143,7 @@ def _entry(name: str, table: dict[str, Any]) -> WakeEntry:
     )  # fmt: skip
     if wrong:
         raise SceneError(f"wakes.toml: {name}: {wrong}")
-    return entry if entry.of_theta else replace(entry, steady=0.0, steady_within=0.0)
+    return entry if entry.of_mean_weight else replace(entry, steady=0.0, steady_within=0.0)
 
 
 def best_estimate(
@@ -158,17 +160,18 @@ def best_estimate(
     ``slope`` (deg, from the horizontal) of its faces, which an entry's may differ from by :data:`ALIKE`; None: any.
 
     Each number is the mean over the entries of the family, weighted by the inverse squares of their own errors, to
-    which another blockage adds; those within a factor :data:`NEAR` in blockage alone where two or more are. Its range
-    is their common error, and never narrower than what they differ by. Where fewer than two measurements of the shape
-    are known, or below the Reynolds numbers of all of them, the range is the widest: it holds every entry of every
-    shape. But a shape whose theta is known and whose strength is not has theta times what other shapes' strengths are
-    of their thetas: a wake that sheds less coherently has less of the mean suction and less of the fluctuation.
+    which another blockage adds; those within a factor :data:`MAX_BLOCKAGE_RATIO` in blockage alone where two or more
+    are. Its range is their common error, and never narrower than what they differ by. Where fewer than two measurements
+    of the shape are known, or below the Reynolds numbers of all of them, the range is the widest: it holds every entry
+    of every shape. But a shape whose theta is known and whose strength is not has theta times what other shapes'
+    strengths are of their thetas: a wake that sheds less coherently has less of the mean suction and less of the
+    fluctuation.
     """
     known = wakes() if entries is None else entries
-    theta = _number(family, blockage, reynolds, known, slope, of_theta=True)
-    strength = _number(family, blockage, reynolds, known, slope, of_theta=False)
+    theta = _number(family, blockage, reynolds, known, slope, of_mean_weight=True)
+    strength = _number(family, blockage, reynolds, known, slope, of_mean_weight=False)
     if strength.widest and not theta.widest:
-        strength = _by_theta(theta.value, known)
+        strength = _by_mean_weight(theta.value, known)
     return WakeEstimate(theta.value, strength.value, f"theta: {theta.why}; strength: {strength.why}")
 
 
@@ -191,19 +194,19 @@ def _number(
     every: Sequence[WakeEntry],
     slope: float | None,
     *,
-    of_theta: bool,
+    of_mean_weight: bool,
 ) -> _Number:
     """Theta or the strength, of those of ``every`` entry that are of the body's shape."""
-    known = [entry for entry in every if entry.of_theta == of_theta]
+    known = [entry for entry in every if entry.of_mean_weight == of_mean_weight]
     own = [entry for entry in known if entry.family == family and _alike(slope, entry.slope)]
-    near = [entry for entry in own if 1.0 / NEAR <= blockage / entry.blockage <= NEAR]
-    chosen = near if len(near) >= FEWEST else own
+    near = [entry for entry in own if 1.0 / MAX_BLOCKAGE_RATIO <= blockage / entry.blockage <= MAX_BLOCKAGE_RATIO]
+    chosen = near if len(near) >= MIN_MEASUREMENTS else own
     lowest = min((entry.reynolds[0] for entry in chosen), default=0.0)
-    if len(chosen) < FEWEST or reynolds < lowest:
+    if len(chosen) < MIN_MEASUREMENTS or reynolds < lowest:
         why = (
             "several bodies or a shape without data" if family is None
             else f"no measurement of the shape ({family})" if not chosen
-            else f"one measurement of the shape ({family})" if len(chosen) < FEWEST
+            else f"one measurement of the shape ({family})" if len(chosen) < MIN_MEASUREMENTS
             else f"Re {reynolds:.3g} is below the data's {lowest:.3g}"
         )  # fmt: skip
         value, widest = _mean(chosen or known, blockage).value, [entry.given for entry in known]
@@ -213,14 +216,14 @@ def _number(
     return _Number(_mean(chosen, blockage), f"{len(chosen)} measurements of the shape ({family}) {where}")
 
 
-def _by_theta(theta: Number, every: Sequence[WakeEntry]) -> _Number:
+def _by_mean_weight(theta: Number, every: Sequence[WakeEntry]) -> _Number:
     """The strength of a shape of which ``theta`` alone is known; its range is that of the others' ratios of the two and
     of theta.
     """
     ratios = []
     for entry in every:
-        if not entry.of_theta:
-            own = _number(entry.family, entry.blockage, max(entry.reynolds), every, entry.slope, of_theta=True)
+        if not entry.of_mean_weight:
+            own = _number(entry.family, entry.blockage, max(entry.reynolds), every, entry.slope, of_mean_weight=True)
             ratios.append(entry.given.value / own.value.value)
     middle = float(np.mean(ratios))
     value = _within(theta.value * middle, theta.low * min(ratios), theta.high * max(ratios))
@@ -231,7 +234,7 @@ def _mean(chosen: Sequence[WakeEntry], blockage: float) -> Number:
     """The weighted mean. Own errors are not averaged away: handbooks copy one another, and ends are of one program."""
     given = [entry.given for entry in chosen]
     middle = np.array([one.value for one in given])
-    other = FAR * np.log([blockage / entry.blockage for entry in chosen])
+    other = ERROR_PER_BLOCKAGE * np.log([blockage / entry.blockage for entry in chosen])
     half = np.hypot([one.high - one.value for one in given], other)
     weight = half**-2.0
     value = float(np.average(middle, weights=weight))

@@ -22,7 +22,7 @@ depth small against the radius.
 A kernel touches a wall with some point of its surface that does not lie under its centre, so the impulse does not point
 along the wall's normal. Seen from its centre the wall is turned: by a normal angle of zero mean, whose rms grows with
 the shape's departure from a sphere (Glielmo, Gunkelmann & Poeschel 2014, Phys. Rev. E 90, 052204: the restitution of
-aspherical particles is a random variable for this reason; the same turned normal stands for rough walls in Sommerfeld &
+aspherical particles is a random variable for this reason; the same turned normal represents rough walls in Sommerfeld &
 Huber 1999, Int. J. Multiphase Flow 25, 1457). The impact on the turned wall is the one of ``collision.collide``: with
 the granule's own restitution, friction and spin, so it makes no energy.
 
@@ -212,7 +212,7 @@ def impact(
     )
 
 
-# -- Hertz' contact of elastic spheres: how long a collision lasts ----------------------------------------------------
+# -- Hertz' contact of elastic spheres ---------------------------------------------------------------------------------
 def contact_time(diameter: float, density: float, modulus: float, speed: float, poisson: float = 0.25) -> float:
     """Duration (s) of the collision of two equal spheres at relative ``speed`` (m/s).
 
@@ -241,7 +241,7 @@ def throws_off(vx: Any, vy: Any, nx: Any, ny: Any, wx: Any, wy: Any, mx: Any, my
     return ((vx - wx) * mx + (vy - wy) * my < 0.0) & ((ax - wx) * nx + (ay - wy) * ny > 0.0)
 
 
-def thrown(
+def scattered_rebound(
     velocity: Array, spin: Array, normal: Array, wall: Array, restitution: Any, friction: Any, mobility: Any,
     radius: Any, tangential_restitution: Any, angle: Array,
 ) -> tuple[Array, Array, Array]:  # fmt: skip

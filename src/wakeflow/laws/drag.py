@@ -226,7 +226,7 @@ def drag_factor_for_terminal_velocity(
     return value
 
 
-# -- How a granule's velocity relaxes to that of steady uniform air: one exponential step of its flight ----------------
+# -- How a granule's velocity relaxes to that of steady uniform air ----------------------------------------------------
 def relaxed(velocity: Any, final: Any, tau: Any, step: Any, left: Any) -> tuple[Any, Any]:
     """Way (m) and velocity (m/s) after ``step`` (s) of v' = (final - v) / tau, exactly.
 

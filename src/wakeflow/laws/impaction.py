@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from ..core.registry import Registry
 
-# -- Impaction efficiency: which of the granules that fall towards a body in an airflow meet it, and how ---------------
+# -- Impaction efficiency ----------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 Complex = NDArray[Any]
 STEP = 0.1  # of the distance to the nearest edge of the body: how far a granule or the air goes in a step

@@ -2,13 +2,13 @@
 
     F = rho V_p C_l (u - v) x curl u,    Re = rho |u - v| d / mu,    Re_w = rho |curl u| d^2 / mu
 
-Scalar functions of the math module, since the tracker's kernel compiles them as they stand; np.vectorize takes arrays.
+Scalar functions of the math module, since the tracker's kernel compiles them as they are; np.vectorize takes arrays.
 
 With the relative spin W = curl u / 2 - w (w the granule's), the slip s = u - v, Re = rho |s| d / mu and the spin
 Reynolds number Re_r = rho |W| d^2 / mu, a sphere is accelerated by  3/4 (rho / rho_p) c W x s  with c from
 :func:`magnus_factor`, and its relative spin in steady air follows :func:`spin_decay`.
 
-Scalar functions of the math module, since the tracker's kernel compiles them as they stand; np.vectorize takes arrays.
+Scalar functions of the math module, since the tracker's kernel compiles them as they are; np.vectorize takes arrays.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-# -- Shear lift of Saffman and Mei: a granule that slips in rotating air is pushed across its slip ---------------------
+# -- Shear lift of Saffman and Mei -------------------------------------------------------------------------------------
 SAFFMAN = 3.0 * 6.46 / (2.0 * math.pi)  # 6.46 (1.615 on the diameter) is Saffman's constant, per volume of a sphere
 
 
@@ -39,7 +39,7 @@ def lift_coefficient(reynolds: float, shear_reynolds: float) -> float:
     return SAFFMAN * ((1.0 - gone) / math.sqrt(shear_reynolds) + slope)
 
 
-# -- Spin: the lift it gives (Magnus) and its decay by the air's torque, both at finite Reynolds number ----------------
+# -- Spin --------------------------------------------------------------------------------------------------------------
 # The torque of Dennis et al. over the creeping one, as ROOT sqrt(Re_r) + BASE; they meet at SPIN_CROSSOVER = 31.7
 ROOT = 12.9 / (64.0 * math.pi)
 BASE = 128.4 / (64.0 * math.pi)

@@ -1,9 +1,9 @@
 """Granule materials: size, density, terminal velocity and rebound, each with its source and how far to trust it.
 
-The data stand in materials.toml, with the words for ``confidence`` at its head. What one granule has and another has
+The data are in materials.toml, with the words for ``confidence`` at its head. What one granule has and another has
 not is a standard deviation from granule to granule; a fraction draws for each of its own (scene/fraction.py).
 
-The data stand in uncertainties.toml, with the words for them at its head.
+The data are in uncertainties.toml, with the words for them at its head.
 """
 
 from __future__ import annotations

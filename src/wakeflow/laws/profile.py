@@ -1,7 +1,7 @@
 """Profiles of a falling curtain: registered quantile functions of where its mass falls across its width.
 
 ``quantile(p, width)`` is the place (m from the curtain's middle, within half a width) left of which the share p of the
-mass falls. Granules spread by it stand for the same mass each, wherever they fall.
+mass falls. Granules spread by it represent the same mass each, wherever they fall.
 """
 
 from __future__ import annotations

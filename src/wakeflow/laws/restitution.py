@@ -25,8 +25,10 @@ from ..core.geometry import halved
 from ..core.registry import Registry
 
 Array = NDArray[np.float64]
-MOST = 0.99  # largest e of laws that are elastic below a yield speed, so that a bouncing granule comes to rest
-LEAST_MEASURED = 1e-3  # smallest e that a law of the speed can have been measured with: chosen
+MAX_RESTITUTION = (
+    0.99  # largest e of laws that are elastic below a yield speed, so that a bouncing granule comes to rest
+)
+MIN_RESTITUTION = 1e-3  # smallest e that a law of the speed can have been measured with: chosen
 TABLE_SPEEDS = (1e-8, 1e3)  # m/s: between them a law is tabulated, beyond them it stays what it is there
 TABLE_CELLS = 24  # cells a decade
 PADE = (0.501086, 1.15345, 0.577977, 0.532178)  # of the viscoelastic law: c1 = b1, b2, b3, b4
@@ -69,7 +71,7 @@ def constant(speed: ArrayLike, *, value: float) -> Array:
     return np.full(np.shape(speed), float(value))
 
 
-def _power_kinks(*, value: float, at: float, exponent: float = 0.25, most: float = MOST) -> Sequence[float]:
+def _power_kinks(*, value: float, at: float, exponent: float = 0.25, most: float = MAX_RESTITUTION) -> Sequence[float]:
     return (at * (value / most) ** (1.0 / exponent),)
 
 
@@ -79,7 +81,7 @@ def _power_kinks(*, value: float, at: float, exponent: float = 0.25, most: float
     "well above the speed at which the contact begins to yield; near it the law is cut off at `most`",
     _power_kinks,
 )
-def power(speed: ArrayLike, *, value: float, at: float, exponent: float = 0.25, most: float = MOST) -> Array:
+def power(speed: ArrayLike, *, value: float, at: float, exponent: float = 0.25, most: float = MAX_RESTITUTION) -> Array:
     """e = min(most, value (v / at)^-exponent): ``value`` was measured at the speed ``at`` (m/s)."""
     _check_point(value, at, most)
     _check("exponent", exponent, 1e-3, 2.0)
@@ -94,7 +96,7 @@ def _thornton(ratio: Array) -> Array:
     return math.sqrt(1.2 * math.sqrt(3.0)) * np.sqrt(1.0 - q * q / 6.0) * plastic**0.25
 
 
-def _elastic_plastic_kinks(*, value: float, at: float, most: float = MOST) -> Sequence[float]:
+def _elastic_plastic_kinks(*, value: float, at: float, most: float = MAX_RESTITUTION) -> Sequence[float]:
     return (at * _solve(_thornton, value) / _solve(_thornton, most),)
 
 
@@ -105,7 +107,7 @@ def _elastic_plastic_kinks(*, value: float, at: float, most: float = MOST) -> Se
     "hardens",
     _elastic_plastic_kinks,
 )
-def elastic_plastic(speed: ArrayLike, *, value: float, at: float, most: float = MOST) -> Array:
+def elastic_plastic(speed: ArrayLike, *, value: float, at: float, most: float = MAX_RESTITUTION) -> Array:
     """e = (6 sqrt(3) / 5)^1/2 (1 - q^2 / 6)^1/2 [q / (q + 2 sqrt(6/5 - q^2 / 5))]^1/4, q = (yield speed) / v <= 1.
 
     The yield speed is the one that gives ``value`` at the speed ``at`` (m/s); below it e = 1, cut off at ``most``.
@@ -207,9 +209,9 @@ class Restitution:
 
     def shifted(self, by: float) -> Restitution:
         """The law with ``by`` added to what was measured of it, its ``value`` or ``values``, no more than it can be."""
-        most = self.parameters.get("most", MOST)
+        most = self.parameters.get("most", MAX_RESTITUTION)
         own = {key: self.parameters[key] for key in ("value", "values") if key in self.parameters}
-        least = 0.0 if self.law in ("constant", "table") else LEAST_MEASURED
+        least = 0.0 if self.law in ("constant", "table") else MIN_RESTITUTION
         most = 1.0 if least == 0.0 else most
         changed = dict(self.parameters)
         for key, measured in own.items():

@@ -1,7 +1,7 @@
 """Size distributions: registered quantile functions of the mass-based cumulative distribution.
 
 Every distribution is **by mass**: ``quantile(p)`` is the diameter (m) below which the mass fraction p of the material
-lies. A granule of a fraction then stands for the same mass whatever its size, which is what bin shares by mass need.
+lies. A granule of a fraction then represents the same mass whatever its size, which is what bin shares by mass need.
 
 Measured terminal velocities (m/s) are spread by the same functions, where only ends, mean, median or spread are given.
 """

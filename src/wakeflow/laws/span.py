@@ -19,7 +19,7 @@ class Span:
 
     depth: float = column("body widths", "length of the periodic span")
     layers: int = column("1", "layers of cells over it")
-    sheddings: float = column("1", "usual sheddings recorded after the start-up")
+    sheddings: float = column("1", "usual shedding cycles recorded after the start-up")
 
     @property
     def start_up(self) -> float:

@@ -28,7 +28,7 @@ from .collision import approach_speed, collide, impact
 from .constants import GRAVITY
 from .restitution import Restitution, restitution_at
 
-# -- What a stream of granules does to the slope it falls on: mass flow, force, power, and where it goes ---------------
+# -- What a stream of granules does to the slope it falls on -----------------------------------------------------------
 Array = NDArray[np.float64]
 
 
@@ -169,7 +169,7 @@ def load_on_wall(
     friction: float,
     mobility: float = 0.0,
 ) -> Load:
-    """The load of ``mass_flow`` (kg/s) in n samples that stand for equal masses: falling straight down at
+    """The load of ``mass_flow`` (kg/s) in n samples that represent equal masses: falling straight down at
     ``fall_speed`` (n,) m/s they meet walls of unit outward ``normal`` (n, 2) that move with ``wall`` (n, 2) m/s.
 
     The samples carry the phases in the right proportion (``injection.first_contact``), so this holds for any vibration.

@@ -4,7 +4,7 @@ Each component of the fluctuation that the granule sees is rms = sqrt(2 k / 3) t
 of the integral time that :func:`crossing_times` shortens from :func:`lifetime`; :func:`langevin` steps it exactly,
 whatever the step.
 
-Scalar functions of the math module, since the tracker's kernel compiles them as they stand; np.vectorize takes arrays.
+Scalar functions of the math module, since the tracker's kernel compiles them as they are; np.vectorize takes arrays.
 
 A model is one record, registered under OpenFOAM's keyword for it. The case template is that of USUAL; another model
 brings the files in which its case differs in a folder ``turbulence-models/NAME`` of the template.
@@ -20,7 +20,7 @@ from typing import Any, Literal
 from ..core.registry import Registry
 from .constants import C_MU
 
-# -- Turbulent dispersion of a granule as a Langevin process of the fluid velocity seen, and Brownian motion ----------
+# -- Turbulent dispersion of a granule as a Langevin process of the fluid velocity seen --------------------------------
 C0 = 2.1  # of the simplified Langevin model, as in Minier & Peirano and in code_saturne
 LIFETIME = 1.0 / (0.5 + 0.75 * C0)
 EULERIAN = 0.8  # ratio of the Lagrangian to the Eulerian integral time, as in code_saturne
@@ -91,7 +91,7 @@ def brownian_diffusivity(
 # -- Turbulence models -------------------------------------------------------------------------------------------------
 MIXING_LENGTH = 0.07  # of the width of the opening that air enters through: usual estimate for developed duct flow
 SPANWISE = "kOmegaSSTDDES"  # the model of an airflow that is resolved in three dimensions
-USUAL = "kOmegaSST"  # the model of the case template; it also stands for the unknown model of a user's own case
+USUAL = "kOmegaSST"  # the model of the case template; it also represents the unknown model of a user's own case
 
 
 def entering_energy(intensity: float, speed: float) -> float:
@@ -101,7 +101,7 @@ def entering_energy(intensity: float, speed: float) -> float:
 
 @dataclass(frozen=True)
 class TurbulenceField:
-    """A field that a model needs beside U and p.
+    """A field that a model needs in addition to U and p.
 
     ``name`` in OpenFOAM; ``means`` in words; its unit is m^``metres`` / s^``seconds``. ``entering``: its value (SI) in
     air that enters with k (m2/s2) through an opening of a given width (m); None where the model computes the field from
@@ -146,10 +146,10 @@ class TurbulenceModel:
 
     ``means`` in words, ``source``: where it was published. ``simulation_type`` of OpenFOAM: laminar, RAS or LES. All
     but laminar are linear eddy-viscosity models: OpenFOAM leaves 2k/3 in their p, and the reader takes it out.
-    ``fields``: what a case needs beside U and p; ``dissipation``: how fast k dissipates. ``reynolds``: the plan chooses
-    the model from the first number on and below the second (on the first body's projected width and the inlet's mean
-    speed); (0, 0): never. ``correctors``: solutions of velocity and pressure in a time step; ``convection``: scheme of
-    a time-resolved velocity.
+    ``fields``: what a case needs in addition to U and p; ``dissipation``: how fast k dissipates. ``reynolds``: the plan
+    chooses the model from the first number on and below the second (on the first body's projected width and the inlet's
+    mean speed); (0, 0): never. ``correctors``: solutions of velocity and pressure in a time step; ``convection``:
+    scheme of a time-resolved velocity.
     """
 
     name: str

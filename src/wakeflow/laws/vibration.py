@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.errors import SceneError
 
 Array = NDArray[np.float64]
-MOST_SAMPLES = 20_000  # kept with every result of the scene
+MAX_SAMPLES = 20_000  # kept with every result of the scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,7 @@ def integrated(time: ArrayLike, acceleration: ArrayLike) -> Record:
     """The motion of one period of a measured ``acceleration`` (k,) m/s2 at ``time`` (k,) s, at any spacing.
 
     The mean acceleration over the period is taken off, and the constants of both integrations make the means of
-    velocity and displacement zero. Raises SceneError for fewer than four samples, more than MOST_SAMPLES, times that do
+    velocity and displacement zero. Raises SceneError for fewer than four samples, more than MAX_SAMPLES, times that do
     not increase, values that are not finite, or an acceleration that does not change.
     """
     try:
@@ -103,8 +103,8 @@ def integrated(time: ArrayLike, acceleration: ArrayLike) -> Record:
         raise SceneError("samples: time and acceleration must be lists of numbers") from None
     if t.ndim != 1 or t.shape != a.shape:
         raise SceneError(f"samples: {t.size} times and {a.size} accelerations; give as many of both")
-    if not 4 <= len(t) <= MOST_SAMPLES:
-        raise SceneError(f"samples: {len(t)} of them, allowed 4 to {MOST_SAMPLES}")
+    if not 4 <= len(t) <= MAX_SAMPLES:
+        raise SceneError(f"samples: {len(t)} of them, allowed 4 to {MAX_SAMPLES}")
     if not (np.all(np.isfinite(t)) and np.all(np.isfinite(a))):
         raise SceneError("samples: every time and acceleration must be a finite number")
     h = np.diff(t)

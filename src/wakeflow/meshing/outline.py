@@ -1,6 +1,6 @@
 """Outlines as the mesh takes them: corners and smooth parts, nodes on them, and the loops around the air.
 
-A polygon that stands for a smooth curve turns a little at each of many corners. A corner that turns less than 25
+A polygon that represents a smooth curve turns a little at each of many corners. A corner that turns less than 25
 degrees is part of a smooth *chain*; where its segments are shorter than a cell, some of the corners become nodes of the
 mesh and the boundary is the polygon through them, within 5 % of a cell of the outline; longer segments are cut into
 whole cells.
@@ -63,7 +63,7 @@ def seen(spec: MeshSpec, index: int) -> Array:
     ])  # fmt: skip
 
 
-def turning(outline: Array) -> Array:
+def turn_angles(outline: Array) -> Array:
     """Angle (rad) by which a counter-clockwise outline turns at each corner; positive where it is convex."""
     start, end = edges(outline)
     out = end - start
@@ -73,7 +73,7 @@ def turning(outline: Array) -> Array:
 
 def sharp(outline: Array) -> NDArray[np.bool_]:
     """Which corners are more than a step of a smooth curve."""
-    return np.abs(turning(outline)) > SMOOTH
+    return np.abs(turn_angles(outline)) > SMOOTH
 
 
 def chains(outline: Array) -> list[tuple[Indices, bool]]:

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.geometry import distance_between, distance_to, edges, is_symmetric
-from .outline import chains, seen, sharp, turning
+from .outline import chains, seen, sharp, turn_angles
 from .spec import Array, Direction, MeshSpec, SideInlet, Strategy
 
-# -- How fine the mesh is where, and how far it reaches: from a scene's outlines and a rung to a mesh ------------------
+# -- How fine the mesh is where ----------------------------------------------------------------------------------------
 # Cell edge over projected body width at the body, its corners, in the near wake and far away. "draft" is meant for
 # the half domain and a steady solution; "standard" for a time-resolved one, whose time step the smallest cells dictate;
 # "reference" of a scene is that table on three scales (planning.airflow.GRIDS).
@@ -37,7 +37,7 @@ UPSTREAM, DOWNSTREAM = (3.0, 10.0), (8.0, 20.0)
 # what the inlet's fixed velocity returns has gone there and back, what vortices do at the outlet's fixed pressure comes
 # back only.
 LEFT = 1e-3
-NEAR = (1.0, 5.0)  # widths before and behind the bodies with cells no longer than the far ones
+NEAR_REGION = (1.0, 5.0)  # widths before and behind the bodies with cells no longer than the far ones
 END = 2.5  # cell edge at inlet and outlet over the far one, at most
 WAKE = 2.5  # length of the wake's fine cells in widths of the widest body. Chosen: the vortices have formed by then
 
@@ -74,7 +74,7 @@ def plan_mesh(
     symmetric = all(is_symmetric(outline) for outline in outlines) and _are_mirrored(inlets)
     if half and not symmetric:
         raise SceneError("the half domain needs bodies and openings that are symmetric about x = 0")
-    fine = _around(outlines, top, bottom, direction, NEAR)
+    fine = _around(outlines, top, bottom, direction, NEAR_REGION)
     if extend:
         top, bottom = _around(outlines, top, bottom, direction, ends(width / _largest(outlines)))
     return MeshSpec(
@@ -163,7 +163,7 @@ def _are_mirrored(inlets: Sequence[SideInlet]) -> bool:
     return left == right
 
 
-# -- How long a cell's edge is where: a list of points with an edge each, and boxes behind the bodies ------------------
+# -- How long a cell's edge is where -----------------------------------------------------------------------------------
 # Chosen:
 TURN = 0.2  # rad: a cell on a rounded part turns no more than this, so that a circle has 31 of them
 STEP = 1.15  # ratio of neighbouring levels that the edges wanted are rounded down to: one field of Gmsh's each
@@ -255,7 +255,7 @@ def _on_body(spec: MeshSpec, index: int) -> tuple[Array, Array]:
     start, end = edges(outline)
     length = np.linalg.norm(end - start, axis=1)
     with np.errstate(divide="ignore"):
-        radius = np.minimum(length, np.roll(length, 1)) / np.abs(turning(outline))
+        radius = np.minimum(length, np.roll(length, 1)) / np.abs(turn_angles(outline))
     wanted[rounded] = np.clip(TURN * radius[rounded], corner, body)
     wanted[~rounded] = corner
     along = np.full(len(outline), body)  # on each edge

@@ -14,7 +14,7 @@ from ..core.errors import MeshError, known
 from ..core.process import call_in_child
 from ..core.record import column, save
 
-# -- What to mesh: everything that decides on the mesh, in plain numbers -----------------------------------------------
+# -- What to mesh ------------------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 Outline = tuple[tuple[float, float], ...]
 Direction = Literal["down", "up"]
@@ -110,7 +110,7 @@ class MeshSpec:
 
 
 # -- From a mesh spec to mesh files, through Gmsh in a process of its own ----------------------------------------------
-# -- A mesh file read back: points, cells, patches, and how good the cells are -----------------------------------------
+# -- A mesh file read back ---------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class MeshReport:
     """Counts and quality of the mesh; of a given case only its cells."""

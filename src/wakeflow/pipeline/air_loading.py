@@ -42,8 +42,10 @@ from .realisations import Realisations
 from .solved_air import SolvedAir
 from .tracks import Flight
 
-LEAST = 0.01  # of rho U^2 a body width: less is left out. Chosen: keeps 95 % of the shipped rhombus's, out of the wake
-MOST_PASSES = 3  # solutions under a force
+MIN_FORCE = (
+    0.01  # of rho U^2 a body width: less is left out. Chosen: keeps 95 % of the shipped rhombus's, out of the wake
+)
+MAX_PASSES = 3  # solutions under a force
 TOWARDS = 0.7  # of the way to the force gathered last. Chosen: slower air drags less, so that the whole way oversteps
 
 
@@ -73,7 +75,7 @@ class AirLoading:
 
     @cached_property
     def passes(self) -> tuple[Pass, ...]:
-        """Every pass, until the shares stand within the accuracy asked for, or after MOST_PASSES."""
+        """Every pass, until the shares are within the accuracy asked for, or after MAX_PASSES."""
         return tuple(self._passes())
 
     @property
@@ -103,7 +105,7 @@ class AirLoading:
         """Key and field of what the change counts from: the airflow without the force by the settings that served under
         it. Safer settings alone move the air by more than some curtains do.
         """
-        from ..foam.ladder import schemes_in
+        from ..foam.fallback_settings import schemes_in
 
         last, (_, bare) = self.passes[-1], self.steady.solution
         if schemes_in(last.folder / "case") == schemes_in(bare / "case"):
@@ -119,7 +121,7 @@ class AirLoading:
     @property
     def least(self) -> float:
         """Force density (N/m3) below which none is given to the air."""
-        return LEAST * self.scene.airstream.density * self.scene.airstream.speed**2 / self.scene.width
+        return MIN_FORCE * self.scene.airstream.density * self.scene.airstream.speed**2 / self.scene.width
 
     @property
     def summary(self) -> AirLoadingSummary:
@@ -152,7 +154,7 @@ class AirLoading:
     def _passes(self) -> Iterator[Pass]:
         before = self.first
         force, start = before.force.above(self.least), self.steady.solution
-        for number in range(MOST_PASSES):
+        for number in range(MAX_PASSES):
             key, folder = self._solved(force, *start)
             after = self._gathered(key, partial(self.field_in, folder))
             change = _farthest(before, after)
@@ -163,7 +165,7 @@ class AirLoading:
             self.cache.tell("air-loading", f"pass {number + 1}: shares moved by up to {100 * change:.2g} points")
 
     def _gathered(self, key: str, field: Callable[[], FlowField]) -> Gathered:
-        """What granules exert on the air of a field, made where it is not told by its key, from the cache or now."""
+        """What granules exert on the air of a field, made where its key does not have it, from the cache or now."""
 
         tables = self.scene.model_dump(mode="json", by_alias=True)
         for name in ("numerics", "picture", "funnel", "collisions", "force"):
@@ -224,7 +226,7 @@ def _farthest(before: Gathered, after: Gathered) -> float:
     return max(abs(new - old) for olds, news in rows for old, new in zip(olds, news, strict=True))
 
 
-# -- The granules' force on the air of one field, gathered along the tracks of part of them ----------------------------
+# -- The granules' force on the air of one field -----------------------------------------------------------------------
 Array = NDArray[np.float64]
 POINTS = 512  # kept of a track
 ACROSS = 16  # boxes across the first body
@@ -284,7 +286,7 @@ def gather_force(
 
 def _lost(tracks: Tracks, grains: Granules, air_density: float, forces: tuple[str, ...]) -> Array:
     """Velocity (2,) m/s that a granule gave to the air on its whole way, mean over all: what gravity gave it less what
-    all but walls did, told from the ends of the tracks alone.
+    all but walls did, derived from the ends of the tracks alone.
     """
     gain = np.array([path[-1, 5:7] - path[0, 5:7] for path in known(tracks.recorded)])
     lasted = np.array([path[-1, 0] - path[0, 0] for path in known(tracks.recorded)])

@@ -133,7 +133,7 @@ class Airflow(AirflowResult):
     @property
     def safer_settings(self) -> str | None:
         """A line that says which safer settings solved the airflow, and why; None where the usual ones did."""
-        from ..foam.ladder import warning
+        from ..foam.fallback_settings import warning
 
         return warning(self.settings or "normal", self.attempts or ())
 

@@ -166,7 +166,7 @@ airflow_kinds: Registry[type[AirflowKind]] = Registry("kind of airflow", home="w
 
 
 class CaseAir(AirflowKind):
-    """An airflow that stands in an OpenFOAM case."""
+    """An airflow that is in an OpenFOAM case."""
 
     @cached_property
     def mesh_spec(self) -> MeshSpec:

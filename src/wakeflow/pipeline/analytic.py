@@ -1,4 +1,4 @@
-"""The air of a channel in which nothing stands: known without mesh or solver.
+"""The air of a channel without bodies: known without mesh or solver.
 
 Uniform between slip walls; between no-slip walls laminar and fully developed. The turbulence that a uniform stream
 brings decays along the channel as the k-omega model has it.

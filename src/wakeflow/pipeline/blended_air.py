@@ -23,7 +23,7 @@ from .residence import residence_times
 from .solved_air import TimeResolvedAir
 
 
-# -- The best estimate's air: between the steady wake and the one in time ----------------------------------------------
+# -- The best estimate's air -------------------------------------------------------------------------------------------
 @airflow_kinds.register("best-estimate")
 class BestEstimateAir(TimeResolvedAir):
     """The wake between the steady one and the one in time, as much of each as the plan's best estimate says."""

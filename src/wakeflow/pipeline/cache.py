@@ -15,7 +15,7 @@ from threading import Lock
 from typing import Any
 
 from ..core.files import write_json
-from ..core.process import heed
+from ..core.process import check_cancelled
 from ..core.record import column
 from ..core.sources import code_key
 from ..core.store import Store
@@ -36,11 +36,11 @@ SECONDS = "seconds.json"  # in a stage's folder: what it took
 Listener = Callable[[str, str], None]  # (stage, text): hears of progress
 
 
-def silent(stage: str, text: str) -> None:
+def null_listener(stage: str, text: str) -> None:
     """The listener that hears nothing."""
 
 
-def in_turn(listener: Listener) -> Listener:
+def thread_safe(listener: Listener) -> Listener:
     """The listener for several threads: it is called by one at a time."""
     lock = Lock()
 
@@ -77,7 +77,7 @@ class StageCache:
 
     def tell(self, stage: str, text: str) -> None:
         """Let the listener hear of a stage; ends here where what runs beside has failed."""
-        heed()
+        check_cancelled()
         self.listener(StageKey(self.label, stage), text)
 
     def make(self, stage: str, key: str, work: Callable[[Path], Any]) -> Path:

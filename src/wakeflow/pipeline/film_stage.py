@@ -20,7 +20,7 @@ from ..core.files import write_json
 from ..core.lazy import cached_property
 from ..core.store import content_key
 from ..core.tables import Columns
-from ..planning.crowd import number_rates
+from ..planning.collisions import number_rates
 from ..planning.plan import REPLICATES, Plan
 from ..scene import Scene
 from .cache import StageCache, code_of
@@ -81,7 +81,7 @@ class FilmStage:
 
     def fly(self, span: float | None = None) -> Film:
         """``span`` (s) of the machine's time, by default as long as the slowest granules fly."""
-        from .landings import load_drawn_tracks
+        from .landings import load_recorded_tracks
 
         lasting = self.start_up if span is None else span
         rate = self.scene.feed.mass_flow, self.scene.feed.depth, self.scene.mass_shares()
@@ -89,17 +89,17 @@ class FilmStage:
         key = content_key("film", self.upstream, lasting, rate, crowd, code_of("film"))
         folder = self.cache.make("film", key, partial(self._work, lasting))
         told = json.loads((folder / FILE).read_text())
-        paths = {name: load_drawn_tracks(folder / f"{name}.drawn.npz") for name in self.scene.fraction}
+        paths = {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in self.scene.fraction}
         return Film(**told, paths=paths)
 
     def _work(self, span: float, folder: Path) -> None:
-        from .landings import paths_of, save_drawn_tracks
+        from .landings import paths_of, save_recorded_tracks
 
         film, flown = self._slab(span) if self.plan.crowd is not None else self._alone(span)
         for name, tracks, grains in flown:
             paths = paths_of(tracks, grains, len(self.scene.bin))
             shown = [one for one in paths if one["time"][0] < film.begin + span and one["time"][-1] > film.begin]
-            save_drawn_tracks(folder / f"{name}.drawn.npz", shown)
+            save_recorded_tracks(folder / f"{name}.drawn.npz", shown)
         write_json(folder / FILE, {key: value for key, value in asdict(film).items() if key != "paths"})
 
     # -- granules that meet --------------------------------------------------------------------------------------------

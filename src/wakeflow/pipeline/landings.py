@@ -13,7 +13,7 @@ from ..core.tables import Columns, save_arrays
 from ..scene import Scene
 from ..tracking import Fate, Granules, Tracks
 
-# -- Recorded tracks, as pictures take them and as they are kept in a file ---------------------------------------------
+# -- Recorded tracks ---------------------------------------------------------------------------------------------------
 MOMENTS = ("time", "position", "velocity")  # (m,) s, (m, 2) m, (m, 2) m/s of a track
 OWN = ("diameter", "bin", "fate")  # () m, place among the scene's bins or -1, value of Fate, of a track
 
@@ -26,7 +26,7 @@ def paths_of(tracks: Tracks, grains: Granules, bins: int) -> list[Columns]:
     ]
 
 
-def save_drawn_tracks(path: Path, paths: Sequence[Columns]) -> None:
+def save_recorded_tracks(path: Path, paths: Sequence[Columns]) -> None:
     """Keep tracks end to end in one file (.npz), ``split`` saying where each begins."""
     split = np.cumsum([0] + [len(one["time"]) for one in paths])
     room = {"time": np.zeros(0), "position": np.zeros((0, 2)), "velocity": np.zeros((0, 2))}
@@ -35,8 +35,8 @@ def save_drawn_tracks(path: Path, paths: Sequence[Columns]) -> None:
     save_arrays(path, {"split": split, **own, **joined})
 
 
-def load_drawn_tracks(file: Path) -> list[Columns]:
-    """What :func:`save_drawn_tracks` kept."""
+def load_recorded_tracks(file: Path) -> list[Columns]:
+    """What :func:`save_recorded_tracks` kept."""
     with np.load(file) as data:
         if len(data["split"]) == 1:
             return []
@@ -45,19 +45,19 @@ def load_drawn_tracks(file: Path) -> list[Columns]:
         return [dict(zip((*MOMENTS, *OWN), map(np.asarray, row), strict=True)) for row in rows]
 
 
-# -- What is kept of the tracks: where every granule ended, and the tracks that pictures draw --------------------------
+# -- What is kept of the tracks ----------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Landings:
-    """Where the granules of one fraction ended; one entry a granule, every granule stands for the same mass; integers
+    """Where the granules of one fraction ended; one entry a granule, every granule represents the same mass; integers
     and lesser columns in few bytes, since there may be very many.
 
     ``position`` (n, 2) m, ``bin`` (n,) index into the scene's bins or -1 for elsewhere, ``replicate`` (n,),
     ``diameter`` (n,) m, ``fate`` (n,) values of Fate, ``time`` (n,) s in flight, ``impacts`` (n,) on bodies,
     ``realisation`` (n,) of the airflow and ``cycle`` (n,) of the shedding in it at which the granule was released. Of
-    granules that meet others: ``weight`` (n,), what each stands for, its mean such that the sum is the number of equal
+    granules that meet others: ``weight`` (n,), what each represents, its mean such that the sum is the number of equal
     granules that would be as large a sample, and ``meetings`` (n,) with others; None where each flies alone. ``drag``
     (n,): the factor on its drag law.
     """
@@ -82,7 +82,7 @@ class Landings:
 
     @property
     def mass_shares(self) -> Array:
-        """Share (n,) of the fraction's mass that each granule stands for."""
+        """Share (n,) of the fraction's mass that each granule represents."""
         weight = np.ones(len(self.bin)) if self.weight is None else self.weight
         return np.asarray(weight / weight.sum())
 
@@ -161,5 +161,5 @@ def load_tracked(folder: Path, scene: Scene) -> Tracked:
             injected[name] = int(data["injected"].sum())
             fates[name] = fates_of(data["fate"])
         file = folder / f"{name}.drawn.npz"
-        drawn[name] = load_drawn_tracks(file) if file.exists() else []
+        drawn[name] = load_recorded_tracks(file) if file.exists() else []
     return Tracked(landings, drawn, injected, fates)

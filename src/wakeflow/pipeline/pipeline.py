@@ -1,4 +1,4 @@
-"""mesh -> airflow -> field -> tracks -> slab: every stage cached, each reading only what stands before it.
+"""mesh -> airflow -> field -> tracks -> slab: every stage cached, each reading only what is before it.
 
 The airflow and its field belong to the kind of airflow that the plan chose (``airflow_kinds``), the tracks to
 ``track_stage``, granules that meet each other to ``crowd_stage``; how a stage is kept and timed is in ``cache``.
@@ -26,12 +26,12 @@ from . import blended_air, known_air, solved_air, span_air  # noqa: F401 - they 
 from .air_loading import AirLoading
 from .airflow import Airflow, FieldDivergence
 from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
-from .cache import Listener, StageCache, StageTime, silent
+from .cache import Listener, StageCache, StageTime, null_listener
 from .compilation import Compilation
-from .draws import Draws, DrawStage
 from .film_stage import Film, FilmStage
-from .slab import CrowdCompanion, CrowdStage, SlabFound
-from .track_stage import Companion, TrackStage
+from .input_samples import DrawStage, InputSamples
+from .slab import CollisionRerun, CollisionStage, SlabFound
+from .track_stage import PerturbedRerun, TrackStage
 
 if TYPE_CHECKING:
     from ..field import FlowField
@@ -52,7 +52,7 @@ class Pipeline:
 
     scene: Scene
     plan: Plan
-    listener: Listener = silent
+    listener: Listener = null_listener
     workers: int | None = None
     store: Store = field(default_factory=lambda: Store(cache_root()))
     seconds: dict[str, StageTime] = field(default_factory=dict)
@@ -88,7 +88,7 @@ class Pipeline:
 
     @property
     def impact_loads(self) -> ImpactSummary | None:
-        """What the falling stream does to the first body; None where none stands, or another may be met before it."""
+        """What the falling stream does to the first body; None where there is none, or another may be met before it."""
         return impact_loads(self.scene, self.plan)
 
     # -- airflow -------------------------------------------------------------------------------------------------------
@@ -108,7 +108,7 @@ class Pipeline:
 
     @property
     def _in_case(self) -> CaseAir:
-        """The airflow, where it stands in an OpenFOAM case. Raises SceneError where it does not."""
+        """The airflow, where it is in an OpenFOAM case. Raises SceneError where it is not."""
         if not isinstance(self.kind, CaseAir):
             raise SceneError(f"airflow {self.plan.airflow.kind}: it has neither mesh nor OpenFOAM case")
         return self.kind
@@ -189,36 +189,36 @@ class Pipeline:
         """Everything the tracks depend on."""
         return self._track_stage.key
 
-    def tracks(self, companion: Companion | None = None) -> Tracked:
+    def tracks(self, rerun: PerturbedRerun | None = None) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
-        return self._track_stage.fly(companion)
+        return self._track_stage.fly(rerun)
 
     @property
     def draw_stage(self) -> DrawStage:
         """What draws and flies what nobody knows exactly."""
         return DrawStage(self._track_stage)
 
-    def draws(self) -> Draws | None:
+    def draws(self) -> InputSamples | None:
         """Part of the granules under many draws of what nobody knows exactly; None where all is known."""
         return self.draw_stage.fly()
 
     @cached_property
-    def _crowd_stage(self) -> CrowdStage:
-        return CrowdStage(self._track_stage)
+    def _collision_stage(self) -> CollisionStage:
+        return CollisionStage(self._track_stage)
 
     @property
-    def crowd_key(self) -> str | None:
+    def collisions_key(self) -> str | None:
         """Everything the slab depends on; None where the plan has none."""
-        return None if self.plan.crowd is None else self._crowd_stage.key
+        return None if self.plan.crowd is None else self._collision_stage.key
 
-    def crowd(self, companion: CrowdCompanion | None = None) -> SlabFound | None:
+    def crowd(self, rerun: CollisionRerun | None = None) -> SlabFound | None:
         """The landings of granules that meet each other, of some replicates under a ``companion``'s change; None where
         the plan has no slab.
         """
         if self.plan.crowd is None:
             return None
         self.compilation.finish_slab()
-        return self._crowd_stage.fly(companion)
+        return self._collision_stage.fly(rerun)
 
     def shown(self, picture: Picture) -> dict[str, list[Columns]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
@@ -230,6 +230,6 @@ class Pipeline:
         known = self._track_stage.airs, self.tracks_key, self.tracks().landings, self.workers
         return FilmStage(self.scene, self.plan, self.cache, *known).fly(span)
 
-    def compile_beside(self) -> None:
+    def compile_in_background(self) -> None:
         """Have the tracker compiled by another process while this one waits for OpenFOAM."""
         self.compilation.begin(self.store.root / "log.compile", slab=self.plan.crowd is not None)

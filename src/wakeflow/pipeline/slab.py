@@ -24,7 +24,7 @@ from ..injection.feed import Feedstock
 from ..injection.stream import SlabFeed, slab_stream
 from ..laws.constants import GRAVITY
 from ..laws.forces import forces
-from ..planning.crowd import CrowdPlan
+from ..planning.collisions import CollisionPlan
 from ..planning.plan import Plan
 from ..planning.variation import AS_GIVEN, Variation
 from ..scene import Scene
@@ -37,13 +37,15 @@ if TYPE_CHECKING:
     from .track_stage import TrackStage
 
 
-# -- The stage of the slab: the landings of granules that meet each other, from the cache, or flown --------------------
-FEWEST = 2  # replicates of a companion
-SMALL = 0.3  # of the accuracy asked for: landing error that a step of the slab may make, body widths (docs/crowd.md)
+# -- The stage of the slab ---------------------------------------------------------------------------------------------
+MIN_REPLICATES = 2  # replicates of a companion
+STEP_ERROR_PART = (
+    0.3  # of the accuracy asked for: landing error that a step of the slab may make, body widths (docs/collisions.md)
+)
 
 
 @dataclass(frozen=True)
-class CrowdCompanion:
+class CollisionRerun:
     """Part of the replicates flown again with one thing changed; ``name`` among the stages, factors on the step of the
     slab's clock and on its depth.
     """
@@ -72,13 +74,13 @@ class SlabFound:
 
 
 @dataclass
-class CrowdStage:
+class CollisionStage:
     """The slab of one scene under one plan through one airflow, in which its ``tracks`` have flown alone before."""
 
     tracks: TrackStage
 
     @property
-    def crowd(self) -> CrowdPlan:
+    def crowd(self) -> CollisionPlan:
         """What the plan says of the slab. The plan must have one."""
         return known(self.tracks.plan.crowd)
 
@@ -90,7 +92,7 @@ class CrowdStage:
     @property
     def tolerance(self) -> float:
         """Landing error (body widths) of a step of the slab's clock: a mean shift moves about half of it as a share."""
-        return max(self.tracks.scene.numerics.tolerance, SMALL * self.tracks.plan.target_error)
+        return max(self.tracks.scene.numerics.tolerance, STEP_ERROR_PART * self.tracks.plan.target_error)
 
     @cached_property
     def key(self) -> str:
@@ -108,11 +110,11 @@ class CrowdStage:
             stage.workers, partial(stage.cache.tell, name),
         )  # fmt: skip
 
-    def fly(self, companion: CrowdCompanion | None = None) -> SlabFound:
+    def fly(self, rerun: CollisionRerun | None = None) -> SlabFound:
         """The slab; under a ``companion``'s change some of its replicates."""
-        change = companion or CrowdCompanion("slab")
-        replicates = self.crowd.replicates if companion is None else max(FEWEST, self.crowd.replicates // 4)
-        step = None if companion is None else change.step * self.fly().step
+        change = rerun or CollisionRerun("slab")
+        replicates = self.crowd.replicates if rerun is None else max(MIN_REPLICATES, self.crowd.replicates // 4)
+        step = None if rerun is None else change.step * self.fly().step
         flight = self.flight(change.name, change.depth * self.crowd.depth, step)
         key = content_key(self.key, change.step, flight.depth, replicates)
         folder = self.tracks.cache.make(change.name, key, partial(flight.fly_all, replicates=replicates))

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Companion:
+class PerturbedRerun:
     """Part of the granules flown again, the same ones, with one thing changed: what that changes is an error.
 
     ``name`` among the stages; ``tolerance`` (body widths) instead of the scene's; ``wake``: theta and strength of the
@@ -77,26 +77,26 @@ class TrackStage:
             upstream = content_key(upstream, self.loading.key)
         return content_key("tracks", tables, order, *flown, repr(how), upstream, code_of("tracks"), versions)
 
-    def fly(self, companion: Companion | None = None) -> Tracked:
+    def fly(self, rerun: PerturbedRerun | None = None) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
         from .landings import load_tracked
         from .tracks import Flight
 
-        change = companion or Companion("tracks")
+        change = rerun or PerturbedRerun("tracks")
         tolerance = change.tolerance or self.scene.numerics.tolerance
-        replicates = REPLICATES if companion is None else COMPARED
+        replicates = REPLICATES if rerun is None else COMPARED
         unloaded = [] if change.loaded or self.loading is None else ["unloaded"]
         key = content_key(self.key, tolerance, change.wake, replicates, *unloaded)
         tell = partial(self.cache.tell, change.name)
         airs = self.realised(change)
         flight = Flight(self.scene, self.plan, airs, tolerance, self.workers, tell, replicates)
         self.finish_compiling(change.name, key)
-        folder = self.cache.make(change.name, key, partial(flight.fly_all, drawn=companion is None))
+        folder = self.cache.make(change.name, key, partial(flight.fly_all, drawn=rerun is None))
         return load_tracked(folder, self.scene)
 
     def shown(self, picture: Picture) -> dict[str, list[Columns]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
-        from .landings import load_drawn_tracks
+        from .landings import load_recorded_tracks
         from .tracks import Flight
 
         names, flown = picture.chosen(list(self.scene.fraction)), picture.flown
@@ -106,8 +106,8 @@ class TrackStage:
         key = content_key(self.key, tolerance, names, flown)
         tell = partial(self.cache.tell, "shown")
         flight = Flight(self.scene, self.plan, self.airs, tolerance, self.workers, tell)
-        folder = self.cache.make("shown", key, lambda part: flight.fly_shown(part, names, *flown))
-        return {name: load_drawn_tracks(folder / f"{name}.drawn.npz") for name in names}
+        folder = self.cache.make("shown", key, lambda part: flight.fly_pictured(part, names, *flown))
+        return {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in names}
 
     @cached_property
     def airs(self) -> Realisations:
@@ -115,7 +115,7 @@ class TrackStage:
         found = self.air.realisations
         return found if self.loading is None else found.mapped(self.loading.apply)
 
-    def realised(self, change: Companion) -> Realisations:
+    def realised(self, change: PerturbedRerun) -> Realisations:
         """The airflow that granules fly in under a ``change``."""
         found = self.airs if change.loaded else self.air.realisations
         if change.wake is None or found.field is None:

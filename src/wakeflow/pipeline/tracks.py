@@ -22,16 +22,16 @@ from ..laws.constants import GRAVITY
 from ..planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
 from ..planning.variation import GranuleVariation
 from ..scene import Scene
-from ..scene.pictures import DRAWN
+from ..scene.pictures import TRACKS_RECORDED
 from ..tracking import Body, Granules, Tracks
-from .landings import Landings, paths_of, save_drawn_tracks
+from .landings import Landings, paths_of, save_recorded_tracks
 from .realisations import Realisations
 
 Array = NDArray[np.float64]
 COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture of its own asks for
 WALL = 0.05  # thickness of the channel's walls in channel widths; only their inner faces are ever met
 PATIENCE = 40.0  # channel heights at air speed before a granule counts as airborne
-HOVERING = 1e4  # the same where no body stands: granules of almost the air speed hang in it, and steps are cheap
+HOVERING = 1e4  # the same where there is no body: granules of almost the air speed hang in it, and steps are cheap
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Flight:
                 parts.append(part)
                 shown += paths
             if drawn:
-                save_drawn_tracks(folder / f"{name}.drawn.npz", shown)
+                save_recorded_tracks(folder / f"{name}.drawn.npz", shown)
             columns = {key: np.concatenate([part.pop(key) for part in parts]) for key in list(parts[0])}
             order = np.argsort(columns["replicate"], kind="stable")
             save_arrays(folder / f"{name}.npz", {key: values[order] for key, values in columns.items()})
@@ -72,7 +72,7 @@ class Flight:
         """
         airs, size = len(self.airs), replicate_size(self.scene.feed.count)
         step, done, count = max(1, AT_ONCE // size), 0, self.replicates * size
-        chosen = np.linspace(0, count - 1, min(DRAWN, count)).astype(int) if drawn else np.zeros(0, dtype=int)
+        chosen = np.linspace(0, count - 1, min(TRACKS_RECORDED, count)).astype(int) if drawn else np.zeros(0, dtype=int)
         for number in range(min(airs, self.replicates)):
             flight = replace(self, airs=Realisations(self.airs.make(number)))
             images, own = flight._images(), range(number, self.replicates, airs)
@@ -103,7 +103,7 @@ class Flight:
         tracks = self.fly(name, grains, record=COARSE, stream=REPLICATES + replicates[0])
         return paths_of(tracks, grains, len(self.scene.bin))
 
-    def fly_shown(self, folder: Path, names: Sequence[str], count: int, body_speed: float | None) -> None:
+    def fly_pictured(self, folder: Path, names: Sequence[str], count: int, body_speed: float | None) -> None:
         """Keep ``count`` tracks of each fraction in ``names``; with ``body_speed`` (m/s, upward) the first of them is
         that of the granule, among all that are fed, that met the body at the speed nearest to it.
         """
@@ -115,9 +115,9 @@ class Flight:
             chosen = np.linspace(0, len(feed.replicate) - 1, min(count, len(feed.replicate))).astype(int)
             if body_speed is not None:
                 chosen = np.concatenate([[self._meeting(name, feed, body_speed)], chosen])
-            detail = DETAIL if len(chosen) <= 2 * DRAWN else COARSE
+            detail = DETAIL if len(chosen) <= 2 * TRACKS_RECORDED else COARSE
             tracks = self.fly(name, feed.granules[chosen], record=detail, stream=3 * REPLICATES)
-            save_drawn_tracks(
+            save_recorded_tracks(
                 folder / f"{name}.drawn.npz", paths_of(tracks, feed.granules[chosen], len(self.scene.bin))
             )
 

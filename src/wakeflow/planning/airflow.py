@@ -142,7 +142,7 @@ class NoAirPlan(AirflowPlan):
 
 
 class AnalyticAirPlan(AirflowPlan):
-    """Air in which nothing stands: known in closed form."""
+    """Air without bodies: known in closed form."""
 
     @property
     def summary(self) -> str | None:
@@ -247,14 +247,14 @@ def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
 
 
 def _analytic(scene: Scene, asked: str) -> AirflowPlan:
-    """The plan of a channel in which nothing stands: nothing is meshed or solved."""
+    """The plan of a channel without bodies: nothing is meshed or solved."""
     if asked != "auto":
         raise SceneError(
             f"rung = {asked!r}: without a body there is nothing to solve; leave the rung out, or add a body"
         )
     air = scene.airstream
     laminar = air.profile == "parabolic" or known(scene.reynolds) < LAMINAR_BELOW
-    why = f"nothing stands in it: {air.profile} everywhere, neither mesh nor solver"
+    why = f"it has no body: {air.profile} everywhere, neither mesh nor solver"
     return AnalyticAirPlan("analytic", why, None, "laminar" if laminar else "decaying", symmetric=True, half=False)
 
 

@@ -15,14 +15,14 @@ from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction, term
 from ..laws.forces import FlightScales
 from ..scene import Scene
 from .airflow import AirflowPlan
+from .collision_rates import Encounters, encounters
 from .coupling import with_slowed_air
 from .flight_scales import flights
 from .impaction import Deflection, deflection
-from .meetings import Encounters, encounters
 from .terms import LOADING, bounds, limit_of
 from .uniform_fall import UniformFall
 
-# -- A fraction before its forces are chosen: its drag, how it comes to the body, which others it meets ----------------
+# -- A fraction before its forces are chosen ---------------------------------------------------------------------------
 RARE = 1e-3  # share of the mass below and above which a measured terminal velocity may be anything
 CALIBRATED = (0.5, 100.0)  # factor on a sphere's drag that is believed: irregular granules have more, none much less
 

@@ -14,12 +14,12 @@ from ..funnel import estimated_seconds
 from ..laws.forces import forces
 from ..scene import Scene
 from .airflow import AirflowPlan
-from .crowd import CrowdPlan
+from .collisions import CollisionPlan
 from .plan import AT_ONCE, COMPARED, GATHERED, REPLICATES, CostEstimate, FractionPlan, replicate_size
 from .stages import FLIGHTS, OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, error_sources, stages
 from .wake import SpanCost, cost_of
 
-# -- What an airflow will cost, before its mesh is made: cells, seconds of OpenFOAM, processes -------------------------
+# -- What an airflow will cost, before its mesh is made ----------------------------------------------------------------
 SECONDS = {"steady": 17.0, "time-resolved": 81.0}  # of solving on 2020s hardware at the usual mesh, a body, one core
 UNMIRRORED = 3.4  # times as long: a steady solution of the whole channel, which has more cells and settles late
 WORTH_IT = 60_000  # cells from which a second MPI rank pays
@@ -74,7 +74,7 @@ def _edges(scene: Scene, airflow: AirflowPlan, grid: int) -> float:
     return airflow.scales[grid] * scene.numerics.mesh_scale
 
 
-# -- What a plan will cost: the seconds of each stage, memory and disk, before anything is started ---------------------
+# -- What a plan will cost ---------------------------------------------------------------------------------------------
 STARTED = 2.0  # s: importing and planning
 REPORT = 4.0  # s: its figures, tables and the field's files
 SECONDS_A_GRANULE = 450e-6  # s of both cores past a body: one flight with drag and weight; dispersion doubles it
@@ -138,7 +138,7 @@ def wall_seconds(expected: Sequence[StageCost], cores: int = 2) -> float:
 
 
 def expected_stages(
-    scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], crowd: CrowdPlan | None
+    scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], crowd: CollisionPlan | None
 ) -> tuple[StageCost, ...]:
     """The stages of a run, and those in which the sources of its budget fly granules again, in the order in which they
     are usually done.
@@ -273,7 +273,7 @@ for _one in (
     Stage("change", _code("field.combined"), scaling=Scaling.CELLS),
     Stage("tracks", _code("pipeline.tracks", "pipeline.landings"), heading="tracks", cost=_flying),
     Stage("slab", _code("pipeline.slab", "pipeline.landings"), "slab", Scaling.SLAB, "slab", _in_slab),
-    Stage("draws", _code("pipeline.draws", "field.combined"), heading="draws"),
+    Stage("draws", _code("pipeline.input_samples", "field.combined"), heading="draws"),
     Stage("residence", _code("tracking.residence"), "field", Scaling.CELLS, "airflow", _residing),
     Stage("film", _code("pipeline.film_stage", "pipeline.slab", "pipeline.air_loading")),
     Stage("report", heading="report"),

@@ -21,7 +21,7 @@ from ..laws.collision import impact
 from ..laws.constants import GRAVITY
 from ..laws.forces import FlightScales
 from ..scene import Scene
-from .meetings import Encounters, shifted, slope_of
+from .collision_rates import Encounters, shifted, slope_of
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ MODULATING = 1e-6  # volume fraction above which granules change the turbulence:
 LOADED = 0.1  # of the air's own flow of mass or momentum, and of the slope covered: chosen, what passes as small
 SLOWEST = 0.1  # m/s: taken for the speed of granules that the air holds in the curtain; chosen
 SHADE = 1.5  # area that a sphere covers, times its diameter, over its volume: (pi d^2 / 4) d / (pi d^3 / 6)
-FAR = 10.0  # limits: beyond, nothing is left of what is taken for granted; chosen
+MAX_EXCEEDANCE = 10.0  # limits: beyond, nothing is left of what is taken for granted; chosen
 PLACES = 500  # of the curtain, to tell which share of it falls on a body
 ELGHOBASHI = "Elghobashi 1994, Appl. Sci. Res. 52, 309"
 
@@ -214,7 +214,7 @@ def strained(rows: Sequence[Limit], lifted: Collection[str] = ()) -> Iterator[No
         if beyond:
             numbers = ", ".join(f"{row.name} {row.value:.2g} (limit {row.limit:.2g})" for row in beyond)
             least = min(row.feed_rate or 0.0 for row in beyond)
-            grade = void if any(row.value > FAR * (row.limit or math.inf) for row in beyond) else less_sure
+            grade = void if any(row.value > MAX_EXCEEDANCE * (row.limit or math.inf) for row in beyond) else less_sure
             yield grade(
                 f"the feed is too dense for {about}: {numbers}; with feed.rate below {least:.2g} kg/h it is not"
             )

@@ -1,6 +1,6 @@
 """The scales of a fraction's flight, which the bounds are made of: times, speeds, meetings, before anything is flown.
 
-Falls through the channel's uniform air with the fraction's own drag (``uniform_fall``); meetings as told.
+Falls through the channel's uniform air with the fraction's own drag (``uniform_fall``); meetings as given.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from ..laws.forces import FlightScales
-from ..laws.forces.record import NEAR
+from ..laws.forces.record import REACH
 from ..scene import Fraction, Scene
-from .meetings import RECIRCULATION, Encounters, thrown_by
+from .collision_rates import RECIRCULATION, Encounters, ejection_speed
 from .uniform_fall import FallTimes, UniformFall
 
 Array = NDArray[np.float64]
@@ -54,8 +54,8 @@ def flights(
         slip = max(abs(arrival - fall.along), air.speed, abs(times.landing) - abs(fall.along))
         stays = 0.0
         if scene.body and upward and abs(fall.settling) < air.speed:  # it falls into the wake, and leaves with the air
-            stays = NEAR * scene.width / (RECIRCULATION * air.speed) / (1.0 + times.tau * air.speed / scene.width)
-        thrown = arrival * thrown_by(scene, fraction, arrival) if scene.body else abs(float(scene.entry[0]))
+            stays = REACH * scene.width / (RECIRCULATION * air.speed) / (1.0 + times.tau * air.speed / scene.width)
+        thrown = arrival * ejection_speed(scene, fraction, arrival) if scene.body else abs(float(scene.entry[0]))
         scales.append(FlightScales(
             diameter=diameter, density=density, tau=times.tau, calm=not scene.body,
             arrival=arrival, thrown=thrown, slip=slip, settling=abs(fall.settling),

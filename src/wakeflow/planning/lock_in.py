@@ -13,8 +13,8 @@ from ..scene import Scene
 from .airflow import SHEDDING_ABOVE
 from .terms import VIBRATION
 
-SMALL = 0.1  # a w / U above which the body's motion is never left out
-ANYWHERE = 1.3  # largest change of mean drag or base pressure over a w / U, locked or not, up to SMALL
+MAX_NEGLECTED_MOTION = 0.1  # a w / U above which the body's motion is never left out
+ANYWHERE = 1.3  # largest change of mean drag or base pressure over a w / U, locked or not, up to MAX_NEGLECTED_MOTION
 BESIDE = 0.3  # the same outside the bands
 BANDS = {1.0: (0.05, 1.0), 2.0: (0.1, 2.0)}  # half width of the band about f / fs: constant, and per a w / U
 STROUHAL = (0.12, 0.21)  # f D / U_gap, U_gap = U / (1 - blockage): plate 0.123 to 0.145, square 0.13 to 0.146,
@@ -43,16 +43,20 @@ def vibration_of_air(
     known yet; ``accuracy``: the share that is asked of mean drag and base pressure. ``sheds``: False below the onset of
     vortex shedding, where nothing can lock.
 
-    Left out where a w / U is below SMALL and the frequency outside the bands about fs and 2 fs; and wherever even a
-    locked wake differs by less than ``accuracy``. Measured at Re 100 on one rhombus; taken to hold for other bodies and
-    Reynolds numbers.
+    Left out where a w / U is below MAX_NEGLECTED_MOTION and the frequency outside the bands about fs and 2 fs; and
+    wherever even a locked wake differs by less than ``accuracy``. Measured at Re 100 on one rhombus; taken to hold for
+    other bodies and Reynolds numbers.
     """
     low, high = frequency_ratio if isinstance(frequency_ratio, tuple) else (frequency_ratio, frequency_ratio)
     speed = abs(speed_ratio)
     words = f"{low:.2g}" if low == high else f"{low:.2g} to {high:.2g}"
     what = f"a w / U = {speed:.2g} at f / fs = {words}"
-    if speed > SMALL:
-        return AirMotion(True, ANYWHERE * speed, f"{what}: above the {SMALL:g} up to which leaving it out was measured")
+    if speed > MAX_NEGLECTED_MOTION:
+        return AirMotion(
+            True,
+            ANYWHERE * speed,
+            f"{what}: above the {MAX_NEGLECTED_MOTION:g} up to which leaving it out was measured",
+        )
     near = [at for at in BANDS if sheds and low <= at + half_width(at, speed) and high >= at - half_width(at, speed)]
     if not near:
         where = "away from fs and 2 fs" if sheds else "the wake does not shed, nothing can lock"
@@ -116,4 +120,4 @@ def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | No
 def _most_sideways(ratios: tuple[float, float], *, sheds: bool) -> float:
     """Largest sideways a w / U that is left out."""
     locks = sheds and ratios[0] <= ACROSS_BAND[1] and ratios[1] >= ACROSS_BAND[0]
-    return ACROSS if locks else SMALL
+    return ACROSS if locks else MAX_NEGLECTED_MOTION

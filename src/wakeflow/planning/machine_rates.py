@@ -48,7 +48,8 @@ def on_this_machine(plan: Plan, root: Path) -> tuple[tuple[StageCost, ...], int]
     """The stages of a plan with the seconds that this machine needs, as its runs in the cache's ``root`` say, and of
     how many runs the best known kind of work was learned; a kind that none has done keeps its seconds.
 
-    The tracker's compilation is one of them where it is still to be done, beside the airflow where there is one.
+    The tracker's compilation is one of them where it is still to be done, at the same time as the airflow where there
+    is one.
     """
     known = _read(root)
     rates = {work: _rate(runs) for work, runs in known.items()}
@@ -67,7 +68,7 @@ def _rate(runs: Sequence[tuple[float, float]]) -> float:
 
 
 def is_compiled(root: Path) -> bool:
-    """Whether the cache holds a compiled tracker that is newer than its sources: told from the times of files, since
+    """Whether the cache holds a compiled tracker that is newer than its sources: derived from the times of files, since
     numba's own cache knows it for certain, but not at once.
     """
     made = [path.stat().st_mtime for path in (root / "numba").glob("*/*")]

@@ -19,12 +19,12 @@ from ..scene.overrides import share_in
 from ..scene.whole import States, switched
 from .airflow import AirflowPlan, choose_airflow
 from .approach import Approach, approaches, arrival_at_body, feels_granules
+from .collision_rates import Encounters, shifted
+from .collisions import CollisionPlan, plan_collisions, too_many_to_collide, why_no_collisions
 from .cost import estimate_cost, expected_stages
 from .coupling import Limit, limits
-from .crowd import CrowdPlan, plan_crowd, too_many_to_meet, why_no_crowd
 from .flight_scales import flights
 from .lock_in import AirMotion, vibration_of_scene
-from .meetings import Encounters, shifted
 from .messages import missing_lines, used_lines, warning_lines
 from .plan import FractionPlan, Plan, whole_terms
 from .terms import (
@@ -33,20 +33,20 @@ from .terms import (
     LOADING,
     SWITCHED_OFF,
     VIBRATION,
-    Gate,
     LeftOut,
     LeftOutTerm,
+    TermSelection,
     bounds,
     check_switches,
     limit_of,
     moved_by_air,
-    open_gate,
+    select_terms,
     too_small,
 )
 
 TURNING = "deflection-before-the-impact"  # what injection leaves out: how the air before the body moves granules
 MATTERS = 0.1  # body widths: a warning where the air that is left out could move a fraction by more; chosen
-LOOK = "rung none is a first look at each granule alone; --force collisions=on"
+FIRST_LOOK = "rung none is a first look at each granule alone; --force collisions=on"
 NONE_MET = Encounters({}, 0.0, 0.0)  # for scales of which no one asks what a granule meets
 LARGEST_ERROR = 0.5  # of a share: an accuracy beyond would say nothing
 
@@ -59,8 +59,8 @@ def make_plan(
     target_error: float | str | None = None,
 ) -> Plan:
     """Decide what ``scene``, or that of a scene file, needs. ``rung`` and ``target_error`` (a share, 0.01 or "1 %")
-    override the scene's; ``force`` switches terms on or off beside those of the scene's [force]: {"lift": "on"} for all
-    fractions, {"chaff.lift": "on"} for one; True and False do as well.
+    override the scene's; ``force`` switches terms on or off in addition to those of the scene's [force]: {"lift": "on"}
+    for all fractions, {"chaff.lift": "on"} for one; True and False do as well.
 
     Raises SceneError when a rung or term is asked for that cannot be had, or when a term that cannot be computed
     could move a fraction by more than the accuracy asked for.
@@ -72,7 +72,7 @@ def make_plan(
     flown, chain = airflow.flown(given), given.air is not None and airflow.kind == "none"
     check_switches(flown, switches, airflow.turbulence)
     known = approaches(flown, airflow)
-    obstacle = LOOK if chain else _why_none_meet(flown, known)
+    obstacle = FIRST_LOOK if chain else _why_none_collide(flown, known)
     crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
     airflow = replace(airflow, loaded=feels_granules(flown, airflow, known, target, switches.get(LOADING)))
     rest = whole_terms(airflow, crowd), obstacle
@@ -157,20 +157,20 @@ def _crowd(
     obstacle: str | None,
     *,
     paired: bool,
-) -> CrowdPlan | None:
+) -> CollisionPlan | None:
     """The slab in which granules meet; None where that could not move a fraction by more than the accuracy allows, and
-    where an ``obstacle`` is in the way, unless it was asked for. ``paired``: as :func:`plan_crowd` says.
+    where an ``obstacle`` is in the way, unless it was asked for. ``paired``: as :func:`plan_collisions` says.
     """
     asked = switches.get(COLLISIONS)
     if asked is None:
         limit = limit_of(scene, target)
         asked = obstacle is None and any(shifted(scene, one.met, one.scales) > limit for one in approaches.values())
-    return plan_crowd(scene, _laws(approaches), target, paired=paired) if asked else None
+    return plan_collisions(scene, _laws(approaches), target, paired=paired) if asked else None
 
 
-def _why_none_meet(scene: Scene, approaches: Mapping[str, Approach]) -> str | None:
+def _why_none_collide(scene: Scene, approaches: Mapping[str, Approach]) -> str | None:
     """Why no slab can be flown for a scene at its feed rate; None where one can."""
-    return why_no_crowd(scene) or too_many_to_meet(scene, _laws(approaches))
+    return why_no_collisions(scene) or too_many_to_collide(scene, _laws(approaches))
 
 
 def _laws(approaches: Mapping[str, Approach]) -> dict[str, tuple[str, float]]:
@@ -183,7 +183,7 @@ class _Decided(NamedTuple):
 
     plan: FractionPlan
     left_out: tuple[LeftOut, ...] = ()
-    gate: Gate | None = None
+    gate: TermSelection | None = None
 
 
 def _decide(
@@ -199,7 +199,7 @@ def _decide(
     """How fraction ``name`` is computed, and with which forces. Raises SceneError as :func:`make_plan` does."""
     if scene.air is None:
         return _in_vacuum(scene, name, known, switches, target, whole, obstacle)
-    gate = open_gate(scene, name, known.scales, switches, target, airflow.turbulence, whole=whole, crowded=obstacle)
+    gate = select_terms(scene, name, known.scales, switches, target, airflow.turbulence, whole=whole, crowded=obstacle)
     turned = known.turned
     small = LOADING not in whole and turned is not None and turned.missed <= target and turned.shift <= gate.limit
     arrival = arrival_at_body(scene, name, known.law, known.scale)

@@ -13,19 +13,19 @@ from ..funnel import summary
 from ..scene import Scene
 from ..scene.fraction import COEFFICIENTS
 from .airflow import AirflowPlan
+from .collisions import CollisionPlan, collision_lines
 from .cost import ranks_for, span_cost, typical_cells
 from .coupling import COUPLING, INDEPENDENT, Limit, strained
-from .crowd import CrowdPlan, crowd_lines
 from .lock_in import AirMotion
 from .plan import COMPARED, REPLICATES, FractionPlan
-from .terms import COLLISIONS, LOADING, Gate
+from .terms import COLLISIONS, LOADING, TermSelection
 from .wake import span_lines
 
 # -- What the plan warns of at the bodies ------------------------------------------------------------------------------
 SEAM = 0.1  # of a record's peak acceleration: a larger jump from its end to its beginning is warned of; chosen
 
 
-def standing(scene: Scene) -> Iterator[Notice]:
+def body_checks(scene: Scene) -> Iterator[Notice]:
     """One each: level faces, faces that friction alone makes a granule stay on, a record with a jump."""
     for name, body in scene.body.items():
         across, up = normals(body.outline()).T
@@ -51,13 +51,13 @@ def standing(scene: Scene) -> Iterator[Notice]:
         )
 
 
-# -- Numbers that no machine has: most likely another unit was meant, or none was written ------------------------------
+# -- Numbers that no machine has ---------------------------------------------------------------------------------------
 AIRY = (0.1, 10.0)  # kg/m3: hot or thin air to heavy gases
 FASTEST = 500.0  # Hz: no sieve or feeder shakes so fast; 3000 rpm are 50 Hz
 LIGHTEST, HEAVIEST = 25.0, 23000.0  # kg/m3 of granules: foam beads, and no matter is denser
 
 
-def unusual_lines(scene: Scene) -> Iterator[Notice]:
+def magnitude_lines(scene: Scene) -> Iterator[Notice]:
     """A notice of each number of the air, the vibration and the granules that is beyond what machines have."""
     air, vibration = scene.air, scene.vibration
     if air is not None and not AIRY[0] <= air.density <= AIRY[1]:
@@ -76,8 +76,8 @@ def unusual_lines(scene: Scene) -> Iterator[Notice]:
         yield less_sure(f"{name}: {density:.3g} kg/m3, {why}; check fraction.{name}.density{meant}")
 
 
-# -- The plan in words: what is used and why, and where the model's assumptions strain, with numbers -------------------
-LARGE = 0.95  # mass quantile that stands for a fraction's large granules
+# -- The plan in words -------------------------------------------------------------------------------------------------
+LARGE_QUANTILE = 0.95  # mass quantile that represents a fraction's large granules
 POINT = 0.1  # of the body's width: size up to which a granule passes as a point in the air; chosen
 HARDLY = 0.5  # size above which calling it one makes the answer void; chosen
 LIFTED = {LOADING: COUPLING, COLLISIONS: INDEPENDENT}  # the assumption that no longer strains where a term is computed
@@ -90,7 +90,7 @@ def used_lines(
     fractions: Mapping[str, FractionPlan],
     validity: Sequence[Limit],
     motion: AirMotion | None,
-    crowd: CrowdPlan | None,
+    crowd: CollisionPlan | None,
     *,
     chain: bool,
 ) -> Iterator[str]:
@@ -121,7 +121,7 @@ def used_lines(
             f"impacts; {sight}{why}"
         )
     if crowd is not None:
-        yield from crowd_lines(crowd)
+        yield from collision_lines(crowd)
     if scene.funnel is not None:
         yield summary(scene.funnel)
 
@@ -181,7 +181,7 @@ def _spread(scene: Scene, name: str) -> str:
 
 
 def _airflow_lines(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
-    """The airflow that is computed, why, and what is computed beside it."""
+    """The airflow that is computed, why, and what is computed in addition."""
     if airflow.stepping is None:
         yield from () if airflow.summary is None else (airflow.summary,)
         return
@@ -211,7 +211,7 @@ def _airflow_lines(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
         yield f"beside it, for the error of the mesh: grids with cell edges of {sizes} times the usual"
 
 
-def missing_lines(gates: Mapping[str, Gate], unit: str) -> Iterator[Notice]:
+def missing_lines(gates: Mapping[str, TermSelection], unit: str) -> Iterator[Notice]:
     """One for each term that could matter and is not computed, with what it could move."""
     terms = dict.fromkeys((term, why) for gate in gates.values() for term, why in gate.missing.items())
     for term, why in terms:
@@ -232,9 +232,9 @@ def warning_lines(
     """
     yield from airflow.notices(scene)
     yield from _beyond_the_top(scene)
-    yield from unusual_lines(scene)
+    yield from magnitude_lines(scene)
     for name, fraction in scene.fraction.items():
-        size = float(fraction.diameters(np.array([LARGE]))[0])
+        size = float(fraction.diameters(np.array([LARGE_QUANTILE]))[0])
         if size > POINT * scene.width:
             doubt = void if size > HARDLY * scene.width else less_sure
             yield doubt(
@@ -251,7 +251,7 @@ def warning_lines(
                 f"{name}: falls faster than a sphere of its size and density; check fraction.{name}.terminal_velocity"
             )
         yield from _injected_beyond(name, plan, target)
-    yield from standing(scene)
+    yield from body_checks(scene)
     if scene.feed.rate is not None:  # without one there is a rate only to give throughputs a scale
         yield from strained(validity, {LIFTED[term] for term in whole if term in LIFTED})
 

@@ -13,8 +13,8 @@ from ..core.graded import Notice
 from ..core.number import Most
 from ..core.record import column, to_json
 from .airflow import AirflowPlan
+from .collisions import CollisionPlan
 from .coupling import Limit
-from .crowd import CrowdPlan
 from .impaction import Deflection
 from .stages import StageCost
 from .terms import COLLISIONS, LeftOut
@@ -22,7 +22,7 @@ from .terms import COLLISIONS, LeftOut
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
 AT_ONCE = 2**17  # granules that are fed and flown at a time, or one replicate where it has more
 COMPARED = 4  # of the replicates fly again in each comparison with another airflow, step or mesh
-DRAWS = 64  # of everything that is not known exactly; their regression has some forty degrees of freedom
+INPUT_SAMPLES = 64  # of everything that is not known exactly; their regression has some forty degrees of freedom
 GATHERED = 2048  # granules of a fraction whose force on the air is gathered. Chosen: a hundred pass every box there
 SAME_AIR = 2  # draws that share one draw of the air, whose fields cost more to make than granules to fly
 
@@ -84,7 +84,7 @@ class FractionPlan(_Sendable):
         return table
 
 
-def whole_terms(airflow: AirflowPlan, crowd: CrowdPlan | None) -> frozenset[str]:
+def whole_terms(airflow: AirflowPlan, crowd: CollisionPlan | None) -> frozenset[str]:
     """The terms among ``planning.terms`` that are computed for the run as a whole, of all fractions together."""
     return airflow.effects | ({COLLISIONS} if crowd is not None else set())
 
@@ -104,7 +104,9 @@ class Plan(_Sendable):
     notices: tuple[Notice, ...] = column("", "what a user must know before the run, the gravest first", default=())
     validity: tuple[Limit, ...] = column("", "what the feed rate strains, and from which rate on", default=())
     unit: str = column("", "of lengths in this table: body widths or channel widths", default="body widths")
-    crowd: CrowdPlan | None = column("", "the slab in which granules meet; null where each flies alone", default=None)
+    crowd: CollisionPlan | None = column(
+        "", "the slab in which granules meet; null where each flies alone", default=None
+    )
 
     def __repr__(self) -> str:
         """What is flown how, and how much there is to read."""

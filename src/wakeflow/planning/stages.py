@@ -13,7 +13,7 @@ from typing import ClassVar, NamedTuple, Protocol
 from ..core.registry import Registry
 from ..scene import Scene
 from .airflow import AirflowPlan
-from .crowd import CrowdPlan
+from .collisions import CollisionPlan
 
 FLIGHTS, OTHER_MESHES = "flights", "other meshes"
 
@@ -76,7 +76,7 @@ class Workload(NamedTuple):
 
     scene: Scene
     airflow: AirflowPlan
-    crowd: CrowdPlan | None
+    crowd: CollisionPlan | None
     fractions: int
     effort: float
 
@@ -88,7 +88,7 @@ def _nothing(work: Workload) -> Iterable[StageCost]:
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage by its ``name``; as it stands by default, one in which granules fly again.
+    """A stage by its ``name``; as it is by default, one in which granules fly again.
 
     ``code``: the modules that compute it, whose sources and those of all that they import are part of its key;
     ``work``: the kind of work, whose pace is learned; ``scaling``: what its run time goes with; ``heading``: under

@@ -29,9 +29,9 @@ from ..laws.forces import Bound, FlightScales, forces
 from ..laws.forces.record import SIDEWAYS
 from ..laws.turbulence import has_no_turbulence
 from ..scene import Fraction, Scene
-from .crowd import why_no_crowd
+from .collisions import why_no_collisions
 
-# -- A-priori bounds on what each term could move: those of the forces, and of what a plan leaves out ------------------
+# -- A-priori bounds on what each term could move ----------------------------------------------------------------------
 VIBRATION, COLLISIONS, LOADING = "vibration-of-the-air", "collisions", "air-loading"
 SLOWEST_LANDING = 1e-9  # m/s: keeps the slope of a track finite where a granule hangs in the air
 
@@ -100,12 +100,12 @@ def moved_by_air(flight: FlightScales) -> float:
     return (flight.thrown + SIDEWAYS * flight.air_speed + flight.slip * slope) * left / flight.width
 
 
-# -- The plan's gate: which terms each fraction's granules are flown with, and what is left out by which ---------------
+# -- The plan's gate ---------------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 DEAR = 3.0  # weight of a term's run time against what it moves, when small terms are chosen
 NOTHING = 0.05  # of the limit: a term whose bound stays below it is left out, whatever else is; chosen
 TYPICAL = 0.5  # mean shift over the bound, which holds for 95 % of the granules: at most this (tests/planning)
-MOST_SIDES = 2  # a curtain falls on the left and the right of a body's top
+MAX_SIDES = 2  # a curtain falls on the left and the right of a body's top
 AIR = "air"  # left out as a whole: in a vacuum, and at rung none
 SWITCHED_OFF = "switched off by --force"
 IN_SLAB = "granules that meet have no record of their past; --force basset-history=on computes it for granules alone"
@@ -130,7 +130,7 @@ class LeftOutTerm(LeftOut):
 
 
 @dataclass(frozen=True)
-class Gate:
+class TermSelection:
     """What was decided for one fraction: its ``forces``, the ``bounds`` of all terms and the ``limit`` they were
     compared with (body widths), what is ``left_out``, and what is ``missing``: terms that exceed the limit, and why
     they cannot be computed.
@@ -168,7 +168,7 @@ def check_switches(scene: Scene, force: Mapping[str, bool], turbulence: str | No
 def _obstacle(scene: Scene, fraction: str, term: str, turbulence: str | None) -> str | None:
     """Why a term cannot be switched on for a ``fraction``, or ("") for all; None where it can."""
     if term == COLLISIONS:
-        return why_no_crowd(scene, asked=True)
+        return why_no_collisions(scene, asked=True)
     if scene.air is None:
         return "a term of the air; add an [air] table"
     if term in (VIBRATION, LOADING) and not fraction:
@@ -188,7 +188,7 @@ def _switch(force: Mapping[str, bool], fraction: str, term: str) -> bool | None:
 # -- decision ----------------------------------------------------------------------------------------------------------
 
 
-def open_gate(
+def select_terms(
     scene: Scene,
     name: str,
     scales: Sequence[FlightScales],
@@ -198,7 +198,7 @@ def open_gate(
     *,
     whole: Collection[str] = (),
     crowded: str | None = None,
-) -> Gate:
+) -> TermSelection:
     """Decide for fraction ``name``; ``scales`` of its flight at several sizes (``flight_scales.flights``); ``target`` a
     share; ``whole``: terms that are computed for the run as a whole, of all fractions together; ``crowded``: why
     collisions cannot be, None where they can.
@@ -233,7 +233,7 @@ def open_gate(
     order = tuple(term for term in forces if term in used)
     if COLLISIONS in whole:
         left_out += _left_out_of_slab(name, order, shifts)
-    return Gate(
+    return TermSelection(
         (*_always(), *order), MappingProxyType(shifts), limit, tuple(left_out), MappingProxyType(missing)
     )  # fmt: skip
 
@@ -317,4 +317,4 @@ def _sides(scene: Scene) -> int:
     if outline is None:
         return 1
     top = outline[np.isclose(outline[:, 1], outline[:, 1].max(), atol=TOP * scene.width), 0]
-    return MOST_SIDES if abs(scene.feed.position - top.mean()) < 0.5 * scene.feed.width else 1
+    return MAX_SIDES if abs(scene.feed.position - top.mean()) < 0.5 * scene.feed.width else 1

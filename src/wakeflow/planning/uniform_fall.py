@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from ..laws.constants import GRAVITY
 from ..laws.drag import drag_laws, relaxed, slip_correction, terminal_velocity
-from ..laws.forces.record import NEAR
+from ..laws.forces.record import REACH
 from ..scene import Air, Fraction, Scene
 
 Array = NDArray[np.float64]
 STEP = 0.01  # of the time that the whole fall takes about; chosen: an error of about 1 %
-MOST_STEPS = 3000  # 30 times that: a granule that has not come through by then hangs in the air
-LEAST_LANDING = 0.1  # of the air speed: what a landing speed is at least taken for, where a granule nearly hangs
+MAX_STEPS = 3000  # 30 times that: a granule that has not come through by then hangs in the air
+MIN_LANDING = 0.1  # of the air speed: what a landing speed is at least taken for, where a granule nearly hangs
 
 
 class FallPoint(NamedTuple):
@@ -45,7 +45,7 @@ class FallTimes:
 
     whole: float  # s, from the release to the end
     time: float  # s, from the body to the end
-    near: float  # s of that within NEAR body widths of the body
+    near: float  # s of that within REACH body widths of the body
     arrival: float  # m/s at the body
     landing: float  # m/s at the end
     tau: float  # s, mean relaxation time after the body
@@ -95,10 +95,10 @@ class UniformFall:
             before, arrival = 0.0, abs(speed)
             points = self.points(speed, top - channel.bottom, max(channel.top - top, channel.width))
         time, _, landing = points[-1]
-        near = next((t for t, way, _ in points if abs(way) >= NEAR * scene.width), time) if scene.body else time
+        near = next((t for t, way, _ in points if abs(way) >= REACH * scene.width), time) if scene.body else time
         speeds = np.array([point.speed for point in points])
         tau = float(np.mean(self.tau(np.abs(self.along - speeds))))
-        return FallTimes(before + time, time, near, arrival, max(abs(landing), LEAST_LANDING * abs(self.along)), tau)
+        return FallTimes(before + time, time, near, arrival, max(abs(landing), MIN_LANDING * abs(self.along)), tau)
 
     def arrival(self) -> Arrival:
         """At the top of the first body; without one at once."""
@@ -144,7 +144,7 @@ def _fall(granule: _Granule, speed: float, down: float, up: float) -> tuple[Fall
     step = STEP * min(math.sqrt(2.0 * least / GRAVITY), least / abs(along))
     time = way = 0.0
     points: list[FallPoint] = []
-    while len(points) < MOST_STEPS and not (way >= down or way <= -up):
+    while len(points) < MAX_STEPS and not (way >= down or way <= -up):
         tau = float(granule.tau(np.array([abs(along - speed)]))[0])
         further, speed = relaxed(speed, along + pull * tau, tau, step, math.exp(-step / tau))
         way += further

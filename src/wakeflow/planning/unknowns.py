@@ -1,6 +1,6 @@
 """What nobody knows exactly of a scene, and draws of it: each unknown with half of its 95 % interval and its source.
 
-An unknown is one registered kind with everything it needs: where it stands in a scene, how far off it may be, and how a
+An unknown is one registered kind with everything it needs: where it is in a scene, how far off it may be, and how a
 draw of it varies the run. One draw varies all of them at once, so that the interval over many draws holds what they do
 together; numbers that fractions share, as the air's speed, are drawn once for all fractions.
 """
@@ -30,7 +30,7 @@ from .variation import Variation
 Array = NDArray[np.float64]
 SIGMAS = 1.959964  # standard deviations to either end of a normal distribution's middle 95 %
 FARTHEST = 2.5  # standard deviations at which a draw is cut off: 1.2 % lie beyond
-LEAST = 1e-3  # a factor is no smaller, however wide its interval
+MIN_FACTOR = 1e-3  # a factor is no smaller, however wide its interval
 PORTION = (0.0, 1.0)  # what a part of a whole can be
 GIVEN = "given"
 DISPERSES = "dispersion"  # the force that the turbulence's unknowns act through
@@ -114,7 +114,7 @@ Vary = Callable[[Variation, Unknown, float, Scene, Plan], Variation]
 
 
 def _factor(one: Unknown, x: float) -> float:
-    return max(x / one.value, LEAST)
+    return max(x / one.value, MIN_FACTOR)
 
 
 def _shift(one: Unknown, x: float) -> float:

@@ -59,7 +59,7 @@ def wake_of(scene: Scene, reynolds: float) -> WakeEstimate:
 
 
 def family_of(scene: Scene) -> ShapeFamily:
-    """Which shape of the data stands in the air; none for several bodies, rounded edges and other shapes."""
+    """Which shape of the data is in the air; none for several bodies, rounded edges and other shapes."""
     (body, *others) = scene.body.values()
     if others or (body.rounding or 0.0) > SHARP * scene.width:
         return ShapeFamily(None)
@@ -84,7 +84,7 @@ STEPS = 95.0  # time steps in one, on the usual mesh at a Courant number of 2: m
 SECONDS = 3e-6  # of one core, a cell and time step
 BYTES = 24.0  # of disk, a cell and snapshot: six numbers in single precision
 MEMORY = 2800.0  # bytes a cell that OpenFOAM holds
-LAYERS_A_WIDTH, LEAST_LAYERS = 8, 4
+LAYERS_A_WIDTH, MIN_LAYERS = 8, 4
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def span_of(scene: Scene) -> Span:
         raise SceneError(f"rung = '3d' resolves a turbulent wake; at Re {reynolds:.3g} it is laminar: choose standard")
     if scene.air is not None and scene.air.profile == "parabolic":
         raise SceneError("rung = '3d': a parabolic inlet is laminar and its wake is not; air.profile = 'uniform'")
-    layers = asked.layers if asked.layers is not None else max(LEAST_LAYERS, math.ceil(LAYERS_A_WIDTH * asked.depth))
+    layers = asked.layers if asked.layers is not None else max(MIN_LAYERS, math.ceil(LAYERS_A_WIDTH * asked.depth))
     return Span(asked.depth, layers, asked.shedding_cycles)
 
 
@@ -136,6 +136,6 @@ def span_lines(span: Span, cost: SpanCost) -> Iterator[str]:
     """The plan's lines on it."""
     yield (
         f"three dimensions: a periodic span of {span.depth:g} body widths in {span.layers} layers, {span.sheddings:g} "
-        f"sheddings recorded after a start-up of {span.start_up:g} body widths of travel"
+        f"shedding cycles recorded after a start-up of {span.start_up:g} body widths of travel"
     )
     yield f"{cost}; it may be stopped and started again at any time"

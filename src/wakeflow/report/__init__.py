@@ -85,7 +85,7 @@ def is_whole(folder: Path, names: Iterable[str] = ()) -> bool:
 
 
 def report_files(folder: Path) -> list[Path]:
-    """What stands in ``folder`` of all that a report replaces there: files, and folders of its own."""
+    """What is in ``folder`` of all that a report replaces there: files, and folders of its own."""
     from . import vtk
     from .figures import figure_files
 

@@ -36,8 +36,8 @@ INK_OF_LINES = "#333333"
 def as_flown(mean: FlowField, scene: Scene) -> FlowField:
     """A steady field, in a machine that is its own mirror image the mean of the field and its image.
 
-    A few sheddings are a small sample and their mean leans to one side; granules fly in both images, so that what they
-    met does not. Where a mesh that is not quite its own image has no point opposite, the field itself stands.
+    A few shedding cycles are a small sample and their mean leans to one side; granules fly in both images, so that what
+    they met does not. Where a mesh that is not quite its own image has no point opposite, the field itself stands.
     """
     if not scene.symmetric:
         return mean
@@ -202,7 +202,7 @@ CLOCKWISE, COUNTER = (0.30, 0.55, 0.85), (0.88, 0.42, 0.35)  # blue, red
 PALE = 0.75  # of the full colour
 
 
-class Turning:
+class VorticityShades:
     """The vorticity of a ``field`` on ``size`` (across, up) dots of a ``window``, the upper left first."""
 
     def __init__(self, field: FlowField, window: Window, size: tuple[int, ...]) -> None:

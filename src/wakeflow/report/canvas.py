@@ -21,7 +21,7 @@ from ..core.errors import SceneError
 from ..core.files import atomic_write
 from ..core.tables import AnyArray, CellTable
 
-# -- What the pictures of a run share: colours, figures without a screen, maps on triangles, the body ------------------
+# -- What the pictures of a run share ----------------------------------------------------------------------------------
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
@@ -65,7 +65,7 @@ def new_figure(width: float, height: float, paper: Paper | None = None) -> AnyFi
     """An empty figure (inches) with its own Agg canvas for a file; where the ``paper`` is a figure, that one in this
     size; where it is axes, a part of their figure in their place.
 
-    Raises SceneError for axes that stand in no grid of a figure.
+    Raises SceneError for axes that are in no grid of a figure.
     """
     from matplotlib.axes import Axes
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -74,7 +74,7 @@ def new_figure(width: float, height: float, paper: Paper | None = None) -> AnyFi
     if isinstance(paper, Axes):
         spec = paper.get_subplotspec()
         if spec is None:
-            raise SceneError("these axes stand in no grid: make them with pyplot.subplots, or hand over a figure")
+            raise SceneError("these axes are in no grid: make them with pyplot.subplots, or hand over a figure")
         parent = paper.figure
         paper.remove()
         return parent.add_subfigure(spec)
@@ -155,7 +155,7 @@ def air_arrow(axes: Axes, scene: Scene, window: Window, number: str = "") -> Non
 def streams(axes: Axes, scene: Scene) -> None:
     """The openings of the secondary air streams, each with an arrow into the channel, its name and its speed.
 
-    Where the picture ends before the wall the arrow stands at its border, without the opening. One above or below the
+    Where the picture ends before the wall the arrow is at its border, without the opening. One above or below the
     picture is not drawn.
     """
     style = {"arrowstyle": "-|>", "color": STREAM, "linewidth": 2.0, "mutation_scale": 14}
@@ -268,9 +268,9 @@ def pdf_too(wanted: bool = True) -> Iterator[None]:
 
 
 def save(figure: AnyFigure, paper: Paper, data: Mapping[str, ArrayLike] | None = None) -> None:
-    """Write a figure to ``paper`` (.png) and as SVG beside it, cut to what is drawn, and the ``data`` that it shows:
+    """Write a figure to ``paper`` (.png) and as SVG next to it, cut to what is drawn, and the ``data`` that it shows:
     CSV where they are columns of one table, else NPZ. Names of data carry their units. Every file is whole or absent.
-    As PDF too within :func:`pdf_too`. Writes nothing where the drawing stands on axes or a figure that were handed
+    As PDF too within :func:`pdf_too`. Writes nothing where the drawing is on axes or a figure that were handed
     over.
     """
     from matplotlib import rc_context
@@ -316,7 +316,7 @@ def saved(path: Path) -> list[Path]:
     return [file for suffix in SUFFIXES if (file := path.with_suffix(suffix)).exists()]
 
 
-# -- The colours of fractions: a fraction has the same one in every picture of every run, and any two ------------------
+# -- The colours of fractions ------------------------------------------------------------------------------------------
 # Okabe & Ito (2008), "Color Universal Design", without its yellow, too pale for a line, and with a grey and a brown.
 # tests/report/test_figures.py measures how far apart they are seen, with any kind of colour vision.
 AMBER, BLUE, VERMILION, GREY = "#E69F00", "#0072B2", "#D55E00", "#555555"

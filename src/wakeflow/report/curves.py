@@ -13,7 +13,7 @@ from ..core.tables import CellTable
 from ..statistics.dividers import Dividers
 from .canvas import COLOURS, fraction_colours, new_figure, save
 
-# -- Error against run time: of methods, a panel each kind of granule and airflow, and of the settings -----------------
+# -- Error against run time --------------------------------------------------------------------------------------------
 MARKERS = "os^Dv"
 
 
@@ -53,11 +53,11 @@ def draw(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
 
 
 HEADS = ("knob", "setting", "error", "half", "seconds")
-KNOB_MARKERS = "os^Dv*"
-LEAST = 1e-5  # of a share: an error that is drawn no smaller
+SETTING_MARKERS = "os^Dv*"
+MIN_ERROR = 1e-5  # of a share: an error that is drawn no smaller
 
 
-def draw_knobs(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> None:
+def draw_settings(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> None:
     """Write ``path`` as PNG and beside it as SVG: the error of each setting of a knob full, from the coarsest setting
     to the finest, what the run says of itself dotted, in percentage points over seconds.
     """
@@ -68,12 +68,12 @@ def draw_knobs(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> Non
         seconds = [row["seconds"] for row in mine]
         look: dict[str, Any] = {
             "color": COLOURS[number % len(COLOURS)],
-            "marker": KNOB_MARKERS[number % len(KNOB_MARKERS)],
+            "marker": SETTING_MARKERS[number % len(SETTING_MARKERS)],
             "ms": 4.0,
         }
-        axes.plot(seconds, [100 * max(row["error"], LEAST) for row in mine], "-", label=knob, **look)
+        axes.plot(seconds, [100 * max(row["error"], MIN_ERROR) for row in mine], "-", label=knob, **look)
         if all(row["half"] is not None for row in mine):
-            axes.plot(seconds, [100 * max(row["half"], LEAST) for row in mine], ":", alpha=0.7, **look)
+            axes.plot(seconds, [100 * max(row["half"], MIN_ERROR) for row in mine], ":", alpha=0.7, **look)
     for style, told in (("-", "error, against the reference"), (":", "half of its own interval")):
         axes.plot([], [], style, color="0.4", label=told)
     axes.set_xscale("log")
@@ -83,12 +83,12 @@ def draw_knobs(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> Non
     save(figure, path)
 
 
-def write_knobs(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write what :func:`draw_knobs` draws as CSV: errors and half widths as shares, seconds."""
+def write_settings(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write what :func:`draw_settings` draws as CSV: errors and half widths as shares, seconds."""
     CellTable(HEADS, [[row[head] for head in HEADS] for row in rows]).write_csv(path)
 
 
-# -- The figure of the dividers: recovery against purity, with bands ---------------------------------------------------
+# -- The figure of the dividers ----------------------------------------------------------------------------------------
 DIVIDER_HEADS = (
     "purity asked (%)", "purity (%)", "purity low (%)", "purity high (%)", "recovery (%)", "recovery low (%)",
     "recovery high (%)", "from, to along the line (m)",

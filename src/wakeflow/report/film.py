@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write
-from .air import Turning
+from .air import VorticityShades
 from .canvas import INK, MM, Window, air_arrow, canvas, draw_bins, fraction_colours, frame, streams
 from .moving import EVEN, LEVELS, MovingMachine, Path2D, gif_of, picture_of
 
@@ -35,8 +35,8 @@ Array = NDArray[np.float64]
 FORMATS = {"gif": 12.5, "mp4": 30.0}  # frames a second; a GIF counts hundredths of a second
 VISIBLE = 0.008  # of the picture's longer side: diameter of the smallest granule drawn
 RIM = 0.4  # points of white around a granule
-ROOM = 0.92  # of the bytes allowed, that a smaller GIF aims at
-LEAST = 200  # dots of the longer side, below which nothing is seen
+AIMED_SIZE = 0.92  # of the bytes allowed, that a smaller GIF aims at
+MIN_DOTS = 200  # dots of the longer side, below which nothing is seen
 EDGE = 0.12  # inches around all that is drawn: letters are a little wider in some sizes
 ON_PAGE = 5e6  # bytes of a film that the page holds, so that it stays below twice that
 BEGIN, END = "<!-- film -->", "<!-- /film -->"
@@ -57,8 +57,8 @@ def write_film(
         made = gif_of(frames, rate) if path.suffix == ".gif" else _mp4(frames, rate, path)
         if len(made) <= most:
             break
-        dots = int(dots * min(0.9, (ROOM * most / len(made)) ** 0.5))
-        if dots < LEAST:
+        dots = int(dots * min(0.9, (AIMED_SIZE * most / len(made)) ** 0.5))
+        if dots < MIN_DOTS:
             raise SceneError(f"{path}: {most / 1e6:.2g} MB are too few; ask for fewer seconds, or allow more")
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(path, "wb") as stream:
@@ -134,8 +134,8 @@ class _Air:
 
     def __init__(self, axes: Axes, field: FlowField, window: Window, scale: float) -> None:
         size = tuple(round(scale * length) for length in (window[1] - window[0], window[3] - window[2]))
-        self.turning = Turning(field, window, size)
-        self.strongest = self.turning.strongest()
+        self.vorticity = VorticityShades(field, window, size)
+        self.strongest = self.vorticity.strongest()
         left, right, low, high = (MM * end for end in window)
         self.image = axes.imshow(
             np.zeros((1, 1, 3)), extent=(left, right, low, high), interpolation="nearest", zorder=0
@@ -143,7 +143,7 @@ class _Air:
 
     def move(self, time: float) -> None:
         """Show it as it is at ``time`` (s)."""
-        self.image.set_data(self.turning.shaded(time, self.strongest, LEVELS))
+        self.image.set_data(self.vorticity.shaded(time, self.strongest, LEVELS))
 
 
 def _still(film: Film, scene: Scene, window: Window, seconds: float) -> tuple[Figure, Axes, Text]:

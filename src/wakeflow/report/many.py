@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 _Lines = Mapping[str, list[tuple[float, TableQuantity]]]  # by what else varies: values of an input, quantities there
 STYLES: Sequence[LineStyleType] = ("-", "--", ":", "-.")
-MOST_LINES = len(STYLES)  # values of the other inputs that are told apart by the style of a line; else points
+MAX_LINES = len(STYLES)  # values of the other inputs that are told apart by the style of a line; else points
 LONGEST = 60  # letters of what tells a line from the others
 PANEL, HIGH = 4.4, 3.8  # inches, of a panel with lines
-SMALL = 5.5  # points: of what stands below a number
+NOTE_SIZE = 5.5  # points: of what is below a number
 LETTERS, ROW, SAMPLE = 7.0, 0.16, 0.45  # legends: points, inches a row, inches a line's sample takes
 CELLS_WITH_TEXT = 64  # a map of more cells has no numbers in them
 MAPS_ACROSS = 3  # in a row of a figure
 MARKERS = "osD^vP*X"
-FEW = 8  # scenes whose points have their numbers
+MAX_NUMBERED_SCENES = 8  # scenes whose points have their numbers
 SHORT = 40  # letters of what such a scene is
 CLOSE = 0.035  # of an axis: numbers at points that are no further from each other are written as one
 SPREAD = 0.3  # of the least distance between two values of an input: over it stand the whiskers that belong to one,
@@ -86,7 +86,7 @@ def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -
         raise SceneError(f"{key}: takes no two numbers in this table (inputs: {', '.join(numeric_inputs(table))})")
     groups = {name: _groups(table, name, key) for name in names}
     rests = list(dict.fromkeys(itertools.chain(*groups.values())))
-    styles = dict(zip(rests, STYLES, strict=False)) if len(rests) <= MOST_LINES else {}
+    styles = dict(zip(rests, STYLES, strict=False)) if len(rests) <= MAX_LINES else {}
     panels = _panels(names)
     legends = [_Legend.of(_looks(members), styles) for members in panels.values()]
     figure = new_figure(1.2 + PANEL * len(panels), HIGH + ROW * max(legend.rows for legend in legends))
@@ -102,7 +102,7 @@ def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -
 
 
 class _Legend(NamedTuple):
-    """What stands above a panel: its quantities by colour and marker, what else varies by the style of the line."""
+    """What is above a panel: its quantities by colour and marker, what else varies by the style of the line."""
 
     looks: Mapping[str, _Look]
     styles: Mapping[str, LineStyleType]
@@ -238,7 +238,7 @@ def _cells(axes: Axes, grid: _Grid, name: str, unit: str) -> Any:
         known = widths[row, column] > 0.0
         axes.text(*at, f"{value:.3g}", ha="center", va="bottom" if known else "center", fontsize=LETTERS, color=ink)
         if known:
-            axes.text(*at, f"±{0.5 * widths[row, column]:.2g}", ha="center", va="top", fontsize=SMALL, color=ink)
+            axes.text(*at, f"±{0.5 * widths[row, column]:.2g}", ha="center", va="top", fontsize=NOTE_SIZE, color=ink)
     return drawn
 
 
@@ -260,7 +260,7 @@ class _Grid(NamedTuple):
 
 
 def _grid(table: ResultTable, x: str, y: str) -> _Grid | None:
-    """The scenes by their places in two inputs; None where two scenes stand at one place or half of it is empty."""
+    """The scenes by their places in two inputs; None where two scenes are at one place or half of it is empty."""
     places: dict[tuple[float, float], Entry] = {}
     for entry in table.done:
         at = (_number(entry, x), _number(entry, y))
@@ -320,7 +320,7 @@ def _scene_texts(table: ResultTable) -> list[str]:
     """What each of a few scenes is, in the order of the table: what varies, or its name where that tells too little;
     empty where the scenes are many.
     """
-    if len(table.done) > FEW:
+    if len(table.done) > MAX_NUMBERED_SCENES:
         return []
     keys = _varied(table)
     texts = [_told(entry, keys) for entry in table.done]

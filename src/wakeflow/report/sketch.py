@@ -27,9 +27,9 @@ UNITS = {"m": "mm", "rad": "deg", "kg/s": "kg/h"}  # what measures are said in, 
 FILES = ("png", "svg", "pdf")
 AIR, FEED = "#0b7285", "#c98500"
 TALLEST, WIDEST = 5.4, 5.4  # inches of the machine itself
-SMALL, LINE = 8.0, 0.155  # points of the measures; inches of a line of them
+TEXT_SIZE, LINE = 8.0, 0.155  # points of the measures; inches of a line of them
 BESIDE = 0.35  # inches between the machine and what is written beside it
-LEAST = 0.5  # inches per m of a machine in a part of a figure that has no room for its notes
+MIN_SCALE = 0.5  # inches per m of a machine in a part of a figure that has no room for its notes
 OUTSIDE = 0.22  # inches between the machine and a line of measures along it
 HEIGHT = 0.75  # inches on the left that the channel's height takes
 
@@ -109,7 +109,7 @@ def _sheet(
         figure.figure.set_layout_engine("none")
     else:  # a part of another figure has the size that it has there
         wide, tall = figure.bbox.width / figure.dpi, figure.bbox.height / figure.dpi
-        scale = max(LEAST, min((wide - before - after) / (right - left), (tall - below - above) / (high - low)))
+        scale = max(MIN_SCALE, min((wide - before - after) / (right - left), (tall - below - above) / (high - low)))
     size = (scale * (right - left) / wide, scale * (high - low) / tall)
     axes = figure.add_axes((before / wide, (tall - above - scale * (high - low)) / tall, *size))
     axes.set_xlim(MM * left, MM * right)
@@ -122,7 +122,7 @@ def _sheet(
 def _longest(notes: list[_Note], *, left: bool) -> float:
     """Inches that the notes on a side take."""
     lines = [line for note in notes if note.left == left for line in note.text.split("\n")]
-    return max((text_width(line, SMALL) for line in lines), default=0.0) + 0.1
+    return max((text_width(line, TEXT_SIZE) for line in lines), default=0.0) + 0.1
 
 
 def _names_room(scene: Scene, on: str, scale: float) -> float:
@@ -131,8 +131,8 @@ def _names_room(scene: Scene, on: str, scale: float) -> float:
     if not placed:
         return 0.1
     upright = not _level(placed, scale)
-    longest = max(text_width(name, SMALL) for name in placed) if upright else LINE
-    return longest + (max(text_width(text, SMALL) for text in _limits(placed).values()) if upright else LINE) + 0.15
+    longest = max(text_width(name, TEXT_SIZE) for name in placed) if upright else LINE
+    return longest + (max(text_width(text, TEXT_SIZE) for text in _limits(placed).values()) if upright else LINE) + 0.15
 
 
 def _bins_on(scene: Scene, on: str) -> dict[str, tuple[float, float]]:
@@ -148,8 +148,8 @@ def _limits(placed: Mapping[str, tuple[float, float]]) -> dict[float, str]:
 
 def _level(placed: Mapping[str, tuple[float, float]], scale: float) -> bool:
     """Whether the names of bins, and their limits, find room side by side."""
-    limits = max(text_width(text, SMALL) for text in _limits(placed).values()) + 0.05
-    return all(max(text_width(n, SMALL), limits) < scale * (end - start) for n, (start, end) in placed.items())
+    limits = max(text_width(text, TEXT_SIZE) for text in _limits(placed).values()) + 0.05
+    return all(max(text_width(n, TEXT_SIZE), limits) < scale * (end - start) for n, (start, end) in placed.items())
 
 
 def _draw_channel(sheet: _Sheet, scene: Scene) -> None:
@@ -169,7 +169,7 @@ def _draw_channel(sheet: _Sheet, scene: Scene) -> None:
     for y in (low, high):
         place = (left - sheet.away(0.06), y)
         label = metres(y / MM).split(" ")[0]
-        axes.annotate(label, place, ha="right", va="center", fontsize=SMALL, color=AIR, annotation_clip=False)
+        axes.annotate(label, place, ha="right", va="center", fontsize=TEXT_SIZE, color=AIR, annotation_clip=False)
     axes.plot([0.0, 0.0], [low, high], color="#9aa3ad", linewidth=0.6, linestyle="-.", zorder=0)
 
 
@@ -180,7 +180,7 @@ def _measure(axes: Axes, start: tuple[float, float], end: tuple[float, float], t
     box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "linewidth": 0}
     middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
     axes.annotate(
-        text, middle, ha="center", va="center", fontsize=SMALL, rotation=90 if start[0] == end[0] else 0, bbox=box,
+        text, middle, ha="center", va="center", fontsize=TEXT_SIZE, rotation=90 if start[0] == end[0] else 0, bbox=box,
         annotation_clip=False, zorder=9,
     )  # fmt: skip
 
@@ -246,18 +246,25 @@ def _draw_bins(sheet: _Sheet, scene: Scene) -> None:
         level = _level(placed, sheet.scale)
         side, turned = "top" if away < 0 else "bottom", 0 if level else 90
         limits = _limits(placed)
-        beyond = LINE if level else max(text_width(text, SMALL) for text in limits.values()) + 0.05
+        beyond = LINE if level else max(text_width(text, TEXT_SIZE) for text in limits.values()) + 0.05
         rows = [(x, text, 0.08, AIR) for x, text in limits.items()]
         rows += [(sum(ends) / 2, name, 0.08 + beyond, INK) for name, ends in placed.items()]
         for x, text, inches, colour in rows:
             place = (MM * x, MM * y + away * sheet.away(inches))
             sheet.axes.annotate(
-                text, place, fontsize=SMALL, color=colour, ha="center", va=side, rotation=turned, annotation_clip=False
+                text,
+                place,
+                fontsize=TEXT_SIZE,
+                color=colour,
+                ha="center",
+                va=side,
+                rotation=turned,
+                annotation_clip=False,
             )
 
 
 def _ends(bin_: Bin, scene: Scene) -> tuple[str, float]:
-    """Where a bin stands in the order along its side."""
+    """Where a bin is in the order along its side."""
     return bin_.on, float(bin_.line(scene.channel).sum())
 
 
@@ -343,7 +350,7 @@ def _write(sheet: _Sheet, notes: list[_Note]) -> None:
         for note, y in zip(column, _places(sheet, column), strict=True):
             sheet.axes.annotate(
                 note.text, (MM * note.at[0], MM * note.at[1]), xytext=(x, y), ha="right" if on_left else "left",
-                va="center", fontsize=SMALL, arrowprops={**line, "relpos": (float(on_left), 0.5)},
+                va="center", fontsize=TEXT_SIZE, arrowprops={**line, "relpos": (float(on_left), 0.5)},
                 annotation_clip=False, zorder=7,
             )  # fmt: skip
 

@@ -24,7 +24,7 @@ SINCE = "time since release (s)"
 
 
 def look(scene: Scene, run: Path | None = None, picture: Path | None = None) -> None:
-    """Open a window on a scene, and on what stands in the folder of its finished ``run``: the air's speed on its mesh,
+    """Open a window on a scene, and on what is in the folder of its finished ``run``: the air's speed on its mesh,
     and the tracks up to a time since release that a slider sets. Returns when it is closed.
 
     With ``picture`` no window opens, and a PNG of what it would show goes there. Raises SceneError for another file.

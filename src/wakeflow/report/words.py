@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from ..injection.impact_loads import ImpactForces, ImpactSummary
 
 
-# -- The numbers of a result as words: what the page and the terminal say of shares, purities and errors ---------------
+# -- The numbers of a result as words ----------------------------------------------------------------------------------
 NO_VALUE = "–"
 OF_WHAT = "what the scene does not say exactly, granules, {}, terms left out"
 UNPROVEN = "No measurement of granules validates this machine."
 UNKNOWN_ERROR = "unknown"
 TERMS = {LEFT_OUT: "terms left out", NOT_COMPUTED: "terms not computed"}  # a column of the budget for each kind of term
-MOST_DIGITS = 4  # after the point of a percentage, however narrow its interval
+MAX_DIGITS = 4  # after the point of a percentage, however narrow its interval
 ALIKE = 0.25  # of half of an interval: arms that differ by no more are shown as one
 ROUGH = 0.1  # an error of a share from which percentage points are written without decimals
 ROUGH_POINTS = 100.0 * ROUGH
@@ -52,7 +52,7 @@ def percent(number: Number | None) -> str:
     alike = max(below, above) - shorter <= ALIKE * half
     least = half if alike or shorter <= 0.0 else shorter
     decimal = 0 if least >= ROUGH_POINTS else 1
-    digits = 1 if least <= 0 else min(MOST_DIGITS, max(decimal, -math.floor(math.log10(least))))
+    digits = 1 if least <= 0 else min(MAX_DIGITS, max(decimal, -math.floor(math.log10(least))))
     value = f"{100 * number.value:.{digits}f}"
     arms = [f"-{below:.{digits}f}"] * (below > 0.0) + [f"+{above:.{digits}f}"] * (above > 0.0)
     return f"{value} ± {half:.{digits}f}" if alike else " ".join([value, *arms])
@@ -65,7 +65,7 @@ def holds(result: Result) -> str:
             text for text, grade in zip(result.warnings, result.grades, strict=True) if grade == Grade.VOID.value
         )
         return f"VOID: the answer is worth nothing, whatever its intervals say: {why}."
-    of_what = OF_WHAT.format("steps" if result.airflow is None else "sheddings, steps, mesh")
+    of_what = OF_WHAT.format("steps" if result.airflow is None else "shedding cycles, steps, mesh")
     if not result.lacking:
         mostly = f" {result.caveat.capitalize()}." if result.caveat else ""
         return f"The interval holds 95 %: {of_what}.{mostly} {UNPROVEN}"
@@ -106,7 +106,7 @@ def expected(result: Result, place: str) -> list[tuple[str, Number]]:
 def condensed(budget: Sequence[BudgetRow]) -> list[BudgetRow]:
     """The budget with the terms that are left out added up, parts of unknown size last.
 
-    One part stands for the terms that were left out as small enough for the accuracy asked for, one for those that
+    One part represents the terms that were left out as small enough for the accuracy asked for, one for those that
     could matter and are not computed; their notes name the terms.
     """
     rows = []
@@ -149,7 +149,7 @@ def source_seconds(budget: Sequence[BudgetRow]) -> dict[str, float]:
     return spent
 
 
-# -- A result as tables: its CSV files, whose columns carry units, and its shares in words -----------------------------
+# -- A result as tables ------------------------------------------------------------------------------------------------
 SEPARATION_COLUMNS = (  # low and high: the 95 % interval, of which computing alone makes a part
     "fraction", "bin", "share (%)", "share low (%)", "share high (%)", "share by computing alone (+- %)", "purity (%)",
     "purity low (%)", "purity high (%)", "target", "not in the interval", "bin throughput (kg/h)",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ..answer.result import asked_in, refinement_in
 from ..core.errors import SceneError
 from ..core.registry import did_you_mean
-from ..pipeline.cache import Listener, silent
+from ..pipeline.cache import Listener, null_listener
 from ..scene import Scene
 from .one_run import run_once
 from .stages import one_thread_of_blas, stages_of
@@ -35,7 +35,7 @@ def film_of(
     folder: Path | str,
     span: float | None = None,
     fractions: Sequence[str] = (),
-    listener: Listener = silent,
+    listener: Listener = null_listener,
 ) -> tuple[Scene, FlowField | None, Film]:
     """The scene of a finished run as it was flown, its air, and its granules over ``span`` (s), flown for a film; of
     all ``fractions``, or of those alone.

@@ -13,15 +13,15 @@ import numpy as np
 from ..answer.notices import notices, with_mesh_error, with_residence
 from ..answer.provenance import Refinement, provenance_of
 from ..answer.result import FILE, SCHEMA, FlightResults, Request, Result, key_in, provenance_in
-from ..answer.shares import BudgetRow, LandingResults, Separation, crowd_of
+from ..answer.shares import BudgetRow, LandingResults, Separation, collisions_of
 from ..budget.air_loading import UNLOADED
-from ..budget.budget import flights_ahead, fly_again, make_budget, together
+from ..budget.budget import flights_ahead, fly_again, make_budget, total_notices
 from ..budget.mesh import airflow_on_grids
 from ..budget.model import MODEL
 from ..budget.source import Flights
 from ..budget.total import totalled
 from ..core.graded import gravest_first
-from ..core.process import beside, cores
+from ..core.process import background, cores
 from ..core.tables import save_arrays
 from ..funnel.rate import FunnelSummary
 from ..pipeline.airflow import Airflow, MeshReport
@@ -53,7 +53,7 @@ class OneRun:
     def result(self) -> Result:
         """Make the stages that are asked for, then the report where it is not the one that stands there."""
         until, flown = self.request.until, None
-        with beside(self._ahead()):
+        with background(self._ahead()):
             mesh, airflow = self._air()
             tracked = None if until in ("funnel", "mesh", "airflow") else self.pipeline.tracks()
             if tracked is not None and until is None:
@@ -66,7 +66,7 @@ class OneRun:
         scene, plan = self.pipeline.scene, self.pipeline.plan
         slab = None if landings is None else landings.slab
         told = notices(scene, self.pipeline, airflow, self.poured, tracked, slab)
-        small = together(() if landings is None else landings.budget, plan.target_error)
+        small = total_notices(() if landings is None else landings.budget, plan.target_error)
         known = gravest_first((*told, *plan.notices, *small))
         key, solver = self._key(tracked), None if airflow is None else self.pipeline.kind.solver
         result = Result(
@@ -122,7 +122,7 @@ class OneRun:
         if scene.air is None or until == "funnel":
             return None, None
         if until not in ("mesh", "airflow") and not pipeline.kind.at_once:
-            pipeline.compile_beside()
+            pipeline.compile_in_background()
         mesh = pipeline.mesh_quality
         if until == "mesh":
             return mesh, None
@@ -147,7 +147,7 @@ class OneRun:
         separation, budget, inputs = _with_totals(scene, flights)
         crowd = flights.crowd
         alone = None if crowd is None else _with_totals(scene, replace(flights, crowd=None))[0]
-        slab = None if crowd is None else crowd_of(self.pipeline.plan, crowd)
+        slab = None if crowd is None else collisions_of(self.pipeline.plan, crowd)
         wakes = flights.of(MODEL)
         bracket = None if wakes is None else wakes.means(list(scene.bin))
         unloaded = flights.of(UNLOADED)
@@ -158,13 +158,13 @@ class OneRun:
 
     def _key(self, tracked: Tracked | None) -> str:
         """What the answer depends on."""
-        crowd = self.pipeline.crowd_key if tracked and self.request.until is None else None
+        crowd = self.pipeline.collisions_key if tracked and self.request.until is None else None
         tracks = self.pipeline.tracks_key if tracked else None
         return answer_key(self.asked, self.request, self.pipeline.plan.summary(), tracks, crowd)
 
     def _drawn(self, result: Result, tracked: Tracked | None, answer: Mapping[str, Landings] | None) -> Result:
-        """The result with the pictures of its report, which is drawn where it does not stand in the folder already; the
-        ``answer``'s landings, where there is one, stand in them.
+        """The result with the pictures of its report, which is drawn where it is not in the folder already; the
+        ``answer``'s landings, where there is one, are in them.
         """
         from .. import report
 

@@ -1,4 +1,4 @@
-"""What a run leaves in its folder beside result.json: the report, the field's files, a sample of granules."""
+"""What a run leaves in its folder next to result.json: the report, the field's files, a sample of granules."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..report import Landed
 
 
-# -- What answers are made for: scenes and requests, this program, and the packages that they rest on ------------------
+# -- What answers are made for -----------------------------------------------------------------------------------------
 PACKAGES = ("wakeflow", "numpy", "scipy", "numba", "gmsh", "meshio", "foamlib", "pyvista")
 
 
@@ -57,8 +57,8 @@ def _sources() -> str:
     return digest_files([PACKAGE])
 
 
-# -- What a run leaves in its folder beside result.json: the report, the field's files, a sample of --------------------
-LOCK = ".lock"  # stands in every folder that a run was begun in
+# -- What a run leaves in its folder next to result.json ---------------------------------------------------------------
+LOCK = ".lock"  # is in every folder that a run was begun in
 
 
 def refuse_foreign(folder: Path) -> None:

@@ -12,14 +12,14 @@ from ..answer.result import Request, Result
 from ..core.errors import SceneError
 from ..core.files import made_folder, path_of
 from ..core.process import check_workers
-from ..pipeline.cache import Listener, silent
+from ..pipeline.cache import Listener, null_listener
 from ..planning.machine_rates import learn
 from ..planning.make import make_plan
 from ..scene import Scene
 from ..scene.whole import States
 from .answer import OneRun
 from .folder import LOCK, refuse_foreign
-from .progress import heard, unheard
+from .progress import as_listener, ignore
 from .refine import refined
 from .stages import one_thread_of_blas, stages_of
 
@@ -62,7 +62,7 @@ def run(
     name = Path(scene).stem if isinstance(scene, Path | str) else "scene"
     asked, folder = Scene.of(scene), Path("runs", name) if out is None else path_of(out, "out")
     request = Request.asked(until, rung, force, target_error, near)
-    listener, planned = heard(listener, planned)
+    listener, planned = as_listener(listener, planned)
     once = partial(
         run_once, folder=folder, request=request, workers=workers, listener=listener, planned=planned, redraw=redraw
     )
@@ -80,15 +80,15 @@ def run_once(
     request: Request,
     *,
     workers: int | None = None,
-    listener: Listener = silent,
-    planned: Callable[[Plan], object] = unheard,
+    listener: Listener = null_listener,
+    planned: Callable[[Plan], object] = ignore,
     redraw: bool = False,
     report: bool = True,
     refinement: Refinement | None = None,
     pdf: bool = False,
     made: Plan | None = None,
 ) -> Result:
-    """Run a scene as it stands; ``refinement``: how its settings came about; ``made``: its plan, where there is one."""
+    """Run a scene as it is; ``refinement``: how its settings came about; ``made``: its plan, where there is one."""
     from filelock import FileLock, Timeout
 
     _check(scene, folder, request, workers)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from ..core.process import cores
 from ..core.quantities import duration
 from ..core.store import cache_root
-from ..pipeline.cache import Listener, silent
+from ..pipeline.cache import Listener, null_listener
 from ..planning.cost import wall_seconds
 from ..planning.machine_rates import on_this_machine
 from ..planning.plan import Plan
@@ -124,7 +124,7 @@ BAR = 24  # letters
 
 
 @dataclass
-class Told:
+class ProgressListener:
     """A listener (stage, text) that tells nobody; of a run that says what it plans it knows how far it is."""
 
     progress: RunProgress = field(default_factory=RunProgress)
@@ -142,7 +142,7 @@ class Told:
 
 
 @dataclass
-class _OnTerminal(Told):
+class _OnTerminal(ProgressListener):
     """A bar with a line below it for each thread, and a line above it for each stage that is computed."""
 
     console: Console = field(kw_only=True)
@@ -173,12 +173,12 @@ class _OnTerminal(Told):
 
 
 @dataclass
-class _InLines(Told):
+class _InLines(ProgressListener):
     """A line of a stage now and then, and at its end; as text, or each a JSON object."""
 
     console: Console = field(kw_only=True)
     as_json: bool = False
-    last: dict[str, float] = field(default_factory=dict)  # when a stage was told
+    last: dict[str, float] = field(default_factory=dict)  # when a stage was reported
 
     def tell(self, stage: str, text: str) -> None:
         now = time.monotonic()
@@ -200,7 +200,7 @@ class _InLines(Told):
 
 
 @contextmanager
-def live(*, enabled: bool, as_json: bool = False) -> Iterator[Told]:
+def live(*, enabled: bool, as_json: bool = False) -> Iterator[ProgressListener]:
     """A listener of a run: on a terminal a bar for the whole of it, elsewhere a line now and then, both on stderr; with
     ``as_json`` such lines are JSON objects: stage, text, number, of, seconds_left. Not ``enabled``: silent.
     """
@@ -208,7 +208,7 @@ def live(*, enabled: bool, as_json: bool = False) -> Iterator[Told]:
 
     console = Console(stderr=True)
     if not enabled:
-        yield Told()
+        yield ProgressListener()
     elif console.is_terminal and not as_json:
         told = _OnTerminal(console=console)
         with _shown(told, console):
@@ -227,17 +227,17 @@ EVERY = 0.5  # s between pictures of the bar
 Planned = Callable[[Plan], object]
 
 
-def heard(listener: Listener | None, planned: Planned | None = None) -> tuple[Listener, Planned]:
+def as_listener(listener: Listener | None, planned: Planned | None = None) -> tuple[Listener, Planned]:
     """A caller's ``listener`` and what hears of the plan. Without a listener: a bar below the cell of a notebook, and
     silence elsewhere.
     """
     if listener is None and _in_notebook():
         told = _InNotebook()
         return told, planned or told.planned
-    return listener or silent, planned or unheard
+    return listener or null_listener, planned or ignore
 
 
-def unheard(plan: Plan) -> None:
+def ignore(plan: Plan) -> None:
     """Nobody asks what will be done."""
 
 
@@ -248,7 +248,7 @@ def _in_notebook() -> bool:
 
 
 @dataclass
-class _InNotebook(Told):
+class _InNotebook(ProgressListener):
     """A bar, what each thread is at, and the stages that were computed; drawn over itself."""
 
     now: dict[int, str] = field(default_factory=dict)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import hypot, sqrt
 
-from ..answer.provenance import KnobSettings, Refinement, RefinementRound
+from ..answer.provenance import RefinedSettings, Refinement, RefinementRound
 from ..answer.result import Result
 from ..answer.shares import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, InputPart, InputSummary
 from ..budget.source import INPUTS, Source, source_of
@@ -37,9 +37,9 @@ from .settings import (
     reachable,
 )
 
-# -- What computing cannot bring to a target error, and what to give, run or measure instead ---------------------------
-WEIGHTY = 0.5  # of the target: a part that stays larger than that stands in the way
-LEAST_FACTOR = 0.25  # an interval is asked to shrink to that at most, as long as others can shrink too
+# -- What computing cannot bring to a target error ---------------------------------------------------------------------
+WEIGHTY = 0.5  # of the target: a part that stays larger than that is in the way
+MIN_FACTOR = 0.25  # an interval is asked to shrink to that at most, as long as others can shrink too
 SPARED = 0.5  # of the target: what computing may take of it, for the inputs to have the rest
 OF_THE_WAKE = "wake."  # keys of unknowns that only a resolved wake makes known
 WHOLE_RUN = (COLLISIONS, VIBRATION, LOADING)  # terms that are switched for all fractions together
@@ -62,8 +62,8 @@ class _Obstacle:
         return self.part.error or 0.0
 
 
-def told_unmet(
-    rows: Sequence[BudgetRow], now: KnobSettings, target: float, scene: Scene, plan: Plan
+def unreached_lines(
+    rows: Sequence[BudgetRow], now: RefinedSettings, target: float, scene: Scene, plan: Plan
 ) -> tuple[str, ...]:
     """A line for each fraction and part of its error, but for the inputs, that is beyond the ``target`` however fine
     the settings; the ``rows`` were found with those of ``now``.
@@ -81,8 +81,8 @@ def told_unmet(
     return (*lines, *(f"{place}: {note}" for note, place in unknown.items()))
 
 
-def _obstacles(row: BudgetRow, now: KnobSettings, target: float) -> Iterator[_Obstacle]:
-    """The parts of a row that stand in its way: bounds beyond the target, and what no setting computes well enough."""
+def _obstacles(row: BudgetRow, now: RefinedSettings, target: float) -> Iterator[_Obstacle]:
+    """The parts of a row that are in its way: bounds beyond the target, and what no setting computes well enough."""
     finest = finest_of(now)
     name, _, place = row.quantity.removeprefix("share.").partition(".")
     parts = (replace(part, error=expected_part(part, now, finest)) for part in row.parts if part.source != INPUTS)
@@ -160,7 +160,7 @@ def _measurements(
     for count, key in enumerate(ranked, start=1):
         removed += parts[key].variance
         square = 1.0 - (1.0 - wanted) / removed if removed > 0.0 else 0.0
-        if square >= LEAST_FACTOR**2:
+        if square >= MIN_FACTOR**2:
             return _asked(ranked[:count], known, sqrt(square))
     return _asked(ranked, known, sqrt(wanted))
 
@@ -178,8 +178,8 @@ def _interval(key: str, known: InputSummary, factor: float) -> str:
     return f"{key} to +- {factor * half:.2g}{unit} (now {half:.2g})"
 
 
-# -- The rounds of a run with a target error: look, choose, compute, check ---------------------------------------------
-MOST_ROUNDS = 6
+# -- The rounds of a run with a target error ---------------------------------------------------------------------------
+MAX_ROUNDS = 6
 STAGE = "target error"  # as the listener hears of it
 
 
@@ -189,7 +189,7 @@ def refined(scene: Scene, target: float, compute: Callable[[Scene], Result], pla
     Raises as the runs do.
     """
     way = _Way(scene, target, plan, listener)
-    now: KnobSettings | None = cheapest(way.own, target)
+    now: RefinedSettings | None = cheapest(way.own, target)
     assert now is not None
     own = plan.estimate["seconds"]
     way.tell(f"first look with {_words(now)}; the scene's own settings would take about {own:.2g} s")
@@ -201,7 +201,7 @@ def refined(scene: Scene, target: float, compute: Callable[[Scene], Result], pla
         result.save()  # the answer so far, were the next round to be interrupted
         if len(way.rounds) == 1:
             way.tell_first(table)
-        choice = None if len(way.rounds) == MOST_ROUNDS else way.next(result, now)
+        choice = None if len(way.rounds) == MAX_ROUNDS else way.next(result, now)
         if choice is None:
             way.tell_end(table)
             return result
@@ -220,11 +220,11 @@ class _Way:
     made: set[tuple[str, float]] = field(default_factory=set)  # stages of all rounds, told apart by their run times
 
     @property
-    def own(self) -> KnobSettings:
+    def own(self) -> RefinedSettings:
         """What the scene asks for."""
         return own_settings(self.scene, self.plan)
 
-    def judged(self, result: Result, now: KnobSettings, choice: Choice | None) -> Refinement:
+    def judged(self, result: Result, now: RefinedSettings, choice: Choice | None) -> Refinement:
         """The table of all rounds, with the one that ``result`` is of."""
         rows, can = _rows(result), reachable(_rows(result), now, self.target)
         taken = ((name, stage.seconds) for name, stage in result.seconds.items() if name != str(COMPILED))
@@ -241,7 +241,7 @@ class _Way:
                 seconds=sum(seconds for _, seconds in spent),
             )
         )
-        unmet = told_unmet(rows, now, self.target, self.scene, self.plan)
+        unmet = unreached_lines(rows, now, self.target, self.scene, self.plan)
         totals = [row.total.error for row in rows]
         known = [error for error in totals if error is not None]
         return Refinement(
@@ -254,7 +254,7 @@ class _Way:
             measure=what_to_measure(result, self.target),
         )
 
-    def next(self, result: Result, now: KnobSettings) -> Choice | None:
+    def next(self, result: Result, now: RefinedSettings) -> Choice | None:
         """What to compute with next; None where that is done. Says it."""
         rows, spent = _rows(result), result.seconds
         can = reachable(rows, now, self.target)
@@ -299,13 +299,13 @@ def _largest(rows: Sequence[BudgetRow]) -> float:
     return max((row.total.numerical or 0.0 for row in rows), default=0.0)
 
 
-def _words(settings: KnobSettings) -> str:
+def _words(settings: RefinedSettings) -> str:
     """The settings in a line."""
     values = ((knobs[name], knobs[name].of(settings)) for name in knobs)
     return ", ".join(f"{knob.name} {value:.4g}" for knob, value in values if value is not None)
 
 
-def _bought(before: KnobSettings, now: KnobSettings) -> str:
+def _bought(before: RefinedSettings, now: RefinedSettings) -> str:
     """What became finer, in words."""
     told = []
     for name in knobs:

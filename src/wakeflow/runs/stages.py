@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 from ..answer.result import Request, asked_in
 from ..core.errors import SceneError
 from ..funnel.rate import FunnelSummary
-from ..pipeline.cache import Listener, in_turn
+from ..pipeline.cache import Listener, thread_safe
 from ..pipeline.pipeline import Pipeline
 from ..planning.make import Planner
 from ..planning.stages import AirLabel
 from ..scene import Scene
-from .progress import unheard
+from .progress import ignore
 
 if TYPE_CHECKING:
     from ..planning.plan import Plan
@@ -37,7 +37,7 @@ def stages_of(
     request: Request,
     workers: int | None,
     listener: Listener,
-    planned: Callable[[Plan], object] = unheard,
+    planned: Callable[[Plan], object] = ignore,
     made: Plan | None = None,
 ) -> tuple[Pipeline, FunnelSummary | None]:
     """The stages of a scene, fed by its funnel where it has one, and what that funnel delivers; ``planned`` hears of
@@ -48,7 +48,7 @@ def stages_of(
         planner.keep(rung, made)
     plan = planner.plan(rung)
     planned(plan)
-    one_at_a_time = in_turn(listener)
+    one_at_a_time = thread_safe(listener)
     beside = None if request.near is None else _neighbour(Path(request.near), (), one_at_a_time)
     pipeline = Pipeline(
         plan.airflow.flown(scene), plan, one_at_a_time, workers, planner=planner, neighbour=beside,

@@ -11,7 +11,7 @@ from ..core.lazy import loaded
 
 if TYPE_CHECKING:
     from .checks import OVER_THE_TOP, RESERVED_BIN
-    from .feed import Crowding, Feed, Profile
+    from .feed import CollisionTable, Feed, Profile
     from .fraction import Fraction, Size, Speeds
     from .funnel import Funnel
     from .machine import Air, Bin, Body, Channel, Inlet, Samples, Vibration
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from .whole import Numerics, SceneTables
 
 __all__ = [
-    "OVER_THE_TOP", "RESERVED_BIN", "Air", "Bin", "Body", "Channel", "Coefficient", "Crowding", "Feed", "Fraction",
-    "Funnel", "Inlet", "Numerics", "Picture", "Profile", "Rebound", "Samples", "Scene", "SceneTables", "Size", "Speeds",
-    "Table", "Vibration", "picture_tables", "units_written",
+    "OVER_THE_TOP", "RESERVED_BIN", "Air", "Bin", "Body", "Channel", "Coefficient", "CollisionTable", "Feed",
+    "Fraction", "Funnel", "Inlet", "Numerics", "Picture", "Profile", "Rebound", "Samples", "Scene", "SceneTables",
+    "Size", "Speeds", "Table", "Vibration", "picture_tables", "units_written",
 ]  # fmt: skip
 
 

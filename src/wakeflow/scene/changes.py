@@ -15,7 +15,7 @@ from ..core.record import JsonTable
 from ..core.registry import did_you_mean
 from .scene import Scene
 
-# -- What differs between scenes: their keys and values, and names of folders made of them -----------------------------
+# -- What differs between scenes ---------------------------------------------------------------------------------------
 LONGEST = 100  # letters of a folder's name: file systems take 255 bytes, people fewer
 PARTS = "+"  # between the changes in a name
 

@@ -22,7 +22,7 @@ from .schema import Place, at, unit_and_example, values_in
 from .uncertainty import OF_FRACTION, OF_SCENE
 from .whole import SceneTables
 
-# -- What the tables of a scene must agree on: bodies, feed and bins inside the channel, shares that add ---------------
+# -- What the tables of a scene must agree on --------------------------------------------------------------------------
 APART = 0.02  # widths of the first body: bodies that are nearer to each other, or to an opening, cannot be meshed
 OVER_THE_TOP = "top"  # the bin of what upward air carries out of the channel, where the scene has none up there
 RESERVED_BIN = "elsewhere"  # the bin in which everything counts that reaches no other
@@ -266,15 +266,15 @@ CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
 )
 
 
-# -- Lengths without a unit that are far off the scene's scale: a number alone is in metres, and "60" is ---------------
+# -- Lengths without a unit that are far off the scene's scale ---------------------------------------------------------
 OFF = 100.0  # times the scene's scale: a centimetre that was meant is a metre, a millimetre a thousandth of one
 LARGEST = 20.0  # m: beyond any separator, where a whole scene was written without units
 MACHINE = ("body", "channel", "feed", "bin", "vibration", "funnel")  # tables whose lengths have one scale
-TOLD = 3  # doubts in one message
+MAX_DOUBTS = 3  # doubts in one message
 
 
 def doubted_lengths(data: Mapping[str, object]) -> Iterator[tuple[Place, float, float]]:
-    """Place and value (m) of every length in a scene's tables that stands without a unit and is OFF times the median of
+    """Place and value (m) of every length in a scene's tables that is without a unit and is OFF times the median of
     all of them, or above LARGEST; and that median (m). One with a unit is never doubted.
     """
     given = {
@@ -305,8 +305,8 @@ def doubts(data: Mapping[str, object], among: Iterable[Place] = ((),)) -> str:
     if not found:
         return ""
     usual = units_in(data).get("m", "m")
-    told = [f"{dotted(place)} = {length:g} m" for place, length, _ in found[:TOLD]]
-    more = f" and {len(found) - TOLD} more" if len(found) > TOLD else ""
+    told = [f"{dotted(place)} = {length:g} m" for place, length, _ in found[:MAX_DOUBTS]]
+    more = f" and {len(found) - MAX_DOUBTS} more" if len(found) > MAX_DOUBTS else ""
     _, length, scale = found[0]
     with speaking({"m": usual}):
         usually = f"lengths of this scene are about {metres(scale, 2)}"

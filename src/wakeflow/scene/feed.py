@@ -101,8 +101,8 @@ class Feed(Table):
         return self.rate if self.rate is not None else self.depth * 1.0
 
 
-# -- [collisions]: how granules meet each other, in the slab of the machine in which every one of them -----------------
-class Crowding(Table):
+# -- [collisions] ------------------------------------------------------------------------------------------------------
+class CollisionTable(Table):
     """[collisions]: granules among themselves; whether their meetings are computed the plan decides, or --force."""
 
     depth: Length | None = Field(

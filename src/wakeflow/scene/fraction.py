@@ -76,10 +76,10 @@ class Speeds(Table):
         return made_by(spreads, self.distribution, p, **self.model_dump(exclude_none=True, exclude={"distribution"}))
 
 
-# -- [fraction.NAME]: a class of granules, its sizes, rebound and terminal velocity ------------------------------------
+# -- [fraction.NAME] ---------------------------------------------------------------------------------------------------
 COEFFICIENTS: tuple[Literal["restitution"], Literal["friction"]] = ("restitution", "friction")
 PAPER = "paper"  # the impact model whose granules are alike
-MOST = {"restitution": 1.0, "friction": math.inf}  # coefficients lie between 0 and these
+MAX_COEFFICIENT = {"restitution": 1.0, "friction": math.inf}  # coefficients lie between 0 and these
 
 
 def _number_or_table(value: object) -> str:
@@ -214,7 +214,7 @@ class Fraction(Table):
         """A coefficient of rebound: the number or the law of all granules, or that of the middle one."""
         own = self._or_material(name)
         if isinstance(own, Coefficient):
-            return float(own.quantile(np.array([0.5]), MOST[name])[0])
+            return float(own.quantile(np.array([0.5]), MAX_COEFFICIENT[name])[0])
         return own.of_speed if isinstance(own, Rebound) else own
 
     def _of_shape(self, name: str) -> float:
@@ -235,11 +235,13 @@ class Fraction(Table):
         """Coefficients below which the shares ``p`` of the granules lie; None where all have the same one, or law."""
         own = getattr(self, name)
         if isinstance(own, Coefficient):
-            return own.quantile(p, MOST[name])
+            return own.quantile(p, MAX_COEFFICIENT[name])
         if own is not None or self._as_known is None:
             return None
         std = getattr(self._as_known, f"{name}_std")
-        return within(p, mean=getattr(self._as_known, name), std=std, low=0.0, high=MOST[name]) if std else None
+        return (
+            within(p, mean=getattr(self._as_known, name), std=std, low=0.0, high=MAX_COEFFICIENT[name]) if std else None
+        )
 
     @property
     def varies(self) -> bool:

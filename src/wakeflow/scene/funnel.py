@@ -16,7 +16,7 @@ from ..laws.streams import beverloo
 from .table import Diameter, Frequency, Length, Mass, MassDensity, Modulus, SlopeAngle, Table
 
 LOOSE = 0.60  # packing of poured spheres (0.58 to 0.61), before it is measured in the bed
-MOST = 50_000  # beads: hours
+MAX_BEADS = 50_000  # beads: hours
 USUAL = 0.5  # m/s of beads that meet in a funnel: where a material's restitution is taken
 
 
@@ -37,7 +37,7 @@ class Funnel(Table):
     high: Diameter = Field(1.3e-3, description="largest bead")
     density: MassDensity | None = Field(None, description="of a bead; default: the material's")
     mass: Mass | None = Field(None, description="of all beads; default 35 g")
-    count: Annotated[int, Field(ge=10, le=MOST)] | None = Field(None, description="of beads, instead of mass")
+    count: Annotated[int, Field(ge=10, le=MAX_BEADS)] | None = Field(None, description="of beads, instead of mass")
     restitution: Annotated[float, Field(gt=0.05, le=1)] | None = Field(None, description="default: the material's")
     friction: Annotated[float, Field(ge=0, le=10)] | None = Field(None, description="bead on bead")
     wall_friction: Annotated[float, Field(ge=0, le=10)] = Field(0.3, description="bead on the cone: a matte print")
@@ -68,8 +68,8 @@ class Funnel(Table):
             raise SceneError(
                 f"width = {metres(self.width)} must be at least 1.5 times orifice = {metres(self.orifice)}"
             )
-        if not 10 <= self.beads <= MOST:
-            raise SceneError(f"mass is that of {self.beads} beads (allowed: 10 to {MOST})")
+        if not 10 <= self.beads <= MAX_BEADS:
+            raise SceneError(f"mass is that of {self.beads} beads (allowed: 10 to {MAX_BEADS})")
         return self
 
     @property

@@ -33,8 +33,8 @@ from .table import (
     made_by,
 )
 
-# -- [body.NAME], [channel], [air] and [vibration]: what stands in the air, and the air --------------------------------
-MOST_GAMMA = 50.0  # peak acceleration over g
+# -- [body.NAME], [channel], [air] and [vibration] ---------------------------------------------------------------------
+MAX_GAMMA = 50.0  # peak acceleration over g
 
 
 class Body(Table):
@@ -152,7 +152,7 @@ class Vibration(Table):
 
     frequency: Frequency | None = None
     amplitude: Length | None = None
-    gamma: Annotated[float, Field(gt=0, le=MOST_GAMMA)] | None = Field(None, description="peak acceleration over g")
+    gamma: Annotated[float, Field(gt=0, le=MAX_GAMMA)] | None = Field(None, description="peak acceleration over g")
     direction: AnyAngle = Field(math.pi / 2, description="from the x axis; 90 deg is vertical")
     samples: Samples | None = Field(
         None,
@@ -165,8 +165,8 @@ class Vibration(Table):
         if self.samples is not None:
             if (self.frequency, self.amplitude, self.gamma) != (None, None, None):
                 raise SceneError("samples say how fast and how far it moves: leave out frequency, amplitude and gamma")
-            if (found := self.record.peak_acceleration / GRAVITY) > MOST_GAMMA:
-                raise SceneError(f"samples: peak acceleration of {found:.3g} g, allowed {MOST_GAMMA:g} g")
+            if (found := self.record.peak_acceleration / GRAVITY) > MAX_GAMMA:
+                raise SceneError(f"samples: peak acceleration of {found:.3g} g, allowed {MAX_GAMMA:g} g")
         elif self.frequency is None:
             raise SceneError("give frequency, and either amplitude or gamma; or samples")
         elif (self.amplitude is None) == (self.gamma is None):

@@ -65,7 +65,7 @@ def share_in(value: float | str, name: str) -> float:
 
 def changed(data: JsonMapping, changes: JsonMapping, name: str = "scene") -> JsonTable:
     """A deep copy of a scene's ``data`` with dotted keys set. Tables that are missing on the way are made, but for one
-    whose name is nearly another's: that may be misspelt, and a new one of such a name comes whole. A star stands for
+    whose name is nearly another's: that may be misspelt, and a new one of such a name comes whole. A star represents
     all tables that are there.
 
     Raises SceneError for a key in such a table, for a key in a value, and where ``changes`` are none.

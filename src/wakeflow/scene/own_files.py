@@ -14,7 +14,7 @@ from ..core.record import JsonMapping, JsonTable
 from ..laws.constants import STANDARD_AIR
 from ..laws.material import Material, materials, read_material
 
-# -- Materials of the user's own: a TOML file beside the scene, written as laws/materials.toml is ----------------------
+# -- Materials of the user's own ---------------------------------------------------------------------------------------
 SHAPED = ("rebound_scatter", "tangential_restitution")  # of granules whose shape is known, where they are not 0
 
 
@@ -99,7 +99,7 @@ def _of_case(air: JsonMapping, base: Path) -> JsonTable:
     return {**found, **air, "case": str(case)}
 
 
-# -- A file of measured vibration: CSV with the columns time (s) and acceleration (m/s2), read as text -----------------
+# -- A file of measured vibration --------------------------------------------------------------------------------------
 def read_samples(given: str, base: Path) -> dict[str, list[float]]:
     """Times (s) and accelerations (m/s2) of a CSV file, its path relative to ``base``: two numbers a line, separated by
     commas, semicolons or tabs; lines before the first number and lines that begin with # are headings.
@@ -134,7 +134,7 @@ def read_samples(given: str, base: Path) -> dict[str, list[float]]:
     return found
 
 
-# -- What a user's own OpenFOAM case says of its air, read as text: nothing heavy is loaded, nothing is ----------------
+# -- What a user's own OpenFOAM case says of its air, read as text -----------------------------------------------------
 NUMBER = r"[-+.\d]+(?:[eE][-+]?\d+)?"
 
 

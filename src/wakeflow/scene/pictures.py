@@ -1,4 +1,4 @@
-"""[picture.NAME]: pictures that a scene asks for beside the usual ones, and the data behind them.
+"""[picture.NAME]: pictures that a scene asks for in addition to the usual ones, and the data behind them.
 
 Each kind is a table here and a drawing function of the same name in ``report.pictures``.
 """
@@ -17,7 +17,7 @@ STANDARD_FIGURES = (
     "sketch", "pressure", "surface", "vorticity", "tracks", "residence", "discharge", "landing", "partition", "wakes",
     "inputs", "cost", "forces", "mesh",
 )  # fmt: skip
-DRAWN = 48  # tracks of each fraction that are drawn one by one
+TRACKS_RECORDED = 48  # tracks of each fraction that are drawn one by one
 Quantity = Literal["time", "x", "y", "vx", "vy", "speed"]
 
 
@@ -44,7 +44,7 @@ class Curves(Picture):
     """kind = "curves": one quantity of each granule over another."""
 
     kind: Literal["curves"]
-    granules: Annotated[int, Field(ge=1, le=4096)] = Field(DRAWN, description="of each fraction")
+    granules: Annotated[int, Field(ge=1, le=4096)] = Field(TRACKS_RECORDED, description="of each fraction")
     x: Quantity = Field("time", description="of the horizontal axis")
     y: Quantity = Field("x", description="of the vertical axis")
     origin: Literal["separation", "scene"] = Field(
@@ -72,14 +72,14 @@ class Animation(Picture):
     """kind = "animation": granules on the moving body in time, as a GIF and as a strip of stills."""
 
     kind: Literal["animation"]
-    granules: Annotated[int, Field(ge=1, le=DRAWN)] = Field(1, description="of each fraction")
+    granules: Annotated[int, Field(ge=1, le=TRACKS_RECORDED)] = Field(1, description="of each fraction")
     duration: Duration | None = Field(None, description="of the motion shown; default: until all have landed")
     frames: Annotated[int, Field(ge=2, le=240)] = Field(80, description="of the GIF")
     stills: Annotated[int, Field(ge=1, le=12)] = Field(6, description="of the strip, evenly in time; 1: the start")
 
     @property
     def flown(self) -> tuple[int, float | None]:
-        return DRAWN, None
+        return TRACKS_RECORDED, None
 
 
 class Streamlines(Picture):

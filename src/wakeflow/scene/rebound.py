@@ -56,7 +56,7 @@ class Coefficient(Table):
 
     @classmethod
     def means(cls, table: Mapping[str, object] | Table) -> bool:
-        """Whether a table, of which other kinds may stand in its place, is of this one by its keys."""
+        """Whether a table, of which other kinds may be in its place, is of this one by its keys."""
         if not isinstance(table, Mapping):
             return isinstance(table, cls)
         return "law" not in table and not table.keys().isdisjoint(cls.model_fields)

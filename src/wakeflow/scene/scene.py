@@ -31,14 +31,14 @@ from .uncertainty import with_uncertainty_table
 from .whole import SceneTables
 
 Array = NDArray[np.float64]
-MOST_MISTAKES = 3  # that are told of tables which do not agree: the first is often the cause of the others
+MAX_MISTAKES = 3  # that are reported of tables which do not agree: the first is often the cause of the others
 
 
 class Scene(SceneTables):
     """Everything that is asked, in SI units. Frozen: ``replace`` gives a changed copy."""
 
     def __repr__(self) -> str:
-        """What stands in the channel, the air, what is fed, and into how many bins; all of it: ``tables``."""
+        """What is in the channel, the air, what is fed, and into how many bins; all of it: ``tables``."""
         bodies = f"bodies {', '.join(self.body)}" if self.body else "no body"
         air = "no air" if self.air is None else f"air {say(self.air.speed, 'm/s', 3)} {self.air.direction}"
         count = f"{len(self.bin)} bin{'s' if len(self.bin) != 1 else ''}"
@@ -78,8 +78,8 @@ class Scene(SceneTables):
                 raise SceneError(f"{name}: {'; '.join(explain(problem, data))}") from None
             mistakes = [message for check in CHECKS for message in check(scene)]
         if mistakes:
-            more = f"; and {len(mistakes) - MOST_MISTAKES} more" if len(mistakes) > MOST_MISTAKES else ""
-            raise SceneError(f"{name}: {'; '.join(mistakes[:MOST_MISTAKES])}{more}")
+            more = f"; and {len(mistakes) - MAX_MISTAKES} more" if len(mistakes) > MAX_MISTAKES else ""
+            raise SceneError(f"{name}: {'; '.join(mistakes[:MAX_MISTAKES])}{more}")
         return scene
 
     @classmethod
@@ -104,7 +104,7 @@ class Scene(SceneTables):
         return cls.parse(data, path.name, path.parent)
 
     def replace(self, changes: Mapping[str, object]) -> Scene:
-        """A copy with dotted keys changed, validated anew: ``{"fraction.chaff.restitution": 0.2}``; a star stands for
+        """A copy with dotted keys changed, validated anew: ``{"fraction.chaff.restitution": 0.2}``; a star represents
         every table there is: ``{"fraction.*.impact": "paper"}``.
 
         Raises SceneError as :meth:`load` does, doubting no other lengths than the changed ones.

@@ -85,7 +85,7 @@ def unit_and_example(node: Node) -> tuple[str, str] | None:
 
 
 def described(place: Place, data: object) -> Node:
-    """What the schema says of ``place`` in a scene's ``data``; empty where nothing may stand."""
+    """What the schema says of ``place`` in a scene's ``data``; empty where nothing may be."""
     node, here = _schema(), data
     for part in place:
         node, here = _below(node, part, here), at(here, (part,))
@@ -99,7 +99,7 @@ def named_tables(place: Place, data: object) -> bool:
 
 def refuse_unknown(key: str, data: Any, where: str) -> None:
     """Raise SceneError where a dotted key leads to a table that a scene's ``data`` lacks, or to what no scene may hold;
-    ``where`` it is written, for the message. A star stands for every table.
+    ``where`` it is written, for the message. A star represents every table.
     """
     place = tuple(present_key(key).split("."))
     for end, part in enumerate(place):
@@ -113,7 +113,7 @@ def refuse_unknown(key: str, data: Any, where: str) -> None:
 
 
 def at(data: object, place: Place) -> Any:
-    """What stands at ``place`` in a scene's ``data``; the last thing on the way there where that is a value."""
+    """What is at ``place`` in a scene's ``data``; the last thing on the way there where that is a value."""
     for part in place:
         if isinstance(data, Mapping):
             data = data.get(str(part))
@@ -143,7 +143,7 @@ def _schema() -> Node:
 
 
 def _here(node: Node) -> Iterator[Node]:
-    """The node and whatever else may stand in its place."""
+    """The node and whatever else may be in its place."""
     yield node
     for several in ("anyOf", "oneOf"):
         for one in node.get(several, ()):
@@ -151,7 +151,7 @@ def _here(node: Node) -> Iterator[Node]:
 
 
 def _variants(node: Node) -> Iterator[Node]:
-    """The node and whatever else may stand in its place, references followed."""
+    """The node and whatever else may be in its place, references followed."""
     for one in _here(node):
         yield from _variants(_schema()["$defs"][one["$ref"].rpartition("/")[2]]) if "$ref" in one else (one,)
 

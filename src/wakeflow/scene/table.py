@@ -85,7 +85,7 @@ def present_keys(tables: JsonMapping, place: str = "") -> JsonTable:
     }
 
 
-# -- Number types of scene files: a number in SI, or a string with a unit, each with the range that --------------------
+# -- Number types of scene files ---------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class WithUnit:
     """Marks a number in ``unit``: a string with another unit of the kind, such as ``example``, is converted to it.

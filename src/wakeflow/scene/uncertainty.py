@@ -1,7 +1,7 @@
 """[uncertainty]: how far the scene's own numbers may be off.
 
 ``fraction.wheat.restitution = {value = 0.5, uncertainty = 0.1}`` says that the mean restitution of the wheat at hand
-lies between 0.4 and 0.6 in 19 of 20 cases. The same stands in the table [uncertainty] under the key's own name, where
+lies between 0.4 and 0.6 in 19 of 20 cases. The same is in the table [uncertainty] under the key's own name, where
 every command finds it: ``uncertainty.fraction.wheat.restitution``. What is not given has the default of
 ``laws.material``; 0 says that a number is exact.
 """

@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field
 from ..core.errors import SceneError, known
 from ..core.geometry import are_symmetric
 from ..laws.constants import GRAVITY
-from .feed import Crowding, Feed
+from .feed import CollisionTable, Feed
 from .fraction import Fraction
 from .funnel import Funnel
 from .machine import Air, Bin, Body, Channel, Vibration
@@ -21,7 +21,7 @@ from .rungs import rungs
 from .table import Array, Name, Table, WithUnit
 from .uncertainty import Margin, margins
 
-# -- Terms that are switched by hand: by a scene's [force], and by ``force`` in Python ---------------------------------
+# -- Terms that are switched by hand -----------------------------------------------------------------------------------
 States = Mapping[str, bool | str | Mapping[str, bool | str]]  # of terms: True or "on", False or "off"
 ON_OFF = "on", "off"
 
@@ -56,10 +56,10 @@ def states_of(table: States) -> dict[str, bool]:
     return found
 
 
-# -- [numerics], and all tables of a scene together --------------------------------------------------------------------
+# -- [numerics] --------------------------------------------------------------------------------------------------------
 Margins = dict[str, float | str | dict[str, float | str | dict[str, float | str]]]
 Switches = dict[str, bool | Literal["on", "off"] | dict[str, bool | Literal["on", "off"]]]
-MOST_RANKS = 256  # beyond what any mesh of one layer can use
+MAX_RANKS = 256  # beyond what any mesh of one layer can use
 
 if TYPE_CHECKING:
     RungName = str
@@ -68,9 +68,9 @@ else:
 
 
 def _ranks(value: object) -> object:
-    if value == "auto" or (isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= MOST_RANKS):
+    if value == "auto" or (isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= MAX_RANKS):
         return value
-    raise ValueError(f"give auto, or a whole number of processes from 1 to {MOST_RANKS}")
+    raise ValueError(f"give auto, or a whole number of processes from 1 to {MAX_RANKS}")
 
 
 class SpanTable(Table):
@@ -81,7 +81,7 @@ class SpanTable(Table):
         None, description="of cells over the span; 8 a body width by default"
     )
     shedding_cycles: Annotated[float, Field(ge=0.5, le=1000.0)] = Field(
-        30.0, description="recorded: of six body widths of travel each, a usual shedding's length"
+        30.0, description="recorded: of six body widths of travel each, the usual length of a cycle"
     )
 
 
@@ -129,7 +129,7 @@ class SceneTables(Table):
     funnel: Funnel | None = None
     fraction: Annotated[dict[Name, Fraction], Field(min_length=1)]
     bin: Annotated[dict[Name, Bin], Field(min_length=1)]
-    collisions: Crowding = Crowding()
+    collisions: CollisionTable = CollisionTable()
     force: Annotated[dict[str, bool], BeforeValidator(_switches, json_schema_input_type=Switches)] = Field(
         {}, description="terms switched by hand, on or off: TERM for all fractions, FRACTION.TERM for one"
     )
@@ -146,7 +146,7 @@ class SceneTables(Table):
 
     @property
     def width(self) -> float:
-        """Width of the first body (m), of the channel where nothing stands: the unit of every reported error."""
+        """Width of the first body (m), of the channel where there is no body: the unit of every reported error."""
         first = self.first_outline
         return self.channel.width if first is None else float(np.ptp(first[:, 0]))
 
@@ -157,7 +157,7 @@ class SceneTables(Table):
 
     @property
     def first_outline(self) -> Array | None:
-        """Corners (k, 2) of the first body (m), which the feed falls on; None where nothing stands in the channel."""
+        """Corners (k, 2) of the first body (m), which the feed falls on; None where there is no body in the channel."""
         return next((body.outline() for body in self.body.values()), None)
 
     @property

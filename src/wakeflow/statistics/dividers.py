@@ -1,4 +1,4 @@
-"""Where dividers must stand: the most recovery of a fraction at a purity asked, from landings that are stored.
+"""Where dividers must be: the most recovery of a fraction at a purity asked, from landings that are stored.
 
 Granules landed on a line (the floor, a side, a bin's points) are rows of (place along it, mass). A product is up to m
 stretches of the line, between 2m dividers. It is to hold the most of one fraction while that fraction's part of its
@@ -169,7 +169,7 @@ def best_stretches(landed: Landed1D, purity: float, count: int) -> tuple[tuple[f
 
 
 def _edges(landed: Landed1D) -> Array:
-    """Where a divider may stand: the ends of the line, and between neighbours among the landings."""
+    """Where a divider may be: the ends of the line, and between neighbours among the landings."""
     length = float(np.linalg.norm(np.diff(landed.line, axis=0), axis=1).sum())
     places = np.unique(landed.place)
     between = 0.5 * (places[1:] + places[:-1])

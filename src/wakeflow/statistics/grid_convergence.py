@@ -21,8 +21,8 @@ from ..planning.unknowns import SIGMAS
 
 SAFETY = 1.25  # factor of the GCI from three grids (Roache)
 SAFETY_TWO = 3.0  # from two grids, the order assumed
-LEAST_RATIO = 1.1  # of cell sizes: nearer grids differ by their irregularities (Celik et al. ask for 1.3)
-LEAST_ORDER, ABOVE_FORMAL = 0.5, 0.5  # orders from 0.5 to the formal one plus 0.5 are plausible
+MIN_RATIO = 1.1  # of cell sizes: nearer grids differ by their irregularities (Celik et al. ask for 1.3)
+MIN_ORDER, ABOVE_FORMAL = 0.5, 0.5  # orders from 0.5 to the formal one plus 0.5 are plausible
 OF_RANGE = 3.0  # half bands over the range, where no order is seen (Eca & Hoekstra's procedure)
 OF_RANGE_ABOVE = 1.25  # the same where values settle faster than the schemes can (likewise)
 NOISE = 1 / 3  # largest statistical half width over a difference of three grids that still lets the order count
@@ -105,9 +105,9 @@ def _finest_first(sizes: Sequence[float], values: Sequence[float], count: int) -
     h, f = [float(size) for size in sizes], [float(value) for value in values]
     if len(h) != count or len(f) != count:
         raise SceneError(f"{count} grids are needed, {len(h)} sizes and {len(f)} values are given")
-    if not (all(map(math.isfinite, f)) and h[0] > 0 and all(b >= LEAST_RATIO * a for a, b in pairwise(h))):
+    if not (all(map(math.isfinite, f)) and h[0] > 0 and all(b >= MIN_RATIO * a for a, b in pairwise(h))):
         listed = ", ".join(f"{size:.4g}" for size in h)
-        raise SceneError(f"cell sizes {listed}: finest first, each at least {LEAST_RATIO:g} times the one before it")
+        raise SceneError(f"cell sizes {listed}: finest first, each at least {MIN_RATIO:g} times the one before it")
     return h, f
 
 
@@ -118,9 +118,9 @@ def _three(h: list[float], f: list[float], e: list[float], formal: float) -> Gri
         why = "the values oscillate" if near * far <= 0 else "the differences do not shrink as the grids get finer"
         return _multiple_of_range(f, e, OF_RANGE, why)
     highest = formal + ABOVE_FORMAL
-    if not LEAST_ORDER <= order <= highest:
-        why = f"the observed order {order:.2f} is not between {LEAST_ORDER:g} and {highest:g}"
-        return _multiple_of_range(f, e, OF_RANGE if order < LEAST_ORDER else OF_RANGE_ABOVE, why)
+    if not MIN_ORDER <= order <= highest:
+        why = f"the observed order {order:.2f} is not between {MIN_ORDER:g} and {highest:g}"
+        return _multiple_of_range(f, e, OF_RANGE if order < MIN_ORDER else OF_RANGE_ABOVE, why)
     counted = min(order, formal)
     grown = (h[1] / h[0]) ** counted
     fine = SAFETY * abs(near) / (grown - 1)

@@ -1,11 +1,11 @@
 """What the inputs that nobody knows exactly do to an answer: of one run's draws, and over many runs.
 
-The draws (:mod:`wakeflow.pipeline.draws`) say by how much the number changes in each. A regression on where the draws
-lie parts that into what each unknown does alone, what they do beyond it (interactions, curvature), and the sampling of
-few granules a draw, whose size is known from the same granules in the answer and is no part of the range (Saltelli, A.
-et al. 2008, Global Sensitivity Analysis, ch. 1, standardised regression coefficients). The range is that of the
-regression with the part beyond it, over many more points than there are draws: the quantiles of 64 draws themselves
-would hold too little.
+The draws (:mod:`wakeflow.pipeline.input_samples`) say by how much the number changes in each. A regression on where the
+draws lie parts that into what each unknown does alone, what they do beyond it (interactions, curvature), and the
+sampling of few granules a draw, whose size is known from the same granules in the answer and is no part of the range
+(Saltelli, A. et al. 2008, Global Sensitivity Analysis, ch. 1, standardised regression coefficients). The range is that
+of the regression with the part beyond it, over many more points than there are draws: the quantiles of 64 draws
+themselves would hold too little.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from ..planning.unknowns import FARTHEST, SIGMAS, Unknown
 from .separation import LEVEL, purity_slopes
 
 if TYPE_CHECKING:
-    from ..pipeline.draws import Draws
+    from ..pipeline.input_samples import InputSamples
 
 
-# -- What the inputs that nobody knows exactly do to a number of the answer: its range over them, and ------------------
+# -- What the inputs that nobody knows exactly do to a number of the answer --------------------------------------------
 Array = NDArray[np.float64]
 POINTS = 4096  # at which the regression is read
 SEED = 20110  # of those points: any, but always the same
@@ -60,7 +60,7 @@ class Inputs:
     the answer's granules meet, the ``correction`` of a fraction for that.
     """
 
-    draws: Draws
+    draws: InputSamples
     shares: Mapping[str, Mapping[str, Number]]
     mass: Mapping[str, float]
     correction: Callable[[str], float] | None = None
@@ -141,7 +141,7 @@ def _points(dimensions: int) -> Array:
     return np.asarray(np.clip(normal_points(dimensions, POINTS, SEED), -FARTHEST, FARTHEST))
 
 
-# -- What the unknown inputs of a run were, and what each does to every share: tables of result.json -------------------
+# -- What the unknown inputs of a run were -----------------------------------------------------------------------------
 Parts = dict[str, dict[str, dict[str, InputPart]]]
 
 
@@ -157,7 +157,7 @@ def inputs_of(inputs: Inputs | None) -> tuple[dict[str, InputSummary] | None, Pa
     return known, parts
 
 
-# -- Which input moves which number of an answer by how much: a row for each input and number, from --------------------
+# -- Which input moves which number of an answer by how much -----------------------------------------------------------
 SHARE = "share."
 REGRESSION, SWEEP = "regression", "sweep"
 

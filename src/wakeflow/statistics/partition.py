@@ -3,7 +3,7 @@
 The curve is that of mineral processing and classifying (Tromp 1937, Gluckauf 73, 125; ISO 923). Granules of all
 fractions are counted together, each with its share of the feed's mass; classes hold as many granules of every fraction,
 so that a fraction of little mass has its points too. A band is the 95 % interval by the finite number of granules,
-from their replicates; sheddings, and what the scene does not say exactly, are not in it.
+from their replicates; shedding cycles, and what the scene does not say exactly, are not in it.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ Array = NDArray[np.float64]
 CLASSES = 24  # of a curve, at most
 ALIKE = 1.02  # a property whose largest value is within that factor of its smallest has no curve
 GAP = 2.0  # between two classes: a cut in it is interpolated where nothing is
-MOST = 2**16  # granules of a fraction that are looked at
+MAX_GRANULES = 2**16  # granules of a fraction that are looked at
 REYNOLDS = np.geomspace(1e-9, 1e8, 4096)  # of the table of terminal velocities; its error is below 1e-5
 
 
 class _Fed(NamedTuple):
-    """Granules of all fractions: ``mass`` (n,) of the feed that each stands for, ``bin`` (n,), its ``sample`` (n,):
+    """Granules of all fractions: ``mass`` (n,) of the feed that each represents, ``bin`` (n,), its ``sample`` (n,):
     the number of its replicate, its ``fraction`` (n,), and ``by`` property its value (n,).
     """
 
@@ -71,13 +71,13 @@ def partition_curves(scene: Scene, plan: Plan, landings: Mapping[str, Landings])
 
 
 def _fed(scene: Scene, plan: Plan, landings: Mapping[str, Landings]) -> _Fed:
-    """The granules that count, at most MOST of a fraction, evenly chosen from all replicates."""
+    """The granules that count, at most MAX_GRANULES of a fraction, evenly chosen from all replicates."""
     air = STANDARD_AIR if scene.air is None else (scene.air.density, scene.air.viscosity)
     shares, parts = scene.mass_shares(), []
     by: dict[str, list[Array]] = {"size": [], "terminal velocity": []}
     for number, name in enumerate(landings):
         landing, fraction, how = landings[name], scene.fraction[name], plan.fractions[name]
-        kept = slice(None, None, -(-len(landing.bin) // MOST))
+        kept = slice(None, None, -(-len(landing.bin) // MAX_GRANULES))
         mass, diameter = landing.mass_shares[kept], landing.diameter[kept].astype(float)
         by["size"].append(diameter)
         if landing.drag is not None:

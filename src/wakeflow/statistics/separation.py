@@ -1,6 +1,6 @@
 """From landings to the answer: which share of each fraction lands in which bin, by mass, with 95 % intervals.
 
-Two samples stand behind a share: the granules, in independent replicates, and the airflow, in cycles of the shedding
+Two samples are behind a share: the granules, in independent replicates, and the airflow, in cycles of the shedding
 that the stored field holds (or late states, or layers of a record). Every replicate is released in every cycle of its
 field, so that the two spreads come apart in a two-way analysis of variance (Searle, Casella & McCulloch 1992, "Variance
 Components", ch. 4): what the means of the cycles differ by, beyond what the granules in them explain, is the airflow's.
@@ -27,7 +27,7 @@ from ..core.number import Number, student
 from ..pipeline.landings import Landings
 from ..scene import RESERVED_BIN, Scene
 
-# -- How far a share may be off for being taken from few granules and from few sheddings of the wake -------------------
+# -- How far a share may be off for being taken from few granules and from few shedding cycles of the wake -------------
 Array = NDArray[np.float64]
 LEVEL = 0.95  # of every interval
 
@@ -46,7 +46,7 @@ def wilson(count: int, total: int) -> tuple[float, float]:
 
 
 class Spread(NamedTuple):
-    """Halves of 95 % intervals: by the finite number of granules, and by that of sheddings; the two are independent."""
+    """Halves of 95 % intervals: by the finite numbers of granules and of shedding cycles; the two are independent."""
 
     sampling: float
     airflow: float
@@ -139,7 +139,7 @@ def _half(variance: float, quantile: float) -> float:
     return float(quantile * np.sqrt(variance))
 
 
-# -- From landings to the answer: which share of each fraction lands in which bin, by mass, with 95 % ------------------
+# -- From landings to the answer ---------------------------------------------------------------------------------------
 HOUR = 3600.0  # s
 
 

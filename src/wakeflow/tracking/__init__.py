@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.lazy import loaded
 from .bodies import Body, Motion
-from .crowd.collisions import Collisions
+from .collisions.settings import Collisions
 from .granules import Granules
 from .tracks import Fate, Tracks
 

@@ -16,8 +16,8 @@ from ..field import FlowField
 from ..laws.constants import GRAVITY
 from ..laws.forces import forces as all_forces
 from .bodies import Body, Motion
-from .crowd.collisions import Collisions
-from .frame import from_frame, swing_of, to_frame
+from .collisions.settings import Collisions
+from .frame import from_frame, mesh_motion_of, to_frame
 from .granules import Granules
 from .kernel import layout as at
 from .kernel.layout import PackedAir, Rules, Walls
@@ -28,10 +28,10 @@ from .tracks import Tracks
 
 Array = NDArray[np.float64]
 BLOCK = 512  # granules handed to a thread at a time
-ROOM = 1024  # points kept of a recorded track
+RECORD_POINTS = 1024  # points kept of a recorded track
 NOISE_STEP = 0.1  # of an eddy's lifetime: an interval of noise
 EDDIES = 20.0  # lifetimes that a granule held by friction waits before it counts as resting
-MOST_STEPS = 1_000_000  # of a track, also points of a record; then it is STOPPED
+MAX_STEPS = 1_000_000  # of a track, also points of a record; then it is STOPPED
 REACH = 1e-6  # of ``length``: the mesh's edge this near to an outline at rest is covered by it, round-off of meshes
 SKIN = 1e-11  # of ``length``: distances below it are contact: far above round-off, far below any tolerance
 AGAIN = 1.05  # of the period of what may shake a granule off: held for so long it has seen all of it
@@ -74,7 +74,7 @@ def track(
     steps by it; flights become slower, and their landing error is bounded by the same ``tolerance``. ``workers``
     threads (default: all cores); results do not depend on their number. ``progress(done, total)``.
     ``collisions`` (:class:`Collisions`): granules meet. All fly on one clock in three dimensions, each from its time
-    and its place across the slab (``grains.depth``, or drawn by ``seed``); docs/crowd.md. Raises SceneError for an
+    and its place across the slab (``grains.depth``, or drawn by ``seed``); docs/collisions.md. Raises SceneError for an
     unknown force or drag law, a force that needs what the field has not, or arguments out of range.
     """
     check_forces(forces, field)
@@ -82,26 +82,26 @@ def track(
     if length is None:
         length = float(np.ptp(solids[0].outline[:, 0])) if solids else 1.0
     _check(record, length, tolerance, until, seed)
-    swing, reach = swing_of(field), REACH * length
+    swing, reach = mesh_motion_of(field), REACH * length
     walls = pack_walls(solids, pack_lines(lines), swing, grains.restitution)
     air = pack_air(field, solids, reach, forces)
     rules = _rules(field, air, solids, walls, until, tolerance, length, seed, march)
-    points = ROOM if record is True else int(record)
+    points = RECORD_POINTS if record is True else int(record)
     tables, table_of = pack_tables(drag, grains.sphericity, grains.fraction)
     flight = Packed(field, grains, forces, gravity, solids, swing, reach, points, walls, air, rules, tables, table_of)
     found = Tracks.empty(len(grains), recorded=bool(record))
     if not len(grains):
         pack_granules(grains, field, forces, gravity)  # for what it raises
     if collisions is not None:
-        return _fly_crowd(flight, found, collisions, seed, progress)
+        return _fly_colliding(flight, found, collisions, seed, progress)
     _fly_all(flight, found, workers, progress)
     return found
 
 
 def _check(record: bool | int, length: float, tolerance: float, until: float, seed: int) -> None:
     """Raise SceneError for numbers that are out of range."""
-    if record is not True and not (record == 0 or 16 <= record <= MOST_STEPS):
-        raise SceneError(f"record = {record}: True, or 16 to {MOST_STEPS} points")
+    if record is not True and not (record == 0 or 16 <= record <= MAX_STEPS):
+        raise SceneError(f"record = {record}: True, or 16 to {MAX_STEPS} points")
     for name, value in (("length", length), ("tolerance", tolerance)):
         if not (np.isfinite(value) and value > 0):
             raise SceneError(f"{name} = {value:g} must be positive and finite")
@@ -146,7 +146,7 @@ def _fly_all(flight: Packed, found: Tracks, workers: int | None, progress: Calla
         pool.shutdown(cancel_futures=True)
 
 
-def _fly_crowd(
+def _fly_colliding(
     flight: Packed,
     found: Tracks,
     collisions: Collisions,
@@ -159,7 +159,7 @@ def _fly_crowd(
         raise SceneError(
             f"forces: {past[0]} remembers the past, which granules that meet have no record of; leave it out"
         )
-    from .crowd.driver import Slab, fly_crowd
+    from .collisions.driver import Slab, fly_colliding
 
     def alone(rows: NDArray[np.int64], forces: Sequence[str]) -> Tracks:
         some = replace(flight, grains=flight.grains[rows], forces=forces, points=0, table_of=flight.table_of[rows])
@@ -169,7 +169,7 @@ def _fly_crowd(
 
     walls = pack_walls(flight.solids, (flight.walls.lines, flight.walls.line_ids), None, flight.grains.restitution)
     slab = Slab(**vars(flight) | {"walls": walls, "collisions": collisions})
-    return fly_crowd(slab, found, alone, seed, progress)
+    return fly_colliding(slab, found, alone, seed, progress)
 
 
 def _longest_wait(field: FlowField | None, air: PackedAir, bodies: Sequence[Body], omega: float) -> float:
@@ -216,6 +216,6 @@ def _rules(
         right=float(np.max(box[:, at.HIGH_X] + swing[:, 0], initial=0.0)),
         bottom=float(np.min(box[:, at.LOW_Y] - swing[:, 1], initial=0.0)),
         top=float(np.max(box[:, at.HIGH_Y] + swing[:, 1], initial=0.0)),
-        steps=MOST_STEPS,
-        impacts=at.MOST_IMPACTS,
+        steps=MAX_STEPS,
+        impacts=at.MAX_IMPACTS,
     )

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
-from ..field import FlowField, Swing
+from ..field import FlowField, MeshOscillation
 from .bodies import Motion
 from .granules import Granules
 
@@ -23,13 +23,13 @@ SAME = 1e-9  # relative difference of frequencies and phases that counts as none
 MINUTE = 1e-9  # of an amplitude: relative motion below it is round-off
 
 
-def swing_of(field: FlowField | None) -> Swing | None:
+def mesh_motion_of(field: FlowField | None) -> MeshOscillation | None:
     """How the field's mesh moves; None at rest."""
     swing = None if field is None else field.motion
     return None if swing is None or (swing.x == 0.0 and swing.y == 0.0) else swing
 
 
-def relative(motion: Motion | None, swing: Swing | None) -> list[float]:
+def relative(motion: Motion | None, swing: MeshOscillation | None) -> list[float]:
     """Amplitude (x, y), angular frequency and phase of a body's motion seen from the mesh; zeros for none.
 
     Of samples: the largest displacement, the pace of their fastest change, and the phase as a time (s). Raises
@@ -57,7 +57,7 @@ def relative(motion: Motion | None, swing: Swing | None) -> list[float]:
     return [x, y, swing.omega, swing.phase]
 
 
-def to_frame(grains: Granules, swing: Swing | None) -> Granules:
+def to_frame(grains: Granules, swing: MeshOscillation | None) -> Granules:
     """Granules at birth as seen from the mesh."""
     if swing is None:
         return grains
@@ -68,7 +68,7 @@ def to_frame(grains: Granules, swing: Swing | None) -> Granules:
     )
 
 
-def from_frame(position: Any, velocity: Any, time: Any, swing: Swing | None) -> tuple[Array, Array]:
+def from_frame(position: Any, velocity: Any, time: Any, swing: MeshOscillation | None) -> tuple[Array, Array]:
     """Positions and velocities (n, 2) at times (n,) back in the lab."""
     if swing is None:
         return position, velocity

@@ -51,7 +51,7 @@ class Granules:
     """n granules: ``position`` (n, 2) m, ``velocity`` (n, 2) m/s; all else (n,) or one number for all. SI units.
 
     ``diameter`` that of the sphere of equal volume; ``spin`` rad/s, counter-clockwise positive; ``fraction`` index of
-    the fraction; ``weight`` what a granule stands for; ``drag_scale`` factor on the drag law (a calibrated terminal
+    the fraction; ``weight`` what a granule represents; ``drag_scale`` factor on the drag law (a calibrated terminal
     velocity); ``restitution`` a number each, or one :class:`~wakeflow.laws.restitution.Restitution` law of the normal
     approach speed for all; ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born;
     ``scatter`` rad, rms angle by which its shape turns the wall's normal at an impact (``laws.collision``);

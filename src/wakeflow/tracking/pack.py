@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
-from ..field import FlowField, Swing
+from ..field import FlowField, MeshOscillation
 from ..laws.drag import drag_laws, drag_table
 from ..laws.forces import Force
 from ..laws.forces import forces as all_forces
@@ -19,10 +19,10 @@ from .granules import Granules
 from .kernel import layout as at
 from .kernel.layout import PackedAir, Rules, Walls
 
-# -- What is constant of a call and of a granule for the kernel: terms of the forces, and the table of its drag law ----
+# -- What is constant of a call and of a granule for the kernel --------------------------------------------------------
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-MOST_TABLES = 4096
+MAX_TABLES = 4096
 BY_LAW = -1.0  # in place of a granule's restitution: look it up at the approach speed
 
 
@@ -35,7 +35,7 @@ class Packed:
     forces: Sequence[str]
     gravity: Sequence[float]
     solids: Sequence[Body]
-    swing: Swing | None  # how the mesh moves, in whose frame granules fly
+    swing: MeshOscillation | None  # how the mesh moves, in whose frame granules fly
     reach: float  # m, how near to a body the mesh's edge counts as covered by it
     points: int  # kept of a path, 0: none
     walls: Walls
@@ -134,8 +134,8 @@ def _tables_of(law: str, sphericity: Array) -> tuple[Array, Index]:
     if not drag_laws[law].uses_sphericity:
         return drag_table(law)[None], np.zeros(len(sphericity), dtype=np.int64)
     values, which = np.unique(sphericity, return_inverse=True)
-    if len(values) > MOST_TABLES:
-        raise SceneError(f"granule sphericity: {len(values)} different values, allowed {MOST_TABLES}; round them")
+    if len(values) > MAX_TABLES:
+        raise SceneError(f"granule sphericity: {len(values)} different values, allowed {MAX_TABLES}; round them")
     if not len(values):
         values = np.ones(1)
     return np.stack([drag_table(law, float(value)) for value in values]), which.astype(np.int64)

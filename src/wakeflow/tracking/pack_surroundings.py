@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError, known
 from ..core.geometry import distance_to_edges
-from ..field import FlowField, Swing
+from ..field import FlowField, MeshOscillation
 from ..laws.forces import forces as all_forces
 from ..laws.forces.record import Needs
 from ..laws.restitution import Restitution, restitution_table
 from ..laws.turbulence import lifetime
 from .bodies import Body
-from .frame import relative, swing_of
+from .frame import mesh_motion_of, relative
 from .kernel import layout as at
 from .kernel.layout import PackedAir, Walls
 
@@ -29,7 +29,7 @@ INWARDS = -1e-12  # sine of the angle by which an outline turns at a corner: bel
 
 
 def pack_walls(
-    bodies: Sequence[Body], lines: tuple[Array, Index], swing: Swing | None = None, restitution: Any = None
+    bodies: Sequence[Body], lines: tuple[Array, Index], swing: MeshOscillation | None = None, restitution: Any = None
 ) -> Walls:
     """Edges, convex corners and motions of all bodies, one after the other; motions as seen from a mesh that swings;
     the granules' ``restitution`` where it is a law.
@@ -60,7 +60,7 @@ class _Tables(NamedTuple):
     members: list[list[int]]
 
 
-def _add(tables: _Tables, number: int, body: Body, swing: Swing | None) -> None:
+def _add(tables: _Tables, number: int, body: Body, swing: MeshOscillation | None) -> None:
     """Add the rows of one body."""
     start, end = body.edges
     along = end - start
@@ -81,7 +81,7 @@ def _add(tables: _Tables, number: int, body: Body, swing: Swing | None) -> None:
 
 def _add_corners(tables: _Tables, number: int, body: Body, direction: Array) -> tuple[Index, Index]:
     """Add the convex corners and free ends of a body, whose edges come next, from their directions (m, 2); which one
-    stands at the start and at the end (m,) of each edge, -1: none.
+    is at the start and at the end (m,) of each edge, -1: none.
     """
     count, first_edge = len(direction), len(tables.edges)
     at_start, at_end = np.full(count, -1), np.full(count, -1)
@@ -154,7 +154,7 @@ def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forc
         return PackedAir(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), *nothing)
     first = field.points[field.triangles[:, 0]]
     geometry = np.concatenate([first, field.gradients.reshape(-1, 6)], axis=1)
-    swing = swing_of(field)
+    swing = mesh_motion_of(field)
     flat = swing is None and field.coefficients is None
     values, smooth = (_values(field, forces), np.zeros(3)) if flat else _smooth(field, forces, swing)
     neighbours = field.neighbours.copy()
@@ -201,7 +201,7 @@ def _values(field: FlowField, forces: Sequence[str]) -> Array:
     return values if field.times is not None else values[None]
 
 
-def _smooth(field: FlowField, forces: Sequence[str], swing: Swing | None) -> tuple[Array, Array]:
+def _smooth(field: FlowField, forces: Sequence[str], swing: MeshOscillation | None) -> tuple[Array, Array]:
     """Spline coefficients by nodes (N, knots + 3, 2 to 6), the last knot's first, and the knots: first, per s, number.
 
     A steady field on a mesh that swings is one whose knots are all alike. Deviation and lifetime of the eddies, which

@@ -34,7 +34,7 @@ DENSITY = 1000.0  # kg/m3 of a tracer; with STOKES it gives the diameter, nothin
 TOLERANCE = 1e-2  # of D, where a tracer ends: ten times as fine changes H by less than 1 %
 POINTS = 512  # kept of a path, between which it is straight
 BATCHES = 16  # of tracers, left out one after the other for the interval
-FEWEST = 4  # batches that an interval is made of
+MIN_BATCHES = 4  # batches that an interval is made of
 TRIES = 64  # draws for each tracer before the near wake counts as no part of the mesh
 
 
@@ -98,7 +98,7 @@ def residence_time(
     Raises SceneError where the near wake lies outside the mesh or an argument is out of range.
     """
     fields = [field] if isinstance(field, FlowField) else list(field)
-    if count < FEWEST * max(len(fields), 1) or not fields or sheddings < 1:
+    if count < MIN_BATCHES * max(len(fields), 1) or not fields or sheddings < 1:
         raise SceneError(f"residence_time: {count} tracers, {len(fields)} fields, {sheddings} sheddings: too few")
     if not (math.isfinite(speed) and speed > 0):
         raise SceneError(f"residence_time: speed = {speed:g} m/s must be positive and finite")
@@ -176,10 +176,10 @@ def _in_wake(tracks: Tracks, start: Array, wake: _NearWake, since: Array) -> Mas
 
 def _batches(fields: int, each: int, sheddings: int, *, timed: bool) -> NDArray[np.int64]:
     """The batch that each tracer belongs to (n,): its realisation, or its shedding, else every sixteenth one."""
-    if fields >= FEWEST:
+    if fields >= MIN_BATCHES:
         return np.repeat(np.arange(fields), each)
     place = np.tile(np.arange(each), fields)
-    return place * sheddings // each if timed and sheddings >= FEWEST else place % min(BATCHES, each)
+    return place * sheddings // each if timed and sheddings >= MIN_BATCHES else place % min(BATCHES, each)
 
 
 def _fitted(inside: Mask, batch: NDArray[np.int64], unit: float) -> ResidenceTime:

@@ -42,7 +42,7 @@ ADVICE = {
 
 
 @dataclass(frozen=True)
-class CrowdFlight:
+class CollisionFlight:
     """How a crowd was flown: the ``step`` of its clock (s), and its ``step_error``: by how much a sample of granules
     that meets nobody lands elsewhere than the tracker says (lengths; nine of ten by less; NaN where the step was
     given); ``steps`` of the clock and of granules (``flown``); ``standing`` (k, 3): time (s), how many lay still or,
@@ -86,7 +86,7 @@ class Tracks:
     evaluations: Index
     recorded: list[Array] | None = None
     meetings: Index | None = None
-    crowd: CrowdFlight | None = None
+    crowd: CollisionFlight | None = None
 
     def __len__(self) -> int:
         return len(self.fate)

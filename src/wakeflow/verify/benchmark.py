@@ -40,8 +40,8 @@ LARGEST_STABLE = 2.78  # relaxation times: classical Runge-Kutta on the negative
 PEER = ((1e-3, 0.3), (1e-4, 0.3), (None, 0.3), (None, 0.1), (None, 0.03), (None, 0.01), (None, 0.003))  # deltaT, maxCo
 PEER_SLOW = ((1e-5, 0.3), (None, 0.001))
 COUNT = 16384  # granules of a kind; timed runs take as many of them as they need, the reference a few
-ENOUGH = 1.0  # s of a timed run
-LEAST = 2048  # granules of a timed run: the tracker hands its cores large blocks
+MIN_RUN_TIME = 1.0  # s of a timed run
+MIN_GRANULES = 2048  # granules of a timed run: the tracker hands its cores large blocks
 TIMED = ("heavy grain", "chaff", "dust 20 um")  # in the quick comparison
 COLUMNS = {
     "method": "{method}", "setting": "{setting}", "median": "{median:.1e}", "95 %": "{p95:.1e}",
@@ -108,7 +108,7 @@ def _ours_and_explicit(case: BenchmarkCase, slow: bool, tell: Tell) -> tuple[End
     few = case.some(512 if slow else 128)
     reference = fly_reference(case.problem, few, seconds=900.0 if slow else 180.0)
     methods: list[tuple[str, str, Fly, int]] = [
-        *(("wakeflow", f"tolerance {one:.0e}", partial(_ours, case, one), LEAST) for one in TOLERANCES),
+        *(("wakeflow", f"tolerance {one:.0e}", partial(_ours, case, one), MIN_GRANULES) for one in TOLERANCES),
         *(("explicit RK4", f"step {one:.2g} s", partial(_explicit, case, one), 128) for one in _steps(case, slow)),
     ]
     rows = []
@@ -125,9 +125,9 @@ def _cost(case: BenchmarkCase, fly: Fly, few: Granules, least: int) -> dict[str,
     ``least``.
     """
     each = timed(lambda: fly(few), 1)[0] / len(few)
-    count = int(np.clip(ENOUGH / max(each, 1e-9), least, len(case.grains)))
+    count = int(np.clip(MIN_RUN_TIME / max(each, 1e-9), least, len(case.grains)))
     grains = case.some(count)
-    repeats = 3 if each * count < 3 * ENOUGH else 1  # a single run of that length averages the machine's noise
+    repeats = 3 if each * count < 3 * MIN_RUN_TIME else 1  # a single run of that length averages the machine's noise
     wall, cpu = timed(lambda: fly(grains), repeats)
     return {"seconds": wall / len(grains), "cpu": cpu / len(grains)}
 

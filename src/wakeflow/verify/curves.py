@@ -76,7 +76,7 @@ def benchmark_case(
     kind: str, air: str, scene: Scene, field: FlowField, count: int, of: tuple[str, dict[str, object]] | None = None
 ) -> BenchmarkCase:
     """``count`` granules of a kind in a field that ends at the scene's floor; ``of`` a fraction of the scene with some
-    changes instead of those that the kind stands for.
+    changes instead of those that the kind represents.
     """
     fraction, changes = of or KINDS[kind]
     changed = scene.replace({**changes, "feed.count": count, "numerics.rung": "draft"})

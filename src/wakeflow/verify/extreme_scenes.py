@@ -22,7 +22,7 @@ from ..scene import Scene
 from .extremes import Happened, add_row
 
 OUT = Path("runs", "verify", "extremes")  # each row's run has a folder there
-FEWEST = 16  # replicates, whose granules are a power of two: what feed.count is rounded up to
+MIN_REPLICATES = 16  # replicates, whose granules are a power of two: what feed.count is rounded up to
 PLAIN = {"restitution": 0.5, "friction": 0.3}
 TRICKLE = 1e-9  # kg/s: a feed of granules each alone
 WATER = {"air.density": 998.2, "air.viscosity": 1.002e-3}
@@ -41,7 +41,7 @@ def happened_in(scene: Scene, result: Result, error: float | None, note: str = "
     """
     assert result.flights is not None
     fates: Counter[str] = sum((Counter(counted) for counted in result.flights.fates.values()), Counter())
-    fed = FEWEST * 2 ** math.ceil(math.log2(max(1.0, scene.feed.count / FEWEST)))
+    fed = MIN_REPLICATES * 2 ** math.ceil(math.log2(max(1.0, scene.feed.count / MIN_REPLICATES)))
     shares = [[result.share(fraction, place) for place in (*scene.bin, "elsewhere")] for fraction in scene.fraction]
     numbers = np.array(shares)
     whole = np.allclose(numbers[..., 0].sum(axis=1), 1.0, atol=1e-9)
@@ -105,9 +105,9 @@ for _group, _value, _name, _falls, _rises, _changes in (
     ("sphericity", "0.1 and 1, one scene", "sphericity", {"spheres": _grain(3e-3, 1300.0)},
      {"flakes": _grain(3e-3, 1300.0, sphericity=0.1)}, {}),
     ("sizes", "50 mm, in a channel of 200 mm", "coarse", {"balls": _grain(5e-2, 1300.0)}, {}, {}),
-    ("air at rest", "1e-6 m/s, nothing stands in it", "rest-free", {"all": _grain(1e-3, 1300.0)}, {},
+    ("air at rest", "1e-6 m/s, it has no body", "rest-free", {"all": _grain(1e-3, 1300.0)}, {},
      {"air.speed": 1e-6}),
-    ("air speed", "60 m/s, nothing stands in it", "storm-free", {}, {"all": _grain(5e-3, 1300.0)},
+    ("air speed", "60 m/s, it has no body", "storm-free", {}, {"all": _grain(5e-3, 1300.0)},
      {"air.speed": 60.0}),
 ):  # fmt: skip
     add_row(_group, _value, partial(_sorted, _name, _falls, _rises, _changes), BY_SPEED, unit="share", allowed=1e-3)

@@ -41,7 +41,7 @@ class FoamInterpolant:
 
     case: Path
     field: FlowField
-    middle: float  # m, z of the plane the granules fly in: the layer of cells stands on z = 0
+    middle: float  # m, z of the plane the granules fly in: the layer of cells is on z = 0
     mesh: FoamMesh
 
 

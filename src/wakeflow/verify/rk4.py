@@ -41,7 +41,7 @@ Index = NDArray[np.int64]
 BLOCK, ONE_BY_ONE = 64, 1  # granules that a core takes at a time
 IMPACTS = 50  # below it the granule slides, which is not followed here
 HALVINGS = 50  # of a step, to end it at an event
-MOST_STEPS = 20_000_000  # of a granule
+MAX_STEPS = 20_000_000  # of a granule
 OUTSIDE = -1e-10  # barycentric coordinate from which a point is beyond an edge
 NEAR = 1e-12  # of times: a clock that is so close below a snapshot has reached it
 SKIN = 1e-13  # m: a granule that reaches no further into a wall has only just left it
@@ -249,7 +249,7 @@ def _step(state, note, t, grain, table, air, walls, h, confined, hold):
         h = min(h, _interval(air, t)[4] - t)
     x1, y1, vx1, vy1, last = _rk4(air, grain, table, tri, x, y, vx, vy, t, h, not confined)
     note[TAKEN] += 1
-    if not (math.isfinite(x1) and math.isfinite(y1)) or note[TAKEN] > MOST_STEPS:
+    if not (math.isfinite(x1) and math.isfinite(y1)) or note[TAKEN] > MAX_STEPS:
         note[END] = UNFINISHED
         return h
     onward, code = _find(air, last, x1, y1)

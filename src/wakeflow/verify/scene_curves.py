@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import runs
-from ..answer.provenance import KnobSettings
+from ..answer.provenance import RefinedSettings
 from ..answer.result import Result
 from ..answer.shares import Separation
 from ..core.process import cores
@@ -37,7 +37,7 @@ from .curves import BenchmarkCase, benchmark_case
 from .foam import FINE_PARCELS, FoamInterpolant, fly_parcels, make_foam_interpolant
 from .report import Report, Table, Tell
 
-# -- Each knob of a scene alone, and a target error --------------------------------------------------------------------
+# -- Each knob of a scene alone ----------------------------------------------------------------------------------------
 STEPS = {"granules": -2, "tolerance": -2, "mesh": -1, "averaging": -1, "slab": -1}  # of a knob, in its own steps
 POINTS = {"granules": 4, "tolerance": 4, "mesh": 3, "averaging": 3, "slab": 3}  # settings tried of each, scene's last
 TARGETS = (0.05, 0.03)  # half widths of every bin share
@@ -59,7 +59,7 @@ def run_curves(path: Path, folder: Path, *, slow: bool, tell: Tell = lambda _: N
     computed with ``slow`` alone, else its draft. Beside them the peer's chain (``peer_rows``), where it can
     compute the scene. Written to ``folder`` as CSV, PNG and SVG.
     """
-    from ..report.curves import draw_knobs, write_knobs
+    from ..report.curves import draw_settings, write_settings
 
     scene = Scene.load(path)
     rung = None if slow or make_plan(scene).airflow.stepping != "time-resolved" else "draft"
@@ -82,13 +82,13 @@ def run_curves(path: Path, folder: Path, *, slow: bool, tell: Tell = lambda _: N
         notes.append(f"not beside {PEER}: {obstacle}")
     name, facts = f"curves-{path.stem}", {"scene": str(path), "rung": rung, "cores": cores(), "rows": rows}
     folder.mkdir(parents=True, exist_ok=True)
-    write_knobs(folder / f"{name}.csv", rows)
-    draw_knobs(folder / f"{name}.png", rows, path.stem)
+    write_settings(folder / f"{name}.csv", rows)
+    draw_settings(folder / f"{name}.png", rows, path.stem)
     return Report(name, [Table("error against run time", COLUMNS, rows)], facts, notes)
 
 
-def _tried(own: KnobSettings) -> Iterator[tuple[str, KnobSettings]]:
-    """KnobSettings with one knob coarser than the scene's ``own``, the others as they are; the own ones last."""
+def _tried(own: RefinedSettings) -> Iterator[tuple[str, RefinedSettings]]:
+    """RefinedSettings with one knob coarser than the scene's ``own``, the others as they are; the own ones last."""
     for name in knobs:
         value = knobs[name].of(own)
         if value is None:
@@ -117,7 +117,7 @@ def _note(rung: str | None, *, slow: bool) -> str:
     return f"{air}errors against other random numbers, 16 times the granules, a hundredth of the tolerance, finer cells"
 
 
-def reference_shares(scene: Scene, settings: KnobSettings, rung: str | None = None) -> BinShares:
+def reference_shares(scene: Scene, settings: RefinedSettings, rung: str | None = None) -> BinShares:
     """The shares of another sample of ``scene``, far finer than ``settings``, on cells of half the edge: of granules
     that meet where they do.
     """

@@ -17,7 +17,7 @@ from wakeflow.budget.source import INPUTS
 from wakeflow.planning.unknowns import SIGMAS
 from wakeflow.statistics.separation import separate
 
-LEAST = 1e-3  # a number that is nearer than that to 0 in value and truth, or to 1 in both, is known trivially
+MIN_DISTANCE = 1e-3  # a number that is nearer than that to 0 in value and truth, or to 1 in both, is known trivially
 ROUND_OFF = 1e-9  # of an end of an interval
 
 
@@ -49,7 +49,7 @@ class Counted:
     def trivial(self) -> bool:
         """Whether the number is next to 0 both as said and in truth, or next to 1."""
         low, high = sorted((self.value, self.truth))
-        return high < LEAST or low > 1.0 - LEAST
+        return high < MIN_DISTANCE or low > 1.0 - MIN_DISTANCE
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def _purities(told: Predicted, truth: dict[str, Any]) -> Iterator[Counted]:
     for number, (place, found) in enumerate(told.separation.purity.items()):
         inside = {name: mass[name] * float(truth[name][number]) for name in mass}
         total = sum(inside.values())
-        for name, pure in (found or {}).items() if total > LEAST else ():
+        for name, pure in (found or {}).items() if total > MIN_DISTANCE else ():
             label = f"purity.{place}.{name}"
             yield Counted(told.one.name, told.one.group, label, pure.value, pure.low, pure.high, inside[name] / total)
 
@@ -214,7 +214,7 @@ def left_out_wakes() -> list[dict[str, Any]]:
     """Theta and the strength, each measurement predicted from all others: what it ``gave``, and the range of these."""
     rows = []
     for entry, gave, others in left_one_out():
-        value, number = float(np.clip(gave.value, 0.0, 1.0)), "theta" if entry.of_theta else "strength"
+        value, number = float(np.clip(gave.value, 0.0, 1.0)), "theta" if entry.of_mean_weight else "strength"
         ends = {"low": others.low, "high": others.high, "held": others.low <= value <= others.high}
         rows.append({"name": entry.name, "number": number, "gave": value, **ends})
     return rows

@@ -34,7 +34,7 @@ from wakeflow.scene import Scene
 from wakeflow.statistics.separation import separate
 
 Array = NDArray[np.float64]
-FEW = 64  # granules a fraction that show where bins are wanted
+GRANULES_PER_FRACTION = 64  # granules a fraction that show where bins are wanted
 FINE = 0.1  # of the scene's tolerance: that of the truth
 FILE = "shares.json"
 
@@ -77,7 +77,7 @@ def pipeline_of(one: VariedScene, store: Store, workers: int | None = None) -> S
 
 def with_bins(one: VariedScene, store: Store, workers: int | None = None) -> VariedScene:
     """The scene with bins where granules land: a few are flown to find where."""
-    few = replace(one, scene=one.scene.replace({"feed.count": FEW}))
+    few = replace(one, scene=one.scene.replace({"feed.count": GRANULES_PER_FRACTION}))
     tracked = pipeline_of(few, store, workers).tracks()
     landings = {name: tracked.landings[name] for name in one.scene.fraction}
     return divided(one, {name: found.position[found.bin >= 0, 0] for name, found in landings.items()})

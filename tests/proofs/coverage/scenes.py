@@ -21,7 +21,7 @@ SINGLE = {"collisions": False, "air-loading": False, "vibration-of-the-air": Fal
 # No plan knows the swirl of stored cells: what depends on how the air changes is switched on, not bounded
 IN_SWIRL = {"lift": True, "pressure-gradient": True, "basset-history": True}
 TOLERANCE = 1e-3  # body widths: granules land within a hundredth of what their inputs move them
-BINS, LEAST_BIN = 4, 0.02  # of the floor; their least width, in half channels
+BINS, MIN_BIN = 4, 0.02  # of the floor; their least width, in half channels
 OVALS = (0.01, 0.03)  # strengths of the dipoles: bodies of about a tenth to a fifth of the channel
 Tables = dict[str, Any]
 Chance = np.random.Generator
@@ -81,7 +81,7 @@ def _floor(tables: Tables) -> Tables:
 
 def divided(one: VariedScene, landed: Mapping[str, Array]) -> VariedScene:
     """The scene with BINS bins in place of its floor, dividers among the places x (n,) m where granules of each
-    fraction ``landed``, and a target for each fraction; at least LEAST_BIN between two dividers.
+    fraction ``landed``, and a target for each fraction; at least MIN_BIN between two dividers.
     """
     chance = np.random.default_rng([one.scene.feed.seed, BINS])
     tables, half = one.scene.tables(), 0.5 * one.scene.channel.width
@@ -90,7 +90,7 @@ def divided(one: VariedScene, landed: Mapping[str, Array]) -> VariedScene:
     for _ in range(BINS - 1):
         x = chance.choice(every[chance.integers(len(every))]) if every else chance.uniform(-half, half)
         x = float(np.clip(x + chance.normal() * 0.01 * half, -0.98 * half, 0.98 * half))
-        if all(abs(x - other) > LEAST_BIN * half for other in dividers):
+        if all(abs(x - other) > MIN_BIN * half for other in dividers):
             dividers.append(x)
     edges = [-half, *sorted(dividers), half]
     tables["bin"] = {f"bin-{i}": {"from": a, "to": b} for i, (a, b) in enumerate(itertools.pairwise(edges))}

@@ -31,7 +31,7 @@ DISPERSION = "dispersion"
 RAYS, LAYERS, GROWTH = 72, 24, 1.12  # of the mesh about a body
 COLUMNS, ROWS = 32, 48  # of the one where nothing stands
 SLACK = 2e-6  # channel widths: how far the field reaches beyond the lines at which tracks end
-NEAR = 1e-7  # of the channel's width: step of the differences that take velocities from psi
+DIFFERENCE_STEP = 1e-7  # of the channel's width: step of the differences that take velocities from psi
 CORNER = 2e-2  # rad: rays so near to one through a corner are left out
 LAYER = 0.12  # thickness of the manufactured wall layer, in widths of the body
 EDDY = 0.1  # size of eddies in channel widths
@@ -125,7 +125,7 @@ def field_of(air: StoredFlow, scene: Scene) -> FlowField:
     """The air of the whole channel, with k and its dissipation where it is turbulent."""
     assert scene.air is not None
     points, triangles = _grid(scene) if scene.first_outline is None else _about(scene, scene.first_outline)
-    psi, step = stream(air, scene), NEAR * scene.channel.width
+    psi, step = stream(air, scene), DIFFERENCE_STEP * scene.channel.width
     across, along = np.array([step, 0.0]), np.array([0.0, step])
     x, y = ((psi(points + d) - psi(points - d)) / (2.0 * step) for d in (across, along))
     velocity = np.stack([y, -x], axis=1)

@@ -96,7 +96,7 @@ FORCE = {"collisions": False, "air-loading": False, "basset-history": False}  # 
 LOOKS = 2001  # across a section
 SECTIONS = (1.5, 0.0, -1.5)  # body widths from the body's middle
 GRAINS = 16  # beside the reference
-LEAST = 8  # of them must land in it, or nothing was compared
+MIN_LANDED = 8  # of them must land in it, or nothing was compared
 PATIENCE = 30.0  # s, of the reference
 UNTIL = 60.0  # s, of the flights
 FINE = 1e-6  # a tolerance beside the scene's
@@ -160,7 +160,7 @@ def _granules(name: str, speed: float, viscosity: float) -> Happened:
 
     def worst(tracks: Tracks, tolerance: float) -> float:
         away = np.linalg.norm(tracks.position - reference.position, axis=1)[landed] / scene.width
-        return float(away.max()) / tolerance if len(away) >= LEAST else np.inf
+        return float(away.max()) / tolerance if len(away) >= MIN_LANDED else np.inf
 
     asked = scene.numerics.tolerance
     tracks, seconds = timed_flight(field, grains, until=UNTIL, tolerance=asked, **how)

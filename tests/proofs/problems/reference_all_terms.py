@@ -25,7 +25,7 @@ from wakeflow.laws.drag import TABLE_CELLS, TABLE_DECADES, drag_table
 from wakeflow.laws.forces import Granule, Instant, forces
 
 Array = NDArray[np.float64]
-MOST_PIECES = 20_000
+MAX_PIECES = 20_000
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ def _end_state(
     motion.air = _Air(field, triangle, t)
     came = grains.velocity[i] if grains.arrival is None else grains.arrival[i]
     z += motion.lags(t, z[0], z[1], float(came[0]), float(came[1]))
-    for _ in range(MOST_PIECES):
+    for _ in range(MAX_PIECES):
         motion.air = _Air(field, triangle, t)
         if motion.air.end <= t + 1e-15 * max(1.0, abs(t)):  # round-off: on the snapshot, not just before it
             t = math.nextafter(t, math.inf) if motion.air.end <= t else motion.air.end
@@ -192,7 +192,7 @@ def _end_state(
             rest = 0.0, 0.0, grains.restitution[i], grains.friction[i], 0.0, 1.0
             after = collide(*z[2:4], 0.0, *plane.normal, *rest)[:2]
             z = [z[0], z[1], float(after[0]), float(after[1]), *z[4:]]
-    raise ProgramError(f"reference integrator: granule {i} went through {MOST_PIECES} pieces")
+    raise ProgramError(f"reference integrator: granule {i} went through {MAX_PIECES} pieces")
 
 
 def _piece(

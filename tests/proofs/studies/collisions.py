@@ -7,7 +7,7 @@ does not lower the slope; its interval is a jackknife's over the draws. *Taken* 
 (src/wakeflow/budget/comparison.py). docs/uncertainty.md.
 
 crowd_speed: How fast granules that meet fly, and in how much memory: a stream of wheat and chaff through air that rises
-in a channel past the rhombus. docs/crowd.md: --granules 3000
+in a channel past the rhombus. docs/collisions.md: --granules 3000
 
 crowding: The plan's estimate of collisions and its bound on what they change, next to slabs that were flown; the bound
 holds where the change of no share exceeds it by more than sampling explains. docs/validation.md.
@@ -41,8 +41,8 @@ from wakeflow.pipeline.cache import code_of
 from wakeflow.pipeline.landings import Landings
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
-from wakeflow.planning.meetings import encounters
-from wakeflow.planning.plan import DRAWS, SAME_AIR
+from wakeflow.planning.collision_rates import encounters
+from wakeflow.planning.plan import INPUT_SAMPLES, SAME_AIR
 from wakeflow.planning.terms import COLLISIONS, LOADING, limit_of
 from wakeflow.planning.variation import Variation
 from wakeflow.report.canvas import fraction_colours
@@ -98,7 +98,7 @@ def moved(scene: wf.Scene, draws: Sequence[int]) -> Iterator[tuple[str, Moved, f
 
 def _flown_drawn(pipeline: Pipeline, number: int, made: Variation, airs: Realisations) -> Mapping[str, Landings]:
     """Landings of granules that meet, from some replicates under draw ``number``: ``made``, in its ``airs``."""
-    stage, name = pipeline._crowd_stage, f"slab-draw-{number}"
+    stage, name = pipeline._collision_stage, f"slab-draw-{number}"
     flight = stage.flight(name, stage.crowd.depth, stage.fly().step)
     flight = replace(flight, scene=made.fed(pipeline.scene), airs=airs, variation=made)
     key = content_key(stage.key, "draw", number, repr(made), REPLICATES_DRAWN, code_of("draws"))
@@ -111,8 +111,10 @@ def chosen_draws(count: int) -> list[int]:
     points would lie on one side of some unknowns.
     """
     chance = np.random.default_rng(0)
-    first = SAME_AIR * chance.permutation(DRAWS // SAME_AIR) + chance.integers(SAME_AIR, size=DRAWS // SAME_AIR)
-    return [*first.tolist(), *sorted(set(range(DRAWS)) - set(first.tolist()))][:count]
+    first = SAME_AIR * chance.permutation(INPUT_SAMPLES // SAME_AIR) + chance.integers(
+        SAME_AIR, size=INPUT_SAMPLES // SAME_AIR
+    )
+    return [*first.tolist(), *sorted(set(range(INPUT_SAMPLES)) - set(first.tolist()))][:count]
 
 
 def _change(part: dict[str, NDArray[Any]], name: str, bins: int) -> Array:

@@ -48,7 +48,7 @@ from wakeflow.pipeline.air_loading import AirLoading
 from wakeflow.pipeline.case_field import case_field
 from wakeflow.pipeline.landings import load_tracked
 from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.track_stage import Companion
+from wakeflow.pipeline.track_stage import PerturbedRerun
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.plan import COMPARED
 
@@ -72,7 +72,7 @@ def left_one_out() -> list[tuple[WakeEntry, Number, Number]]:
     for entry in known:
         rest = [other for other in known if other is not entry]
         others = estimated(entry.family, entry.blockage, max(entry.reynolds), rest, slope=entry.slope)
-        found.append((entry, entry.given, others.theta if entry.of_theta else others.strength))
+        found.append((entry, entry.given, others.theta if entry.of_mean_weight else others.strength))
     return found
 
 
@@ -286,7 +286,7 @@ def flown(pipeline: Pipeline, field: FlowField, folder: Path) -> Shares:
 
 def answers(pipeline: Pipeline, bins: Moved, both: Path | None) -> Iterator[Row]:
     """The shares in the answer's airflow: without the force, with the steady end's change, with both ends solved."""
-    effect = UNLOADED.fly(pipeline, pipeline.tracks(Companion("tracks of the comparison")))
+    effect = UNLOADED.fly(pipeline, pipeline.tracks(PerturbedRerun("tracks of the comparison")))
     found = {"without": effect.without, "with the steady end's change": effect.loaded}
     if both is not None:
         field = solved_both(pipeline, pipeline.loading.passes[-1].force, both)

@@ -29,7 +29,7 @@ from wakeflow.planning.airflow import LAMINAR_BELOW
 from .common import Row, show, solver_seconds
 
 D, SPEED, DENSITY = 0.05, 2.0, 1.2
-MOST_CELLS = 3000
+MAX_CELLS = 3000
 LONGEST_START, LONGEST, ACCURACY = 40.0, 60.0, 0.1  # convective times, relative: enough to shed or to fail
 SHAPES = {
     "rhombus 45": ("rhombus", {"slope_angle": np.radians(45)}),
@@ -119,7 +119,7 @@ def mesh_of(case: Case, scale: float) -> MeshSpec:
 
 
 def coarse_mesh(case: Case, folder: Path) -> MeshSpec:
-    """Build the finest mesh, of a few sizes tried, that stays within MOST_CELLS."""
+    """Build the finest mesh, of a few sizes tried, that stays within MAX_CELLS."""
     scale = 1.5
     while True:
         spec = mesh_of(case, scale)
@@ -128,10 +128,10 @@ def coarse_mesh(case: Case, folder: Path) -> MeshSpec:
         except MeshError as problem:
             if "angle" not in str(problem) or scale > 4:
                 raise
-            cells = 2 * MOST_CELLS  # an unlucky size: another one
-        if cells <= MOST_CELLS:
+            cells = 2 * MAX_CELLS  # an unlucky size: another one
+        if cells <= MAX_CELLS:
             return spec
-        scale *= max(1.08, (cells / MOST_CELLS) ** 0.5)
+        scale *= max(1.08, (cells / MAX_CELLS) ** 0.5)
 
 
 def flow_of(case: Case, mesh: MeshSpec) -> FlowSpec:

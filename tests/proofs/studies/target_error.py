@@ -18,7 +18,7 @@ import numpy as np
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.answer.provenance import KnobSettings
+from wakeflow.answer.provenance import RefinedSettings
 from wakeflow.planning.make import make_plan
 from wakeflow.runs.settings import applied, cheapest, knobs, own_settings
 from wakeflow.scene import Scene
@@ -45,7 +45,7 @@ class TimedRun:
     the processor time (s) that it took, with all programs that it started, in how many ``rounds``.
     """
 
-    settings: KnobSettings
+    settings: RefinedSettings
     shares: BinShares
     half: float
     seconds: float

@@ -1,6 +1,6 @@
 """The forces on a granule: one small file and one record each, listed here in the order of plans and tables.
 
-The tracker computes what it is told to; the plan decides by a bound on the landing shift of each force.
+The tracker computes what it is asked to; the plan decides by a bound on the landing shift of each force.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from ..constants import GRAVITY
 from .record import AirProperties, Array, Bound, FlightScales, Force, Grains, Granule, Instant, Slots, Vector
 
 
-# -- Weight: what pulls a granule down, in air and in a vacuum ---------------------------------------------------------
+# -- Weight ------------------------------------------------------------------------------------------------------------
 def _weight(grains: Grains, _air: AirProperties | None, gravity: Array) -> Array:
     return np.tile(gravity, (len(grains), 1))
 
@@ -29,7 +29,7 @@ GRAVITY_FORCE = Force(
 )
 
 
-# -- Buoyancy: the weight of the air that a granule displaces ----------------------------------------------------------
+# -- Buoyancy ----------------------------------------------------------------------------------------------------------
 def _shift(flight: FlightScales) -> float:
     return flight.slope * flight.widths(flight.steady(flight.ratio * GRAVITY, flight.whole))
 
@@ -55,7 +55,7 @@ BUOYANCY = Force(
 )
 
 
-# -- Drag: what the slip through the air costs a granule, by the drag law of its fraction ------------------------------
+# -- Drag --------------------------------------------------------------------------------------------------------------
 def _factors(grains: Grains, air: AirProperties) -> Slots:
     """STOKES (1/s): rate of Stokes drag, 18 mu / (rho_p d^2), times the factor on the law."""
     return {"STOKES": grains.drag_scale * 18.0 * air.viscosity / (grains.density * grains.diameter**2)}
@@ -78,7 +78,7 @@ DRAG = Force(
 )
 
 
-# -- The air's pressure gradient, which presses a granule into the suction zone ----------------------------------------
+# -- The air's pressure gradient ---------------------------------------------------------------------------------------
 def _pressure_gradient_shift(flight: FlightScales) -> float:
     return flight.widths(flight.passage(flight.ratio * flight.flow_acceleration, flight.near))
 
@@ -104,7 +104,7 @@ PRESSURE_GRADIENT = Force(
 )
 
 
-# -- Added mass: the air that a granule pushes aside takes part in its inertia -----------------------------------------
+# -- Added mass --------------------------------------------------------------------------------------------------------
 def _added_mass_shift(flight: FlightScales) -> float:
     granule = max(flight.landing, flight.arrival) * flight.reach(flight.whole)  # by its own change of velocity
     return flight.widths(0.5 * flight.ratio * (flight.passage(flight.flow_acceleration, flight.near) + granule))

@@ -8,7 +8,7 @@ from ..drag import slip_correction
 from ..turbulence import brownian_diffusivity, crossing_times
 from .record import AirProperties, Bound, FlightScales, Force, Grains, Slots
 
-# -- Dispersion: the turbulent velocity that the mean field does not hold; laws/turbulence.py --------------------------
+# -- Dispersion --------------------------------------------------------------------------------------------------------
 WAKE_INTENSITY = 0.3  # u' / U behind a bluff body; chosen: an estimate, and the bound's reason says so
 EDDY = 0.2  # body widths: integral length of the turbulence in the wake; chosen likewise
 TWO_SIGMA = 2.0  # standard deviations that hold 95 % of a normal shift
@@ -45,7 +45,7 @@ DISPERSION = Force(
 )
 
 
-# -- Brownian motion: kicks of the air's molecules ---------------------------------------------------------------------
+# -- Brownian motion ---------------------------------------------------------------------------------------------------
 def _brownian_motion_shift(flight: FlightScales) -> float:
     slips = float(slip_correction(flight.diameter))
     diffusivity = brownian_diffusivity(flight.diameter, flight.viscosity, slip_correction=slips)

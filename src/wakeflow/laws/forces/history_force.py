@@ -91,7 +91,7 @@ def _weights(late: Array) -> Array:
 def memories_of(
     diameter: Array, density: Array, drag_scale: Array, air_density: float, viscosity: float
 ) -> tuple[Array, Array]:
-    """What granules (n,) remember of their slip: their own time (n,) s, over which MEMORIES are told, and the weight
+    """What granules (n,) remember of their slip: their own time (n,) s, over which MEMORIES are given, and the weight
     (n, COUNT) 1/s of each memory in the force per mass.
 
     The slip in Mei & Adrian's kernel, which is that of small changes about a steady slip U, is the granule's terminal

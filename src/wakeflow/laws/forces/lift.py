@@ -7,7 +7,7 @@ import math
 from ..lift import lift_coefficient, magnus_factor, spin_rate
 from .record import AirProperties, Bound, FlightScales, Force, Grains, Instant, Slots, Vector
 
-# -- Shear lift (Saffman-Mei): a granule that slips in air which turns is pushed across its slip -----------------------
+# -- Shear lift --------------------------------------------------------------------------------------------------------
 SHEAR = 20.0  # U / D: vorticity of a wake's shear layer; chosen: the lift goes with its square root
 
 
@@ -43,7 +43,7 @@ SHEAR_LIFT = Force(
 )
 
 
-# -- Spin lift (Magnus) and the air's torque on the spin; laws/lift.py ---------------------------------------------
+# -- Spin lift ---------------------------------------------------------------------------------------------------------
 def _shift(flight: FlightScales) -> float:
     spin = (flight.thrown if flight.calm else flight.arrival) / (0.5 * flight.diameter)  # rolling off slope or wall
     scale = flight.air_density * flight.diameter / flight.viscosity

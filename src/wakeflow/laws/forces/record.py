@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from ...core.registry import Registry
 from ..constants import GRAVITY
 
-# -- The scales of a granule's flight, and bounds on landing shifts made of them; docs/model.md derives ----------------
+# -- The scales of a granule's flight ----------------------------------------------------------------------------------
 # All chosen: round numbers with which the bounds hold for 95 % of the granules of cases/rhombus.toml, and are at most
 # 30 times what these move (tests/planning/test_plan_gate.py)
-NEAR = 3.0  # body widths: distance along which the body's own pressure and velocity field acts
+REACH = 3.0  # body widths: distance along which the body's own pressure and velocity field acts
 TURNED_BESIDE = (
     3.4  # rad: integral of |curl u| over time for a granule thrown out of the wake, or past its edge; 3.3 met
 )
@@ -52,9 +52,9 @@ class FlightScales:
     landing: float  # vertical speed at the end, from rest at the body
     whole: float  # s, from the release to the end
     time: float  # s, from rest at the body to the end
-    near: float  # s of it within NEAR body widths
+    near: float  # s of it within REACH body widths
     beside: bool  # thrown out to the side in downward air: it crosses no shear layer but the wake's edge
-    sideways_bins: bool  # a bin stands on a wall or in the air: vertical shifts count in full
+    sideways_bins: bool  # a bin is on a wall or in the air: vertical shifts count in full
     air_density: float
     viscosity: float
     air_speed: float

@@ -29,7 +29,7 @@ def draw_figures(folder: Path, outcome: Outcome) -> None:
 
 
 def figure_files(folder: Path) -> list[Path]:
-    """What stands in ``folder`` of all that :func:`draw_figures` may write there."""
+    """What is in ``folder`` of all that :func:`draw_figures` may write there."""
     return [file for name in figures for file in saved(folder / f"{name}.png")]
 
 

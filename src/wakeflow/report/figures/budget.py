@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..canvas import Paper
     from ..outcome import Outcome
 
-MOST = 8  # inputs of a panel
+MAX_INPUTS = 8  # inputs of a panel
 ENDS = {"at_low": (BLUE, "input at its lower end"), "at_high": (VERMILION, "at its upper end")}
 
 
@@ -29,7 +29,7 @@ def draw_tornado(paper: Paper, panels: Mapping[str, Sequence[InputMove]]) -> NDA
     """Draw a panel for each quantity: how far each input alone moves it at either end of what the input was taken to,
     with the errors of these changes. Parts of a whole are in percentage points.
     """
-    shown = {name: list(moves)[:MOST] for name, moves in panels.items()}
+    shown = {name: list(moves)[:MAX_INPUTS] for name, moves in panels.items()}
     rows = [len(moves) for moves in shown.values()]
     figure = new_figure(6.2, 0.9 + sum(0.25 * count + 0.6 for count in rows), paper)
     grid: NDArray[np.object_] = figure.subplots(len(shown), 1, squeeze=False, gridspec_kw={"height_ratios": rows})
@@ -73,7 +73,7 @@ def _share_range(panels: Sequence[Axes]) -> None:
 
 
 ROW = 0.27  # inches
-LEAST_ERROR = 1e-5  # of a share: an error that is zero in every bin is no bar
+MIN_ERROR = 1e-5  # of a share: an error that is zero in every bin is no bar
 
 
 def draw_cost(paper: Paper, budget: Sequence[BudgetRow]) -> NDArray[np.object_]:
@@ -116,7 +116,7 @@ def _errors(budget: Sequence[BudgetRow]) -> dict[str, np.ndarray]:
             for part in row.parts:
                 if part.error is not None:
                     found.setdefault(part.source, []).append(part.error)
-    return {name: np.array(values) for name, values in found.items() if max(values) > LEAST_ERROR}
+    return {name: np.array(values) for name, values in found.items() if max(values) > MIN_ERROR}
 
 
 def _moves(outcome: Outcome) -> tuple[dict[str, list[InputMove]]] | None:

@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-DRAWN = 48  # tracks drawn of the fraction with most mass; more only blacken the picture
-LEAST_DRAWN = 4  # of any other: those of a fraction that has less mass than so many lines are thinner
-WIDTH = 0.75  # points: of a line that stands for as much mass as every other
+MAX_TRACKS = 48  # tracks drawn of the fraction with most mass; more only blacken the picture
+MIN_DRAWN = 4  # of any other: those of a fraction that has less mass than so many lines are thinner
+WIDTH = 0.75  # points: of a line that represents as much mass as every other
 
 
 def draw_tracks(paper: Paper, field: FlowField | None, scene: Scene, tracks: Mapping[str, Sequence[Array]]) -> Axes:
@@ -101,10 +101,10 @@ def _chosen(tracks: Sequence[Array], part: float) -> tuple[list[Array], float]:
     They are evenly chosen in the order of where they end, so that the few of a small fraction lie as all of it does and
     not on one side by chance.
     """
-    count = min(len(tracks), max(LEAST_DRAWN, round(DRAWN * part)), DRAWN)
+    count = min(len(tracks), max(MIN_DRAWN, round(MAX_TRACKS * part)), MAX_TRACKS)
     across = sorted((np.asarray(track, dtype=float) for track in tracks), key=lambda track: tuple(track[-1]))
     picked = ((np.arange(count) + 0.5) * len(tracks) / max(count, 1)).astype(int)
-    return [across[i] for i in picked], WIDTH * DRAWN * part / max(count, 1)
+    return [across[i] for i in picked], WIDTH * MAX_TRACKS * part / max(count, 1)
 
 
 def _draw_fraction(axes: Axes, tracks: Sequence[Array], name: str, colour: str, width: float) -> None:

@@ -233,7 +233,7 @@ def _curve_columns(curves: Sequence[PartitionCurve]) -> dict[str, ArrayLike]:
 
 
 MARKERS = "<>^vsDPX*"
-LEAST = 1e-3  # a share that is smaller in every wake is not drawn
+MIN_SHARE = 1e-3  # a share that is smaller in every wake is not drawn
 ROW = 0.3  # inches
 
 
@@ -288,7 +288,7 @@ def _wake_rows(scene: Scene, landings: LandingResults) -> list[tuple[str, str]]:
         (name, place)
         for name, places in bracket.items()
         for place in bins
-        if max([*places.get(place, {}).values(), landings.separation.fractions[name][place].value]) > LEAST
+        if max([*places.get(place, {}).values(), landings.separation.fractions[name][place].value]) > MIN_SHARE
     ]
 
 

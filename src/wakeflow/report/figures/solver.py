@@ -22,8 +22,11 @@ if TYPE_CHECKING:
 
 DROPPED, KEPT = "#d9dde2", "#f7c873"
 SETTLED = 0.25  # of a record without a start-up: what the picture's height does not follow before that
-LEAST, LEAST_PART = 0.01, 0.02  # an axis spans at least that much, or that part of the mean: what settled looks it
-ROOM = 0.12  # of the range of what counts, above and below it: a kick at the start may leave the picture
+MIN_AXIS_SPAN, MIN_AXIS_PART = (
+    0.01,
+    0.02,
+)  # an axis spans at least that much, or that part of the mean: what settled looks it
+MARGIN = 0.12  # of the range of what counts, above and below it: a kick at the start may leave the picture
 
 
 def draw_forces(paper: Paper, history: ForceHistory) -> NDArray[np.object_]:
@@ -66,20 +69,20 @@ def _mark(axes: Axes, history: ForceHistory) -> None:
 
 def _limits(axes: Axes, values: NDArray[np.float64]) -> None:
     low, high = float(values.min()), float(values.max())
-    least = max(LEAST, LEAST_PART * abs(float(values.mean())))
-    room = max(ROOM * (high - low), 0.5 * (least - (high - low)))
+    least = max(MIN_AXIS_SPAN, MIN_AXIS_PART * abs(float(values.mean())))
+    room = max(MARGIN * (high - low), 0.5 * (least - (high - low)))
     axes.set_ylim(low - room, high + room)
 
 
 TALL = 5.2  # inches of the panels
-NEAR = 0.9  # of the body's width: what the closer panel shows to every side of its middle
+CLOSE_UP_WIDTHS = 0.9  # of the body's width: what the closer panel shows to every side of its middle
 EDGE = "#33526b"
 
 
 def draw_mesh(paper: Paper, cells: PlaneCells, scene: Scene, airflow: Airflow) -> NDArray[np.object_]:
     """Draw the cells in the window of the other pictures of the air, and close to the first body's wall."""
     x, y = first_outline(scene).mean(axis=0)
-    reach = NEAR * scene.width
+    reach = CLOSE_UP_WIDTHS * scene.width
     windows = [window_round_body(scene, airflow), (x - reach, x + reach, y - reach, y + reach)]
     shapes = [(w[1] - w[0]) / (w[3] - w[2]) for w in windows]
     figure = new_figure(TALL * sum(shapes) + 1.6, TALL + 0.7, paper)

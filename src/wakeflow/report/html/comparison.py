@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ...answer.result import Result
     from ...answer.table import Difference, Entry, ResultTable, TableQuantity
 
-TOLD = ("share.", "purity.", "recovery.", "throughput.", "airflow.")  # the rest stands in differences.csv
+COMPARED = ("share.", "purity.", "recovery.", "throughput.", "airflow.")  # the rest is in differences.csv
 PARTS = ("share.", "purity.", "recovery.")  # of a whole: percent
 
 
@@ -83,7 +83,7 @@ def _rows(table: ResultTable, differences: Sequence[Difference]) -> list[_Row]:
     for one in differences:
         found.setdefault(one.quantity, {})[one.scene] = one
     rows = []
-    for name in (name for name in table.names if name.startswith(TOLD)):
+    for name in (name for name in table.names if name.startswith(COMPARED)):
         numbers = [entry.by_name.get(name) for entry in table.entries]
         if not any(one is not None and (one.value or one.high) for one in numbers):
             continue

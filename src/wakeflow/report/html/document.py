@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ..outcome import Outcome
 
 SKETCH = "sketch"  # the figure next to the machine's measures
-MOST_MOVED = 3  # shares that are told of a number
+MAX_MOVED = 3  # shares that are reported of a number
 LONG = 1.75  # width over height of a picture that takes the page's whole width
 TALL = 0.8  # of one that takes a sheet's whole height
 SIDE = 900  # dots of the longer side of the script's canvas
@@ -153,7 +153,7 @@ def _made_of(row: BudgetRow) -> str:
 
 
 def _how(part: BudgetPart) -> str:
-    """How a source's error is known, and what stands behind it."""
+    """How a source's error is known, and what is behind it."""
     how = HOW.get(part.how, part.how)
     return how if part.note is None else f"{how}: {part.note}"
 
@@ -170,7 +170,7 @@ def _inputs(result: Result) -> list[tuple[str, ...]]:
                 moves[key].append((-effect.half, f"{name} in {place} {100 * effect.half:.2g}"))
     shown = []
     for key, one in landings.inputs.items():
-        most = sorted(moves[key], key=lambda move: move[0])[:MOST_MOVED]
+        most = sorted(moves[key], key=lambda move: move[0])[:MAX_MOVED]
         with speaking(UNITS):
             ends = [say(value, one.unit, 3) for value in (one.value, one.low, one.high)]
         told = ", ".join(text for _, text in most)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..air import Turning, moments_of
+from ..air import VorticityShades, moments_of
 from ..canvas import MM, bins_across, fraction_colours
 from ..words import percent
 
@@ -90,7 +90,7 @@ def _tracks(tracks: Sequence[Track]) -> list[dict[str, object]]:
 
 
 def _wakes(result: Result) -> dict[str, object]:
-    """Shares (%) by wake, fraction and bin: the answer first, its interval beside it; then other wakes."""
+    """Shares (%) by wake, fraction and bin: the answer first, with its interval; then other wakes."""
     landings = result.landings
     if landings is None:
         return {"answer": {}, "interval": {}, "others": {}}
@@ -114,14 +114,14 @@ def _frames(field: FlowField, window: tuple[float, float, float, float]) -> list
     from PIL import Image
 
     across, up = window[1] - window[0], window[3] - window[2]
-    turning = Turning(
+    vorticity = VorticityShades(
         field, window, tuple(max(16, round(LONGER * length / max(across, up))) for length in (across, up))
     )
     times = [0.0] if field.times is None else moments_of(field, FRAMES if field.period else 1).tolist()
-    strongest = turning.strongest()
+    strongest = vorticity.strongest()
     found = []
     for time in times:
         stream = io.BytesIO()
-        Image.fromarray(turning.shaded(time, strongest)).save(stream, "JPEG", quality=QUALITY, optimize=True)
+        Image.fromarray(vorticity.shaded(time, strongest)).save(stream, "JPEG", quality=QUALITY, optimize=True)
         found.append("data:image/jpeg;base64," + base64.b64encode(stream.getvalue()).decode("ascii"))
     return found

@@ -37,8 +37,8 @@ QUANTITIES = {  # of a material: name, unit
     "impact": ("impact model", "1"),
 }
 OWN = {"diameter": "size"}  # keys of a scene whose name differs from the material's
-FEW = 3  # of a list: more entries are counted, not told
-MM_BELOW = 1e-3  # m: smaller lengths are told in micrometres
+MAX_LISTED = 3  # of a list: more entries are counted, not reported
+MM_BELOW = 1e-3  # m: smaller lengths are reported in micrometres
 
 
 class MaterialRow(NamedTuple):
@@ -73,14 +73,14 @@ def machine_rows(scene: Scene) -> list[tuple[str, str]]:
 
 
 def input_text(key: str, value: object) -> str:
-    """A value of a key of the scene with its unit, as machines are told of."""
+    """A value of a key of the scene with its unit, as machines are described."""
     with speaking(UNITS):
         return _said(key, value)
 
 
 def _said(key: str, value: object) -> str:
     unit = unit_of(key)
-    if isinstance(value, list) and (len(value) > FEW or any(isinstance(one, list) for one in value)):
+    if isinstance(value, list) and (len(value) > MAX_LISTED or any(isinstance(one, list) for one in value)):
         return f"{len(value)} values"
     if isinstance(value, list):
         return f"({', '.join(_said(key, one) for one in value)})"

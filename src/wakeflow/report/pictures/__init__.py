@@ -16,12 +16,12 @@ from ..canvas import SUFFIXES
 from .animation import draw_animation
 from .curves import draw_curves
 from .maps import draw_density, draw_streamlines
-from .view import Drawn, View, pictures
+from .view import PictureFiles, View, pictures
 
 if TYPE_CHECKING:
     from ..outcome import Outcome
 
-__all__ = ["Drawn", "View", "clear_pictures", "draw_all", "found", "pictures"]
+__all__ = ["PictureFiles", "View", "clear_pictures", "draw_all", "found", "pictures"]
 
 LIST = "pictures.json"  # beside the pictures: what was drawn, so that nothing else is ever removed
 

@@ -15,7 +15,7 @@ from ...core.record import JsonTable
 from ...scene.pictures import Animation
 from ..canvas import INK, MM, Window, fraction_colours, new_figure, save
 from ..moving import MovingMachine, Path2D, body_displacement, gif_of, picture_of
-from .view import Drawn, View
+from .view import PictureFiles, View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,7 +59,7 @@ class _Actor:
         return position, velocity
 
 
-def draw_animation(view: View) -> Drawn:
+def draw_animation(view: View) -> PictureFiles:
     """Granules on the bodies: PNG strip of stills, GIF of all frames, CSV of what they show."""
     picture, scene = view.picture, view.scene
     assert isinstance(picture, Animation)
@@ -78,7 +78,7 @@ def draw_animation(view: View) -> Drawn:
     _gif(view.file(".gif"), view, actors, window, frames, start)
     data = view.write_csv(COLUMNS, _rows(scene, actors, frames, start))
     numbers = _numbers(actors, start)
-    return Drawn([view.file(".png"), view.file(".gif"), data], _text(numbers), numbers)
+    return PictureFiles([view.file(".png"), view.file(".gif"), data], _text(numbers), numbers)
 
 
 def _spread(paths: dict[str, list[Path2D]], count: int) -> dict[str, list[Path2D]]:

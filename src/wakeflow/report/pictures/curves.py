@@ -14,7 +14,7 @@ from ...injection.first_contact import motion_of
 from ...scene.pictures import Curves
 from ..canvas import MM, fraction_colours, new_figure, save
 from ..moving import Path2D
-from .view import Drawn, View
+from .view import PictureFiles, View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,7 +43,7 @@ class _Curve:
     ended: tuple[float, float, float] | None
 
 
-def draw_curves(view: View) -> Drawn:
+def draw_curves(view: View) -> PictureFiles:
     """Curves of all recorded granules, thin, and with ``body_speed`` that of one granule a fraction, thick."""
     picture = view.picture
     assert isinstance(picture, Curves)
@@ -54,7 +54,7 @@ def draw_curves(view: View) -> Drawn:
     numbers = _numbers(picture, curves)
     save(figure, view.file(".png"))
     data = view.write_csv(COLUMNS, _rows(curves))
-    return Drawn([view.file(".png"), data], _text(picture, numbers), numbers)
+    return PictureFiles([view.file(".png"), data], _text(picture, numbers), numbers)
 
 
 def _curves(view: View, picture: Curves, name: str, paths: list[Path2D]) -> Iterator[_Curve]:

@@ -29,19 +29,19 @@ from ..canvas import (
 )
 from ..figures.air import draw_pressure
 from ..moving import Path2D
-from .view import Drawn, View
+from .view import PictureFiles, View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 CELL, ACROSS = 0.125, 60  # cells of a map: at most so many widths of the first body, and so many over the channel
-ROOM = 0.06  # of the channel's height: beside what flows
+SIDE_MARGIN = 0.06  # of the channel's height: beside what flows
 DECADES = 3.0  # of mass flux below its highest that are shaded
 GRID = 120  # points along the longer side of the airflow's data
 
 
-def draw_streamlines(view: View) -> Drawn:
+def draw_streamlines(view: View) -> PictureFiles:
     """Pressure coefficient and streamlines, zones numbered as in the paper's Fig. 7; data on a regular grid."""
     outcome, scene = view.outcome, view.scene
     if outcome.field is None or outcome.field.pressure is None or outcome.airflow is None:
@@ -58,7 +58,7 @@ def draw_streamlines(view: View) -> Drawn:
         "1 direction of the air, 2 pressing zone, 3 body, 4 suction zone "
         f"(Cp < {SUCTION_LEVEL:g}: lowest {suction.cp_min:.2f}, {size[0]:.0f} mm long, {size[1]:.0f} mm wide)."
     )
-    return Drawn([view.file(".png"), data], text, {"suction": to_json(suction)})
+    return PictureFiles([view.file(".png"), data], text, {"suction": to_json(suction)})
 
 
 def _channel(view: View) -> Window:
@@ -67,18 +67,18 @@ def _channel(view: View) -> Window:
 
 
 def _flowing(view: View) -> Window:
-    """The channel's whole height, as wide as what flows and stands in it."""
+    """The channel's whole height, as wide as what flows and is in it."""
     left, right, low, high = _channel(view)
     parts = [path.position for paths in view.paths.values() for path in paths]
     x = np.concatenate([*parts, *(body.outline() for body in view.scene.body.values())])[:, 0]
-    room = ROOM * (high - low)
+    room = SIDE_MARGIN * (high - low)
     return max(left, float(x.min()) - room), min(right, float(x.max()) + room), low, high
 
 
 def mass_flux(paths: list[Path2D], rate: float, depth: float, x: Array, y: Array) -> Array:
     """Mass flux (ny, nx) kg/(m2 s) of a stream of ``rate`` (kg/s) over ``depth`` (m) in cells with edges x, y (m).
 
-    Every granule stands for the same mass flow; what a cell sees is the length of its tracks in it over the cell's
+    Every granule represents the same mass flow; what a cell sees is the length of its tracks in it over the cell's
     volume: the track-length estimate of the flux through it, direction left aside (Spanier & Gelbard 1969, Monte
     Carlo Principles and Neutron Transport Problems, ch. 2).
     """
@@ -115,7 +115,7 @@ def _cut(points: Array, x: Array, y: Array) -> tuple[Array, Array]:
     return np.concatenate(middles), np.concatenate([(b - a) * size for a, b in itertools.pairwise(bounds)])
 
 
-def draw_density(view: View) -> Drawn:
+def draw_density(view: View) -> PictureFiles:
     """A panel a fraction: its mass flux in the channel, bodies, bins, and the outline of the suction zone."""
     picture, scene = view.picture, view.scene
     assert isinstance(picture, Density)
@@ -144,7 +144,7 @@ def draw_density(view: View) -> Drawn:
     numbers = _through(view)
     told = [f"{name} {100 * row['suction']:.0f} and {100 * row['reversal']:.0f} %" for name, row in numbers.items()]
     text = f"Of each fraction enter the suction zone and the reversed flow of the mean air: {', '.join(told)}."
-    return Drawn([view.file(".png"), data], text if told else "", {"through": numbers})
+    return PictureFiles([view.file(".png"), data], text if told else "", {"through": numbers})
 
 
 def _panel(axes: Axes, view: View, x: Array, y: Array, flux: Array, colour: str, name: str) -> None:

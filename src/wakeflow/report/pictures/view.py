@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Drawn:
+class PictureFiles:
     """What a picture left: its files, the PNG first; a sentence with its numbers; the numbers for result.json."""
 
     files: list[Path]
@@ -56,4 +56,4 @@ class View:
         return self.file(".csv")
 
 
-pictures = Registry[Callable[[View], Drawn]]("kind of picture")
+pictures = Registry[Callable[[View], PictureFiles]]("kind of picture")

@@ -1,6 +1,6 @@
 """What ParaView opens: the air in time and in the mean, the machine, tracks, granules on their way, and landings.
 
-Lengths in m, y up, z = 0; units stand in the names of the arrays. Binary XML; places and values in single precision.
+Lengths in m, y up, z = 0; units are in the names of the arrays. Binary XML; places and values in single precision.
 Nothing is drawn here, so no OpenGL is needed.
 """
 

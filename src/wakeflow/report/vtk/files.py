@@ -28,7 +28,7 @@ def lifted(plane: ArrayLike) -> NDArray[np.float32]:
 
 
 def lines_of(parts: Sequence[ArrayLike]) -> Any:
-    """Polylines (m, 2) as one PolyData; those of one point, which must stand first, as vertices."""
+    """Polylines (m, 2) as one PolyData; those of one point, which must come first, as vertices."""
     import pyvista
 
     data = pyvista.PolyData()
@@ -47,7 +47,7 @@ def lines_of(parts: Sequence[ArrayLike]) -> Any:
 
 
 def number_by_name(data: Any, what: str, names: Iterable[str]) -> None:
-    """Say in the field data of a file which name each value of its array ``what`` stands for."""
+    """Say in the field data of a file which name each value of its array ``what`` represents."""
     data.field_data[f"{what}_names"] = list(names)
 
 
@@ -66,7 +66,7 @@ def save_piece(data: Any, path: Path) -> Path:
 
 
 def save_series(path: Path, times: Iterable[float], pieces: Iterable[Any], suffix: str) -> Path:
-    """Write the ``pieces`` at ``times`` (s) into a folder beside ``path`` (.pvd), which names them and comes last."""
+    """Write the ``pieces`` at ``times`` (s) into a folder next to ``path`` (.pvd), which names them and comes last."""
     lines, name = [], path.stem
     for number, (time, piece) in enumerate(zip(times, pieces, strict=True)):
         file = save_piece(piece, path.parent / name / f"{name}_{number:04d}{suffix}")

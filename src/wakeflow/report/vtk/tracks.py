@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 class _Granule(NamedTuple):
-    """A track with what the scene knows of it: its fraction's place and the share of the feed that it stands for."""
+    """A track with what the scene knows of it: its fraction's place and the share of the feed that it represents."""
 
     fraction: int
     weight: float

@@ -79,7 +79,7 @@ def nodal(air, ints, w, c, m):
 
 
 @compiled
-def swinging(swing, first, t):
+def mesh_velocity(swing, first, t):
     """Velocity and acceleration of a mesh that swings as the four numbers ``swing[first:]`` say."""
     x, y, omega = swing[first + at.SWING_X], swing[first + at.SWING_Y], swing[first + at.SWING_OMEGA]
     angle = omega * t + swing[first + at.SWING_PHASE]
@@ -243,7 +243,7 @@ def air_at(affine, x, y, t):
                 ax += r * _value(affine, at.AX0 + higher, dx, dy)
                 ay += r * _value(affine, at.AY0 + higher, dx, dy)
             if affine[at.SWING + at.SWING_OMEGA] != 0.0:  # seen from the mesh
-                wx, wy, px, py = swinging(affine, at.SWING, t)
+                wx, wy, px, py = mesh_velocity(affine, at.SWING, t)
                 ux, uy, ax, ay = ux - wx, uy - wy, ax - px, ay - py
     return ux, uy, ax, ay
 

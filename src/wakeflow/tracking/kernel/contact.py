@@ -19,7 +19,7 @@ from .rebound import restitution_of, tilted
 from .rest import STATIC, caught, held, hold_still, tangent, unwedge, wedge
 from .walls import constrain, grasp, inside
 
-# -- A granule in contact: the strike, sliding, and being held by friction; ``contact_ends`` has how -------------------
+# -- A granule in contact ----------------------------------------------------------------------------------------------
 _collide = compiled(collide)
 AT_REST = 1e-13  # of a body's length per s and of the free acceleration: slower is at rest, to round-off
 ROLLS = 1e-12  # of sliding and turning speed: a slip below it is the round-off of their difference
@@ -158,7 +158,7 @@ def rescue(state, ints, hold, affine, grain, table, walls, rules):
             strike(state, ints, hold, affine, grain, table, walls, rules, at.ON_EDGE, nearest)
 
 
-# -- How contact ends: the contact point comes to rest, the wall stops pressing or gripping, sliding -------------------
+# -- How contact ends --------------------------------------------------------------------------------------------------
 SLIVER = 1e-3  # of the skin: how near to the end of a face a granule must be to slide off it at once
 
 

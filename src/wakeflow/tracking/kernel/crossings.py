@@ -18,7 +18,7 @@ from .walls import STILL
 BEND = 0.05  # sagitta over a granule's radius up to which its path by a corner counts as straight
 BENDS = 64  # pieces of such a path at most
 TURN = 0.4  # rad of a body's vibration looked at in one piece; of samples: change of the acceleration over its peak
-MOST_PIECES = 100_000  # of a step past a body that vibrates
+MAX_PIECES = 100_000  # of a step past a body that vibrates
 GROWN = 1.01  # of a granule's radius: boxes that are farther apart than this cannot touch, round-off or not
 MARGIN = 0.1  # of a hull's size: the cubic with the same ends holds the path but for the step's own error
 CLOSE = 1e-6  # of the skin: a line is crossed when the centre is that near
@@ -146,7 +146,7 @@ def _first_on_body(path, span, start, end, t0, r, skin, walls, body, joined, bes
     """First contact with a body; looked for till ``best`` (s), unless that is negative."""
     bodies = walls.bodies
     omega = bodies[body, at.OMEGA]
-    pieces = 1 if omega == 0.0 else min(MOST_PIECES, 1 + int(omega * span / TURN))
+    pieces = 1 if omega == 0.0 else min(MAX_PIECES, 1 + int(omega * span / TURN))
     qa = _seen_from(start, t0, bodies, body)
     found, kind, which = -1.0, at.FREE, at.NOBODY
     for piece in range(pieces):

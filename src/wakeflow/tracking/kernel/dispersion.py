@@ -13,7 +13,7 @@ import math
 from ...laws import turbulence
 from ...laws.random_numbers import normal_pair
 from . import layout as at
-from .air import nodal, swinging
+from .air import mesh_velocity, nodal
 from .forces import drag_rate
 from .jit import compiled, inlined
 from .locate import barycentric
@@ -21,13 +21,13 @@ from .locate import barycentric
 _crossing = compiled(turbulence.crossing_times)
 _langevin = compiled(turbulence.langevin)
 _normals = compiled(normal_pair)
-LEAST_INTERVALS = 64  # of a flight
+MIN_INTERVALS = 64  # of a flight
 EARLY = 1e-6  # of a beat: round-off
 PASSAGE = 0.02  # of the time air or granule need for a body's length: an interval of Brownian motion, least of eddies'
 
 
 @compiled
-def drawn(ints, rules):
+def random_normals(ints, rules):
     """The next two random numbers of the granule's stream."""
     ints[at.DRAWS] += 1
     return _normals(rules.seed, ints[at.STREAM], ints[at.DRAWS])
@@ -54,7 +54,7 @@ def _stirred_air(state, ints, affine, air):
         sx += deviation * g[tri, at.B0X + 2 * k]
         sy += deviation * g[tri, at.B0Y + 2 * k]
     if air.swing[at.SWING_OMEGA] != 0.0:
-        wx, wy, _, _ = swinging(air.swing, at.SWING_X, state[at.T])
+        wx, wy, _, _ = mesh_velocity(air.swing, at.SWING_X, state[at.T])
         ux, uy = ux - wx, uy - wy
     return ux, uy, life, rms, sx, sy
 
@@ -88,7 +88,7 @@ def _eddies(state, ints, grain, table, rules, seen, least, rest, beat):
         dx, dy = (ex, ey) if side == 0 else (-ey, ex)
         time = along if side == 0 else across
         decay, end, mean, shared, own = _langevin(span / max(time, 1e-300))
-        xi, eta = drawn(ints, rules)
+        xi, eta = random_normals(ints, rules)
         start = dx * state[at.SEEN_X] + dy * state[at.SEEN_Y]
         lean = drift * time * (dx * sx + dy * sy)
         last = lean + decay * (start - lean) + end * xi
@@ -119,18 +119,18 @@ def renew_in(state, ints, grain, table, rules, wind, seen, rest, beat):
     none) later.
     """
     speed = max(math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2), wind)
-    span = (rules.until - state[at.BORN]) / LEAST_INTERVALS
+    span = (rules.until - state[at.BORN]) / MIN_INTERVALS
     if speed > 0.0:
         span = min(span, PASSAGE * rules.length / speed)
     if grain[at.DISPERSION] != 0.0:
         if ints[at.DRAWS] == 0:  # the process is stationary at birth
-            state[at.SEEN_X], state[at.SEEN_Y] = drawn(ints, rules)
+            state[at.SEEN_X], state[at.SEEN_Y] = random_normals(ints, rules)
         span = _eddies(state, ints, grain, table, rules, seen, 0.05 * span, rest, beat)
     else:
         span = _on_beat(span, rest, beat)
     if grain[at.DIFFUSIVITY] != 0.0:
         size = math.sqrt(2.0 * grain[at.DIFFUSIVITY] / span)
-        xi, eta = drawn(ints, rules)
+        xi, eta = random_normals(ints, rules)
         state[at.KICK_X], state[at.KICK_Y] = size * xi, size * eta
     state[at.T_NOISE] = state[at.T] + span
     ints[at.FRESH] = 0

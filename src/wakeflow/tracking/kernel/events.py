@@ -24,7 +24,7 @@ TURNED = 1e-4  # of the smaller rate at the ends: so slow it turns; chosen: the 
 # Parts of a bracket between which the next look for a turning point is taken; chosen: no look leaves more than 95 %
 NEAREST, FARTHEST = 0.05, 0.95
 LAST_BIT = 4e-16  # of a time: a bracket as short as this is a root; about two spacings of doubles near it
-MOST_ROOT_LOOKS, MOST_TURN_LOOKS = 100, 40  # looks in one search; chosen: guards against loops without end
+MAX_ROOT_LOOKS, MAX_TURN_LOOKS = 100, 40  # looks in one search; chosen: guards against loops without end
 
 
 @compiled
@@ -116,7 +116,7 @@ def level(path, s, t0, bodies, body, kind, ox, oy, q0, q1, q2):
 def _root(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, low, f_low, high, f_high, close):
     """Where the function passes from above zero at ``low`` to below at ``high``: Newton kept in the bracket."""
     s = low + (high - low) * f_low / (f_low - f_high)
-    for _ in range(MOST_ROOT_LOOKS):
+    for _ in range(MAX_ROOT_LOOKS):
         f, rate = level(path, s, t0, bodies, body, kind, ox, oy, q0, q1, q2)
         if abs(f) <= close:
             return s
@@ -137,7 +137,7 @@ def _turn(path, t0, bodies, body, kind, ox, oy, q0, q1, q2, low, r_low, high, r_
     """The time between ``low`` and ``high`` where the rate changes sign, and the value there (regula falsi, damped)."""
     scale = TURNED * min(abs(r_low), abs(r_high))
     s, f = low, 0.0
-    for _ in range(MOST_TURN_LOOKS):
+    for _ in range(MAX_TURN_LOOKS):
         s = low + (high - low) * min(FARTHEST, max(NEAREST, r_low / (r_low - r_high)))
         f, rate = level(path, s, t0, bodies, body, kind, ox, oy, q0, q1, q2)
         if abs(rate) <= scale:

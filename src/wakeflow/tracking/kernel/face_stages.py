@@ -16,8 +16,8 @@ from .step import TRANSIENT
 
 MARCH_SHARE = 0.2  # of the allowance: chosen by experiment: errors grow on their way through a sheared wake
 MOVED = 2.0  # allowances: more than that off the place foretold, the force is looked up anew
-MOST_MOVES = 2  # times that it is looked up anew; then the triangle is for confined steps
-MOST_LOOKS = 9  # at the force in a triangle: all ways through the stages are shorter
+MAX_MOVES = 2  # times that it is looked up anew; then the triangle is for confined steps
+MAX_LOOKS = 9  # at the force in a triangle: all ways through the stages are shorter
 END, MIDDLE, EARLY, LATE = 1.0, 0.5, 0.25, 0.75  # parts of the time in a triangle at which the force is looked at
 
 
@@ -143,7 +143,7 @@ def triangle_stages(
     bend = Bend(face.ux * dt, face.uy * dt, 0.0, 0.0)
     stage, curved, moves, fine = MIDDLE if quadratic else END, quadratic, 0, True
     hx = hy = ox = oy = zx = zy = onward = 0.0
-    for _ in range(MOST_LOOKS):
+    for _ in range(MAX_LOOKS):
         px, py, mx, my, rate, wx, wy, phi = _look(
             state, ints, affine, air, grain, table, face, tri, bend, stage, dt, limits
         )
@@ -152,7 +152,7 @@ def triangle_stages(
             bend = Bend(mx, my, 4.0 * hx - 2.0 * mx, 4.0 * hy - 2.0 * my) if curved else Bend(mx, my, 0.0, 0.0)
             moved = _moves(rules, face, bend, dt, px, py, zx, zy, phi)
             moves += moved
-            fine = moves <= MOST_MOVES if moved else not _relaxes(rules, face, dt, zx, zy, onward)
+            fine = moves <= MAX_MOVES if moved else not _relaxes(rules, face, dt, zx, zy, onward)
             if not fine or not (moved or sampled):
                 break
             stage = END if moved else (EARLY if curved else MIDDLE)

@@ -28,7 +28,7 @@ KEEP = 0.1  # of the error allowed: with less bend than that the next march begi
 ON_FACE = 1e-7  # barycentric distance at which a face is met: far below any allowance, far above round-off
 BEYOND = -1e-4  # barycentric distance at which a triangle does not hold a point any more: a path that was too bent
 FLAT = 1e-9  # of the extent: a shorter way through a triangle is a corner cut
-MOST_CUTS = 6  # corners cut in a row: about as many triangles as meet in a node
+MAX_CUTS = 6  # corners cut in a row: about as many triangles as meet in a node
 NEWTON = 4  # steps towards a face; each squares the distance, so that three are enough where one is
 OFF_FACE = 0.1  # of the step by which its end may still be moved to be on the face
 AROUND = 1.01  # a path is longer than its chord by less than one in a hundred where it is nearly straight
@@ -232,7 +232,7 @@ def march(state, ints, affine, air, grain, table, walls, rules, most):
     for cell in range(most):
         dt, edge, last, verdict = _aim(air, rules, face, tri, limits)
         cut = cut + 1 if verdict == CUT else 0
-        if verdict == STOP or cut > MOST_CUTS or (cut > 0 and last):
+        if verdict == STOP or cut > MAX_CUTS or (cut > 0 and last):
             break
         if verdict == THROUGH:
             sampled, again = cell % SAMPLED == 0, cell == 0

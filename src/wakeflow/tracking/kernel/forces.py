@@ -19,7 +19,7 @@ lift_coefficient = compiled(lift.lift_coefficient)
 magnus_factor = compiled(rotation.magnus_factor)
 spin_decay = compiled(rotation.spin_decay)
 
-# Where a Reynolds number stands in the table of drag factors, and the inverse of the table's last
+# Where a Reynolds number is in the table of drag factors, and the inverse of the table's last
 FIRST_CELL = float(TABLE_DECADES[0] * TABLE_CELLS)
 PER_HALF_NATURAL_LOG = 0.5 / math.log(10.0) * TABLE_CELLS
 BEYOND = 10.0 ** -TABLE_DECADES[1]

@@ -1,4 +1,4 @@
-"""What the compiled kernel is handed, and where things stand in its small state arrays.
+"""What the compiled kernel is handed, and where things are in its small state arrays.
 
 One signature only: float64 and int64 arrays, C-contiguous, so that the kernel is compiled once.
 """
@@ -123,7 +123,7 @@ FLOATS = LAG + 2 * MEMORIES
 ) = range(26)  # fmt: skip
 INTS = 26
 
-# -- Constants of a granule. Accelerations are over 1 + chi with added mass; those of terms that are off are zero ------
+# -- Constants of a granule. Accelerations are over 1 + chi with added mass --------------------------------------------
 (
     STOKES,  # 1/s, drag rate of Stokes' law
     REYNOLDS2,  # (Re per m/s)^2
@@ -144,7 +144,7 @@ INTS = 26
     DIFFUSIVITY,  # m2/s, Brownian
     SCATTER,  # rad, rms angle by which its shape turns the wall's normal at an impact
     GIVES_BACK,  # tangential restitution
-    FORGET,  # 1/s, over its own time, which its memories of the slip are told in; 0: no history force
+    FORGET,  # 1/s, over its own time, which its memories of the slip are given in; 0: no history force
     RECALL_0, RECALL_1, RECALL_2, RECALL_3, RECALL_4, RECALL_5, RECALL_6,  # 1/s, weights of the memories
 ) = range(28)  # fmt: skip
 CONSTANTS = 28
@@ -231,7 +231,7 @@ NOBODY: Any = np.int64(-1)
 FLYING = -1
 BINNED, ESCAPED, RESTING, CAPTURED, AIRBORNE, STOPPED = range(6)
 
-# -- Bounces: where they become sliding ------------------------------------------------------------------------------
+# -- Bounces -----------------------------------------------------------------------------------------------------------
 SLOW = 1e-6  # m/s, rebounds slower than this are sliding
 LOWEST_BOUNCE = 0.01  # of the landing error asked for: bounces that rise less are sliding, which it does not notice
-MOST_IMPACTS = 5_000  # a granule that rattles in a notch of a vibrating body would go on for good
+MAX_IMPACTS = 5_000  # a granule that rattles in a notch of a vibrating body would go on for good

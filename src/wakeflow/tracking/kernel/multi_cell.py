@@ -22,10 +22,10 @@ from .locate import walk
 from .nodes import BOOLE, carried, displaced, excess
 from .walls import clearance
 
-# -- The stride: one step over several triangles, wherever the faces between them lie ----------------------------------
+# -- The stride --------------------------------------------------------------------------------------------------------
 STRIDE_SHARE = 1.0  # of the tolerance for strides: the whole of it, since the judged error is that of Simpson's rule
-FEWEST = 3.0  # triangles: a shorter stride is better marched, which takes one look a triangle and no more
-MOST = 60.0  # triangles: the way to the stages is made on foot
+MIN_STRIDE = 3.0  # triangles: a shorter stride is better marched, which takes one look a triangle and no more
+MAX_STRIDE = 60.0  # triangles: the way to the stages is made on foot
 LOOKS = 4.0  # at the air in a stride: it may be as long as four times what changes in time ask for
 FIRST = 12.0  # triangles of the first stride tried; chosen by experiment
 TRIES = 3  # lengths tried in a row
@@ -36,7 +36,7 @@ AROUND = 1.01  # a path is longer than its chord by less than one in a hundred w
 def _longest(cell, state, air, rules):
     """When the stride has to end (s on the granule's clock), and its length to try first (s)."""
     clock = min(rules.until, state[at.T_NOISE], state[at.T_END] if air.smooth[at.KNOT_RATE] == 0.0 else math.inf)
-    h = FIRST * cell if state[at.H_STRIDE] == 0.0 else min(state[at.H_STRIDE], MOST * cell)
+    h = FIRST * cell if state[at.H_STRIDE] == 0.0 else min(state[at.H_STRIDE], MAX_STRIDE * cell)
     return clock, min(h, clock - state[at.T], LOOKS * rules.coarse)
 
 
@@ -104,7 +104,7 @@ def stride(path, cell, state, ints, affine, air, grain, table, walls, rules):
     path[at.START_VY], path[at.RATE] = state[at.VY], 0.0
     wx, wy, _, _ = sway(path, air.swing, at.SWING_X, t0)
     for attempt in range(TRIES):
-        if h < FEWEST * cell:
+        if h < MIN_STRIDE * cell:
             break
         tri, fast, ox, oy, nx, ny, met = _stages(
             path, h, attempt == 0, state, ints, affine, air, grain, table, speed, wx, wy
@@ -128,15 +128,15 @@ def stride(path, cell, state, ints, affine, air, grain, table, walls, rules):
         ints[at.TRI] = tri
         state[at.H_STRIDE] = h * min(2.0, 0.8 * math.sqrt(allowed / error)) if error > 0.0 else 2.0 * h
         return True
-    state[at.H_STRIDE] = max(h, FEWEST * cell)
+    state[at.H_STRIDE] = max(h, MIN_STRIDE * cell)
     return False
 
 
-# -- Multi-cell steps: many triangles in one go where no wall is near --------------------------------------------------
-MOST_PATIENCE = 4  # steps after a march that did not get far are confined, 1, 2, 4 ... 2^this in a row
-FEW = 4  # triangles of the first march after a stride, and of all of a granule whose path is drawn
-MOST_DOUBLINGS = 4  # of the triangles of a march from one refused stride to the next
-FAR = 2  # triangles: a march that left more behind was worth it
+# -- Multi-cell steps --------------------------------------------------------------------------------------------------
+MAX_PATIENCE = 4  # steps after a march that did not get far are confined, 1, 2, 4 ... 2^this in a row
+FIRST_MARCH = 4  # triangles of the first march after a stride, and of all of a granule whose path is drawn
+MAX_DOUBLINGS = 4  # of the triangles of a march from one refused stride to the next
+WORTHWHILE_MARCH = 2  # triangles: a march that left more behind was worth it
 
 
 @inlined
@@ -161,14 +161,16 @@ def multi_cell_step(path, state, ints, hold, affine, air, grain, table, walls, r
         return 1
     if air.swing[at.SWING_OMEGA] != 0.0:  # faces that move: confined steps
         return 0
-    most = FEW if drawn else FEW * 2 ** ints[at.STRIDES_REFUSED]  # triangles till the next stride is tried
-    ints[at.STRIDES_REFUSED] = min(ints[at.STRIDES_REFUSED] + 1, MOST_DOUBLINGS)
+    most = (
+        FIRST_MARCH if drawn else FIRST_MARCH * 2 ** ints[at.STRIDES_REFUSED]
+    )  # triangles till the next stride is tried
+    ints[at.STRIDES_REFUSED] = min(ints[at.STRIDES_REFUSED] + 1, MAX_DOUBLINGS)
     left = march(state, ints, affine, air, grain, table, walls, rules, most)
-    if left > FAR:
+    if left > WORTHWHILE_MARCH:
         ints[at.MARCHES_CUT] = 0
     else:
         ints[at.PATIENCE] = 2 ** ints[at.MARCHES_CUT]
-        ints[at.MARCHES_CUT] = min(ints[at.MARCHES_CUT] + 1, MOST_PATIENCE)
+        ints[at.MARCHES_CUT] = min(ints[at.MARCHES_CUT] + 1, MAX_PATIENCE)
     if left > 0:
         ints[at.FRESH] = ints[at.HOPS] = ints[at.STUCK] = 0
         ints[at.STEPS] += left

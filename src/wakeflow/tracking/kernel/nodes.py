@@ -12,12 +12,12 @@ from __future__ import annotations
 import math
 
 from . import layout as at
-from .air import shares, swinging
+from .air import mesh_velocity, shares
 from .dense_output import phis
 from .forces import drag_rate
 from .jit import compiled, inlined
 
-# -- The force at a point straight from the nodes of its triangle, nothing loaded before: what -------------------------
+# -- The force at a point straight from the nodes of its triangle, nothing loaded before -------------------------------
 STIFF = 0.2  # of the drag rate times a time: a velocity relaxes by a fifth within it, which stages must not step over
 
 
@@ -91,7 +91,7 @@ def excess(state, ints, affine, air, grain, table, tri, x, y, vx, vy, t, rate0, 
         uy += rms * state[at.MEAN_Y] + state[at.KICK_Y]
     px, py = grain[at.PRESSURE] * px + grain[at.GX], grain[at.PRESSURE] * py + grain[at.GY]
     if air.swing[at.SWING_OMEGA] != 0.0:  # v is seen from the mesh, N the lab's
-        wx, wy, _, _ = swinging(air.swing, at.SWING_X, t)
+        wx, wy, _, _ = mesh_velocity(air.swing, at.SWING_X, t)
         ux, uy, px, py = ux - wx, uy - wy, px + rate0 * wx, py + rate0 * wy
     nx = ny = rate = 0.0
     for again in range(2):
@@ -105,7 +105,7 @@ def excess(state, ints, affine, air, grain, table, tri, x, y, vx, vy, t, rate0, 
     return nx, ny, rate, vx, vy
 
 
-# -- What a force that is not a parabola in time displaces: the error of the multi-cell steps, derived -----------------
+# -- What a force that is not a parabola in time displaces -------------------------------------------------------------
 BOOLE = 32.0 / 90.0  # Boole's rule: mean of a quartic that is zero at 0, 1/2 and 1 over its sum at 1/4 and 3/4
 # First moment of a cubic with these zeros over its difference between 1/4 and 3/4 is 4/45; twice, rounded up: what it
 # displaces in the step, and as much again by the velocity that drag's weighting of it leaves

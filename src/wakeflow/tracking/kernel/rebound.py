@@ -9,7 +9,7 @@ from ...laws.random_numbers import normal_pair
 from . import layout as at
 from .jit import compiled
 
-# -- The coefficient of restitution of one strike: a body's own, a granule's number, or the granules' ------------------
+# -- The coefficient of restitution of one strike ----------------------------------------------------------------------
 _approach = compiled(approach_speed)
 SLOWEST = 1e-300  # m/s: has a logarithm
 
@@ -36,7 +36,7 @@ def restitution_of(state, grain, walls, body, nx, ny, wx, wy):
     return min(1.0, max(0.0, e))
 
 
-# -- The wall's normal as an impact of a granule that is no sphere feels it; the law is in -----------------------------
+# -- The wall's normal as an impact of a granule that is no sphere feels it --------------------------------------------
 _collide, _normals, _turned, _throws_off = (compiled(law) for law in (collide, normal_pair, turned, throws_off))
 
 

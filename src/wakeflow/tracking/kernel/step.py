@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from . import layout as at
-from .air import air_at, swinging
+from .air import air_at, mesh_velocity
 from .dense_output import along, parabola, phis
 from .forces import drag_rate, gradient_forces, spin_at
 from .history import bend_memory, recall, recall_line, sampled
@@ -27,7 +27,7 @@ STRAIGHT = 1e-3  # of the drag time: up to there a path is taken for a parabola
 OVERSHOOT = 1.1  # of the estimated time to leave a triangle: the exit is then found inside the step
 # The next estimate of that time over the last one, at least and at most; chosen: the mean velocity that it is made of
 # belongs to the last estimate, and says little about a time ten times as long or short
-LEAST_ONWARD, MOST_ONWARD = 0.1, 10.0
+MIN_ONWARD, MAX_ONWARD = 0.1, 10.0
 
 
 @compiled
@@ -43,7 +43,7 @@ def _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, s, lag
     ux, uy, fx, fy = air_at(affine, x, y, t)
     dx = dy = 0.0
     if affine[at.SWING + at.SWING_OMEGA] != 0.0 and hold[at.KIND] == 0.0:
-        dx, dy, ax, ay = swinging(affine, at.SWING, t)
+        dx, dy, ax, ay = mesh_velocity(affine, at.SWING, t)
         fx, fy, wx, wy = fx + ax, fy + ay, wx - dx, wy - dy
     vx += lag * (ux - wx)
     vy += lag * (uy - wy)
@@ -167,5 +167,5 @@ def exit_time(geometry, tri, path, least):
         onward = _nearest_exit(geometry, tri, x, y, wx, wy, least)
         if not math.isfinite(onward):
             return 2.0 * h
-        h = min(max(onward, LEAST_ONWARD * h), MOST_ONWARD * h)
+        h = min(max(onward, MIN_ONWARD * h), MAX_ONWARD * h)
     return OVERSHOOT * h

@@ -17,7 +17,7 @@ from .jit import compiled, inlined
 from .locate import barycentric, walk
 from .step import attempt, exit_time
 
-# -- How long the next confined step is. It stays in its triangle, of which it sees every event ------------------------
+# -- How long the next confined step is --------------------------------------------------------------------------------
 EDGE = 1e-11  # barycentric distance below which a granule is on an edge
 LOOKS = 2.0  # at the air in a confined step: it may be as long as twice what changes in time ask for
 HOP_LIMIT = 60  # crossings of edges or contacts in a row without progress
@@ -26,10 +26,10 @@ CRAWL = 1e-3  # of a body's length (1/s^2): with no pull at all a step in a corn
 INWARDS = 1e-3  # barycentric distance from which on a time to leave the triangle is counted
 ROUND_OFF = 1e-13  # of the time that a flight takes: a step as short as this is taken, whatever its error
 AIR_OF = 1e-15  # of the extent: round-off of a place, which no error can be asked to be below
-MOST_TRIES = 60  # lengths of a step: those after the fourth are a tenth of the one before each
+MAX_TRIES = 60  # lengths of a step: those after the fourth are a tenth of the one before each
 # The next step is 0.9 of what the error asks for, and at most 5 times as long, the usual numbers (Hairer, Norsett &
 # Wanner 1993, Solving Ordinary Differential Equations I, II.4); one that was refused becomes no shorter than a tenth
-SAFETY, MOST_GROWTH, LEAST_SHRINK = 0.9, 5.0, 0.1
+SAFETY, MAX_GROWTH, MIN_SHRINK = 0.9, 5.0, 0.1
 ORDER = 3.0  # of the step
 
 
@@ -100,17 +100,17 @@ def confined_step(path, h, state, ints, affine, grain, table, hold, rules, speed
     """Try steps from h down until the estimated error is within the allowance; returns the step, 0.0 when none is."""
     shortest = ROUND_OFF * rules.extent / (speed + math.sqrt(rules.extent * pull) + 1e-300)
     horizon = _horizon(state, rules, speed, pull)
-    for rejected in range(MOST_TRIES):
+    for rejected in range(MAX_TRIES):
         error, fast = attempt(path, h, state, ints, affine, grain, table, hold, horizon)
         allowed = _allowed(rules, h, speed, fast)
         if error <= allowed or (h <= shortest and math.isfinite(error)):
-            longer = min(MOST_GROWTH, SAFETY * (allowed / error) ** (1.0 / ORDER))
+            longer = min(MAX_GROWTH, SAFETY * (allowed / error) ** (1.0 / ORDER))
             state[at.H_ERROR] = h * longer if error > 0.0 else math.inf
             return h
         # a velocity transient shorter than the step shrinks the error no faster than the step: then go down quickly
-        most = SAFETY if rejected == 0 else (0.5 if rejected < 4 else LEAST_SHRINK)
-        shorter = max(LEAST_SHRINK, most * min(1.0, (allowed / error) ** (1.0 / ORDER)))
-        h *= shorter if math.isfinite(error) else LEAST_SHRINK
+        most = SAFETY if rejected == 0 else (0.5 if rejected < 4 else MIN_SHRINK)
+        shorter = max(MIN_SHRINK, most * min(1.0, (allowed / error) ** (1.0 / ORDER)))
+        h *= shorter if math.isfinite(error) else MIN_SHRINK
     return 0.0
 
 
@@ -135,7 +135,7 @@ def leaves(path, h, ints, air):
     return s, edge
 
 
-# -- From triangle to triangle: over an edge into the next one, or out of the mesh, where the track ends ---------------
+# -- From triangle to triangle -----------------------------------------------------------------------------------------
 ON_LINE = 1e-9  # of the extent: round-off of a place on the mesh's boundary; chosen: far above that of doubles
 
 
@@ -181,7 +181,7 @@ def cross_edge(state, ints, air, walls, rules, k):
 
 @inlined
 def hop(state, ints, air, walls, rules):
-    """Cross at once an edge the granule stands on and moves out through. Returns whether it did."""
+    """Cross at once an edge the granule is on and moves out through. Returns whether it did."""
     tri, worst, edge = ints[at.TRI], 0.0, at.NOBODY
     for k in range(3):
         if barycentric(air.geometry, tri, k, state[at.X], state[at.Y]) <= EDGE:

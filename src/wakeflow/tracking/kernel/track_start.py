@@ -11,7 +11,7 @@ from .step_control import relocate
 from .walls import grasp, inside, overlap
 
 
-# -- The start of a track: the state of a new granule, and where it may begin ------------------------------------------
+# -- The start of a track ----------------------------------------------------------------------------------------------
 @inlined
 def _born_inside(state, walls):
     """Whether the granule's centre lies in a body."""

@@ -13,7 +13,7 @@ from . import layout as at
 from .events import cubic, harmonic, interval, wall_displacement
 from .jit import compiled
 
-# -- Bodies: what a point lies in or near, and the constraint of a granule that touches one ----------------------------
+# -- Bodies ------------------------------------------------------------------------------------------------------------
 STILL = 1e-13  # m/s, round-off: a granule that leaves a surface with it does not meet it again
 
 
@@ -151,10 +151,10 @@ def constrain(hold, fx, fy, x, y, vx, vy, t):
     return tangential * tx + normal * nx, tangential * ty + normal * ny, press, free, slide
 
 
-# -- How far the nearest wall or line is at least: the room in which a step may go without looking for -----------------
+# -- How far the nearest wall or line is at least ----------------------------------------------------------------------
 @compiled
 def clearance(walls, x, y, radius, enough):
-    """A lower bound on the way to the nearest wall or line, wherever the wall is; no more than ``enough`` is told."""
+    """A lower bound on the way to the nearest wall or line, wherever the wall is; at most ``enough``."""
     free = enough
     edges, lines, members = walls.edges, walls.lines, walls.members
     for body in range(walls.bodies.shape[0]):

@@ -1,9 +1,9 @@
 """The meetings of a step: foretold on the ways that granules go, dealt with in the order of time, each followed by a
 new flight of the two to the end of the step; then contact that lasts.
 
-A granule that meets more than ``MOST`` others in a step, pairs that touch slowly, and overlaps (at birth, after a jam)
-are left to the end of the step, where impulses and displacements go over all touching pairs until nothing approaches:
-Moreau's time stepping, as on walls (``strikes``).
+A granule that meets more than ``MAX_CONTACTS`` others in a step, pairs that touch slowly, and overlaps (at birth, after
+a jam) are left to the end of the step, where impulses and displacements go over all touching pairs until nothing
+approaches: Moreau's time stepping, as on walls (``strikes``).
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from ..kernel.walls import clearance
 from . import layout as of
 from .cells import near, relist
 from .flight import PULLS, fly_on, press
-from .pairs import MEETS, OVERLAPS, TOUCHES, hit_tracer, meet, meeting_time, part, roll_back, room_between
+from .pairs import MEETS, OVERLAPS, TOUCHES, collide, contact_time, hit_tracer, part, roll_back, room_between
 
-MOST = 8  # meetings of one granule in a step that are followed one by one
+MAX_CONTACTS = 8  # meetings of one granule in a step that are followed one by one
 CHATTER = 2  # steps: two that meet again so soon, and nobody between, have not parted
 SWEEPS = 12  # over the pairs that touch, at most
 TOUCH = 1e-6  # of the smaller radius: nearer is contact
-ENOUGH = 1e-3  # of the smaller radius: overlaps below it need no further sweep
+MAX_OVERLAP = 1e-3  # of the smaller radius: overlaps below it need no further sweep
 
 
 @compiled
@@ -28,7 +28,7 @@ def _note(crowd, cells, counts, clock, i, j):
     """Look whether i and j meet or touch in this step, and note it."""
     one, other = crowd.own[i], crowd.own[j]
     r = crowd.grains[i, at.RADIUS] + crowd.grains[j, at.RADIUS]
-    what, when = meeting_time(one, other, r, clock[of.DEPTH], clock[of.PULL])
+    what, when = contact_time(one, other, r, clock[of.DEPTH], clock[of.PULL])
     tracer = crowd.tally[i, of.TRACER] == 1  # inside another granule it passes it: it was not caught
     if (what == MEETS or (what == OVERLAPS and not tracer)) and counts[of.EVENTS] < cells.when.shape[0]:
         k = counts[of.EVENTS]
@@ -99,7 +99,7 @@ def _fly_again(crowd, laws, air, nodes, walls, rules, clock, room, i):
 @inlined
 def _leave_to_the_end(crowd, cells, counts, i, j):
     """Whether the pair has met so often in this step that the rest is contact that lasts."""
-    if crowd.own[i, of.MET] < MOST and crowd.own[j, of.MET] < MOST:
+    if crowd.own[i, of.MET] < MAX_CONTACTS and crowd.own[j, of.MET] < MAX_CONTACTS:
         return False
     if counts[of.NEAR] < cells.near.shape[0] and crowd.tally[i, of.TRACER] == 0:
         cells.near[counts[of.NEAR], 0], cells.near[counts[of.NEAR], 1] = i, j
@@ -125,7 +125,7 @@ def _strike_tracer(crowd, laws, rules, clock, room, i, j, when):
     _copy(own, room.kept_own)
     roll_back(crowd.states[i], crowd.counts[i], crowd.own[i], clock, when)
     roll_back(state, ints, own, clock, when)
-    if meet(crowd, laws, clock[of.DEPTH], i, j, 1.0):
+    if collide(crowd, laws, clock[of.DEPTH], i, j, 1.0):
         crowd.tally[i, of.MEETINGS] += 1
     _copy(room.kept_state, state)
     _copy(room.kept_ints, ints)
@@ -150,12 +150,12 @@ def _strike_pair(crowd, laws, clock, counts, i, j, when):
     """The meeting of two granules of the same right."""
     roll_back(crowd.states[i], crowd.counts[i], crowd.own[i], clock, when)
     roll_back(crowd.states[j], crowd.counts[j], crowd.own[j], clock, when)
-    if meet(crowd, laws, clock[of.DEPTH], i, j, 1.0):
+    if collide(crowd, laws, clock[of.DEPTH], i, j, 1.0):
         _count(crowd, counts, i, j)
 
 
 @compiled
-def meet_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
+def collide_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
     """Deal with the meetings that ``foretell`` noted, and with those that come of them."""
     while counts[of.EVENTS] > 0:
         when, i, j, a, b = _earliest(cells, counts)
@@ -194,7 +194,7 @@ def _settle_pair(crowd, laws, clock, counts, i, j, sweep):
     crowd.own[i, of.TOUCHED] = crowd.own[j, of.TOUCHED] = of.TOUCHES_OTHERS
     if closing > 0.0:
         slow = closing <= at.SLOW + PULLS * clock[of.PULL] * (clock[of.UNTIL] - clock[of.NOW])
-        if meet(crowd, laws, clock[of.DEPTH], i, j, 0.0 if slow else 1.0) and not slow and sweep == 0:
+        if collide(crowd, laws, clock[of.DEPTH], i, j, 0.0 if slow else 1.0) and not slow and sweep == 0:
             _count(crowd, counts, i, j)
     part(crowd, clock[of.DEPTH], i, j)
     return max(-room, 0.0) / least
@@ -225,5 +225,5 @@ def settle_all(crowd, laws, walls, rules, clock, room, cells, counts):
                     g = i if side == 0 else j
                     if walls.bodies.shape[0] > 0 and crowd.own[g, of.ROOM] <= 0.0:
                         _lean(crowd, walls, rules, clock, room, g, h)
-        if worst <= ENOUGH:
+        if worst <= MAX_OVERLAP:
             break

@@ -22,7 +22,7 @@ from ..core.process import cores
 from ..core.store import content_key
 from ..core.tables import save_arrays
 from ..laws.size import normal_points
-from ..planning.plan import DRAWS, REPLICATES, SAME_AIR, replicate_size
+from ..planning.plan import INPUT_SAMPLES, REPLICATES, SAME_AIR, replicate_size
 from ..planning.unknowns import Unknown, unknown_kinds, unknowns, variation_at
 from ..planning.variation import AirVariation, Variation
 from .cache import code_of
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-PARTS = DRAWS // REPLICATES  # of a replicate: each flies under one draw
+PARTS = INPUT_SAMPLES // REPLICATES  # of a replicate: each flies under one draw
 
 
 @dataclass(frozen=True)
-class Draws:
+class InputSamples:
     """``unknowns`` (K) and where each draw lies in them, ``z`` (R, K) in standard deviations; by fraction the bins in
     which the granules of every draw landed, ``varied`` (R, M), and where the same ones land in the answer, ``own``
     (R, M): indices of bins, the last one for elsewhere.
@@ -71,17 +71,17 @@ class DrawStage:
 
     @cached_property
     def design(self) -> Array:
-        """Where every draw lies (DRAWS, K): scrambled Sobol points as standard normal ones; of the air fewer, each for
-        several draws.
+        """Where every draw lies (INPUT_SAMPLES, K): scrambled Sobol points as standard normal ones; of the air fewer,
+        each for several draws.
         """
         shared = np.array([unknown_kinds[one.kind].of_air for one in self.unknowns], dtype=bool)
         seed = self.tracks.scene.feed.seed
-        z = np.zeros((DRAWS, len(shared)))
-        z[:, ~shared] = normal_points(int((~shared).sum()), DRAWS, seed, 0)
-        z[:, shared] = np.repeat(normal_points(int(shared.sum()), DRAWS // SAME_AIR, seed, 1), SAME_AIR, axis=0)
+        z = np.zeros((INPUT_SAMPLES, len(shared)))
+        z[:, ~shared] = normal_points(int((~shared).sum()), INPUT_SAMPLES, seed, 0)
+        z[:, shared] = np.repeat(normal_points(int(shared.sum()), INPUT_SAMPLES // SAME_AIR, seed, 1), SAME_AIR, axis=0)
         return z
 
-    def fly(self) -> Draws | None:
+    def fly(self) -> InputSamples | None:
         """The draws, from the cache or flown; None where everything is known exactly."""
         if not self.unknowns:
             return None
@@ -95,16 +95,16 @@ class DrawStage:
         with np.load(folder / "draws.npz") as data:
             names = list(stage.scene.fraction)
             varied, own = ({name: data[f"{which}.{name}"] for name in names} for which in ("varied", "own"))
-        return Draws(tuple(self.unknowns), self.design, varied, own)
+        return InputSamples(tuple(self.unknowns), self.design, varied, own)
 
     def _fly_all(self, tracked: Tracked, folder: Path) -> None:
         """All draws, those of one air by one thread: granules of a draw are too few for several."""
         found: dict[str, list[NDArray[np.int64]]] = {}
         pool = ThreadPoolExecutor(self.tracks.workers or cores())
         try:
-            jobs = [pool.submit(self._fly_in_one_air, first, tracked) for first in range(0, DRAWS, SAME_AIR)]
+            jobs = [pool.submit(self._fly_in_one_air, first, tracked) for first in range(0, INPUT_SAMPLES, SAME_AIR)]
             for number, job in enumerate(jobs):
-                self.tracks.cache.tell("draws", f"{number * SAME_AIR} of {DRAWS}")
+                self.tracks.cache.tell("draws", f"{number * SAME_AIR} of {INPUT_SAMPLES}")
                 for draw in job.result():
                     for which, bins in draw.items():
                         found.setdefault(which, []).append(bins)
@@ -145,14 +145,14 @@ class DrawStage:
     def air(self, air: AirVariation) -> Realisations:
         """The airflow as a draw has it."""
         from ..field.combined import varied
-        from .track_stage import Companion
+        from .track_stage import PerturbedRerun
 
         found = self.tracks.airs
         if air.theta is not None or air.strength is not None:
             wake = known(self.tracks.plan.airflow.wake)
             theta = wake.theta.value if air.theta is None else air.theta
             strength = wake.strength.value if air.strength is None else air.strength
-            found = self.tracks.realised(Companion("draws", wake=(theta, strength)))
+            found = self.tracks.realised(PerturbedRerun("draws", wake=(theta, strength)))
 
         def change(field: FlowField) -> FlowField:
             return varied(field, air.speed, air.energy, air.lifetime)

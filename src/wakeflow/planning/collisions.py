@@ -25,21 +25,21 @@ DIAMETERS = 15.0  # of the coarsest granules: default depth of the slab
 MANY_IN_FLIGHT = 500.0  # granules at a time, below which the slab is made deeper: they come in fewer steps; chosen
 CLOCK = 20.0  # granules whose steps take as long as a step of the clock itself
 MASS_LEVELS = 512  # parts of equal mass that a size distribution is taken apart into
-MOST_IN_FLIGHT = 1e4  # granules of a fraction that are simulated one by one; chosen, for the run time
+MAX_IN_FLIGHT = 1e4  # granules of a fraction that are simulated one by one; chosen, for the run time
 LIGHT = 1e-4  # of the mass of the heaviest fraction's granules: lighter ones turn nobody, and fly as tracers; chosen
 WORTHWHILE = 0.5  # of a fraction's mass: a coarse part that holds less is not worth its granules
-SAMPLES, MOST_REPLICATES = 4, 16  # fewest that an interval is told from; most that are flown
-FEWEST = 16.0  # granules of the rarest fraction in a replicate, in the mean: seldom none
+SAMPLES, MAX_REPLICATES = 4, 16  # fewest that an interval is reported from; most that are flown
+MIN_RAREST_GRANULES = 16.0  # granules of the rarest fraction in a replicate, in the mean: seldom none
 STEP = 1e-4  # s: that a granule of some mm is stepped by
 STEPS_A_SECOND = 2.9e6  # granule steps a second and core: measured with all forces
-MOST_STEPS = 1.2e9  # granule steps of all replicates: some four minutes on two such cores; chosen
+MAX_STEPS = 1.2e9  # granule steps of all replicates: some four minutes on two such cores; chosen
 CORES = 2
 BYTES_A_GRANULE = 1000.0  # of memory
 NO_RATE = "the scene gives no feed.rate; give one, or --force collisions=on takes 1 kg/s per metre of depth"
 
 
 @dataclass(frozen=True)
-class CrowdPlan:
+class CollisionPlan:
     """The slab in which granules meet. Each replicate is fed for as long again as it counts, until the last granule
     that counts has landed.
     """
@@ -57,17 +57,17 @@ class CrowdPlan:
     memory: float = column("bytes", "memory expected")
 
 
-def why_no_crowd(scene: Scene, *, asked: bool = False) -> str | None:
+def why_no_collisions(scene: Scene, *, asked: bool = False) -> str | None:
     """Why no slab can be flown for a scene; None where it can. ``asked``: for by hand."""
     if scene.feed.start == "resting":
         return "granules that start at rest on the body are no stream: they have no feed rate"
     return NO_RATE if scene.feed.rate is None and not asked else None
 
 
-def too_many_to_meet(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> str | None:
+def too_many_to_collide(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> str | None:
     """Why no slab can be flown at this feed rate: of the fraction with the heaviest granules, which turn all others,
     too many would be in flight to be simulated one by one. None where they are few enough. ``laws`` as in
-    :func:`plan_crowd`.
+    :func:`plan_collisions`.
     """
     stays = {name: _stay(scene, fraction, *laws[name]) for name, fraction in scene.fraction.items()}
     depth = _depth(scene, stays)
@@ -75,25 +75,25 @@ def too_many_to_meet(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> str
     if _simulated(scene, heaviest, depth, stays[heaviest])[1]:
         return None
     number = float(number_rates(scene, heaviest).sum()) * depth / scene.feed.depth * stays[heaviest]
-    enough = MOST_IN_FLIGHT / number
+    enough = MAX_IN_FLIGHT / number
     return (
         f"{number:.2g} granules of {heaviest} would be in flight in a slab {metres(depth, 3)} deep, more than the "
-        f"{MOST_IN_FLIGHT:g} that are simulated one by one; set collisions.depth below {metres(depth * enough, 2)}, or "
+        f"{MAX_IN_FLIGHT:g} that are simulated one by one; set collisions.depth below {metres(depth * enough, 2)}, or "
         f"feed.rate below {3600.0 * scene.feed.mass_flow * enough:.2g} kg/h"
     )
 
 
-def plan_crowd(
+def plan_collisions(
     scene: Scene, laws: Mapping[str, tuple[str, float]], target: float, *, paired: bool = False
-) -> CrowdPlan:
+) -> CollisionPlan:
     """The slab for a scene, whose shares are asked for to within ``target``; ``laws``: of drag, and the factor on it;
     ``paired``: every second replicate flies in the airflow's mirror image, and the two of a pair count as one.
 
     Its steady operation is long enough for the fraction of most mass: a share of a half from n independent granules is
     known to 0.98 / sqrt(n) with 95 %. No more of them are asked for than the scene's feed.count, and for no more steps
-    than a run can afford. Raises SceneError where :func:`too_many_to_meet` says why none can be flown.
+    than a run can afford. Raises SceneError where :func:`too_many_to_collide` says why none can be flown.
     """
-    if (obstacle := too_many_to_meet(scene, laws)) is not None:
+    if (obstacle := too_many_to_collide(scene, laws)) is not None:
         raise SceneError(f"collisions: {obstacle}")
     stays = {name: _stay(scene, fraction, *laws[name]) for name, fraction in scene.fraction.items()}
     depth = _depth(scene, stays)
@@ -108,7 +108,7 @@ def plan_crowd(
     lasting = operation + 2.0 * start_up
     seconds = (sum(in_flight.values()) + CLOCK) * replicates * lasting / STEP / STEPS_A_SECOND / CORES
     memory = BYTES_A_GRANULE * sum(rates.values()) * lasting * CORES
-    return CrowdPlan(depth, tracers, in_flight, replicates, start_up, operation, count, seconds, memory)
+    return CollisionPlan(depth, tracers, in_flight, replicates, start_up, operation, count, seconds, memory)
 
 
 def _depth(scene: Scene, stays: Mapping[str, float]) -> float:
@@ -131,11 +131,11 @@ def _timing(
     mass = scene.mass_shares()
     real = [name for name, rate in rates.items() if rate]
     if not real:
-        return MOST_REPLICATES, start_up
+        return MAX_REPLICATES, start_up
     whole = count / rates[max(real, key=lambda name: mass[name])]
-    whole = max(whole, least * FEWEST / min(rates[name] for name in real))
-    replicates = int(np.clip(whole / (4.0 * start_up), least, MOST_REPLICATES)) // 2 * 2
-    affordable = MOST_STEPS * STEP / (at_once + CLOCK) - 2.0 * replicates * start_up
+    whole = max(whole, least * MIN_RAREST_GRANULES / min(rates[name] for name in real))
+    replicates = int(np.clip(whole / (4.0 * start_up), least, MAX_REPLICATES)) // 2 * 2
+    affordable = MAX_STEPS * STEP / (at_once + CLOCK) - 2.0 * replicates * start_up
     return replicates, max(min(whole, affordable), least * start_up) / replicates
 
 
@@ -159,7 +159,7 @@ def _simulated(scene: Scene, name: str, depth: float, stay: float) -> tuple[floa
     )  # parts that are as coarse or coarser: rates fall with size
     coarser = np.cumsum(rates[::-1])[alike - 1]
     heaviest = max(float(np.median(granule_masses(scene, other))) for other in scene.fraction)
-    fits = (coarser * stay <= MOST_IN_FLIGHT) & (granule_masses(scene, name) >= LIGHT * heaviest)
+    fits = (coarser * stay <= MAX_IN_FLIGHT) & (granule_masses(scene, name) >= LIGHT * heaviest)
     fine = 1.0 - float(np.count_nonzero(fits)) / MASS_LEVELS
     if fine > 1.0 - WORTHWHILE:
         return 1.0, 0.0
@@ -176,7 +176,7 @@ def _stay(scene: Scene, fraction: Fraction, law: str, scale: float) -> float:
     return UniformFall.of(scene, fraction, law, scale, fraction.properties.diameter).times().whole
 
 
-def crowd_lines(crowd: CrowdPlan) -> Iterator[str]:
+def collision_lines(crowd: CollisionPlan) -> Iterator[str]:
     """The slab in words."""
     real = ", ".join(f"{number:.3g} {name}" for name, number in crowd.in_flight.items() if number)
     fine = ", ".join(

@@ -33,7 +33,7 @@ from .terms import COLLISIONS, bounds
 from .uniform_fall import UniformFall
 
 Array = NDArray[np.float64]
-SIZES = (1 / 6, 1 / 2, 5 / 6)  # mass quantiles whose falls stand for a fraction's, a third of its mass each
+SIZES = (1 / 6, 1 / 2, 5 / 6)  # mass quantiles whose falls represent a fraction's, a third of its mass each
 RARE = 0.05  # of the granules rebound beyond what a throw is taken for
 SLOWEST = 0.1  # m/s: the slowest fall that is believed of a curtain, which would be infinitely dense at rest; chosen
 LEVEL = 1e-9  # upward part of a unit normal below which a face does not look up: round-off
@@ -63,7 +63,7 @@ class Encounters:
 
 
 class _Fall(NamedTuple):
-    """A granule's fall from the feed to the body, or through a channel in which none stands."""
+    """A granule's fall from the feed to the body, or through a channel without one."""
 
     time: Array  # s
     way: Array  # m, downward
@@ -187,7 +187,7 @@ def _stream(scene: Scene, name: str, law: str, scale: float) -> _Stream:
     middle = falls[len(falls) // 2]
     comes = bool(scene.body) and middle.way[-1] >= scene.release[0] * (1.0 - LEVEL)
     arrival = max(float(middle.speed[-1]), scene.feed.fall_speed if scene.air is None else 0.0) if comes else 0.0
-    thrown = arrival * thrown_by(scene, fraction, arrival) if arrival > 0.0 else 0.0
+    thrown = arrival * ejection_speed(scene, fraction, arrival) if arrival > 0.0 else 0.0
     mass = math.pi / 6.0 * granule.density * granule.diameter**3
     flux = feed.crowding * mass_flow / (mass * feed.width * feed.depth)
     crossing = _crossing(scene, thrown) if arrival > 0.0 else 0.0
@@ -272,7 +272,7 @@ def slope_of(scene: Scene) -> tuple[float, float]:
     return float(np.average(beta, weights=across)), float(length.sum())
 
 
-def thrown_by(scene: Scene, fraction: Fraction, arrival: float) -> float:
+def ejection_speed(scene: Scene, fraction: Fraction, arrival: float) -> float:
     """Largest sideways speed after an impact over the fall speed before it: (1 + R) n_y (n_x - f n_y) on any face.
 
     Of nearly all granules: with a high restitution and a low friction where these spread, on faces that a shape turns

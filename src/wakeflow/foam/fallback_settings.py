@@ -27,7 +27,7 @@ from .time_resolved import watch_over
 from .watch import ProgressListener, Watch
 
 Result = TypeVar("Result")
-LADDER = {
+FALLBACKS = {
     "normal": "the usual schemes",
     "careful": "a smaller Courant number and a second outer corrector, or stronger relaxation; fully limited gradients",
     "first-order-start": "a first-order start, then the careful settings",
@@ -48,7 +48,7 @@ def climb(
     as failed-N.log. Failures that are not numerical go through; the same call goes on at the same settings. Raises
     AirflowFailure naming all that was tried when nothing serves, SceneError for unknown settings.
     """
-    names = list(LADDER)
+    names = list(FALLBACKS)
     if spec.settings not in names:
         raise SceneError(f"settings = {spec.settings!r}: unknown (known: {', '.join(names)})")
     names = names[names.index(spec.settings) :]
@@ -113,7 +113,7 @@ def warning(settings: str, attempts: Sequence[Attempt]) -> str | None:
         return None
     lower = "; first order: wakes are smeared, drag and suction less certain" if settings == "first-order" else ""
     failed = f" after {', '.join(f'{a.settings} {a.cause}' for a in attempts)}" if attempts else ""
-    return f"airflow solved with {settings} settings ({LADDER[settings]}){failed}{lower}"
+    return f"airflow solved with {settings} settings ({FALLBACKS[settings]}){failed}{lower}"
 
 
 def first_order_start(spec: FlowSpec, folder: Path, start: Path | None, listener: ProgressListener) -> None:

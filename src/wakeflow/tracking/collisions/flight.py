@@ -26,7 +26,7 @@ from ..kernel.walls import clearance, grasp, inside, overlap
 from . import layout as of
 from .air import GONE, aim, stir
 
-# -- A granule of the crowd and the walls, which are outlines drawn across the slab ------------------------------------
+# -- A granule of the crowd and the walls ------------------------------------------------------------------------------
 pair_law = compiled(collide_pair)
 PULLS = 4.0  # steps of a pull: an approach that much of it makes is contact that lasts, not a strike
 STILL = 1e-10  # m/s: slower on its wall a granule is held, to the round-off of a step's impulse
@@ -111,7 +111,7 @@ def _deepest(walls, body, x, y, r):
 @compiled
 def press(state, ints, own, grain, walls, rules, hold, h, pull):
     """Take what reaches into walls out of them, by impulses of contacts that last h (0: only put it back); whether
-    anything did. ``pull`` m/s2: the acceleration of the step, by which slow approaches are told from strikes.
+    anything did. ``pull`` m/s2: the acceleration of the step, by which slow approaches are distinguished from strikes.
     """
     touches = False
     for _ in range(SWEEPS):
@@ -152,7 +152,7 @@ def press(state, ints, own, grain, walls, rules, hold, h, pull):
 
 
 # -- The flight of one granule of the crowd to the end of the step -----------------------------------------------------
-MOST_PIECES = 32  # of a step: a granule that rattles faster is pressed on
+MAX_PIECES = 32  # of a step: a granule that rattles faster is pressed on
 SAME = 1e-6  # of a step: round-off between the ends of steps and of intervals of noise
 SPARE = 1.05  # of the straight way: a path of one step bends less
 C0, C1, C2, C3, C4, C5, C6, C7 = (1.0 / math.factorial(k + 2) for k in range(8))  # of the series of phi_2
@@ -308,7 +308,7 @@ def fly_on(state, ints, own, tally, grain, table, air, nodes, walls, rules, cloc
     while ints[at.FATE] == at.FLYING and state[at.T] < clock[of.UNTIL]:
         pieces += 1
         h = clock[of.UNTIL] - state[at.T]
-        last = pieces >= MOST_PIECES
+        last = pieces >= MAX_PIECES
         if grain[at.NOISE] != 0.0 and not last:
             if not state[at.T] < state[at.T_NOISE] - SAME * clock[of.STEP]:
                 stir(state, ints, grain, table, air, nodes, rules, clock)

@@ -1,5 +1,5 @@
 """Who is near whom: a ball about the way that a granule goes in a step, and a larger one, its range, about the ways of
-many steps. Pairs whose ranges touch stand in a list; in a step only they are looked at, and of them only those can meet
+many steps. Pairs whose ranges touch are in a list; in a step only they are looked at, and of them only those can meet
 whose balls touch.
 
 A range lies ahead of its granule, so that it holds it for ``AHEAD`` steps unless it is struck, and when it is left,
@@ -23,7 +23,7 @@ AHEAD = 16.0  # steps for which a range is meant at most; measured: twice and ha
 WIDE = 2.5  # a range is no larger than so many of the largest balls: cells stay small
 SPARE_WAY, SPARE_RADIUS = 0.25, 0.1  # of a range: for ways that bend, and for what moves little
 ANEW = 128  # steps after which the cells' width is chosen anew
-MANY, FEW = 8, 3  # pairs a granule, above which ranges become shorter and below which they grow again
+MAX_PAIRS, MIN_PAIRS = 8, 3  # pairs a granule, above which ranges become shorter and below which they grow again
 
 
 @inlined
@@ -172,9 +172,9 @@ def _begin_anew(crowd, cells, clock, counts):
     cells.ranges[:, of.BALL] = 0.0
     for k in range(living):
         largest = max(largest, cells.balls[crowd.living[k], of.BALL])
-    if counts[of.PAIRS] > MANY * living or counts[of.FULL] == 1:
+    if counts[of.PAIRS] > MAX_PAIRS * living or counts[of.FULL] == 1:
         clock[of.AHEAD] = max(1.0, 0.5 * clock[of.AHEAD])
-    elif counts[of.PAIRS] < FEW * living:
+    elif counts[of.PAIRS] < MIN_PAIRS * living:
         clock[of.AHEAD] = min(AHEAD, 2.0 * clock[of.AHEAD])
     clock[of.WIDTH], counts[of.MASK] = 2.0 * WIDE * largest, size - 1
     rows = math.floor(clock[of.DEPTH] / clock[of.WIDTH])

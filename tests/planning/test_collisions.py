@@ -10,10 +10,10 @@ from proofs.report import Row
 from proofs.studies import collisions
 from support import G, shipped
 from wakeflow.core.errors import SceneError
+from wakeflow.planning.collision_rates import encounters
+from wakeflow.planning.collisions import MANY_IN_FLIGHT, MASS_LEVELS, MAX_IN_FLIGHT, number_rates, plan_collisions
 from wakeflow.planning.coupling import INDEPENDENT
-from wakeflow.planning.crowd import MANY_IN_FLIGHT, MASS_LEVELS, MOST_IN_FLIGHT, number_rates, plan_crowd
 from wakeflow.planning.make import make_plan
-from wakeflow.planning.meetings import encounters
 from wakeflow.planning.terms import COLLISIONS
 from wakeflow.scene import Scene
 
@@ -182,7 +182,7 @@ def test_the_slab_is_as_deep_as_asked_and_no_deeper_than_the_machine(draft: Scen
     depth = [make_plan(draft.replace(change)).crowd for change in ({}, {"collisions.depth": "30 mm"},
              {"feed.depth": "20 mm", "feed.rate": 0.01})]  # fmt: skip
     assert [one.depth for one in depth if one is not None] == pytest.approx([15 * 3.88e-3, 0.03, 0.02])
-    thin = plan_crowd(draft.replace({"feed.rate": 0.1 * draft.feed.mass_flow}), laws(draft), 0.01)
+    thin = plan_collisions(draft.replace({"feed.rate": 0.1 * draft.feed.mass_flow}), laws(draft), 0.01)
     assert sum(thin.in_flight.values()) == pytest.approx(MANY_IN_FLIGHT)
     assert thin.depth == pytest.approx(15 * 3.88e-3 * 10 * MANY_IN_FLIGHT / sum(depth[0].in_flight.values()))  # type: ignore[union-attr]
 
@@ -196,18 +196,18 @@ def test_numbers_of_granules_carry_the_mass_that_is_fed(draft: Scene) -> None:
 
 
 def test_only_what_can_be_simulated_one_by_one_is(draft: Scene) -> None:
-    slab = plan_crowd(draft, laws(draft), 0.01)
+    slab = plan_collisions(draft, laws(draft), 0.01)
     assert dict(slab.tracers) == {"dust": 1.0, "chaff": 0.0, "wheat": 0.0}
-    assert all(number <= MOST_IN_FLIGHT for number in slab.in_flight.values())
-    busy = plan_crowd(draft.replace({"feed.rate": 8 * draft.feed.mass_flow}), laws(draft), 0.01)
+    assert all(number <= MAX_IN_FLIGHT for number in slab.in_flight.values())
+    busy = plan_collisions(draft.replace({"feed.rate": 8 * draft.feed.mass_flow}), laws(draft), 0.01)
     assert busy.tracers["chaff"] == 1.0  # of one size: all or none
     assert busy.tracers["wheat"] == 0.0
-    quiet = plan_crowd(draft.replace({"feed.rate": 10.0 / 3600.0}), laws(draft), 0.01)
+    quiet = plan_collisions(draft.replace({"feed.rate": 10.0 / 3600.0}), laws(draft), 0.01)
     assert quiet.tracers["dust"] == 1.0  # few enough, and too light to turn anybody
     sizes = {"distribution": "uniform", "low": "0.2 mm", "high": "4 mm"}
-    spread = plan_crowd(draft.replace({"fraction.chaff.size": sizes}), laws(draft), 0.01)
+    spread = plan_collisions(draft.replace({"fraction.chaff.size": sizes}), laws(draft), 0.01)
     assert 0.0 < spread.tracers["chaff"] < 0.5  # the finest, by number most of them
-    assert 0.0 < spread.in_flight["chaff"] <= MOST_IN_FLIGHT
+    assert 0.0 < spread.in_flight["chaff"] <= MAX_IN_FLIGHT
 
 
 def test_a_feed_of_too_many_heavy_granules_is_no_crowd_of_tracers_alone() -> None:
@@ -226,7 +226,9 @@ def test_a_feed_of_too_many_heavy_granules_is_no_crowd_of_tracers_alone() -> Non
 
 def test_a_tighter_accuracy_counts_for_longer(draft: Scene) -> None:
     known = laws(draft)
-    whole = [s.replicates * s.operation for s in (plan_crowd(draft, known, target) for target in (0.1, 0.03, 0.01))]
+    whole = [
+        s.replicates * s.operation for s in (plan_collisions(draft, known, target) for target in (0.1, 0.03, 0.01))
+    ]
     assert whole[0] < whole[1] < whole[2]
 
 

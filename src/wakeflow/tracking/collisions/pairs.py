@@ -8,7 +8,7 @@ import numpy as np
 
 from ...laws.impaction import sphere_caught
 from ..kernel import layout as at
-from ..kernel.dispersion import drawn
+from ..kernel.dispersion import random_normals
 from ..kernel.forces import drag_rate
 from ..kernel.jit import compiled
 from . import layout as of
@@ -52,7 +52,7 @@ def _relative(one, other, begin, depth):
 
 
 @compiled
-def meeting_time(one, other, r, depth, weight):
+def contact_time(one, other, r, depth, weight):
     """What two granules do on their pieces of way in this step: (MEETS, time), (OVERLAPS, time) where they overlap
     already and approach, (TOUCHES, 0) for contact that lasts, (NEVER, 0). ``one`` and ``other`` are rows of
     ``Crowd.own``, ``r`` the sum of radii, ``weight`` (m/s2) what presses granules on each other that lie.
@@ -119,7 +119,7 @@ def room_between(crowd, depth, i, j):
 
 
 @compiled
-def meet(crowd, laws, depth, i, j, rebounds):
+def collide(crowd, laws, depth, i, j, rebounds):
     """The collision of i and j where they are now; ``rebounds`` 0: contact that lasts, without. Returns whether they
     approached. A tracer takes the other for a wall.
     """
@@ -183,7 +183,7 @@ def hit_tracer(crowd, tables, i, j, rules):
     rate = drag_rate(grain, tables[crowd.table_of[i]], uu)
     if rate <= 0.0:
         return True
-    xi, eta = drawn(crowd.counts[i], rules)
+    xi, eta = random_normals(crowd.counts[i], rules)
     uniform = math.exp(-0.5 * (xi * xi + eta * eta))  # of two normal numbers (Box & Muller)
     other = crowd.grains[j]
     return uniform < _caught(math.sqrt(uu) / (rate * 2.0 * other[at.RADIUS]), math.sqrt(other[at.REYNOLDS2] * uu))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-# -- State of a granule beyond the tracker's, which is that of the plane -----------------------------------------------
+# -- State of a granule beyond the tracker's ---------------------------------------------------------------------------
 (
     Z, VZ,  # m, m/s: across the slab
     WX, WY,  # rad/s, spin about the axes in the plane
@@ -72,16 +72,16 @@ CLOCK = 11
 ) = range(12)  # fmt: skip
 COUNTS = 12
 
-# -- A pair, and a foretold meeting: void where one of the two has another stamp by now --------------------------------
+# -- A pair ------------------------------------------------------------------------------------------------------------
 FIRST, SECOND, FIRST_STAMP, SECOND_STAMP = range(4)
 EVENT = 4
 
-# -- The ball that holds a granule on its way in the step, or its range for many steps ---------------------------------
+# -- The ball that holds a granule on its way in the step --------------------------------------------------------------
 BALL_X, BALL_Y, BALL_Z, BALL = range(4)  # m: centre and radius
 SPARE_BALL = 1e-6  # of its radius: more than round-off, and than contact reaches
 
 
-class Crowd(NamedTuple):
+class Colliding(NamedTuple):
     """The granules of a slab by slot, in the rows that the tracker's kernel uses, and those of the crowd."""
 
     states: Array  # (S, FLOATS)

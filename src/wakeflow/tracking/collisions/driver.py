@@ -21,11 +21,11 @@ from ..granules import Granules
 from ..kernel import layout as at
 from ..kernel.layout import PackedAir
 from ..pack import Packed, pack_granules, pack_state
-from ..tracks import CrowdFlight, Tracks
+from ..tracks import CollisionFlight, Tracks
 from . import layout as of
 from .cells import AHEAD
-from .collisions import Collisions
-from .layout import Cells, Crowd, Laws, Nodes, Room
+from .layout import Cells, Colliding, Laws, Nodes, Room
+from .settings import Collisions
 from .slab import march_slab
 
 Array = NDArray[np.float64]
@@ -56,14 +56,14 @@ class _Pool:
     """Slots of granules that fly or are about to, and who is in them; grows as they become more."""
 
     points: int
-    rows: Crowd = field(init=False)
+    rows: Colliding = field(init=False)
     who: Index = field(init=False)  # (S,) index of the granule in a slot, -1: free
 
     def __post_init__(self) -> None:
         self.rows, self.who = self._empty(0), np.zeros(0, dtype=np.int64)
 
-    def _empty(self, count: int) -> Crowd:
-        return Crowd(
+    def _empty(self, count: int) -> Colliding:
+        return Colliding(
             np.zeros((count, at.FLOATS)), np.zeros((count, at.INTS), dtype=np.int64), np.zeros((count, at.CONSTANTS)),
             np.zeros(count, dtype=np.int64), np.zeros((count, of.OWN)), np.zeros((count, of.TALLY), dtype=np.int64),
             np.zeros((count, self.points, at.RECORD)), np.zeros(count, dtype=np.int64), np.zeros(0, dtype=np.int64),
@@ -76,7 +76,7 @@ class _Pool:
             size = max(2 * len(self.who), len(self.who) + count)
             more = self._empty(size - len(self.who))
             longer = [np.concatenate([old, new]) for old, new in zip(self.rows[:-1], more[:-1], strict=True)]
-            self.rows = Crowd._make([*longer, self.rows.waiting])
+            self.rows = Colliding._make([*longer, self.rows.waiting])
             self.who = np.concatenate([self.who, np.full(size - len(self.who), -1)])
             open_ = np.flatnonzero(self.who < 0)
         return open_[:count]
@@ -236,17 +236,17 @@ def fly_slab(
     return {"flown": int(run.counts[of.FLOWN]), "steps": int(run.counts[of.STEPS]), "standing": run.standing}
 
 
-# -- How long the step of a crowd's clock may be: measured, by flights of a sample in which nobody meets ---------------
+# -- How long the step of a crowd's clock may be -----------------------------------------------------------------------
 SAMPLE = 96  # granules
 NINE_OF_TEN = 0.9
 HOP = 0.25  # of the largest diameter: what a granule goes in a step at most, so that cells stay small
 SHAKE = 0.05  # rad of a vibration, and part of the time in which the air changes
 ORDER = 2.0  # of the scheme
-SAFE, MOST_TRIALS, LEAST = 0.8, 6, 1e-3  # of a step; trials; of the first step
+SAFE, MAX_TRIALS, MIN_STEP = 0.8, 6, 1e-3  # of a step; trials; of the first step
 HALF = 0.5
 
 
-def fly_crowd(
+def fly_colliding(
     slab: Slab,
     found: Tracks,
     alone: Callable[[Index, Sequence[str]], Tracks],
@@ -265,7 +265,7 @@ def fly_crowd(
     if len(found):
         told = fly_slab(slab, found, step, seed, progress)
     standing = np.array(told["standing"], dtype=float).reshape(-1, 3)
-    return replace(found, crowd=CrowdFlight(step, error, told["steps"], told["flown"], standing, _jammed(standing)))
+    return replace(found, crowd=CollisionFlight(step, error, told["steps"], told["flown"], standing, _jammed(standing)))
 
 
 def _jammed(standing: NDArray[np.float64]) -> bool:
@@ -296,16 +296,16 @@ def measured_step(slab: Slab, alone: Callable[[Index, Sequence[str]], Tracks]) -
         slab, grains=slab.grains[rows], forces=calm, points=0, table_of=slab.table_of[rows], collisions=lonely
     )
     best = (step, np.inf)
-    for _ in range(MOST_TRIALS):
+    for _ in range(MAX_TRIALS):
         tracks = Tracks.empty(len(rows))
         fly_slab(sample, replace(tracks, meetings=np.zeros(len(rows), dtype=np.int64)), step, 0)
         away = np.linalg.norm(tracks.position - right.position, axis=1)
         error = float(np.quantile(away, NINE_OF_TEN)) / slab.rules.length
         if error < best[1]:
             best = (step, error)
-        if error <= tolerance or step <= LEAST * first:
+        if error <= tolerance or step <= MIN_STEP * first:
             break
-        step = max(LEAST * first, step * min(0.5, max(0.05, SAFE * (tolerance / error) ** (1.0 / ORDER))))
+        step = max(MIN_STEP * first, step * min(0.5, max(0.05, SAFE * (tolerance / error) ** (1.0 / ORDER))))
     return best
 
 

@@ -31,7 +31,7 @@ def _mesh_at(swing, t):
 
 @compiled
 def refresh(air, nodes, clock, room, timed):
-    """Bring the mesh, and the weights of what stands about it in time, to the middle of the step."""
+    """Bring the mesh, and the weights of what is about it in time, to the middle of the step."""
     middle = 0.5 * (clock[of.NOW] + clock[of.UNTIL])
     clock[of.OUT_X], clock[of.OUT_Y], _, _ = _mesh_at(air.swing, middle)
     if not timed:

@@ -11,8 +11,8 @@ from ..kernel.track_start import begin_track, store_point
 from . import layout as of
 from .air import refresh
 from .cells import keep_lists, unlist
+from .contacts import collide_all, foretell, settle_all
 from .flight import fly_on
-from .meetings import foretell, meet_all, settle_all
 
 LULL = 100.0  # steps for which a granule that leans on others must be slow before it counts as lying still
 CALM = 2.0  # steps of a pull: slower among others is at rest
@@ -119,7 +119,7 @@ def _finish(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
     """What follows the flight of a step: meetings, contact that lasts, ends."""
     keep_lists(crowd, cells, clock, counts)
     foretell(crowd, cells, counts, clock)
-    meet_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts)
+    collide_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts)
     settle_all(crowd, laws, walls, rules, clock, room, cells, counts)
     _close(crowd, cells, counts, clock, walls, rules)
 

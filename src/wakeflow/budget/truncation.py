@@ -25,7 +25,7 @@ from .comparison import free_ends, points_of
 from .source import FractionResults, Parts, Source, add
 
 Array = NDArray[np.float64]
-AIR_SPEED = "air.speed"  # the unknown that stands for what the air beside a body that vibrates does
+AIR_SPEED = "air.speed"  # the unknown that represents what the air beside a body that vibrates does
 
 
 class LeftOutTerms(Source[None]):
@@ -35,7 +35,7 @@ class LeftOutTerms(Source[None]):
 
     def shares(self, fraction: FractionResults) -> Parts:
         pipeline, flights = fraction.pipeline, fraction.flights
-        found = left_out_terms(pipeline.scene, pipeline.plan, fraction.name, fraction.landings)
+        found = truncation_terms(pipeline.scene, pipeline.plan, fraction.name, fraction.landings)
         inputs = flights.inputs({fraction.name: fraction.shares})
         if inputs is None or VIBRATION in pipeline.plan.force:
             return found
@@ -47,7 +47,7 @@ class LeftOutTerms(Source[None]):
         return found
 
 
-def left_out_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> dict[str, list[BudgetPart]]:
+def truncation_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> dict[str, list[BudgetPart]]:
     """Parts of the budget for every bin of fraction ``name``: what each left-out term could change its share by.
 
     Without a body the whole floor and top are bins and no end is near; there a term that could matter counts by its
