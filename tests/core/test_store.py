@@ -217,7 +217,8 @@ def test_modules_that_run_while_a_duct_is_made_stand_in_the_closure(cases: Path)
 
 def test_every_stage_that_a_key_names_is_listed() -> None:
     folder = sources.PACKAGE / "pipeline"
-    named = {name for path in folder.glob("*.py") for name in re.findall(r'code_of\("([^"]+)"\)', path.read_text())}
+    given = re.compile(r'(?:code_of\(|^    stage(?:: ClassVar\[str\])? = )"([^"]+)"', re.MULTILINE)
+    named = {name for path in folder.glob("*.py") for name in given.findall(path.read_text())}
     assert named == set(CODE) - {"funnel"}
 
 
