@@ -364,7 +364,7 @@ def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, mon
     for nothing in ("compilation.Compilation.begin", "compilation.Compilation.finish"):
         monkeypatch.setattr(f"wakeflow.pipeline.{nothing}", lambda *_, **__: None)
     monkeypatch.setattr("wakeflow.runs.answer.OneRun._drawn", lambda _run, result, *_: result)
-    monkeypatch.setattr(Pipeline, "residence", None)  # of tracers, which the tracker flies too
+    monkeypatch.setattr("wakeflow.pipeline.blended_air.BestEstimateAir.residence", None)  # of tracers, flown too
     found, order = {}, {}
     for cores in (1, 2):
         cache = tmp_path / f"cache-{cores}"
