@@ -304,7 +304,7 @@ def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: 
     assert {"sampling", "slab-time-step", "slab-depth"} <= sources
     assert COLLISIONS not in sources
     assert "share without collisions (%)" in (tmp_path / "separation.csv").read_text().splitlines()[0]
-    assert "What crowding costs" in (tmp_path / "report.html").read_text()
+    assert "What collisions cost" in (tmp_path / "report.html").read_text()
     show_result(result)
     out = capsys.readouterr().out
     assert "granules colliding" in out
