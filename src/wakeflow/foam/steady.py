@@ -100,8 +100,8 @@ def _will_not_settle(drag: Array, most: int) -> bool:
 
 
 def expected_end(drag: Array, most: int) -> float:
-    """The iteration with which a run is likely to end, told from Cd (n,) so far: as fast as its range falls now, or
-    when it is clear that it will not settle, and the states of it are kept.
+    """The iteration with which a run is likely to end, from Cd (n,) so far: as fast as its range falls now, or when
+    it is clear that it will not settle, and the states of it are kept.
     """
     count = len(drag)
     if count < 3 * WINDOW:
