@@ -93,7 +93,8 @@ def field_of(flow: Flow, n: int = 10, low: float = -1.0, high: float = 1.0, **mo
 def with_tau(tau: float, position: Any, velocity: Any, **more: Any) -> Granules:
     """Granules whose Stokes relaxation time is ``tau`` (s) in the air of ``field_of``."""
     density = 1000.0
-    return Granules(position, velocity, diameter=np.sqrt(18 * VISCOSITY * tau / density), density=density, **more)
+    exact = {"drag_scale": 1.0} | more  # without slip, however small
+    return Granules(position, velocity, diameter=np.sqrt(18 * VISCOSITY * tau / density), density=density, **exact)
 
 
 def landings_in(bins: Any, **columns: Any) -> Landings:

@@ -181,10 +181,10 @@ def test_granules_that_lie_on_the_body_are_no_stream(vacuum: Scene) -> None:
 def test_the_slab_is_as_deep_as_asked_and_no_deeper_than_the_machine(draft: Scene) -> None:
     depth = [make_plan(draft.replace(change)).crowd for change in ({}, {"collisions.depth": "30 mm"},
              {"feed.depth": "20 mm", "feed.rate": 0.01})]  # fmt: skip
-    assert [one.depth for one in depth if one is not None] == pytest.approx([15 * 3.88e-3, 0.03, 0.02])
+    assert [one.depth for one in depth if one is not None] == pytest.approx([15 * 3.6e-3, 0.03, 0.02])
     thin = plan_collisions(draft.replace({"feed.rate": 0.1 * draft.feed.mass_flow}), laws(draft), 0.01)
     assert sum(thin.in_flight.values()) == pytest.approx(MANY_IN_FLIGHT)
-    assert thin.depth == pytest.approx(15 * 3.88e-3 * 10 * MANY_IN_FLIGHT / sum(depth[0].in_flight.values()))  # type: ignore[union-attr]
+    assert thin.depth == pytest.approx(15 * 3.6e-3 * 10 * MANY_IN_FLIGHT / sum(depth[0].in_flight.values()))  # type: ignore[union-attr]
 
 
 def test_numbers_of_granules_carry_the_mass_that_is_fed(draft: Scene) -> None:

@@ -154,6 +154,14 @@ def test_auto_goes_by_reynolds_number_and_accuracy(
     assert f"Re {reynolds:.3g}" in found.why
 
 
+def test_laminar_air_may_enter_without_turbulence_and_turbulent_air_may_not(rhombus: Scene) -> None:
+    calm = rhombus.replace({"air.turbulence": 0.0})
+    assert choose_airflow(at(calm, 0.9 * SHEDDING_ABOVE), "auto", 0.01).turbulence == "laminar"
+    assert choose_airflow(calm, "none", 0.01).turbulence is None
+    with pytest.raises(SceneError, match=r"air.turbulence = 0: .* 0 is for laminar air"):
+        choose_airflow(at(calm, 1.1 * LAMINAR_BELOW), "auto", 0.01)
+
+
 def test_half_of_the_channel_only_where_it_is_its_own_mirror_image(rhombus: Scene) -> None:
     aside = rhombus.replace({"body.rhombus.at": [0.01, 0.0]})
     for scene, symmetric in ((rhombus, True), (aside, False)):

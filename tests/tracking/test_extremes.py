@@ -306,7 +306,8 @@ STARTS = 8  # granules that a cost is averaged over
 
 def of_size(tau: float | np.ndarray, position: object, velocity: object) -> Granules:
     """Granules of 1 mm, which stay in the nonlinear range of drag; their density gives the relaxation time."""
-    return Granules(position, velocity, DIAMETER, 18 * VISCOSITY * np.asarray(tau) / DIAMETER**2)  # type: ignore[arg-type]
+    density = 18 * VISCOSITY * np.asarray(tau) / DIAMETER**2
+    return Granules(position, velocity, DIAMETER, density, drag_scale=1.0)  # type: ignore[arg-type]
 
 
 def affine_case(kind: str, span: float, tau: np.ndarray) -> tuple[Setting, np.ndarray]:

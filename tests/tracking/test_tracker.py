@@ -40,6 +40,15 @@ def test_drag_scale_multiplies_the_drag() -> None:
     np.testing.assert_allclose(a.position, b.position, atol=1e-14)
 
 
+def test_a_micrometre_of_dust_slips_between_the_molecules_of_the_air() -> None:
+    """It settles at Stokes' velocity times Cc, 1.166 at 1 um (Davies 1945), unless its drag is given."""
+    stokes = (1000.0 - DENSITY) * G * 1e-6**2 / (18 * VISCOSITY)
+    for scale, faster in ((None, 1.166), (1.0, 1.0)):
+        grains = Granules([[0.0, 0.0]], [[0.0, 0.0]], diameter=1e-6, density=1000.0, drag_scale=scale)
+        fallen = track(field_of(still), grains, until=10.0, drag="stokes", forces=("gravity", "drag", "buoyancy"))
+        assert fallen.velocity[0, 1] == pytest.approx(-faster * stokes, rel=1e-3)
+
+
 def test_sphericity_enters_granule_by_granule() -> None:
     field = field_of(still)
     phi = np.array([1.0, 0.5, 0.8, 0.5])

@@ -37,6 +37,8 @@ SHEDDING_ABOVE = 27.7  # a flat plate's onset, the lowest (triangle 34.3, circle
 # walls raise it (36, 60, 91 at blockages of 1/8, 1/4, 1/2: Parveez, Dhiman & Rasool 2014, a trapezoidal prism)
 FLAT_BELOW = 160.0  # two-dimensional below: mode A of a square's wake at 161 (Robichaux 1999), of a circle's near 190
 LAMINAR_BELOW = turbulence_models["laminar"].reynolds[1]  # above it a turbulence model runs
+DECAYING = "decaying"  # the turbulence of air past no body
+MIN_TURBULENCE = 0.001  # inlet intensity below which a turbulence model has no scale of its own; wind tunnels reach it
 FINE = 0.005  # accuracy of a share that pays for three grids where the mesh is what limits it
 ACCURACY = {
     "flat": 0.02,
@@ -201,8 +203,20 @@ class SolvedAirPlan(AirflowPlan):
 def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
     """The airflow of a rung asked for; ``auto`` goes by Reynolds number and the accuracy asked for (a share).
 
-    Raises SceneError for a rung that the scene cannot have.
+    Raises SceneError for a rung that the scene cannot have, and for turbulent air without turbulence.
     """
+    how = _chosen(scene, asked, target_error)
+    enters = how.turbulence == DECAYING or (how.turbulent and how.turbulence != "given")
+    if enters and scene.airstream.turbulence < MIN_TURBULENCE:
+        raise SceneError(
+            f"air.turbulence = {scene.airstream.turbulence:g}: the air is turbulent here (allowed: >= 0.1 %; 0 is for "
+            "laminar air)"
+        )
+    return how
+
+
+def _chosen(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
+    """The airflow of a rung asked for, whatever turbulence the scene gives it."""
     check_rung(asked)
     if scene.air is None:
         if rungs[asked].needs_air:
@@ -255,7 +269,7 @@ def _analytic(scene: Scene, asked: str) -> AirflowPlan:
     air = scene.airstream
     laminar = air.profile == "parabolic" or known(scene.reynolds) < LAMINAR_BELOW
     why = f"it has no body: {air.profile} everywhere, neither mesh nor solver"
-    return AnalyticAirPlan("analytic", why, None, "laminar" if laminar else "decaying", symmetric=True, half=False)
+    return AnalyticAirPlan("analytic", why, None, "laminar" if laminar else DECAYING, symmetric=True, half=False)
 
 
 def _given(case: str, asked: str) -> AirflowPlan:

@@ -112,8 +112,8 @@ class Air(Table):
     direction: Literal["down", "up"] = Field("down", description="to which the air blows")
     density: MassDensity = STANDARD_AIR[0]
     viscosity: Viscosity = STANDARD_AIR[1]
-    turbulence: Annotated[float, Field(ge=0.001, le=0.5), WithUnit("1", "5 %")] = Field(
-        0.05, description="inlet intensity, u'/U"
+    turbulence: Annotated[float, Field(ge=0.0, le=0.5), WithUnit("1", "5 %")] = Field(
+        0.05, description="inlet intensity, u'/U; 0 only where the air is laminar"
     )
     profile: Literal["uniform", "parabolic"] = Field(
         "uniform", description="at the inlet; parabolic: fully developed laminar flow, speed is its mean"

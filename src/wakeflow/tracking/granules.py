@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
+from ..laws.drag import slip_correction
 from ..laws.restitution import Restitution
 
 Array = NDArray[np.float64]
@@ -52,8 +53,9 @@ class Granules:
 
     ``diameter`` that of the sphere of equal volume; ``spin`` rad/s, counter-clockwise positive; ``fraction`` index of
     the fraction; ``weight`` what a granule represents; ``drag_scale`` factor on the drag law (a calibrated terminal
-    velocity); ``restitution`` a number each, or one :class:`~wakeflow.laws.restitution.Restitution` law of the normal
-    approach speed for all; ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born;
+    velocity), None: 1 / Cc, the slip of the finest dust (``laws.drag.slip_correction``); ``restitution`` a number
+    each, or one :class:`~wakeflow.laws.restitution.Restitution` law of the normal approach speed for all;
+    ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born;
     ``scatter`` rad, rms angle by which its shape turns the wall's normal at an impact (``laws.collision``);
     ``tangential_restitution`` part of its slip that a contact which sticks gives back (``laws.collision``);
     ``depth`` m, its place across the slab of a crowd, None: drawn evenly; ``arrival`` (n, 2) m/s, the velocity with
@@ -71,7 +73,7 @@ class Granules:
     spin: Any = 0.0
     fraction: Any = 0
     weight: Any = 1.0
-    drag_scale: Any = 1.0
+    drag_scale: Any = None
     inertia: Any = None
     time: Any = 0.0
     scatter: Any = 0.0
@@ -88,7 +90,7 @@ class Granules:
         for name, (allowed, test) in SCALARS.items():
             if isinstance(getattr(self, name), Restitution):
                 continue
-            array = _clean(name, getattr(self, name), shape[:1])
+            array = _clean(name, self._given(name), shape[:1])
             _refuse(name, array, ~test(array), allowed)
             object.__setattr__(self, name, array)
         object.__setattr__(
@@ -102,6 +104,10 @@ class Granules:
             object.__setattr__(self, "depth", _clean("depth", self.depth, shape[:1]))
         if self.arrival is not None:
             object.__setattr__(self, "arrival", _clean("arrival", self.arrival, shape))
+
+    def _given(self, name: str) -> Any:
+        slips = name == "drag_scale" and self.drag_scale is None  # after the diameter, which is checked by then
+        return 1.0 / slip_correction(self.diameter) if slips else getattr(self, name)
 
     def __len__(self) -> int:
         return len(self.position)

@@ -130,7 +130,7 @@ def _counted(field: FlowField, body: Body, wake: _NearWake, speed: float, count:
     diameter = math.sqrt(18.0 * field.viscosity * STOKES * unit / DENSITY)
     tracers = Granules(
         position=_places(field, wake, count, rng), velocity=np.zeros((count, 2)), diameter=diameter, density=DENSITY,
-        restitution=1.0, friction=0.0, time=start,
+        drag_scale=1.0, restitution=1.0, friction=0.0, time=start,
     )  # fmt: skip
     turbulent = field.k is not None and field.dissipation is not None
     tracks = track(
