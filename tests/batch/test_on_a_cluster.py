@@ -7,14 +7,14 @@ from threading import Thread
 import pytest
 
 import wakeflow as wf
-from support import CASES, LoopbackCluster, shipped
+from support import CASES, LoopbackCluster, cache_with_kernels, shipped
 from wakeflow.answer.result import Request
 from wakeflow.batch.agenda import make_agenda
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 
 COMMAND = ["sweep", str(CASES / "rhombus.toml"), "--rung", "none", "--quiet", "--set", "feed.count=64"]
-COMMAND += ["--set", "fraction.wheat.restitution=0.3,0.5,1.5"]  # without air: seconds, and no compiled tracker
+COMMAND += ["--set", "fraction.wheat.restitution=0.3,0.5,1.5"]
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
@@ -33,8 +33,7 @@ def local(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An empty one: what others have flown is flown again."""
-    monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(cache_with_kernels(tmp_path / "cache")))
 
 
 @pytest.mark.usefixtures("_own_cache")

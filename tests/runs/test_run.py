@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
-from support import ALONE, shipped, working_in
+from support import ALONE, cache_with_kernels, shipped, working_in
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.pipeline.pipeline import Pipeline
@@ -358,8 +358,7 @@ def test_switches_and_errors_as_the_command_line_has_them_are_kept(tmp_path: Pat
 @pytest.mark.openfoam
 def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The coarser mesh's airflow is solved beside the answer's; on one core after it."""
-    scene = shipped("rhombus", {"feed.count": 64, "numerics.mesh_scale": 4.0, "numerics.rung": "standard"})
-    compiled = Path(os.environ["WAKEFLOW_CACHE"]) / "numba"
+    scene = shipped("rhombus", {"feed.count": 64, "numerics.mesh_scale": 4.0, "numerics.rung": "standard", "numerics.averaging": 0.5})
     monkeypatch.setattr(Flight, "fly_all", flown_by_chance)
     for nothing in ("compilation.Compilation.begin", "compilation.Compilation.finish"):
         monkeypatch.setattr(f"wakeflow.pipeline.{nothing}", lambda *_, **__: None)
@@ -367,9 +366,7 @@ def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, mon
     monkeypatch.setattr("wakeflow.pipeline.blended_air.BestEstimateAir.residence", None)  # of tracers, flown too
     found, order = {}, {}
     for cores in (1, 2):
-        cache = tmp_path / f"cache-{cores}"
-        cache.mkdir()
-        (cache / "numba").symlink_to(compiled)
+        cache = cache_with_kernels(tmp_path / f"cache-{cores}")
         monkeypatch.setenv("WAKEFLOW_CACHE", str(cache))
         monkeypatch.setattr("os.sched_getaffinity", lambda _, cores=cores: set(range(cores)))
         told: list[str] = []
