@@ -309,7 +309,7 @@ def test_scenes_share_airflows_and_flights(tmp_path: Path) -> None:
     """Nothing is computed: an agenda is made of plans."""
     base = shipped("rhombus", {"feed.count": 64, "fraction.chaff.mass_share": 0.05, "fraction.dust.mass_share": 0.05})
     axes = ["air.speed=4,5", "fraction.chaff.restitution=0.2,0.3", "feed.rate=400:500:2 kg/hour"]
-    agenda = make_agenda(variants(base, axes), tmp_path, Request(None, "draft", {}, None))
+    agenda = make_agenda(variants(base, axes), tmp_path, Request(None, "draft", {"air-loading": False}, None))
     airflows, flights = [[step for step in agenda.steps if step.airflow is kind] for kind in (True, False)]
     assert (len(airflows), len(flights)) == (2, 8)
     assert agenda.steps[:2] == tuple(airflows)
@@ -318,6 +318,8 @@ def test_scenes_share_airflows_and_flights(tmp_path: Path) -> None:
     assert sum(needs in {one.name for one in airflows} for needs in waiting) == 4
     assert sum(needs in {one.name for one in flights} for needs in waiting) == 4  # the other rate flies no granule
     assert all(step.seconds > 0 and step.disk > 0 for step in agenda.steps)
+    felt = make_agenda(variants(base, axes), tmp_path, Request(None, "draft", {}, None))
+    assert sum(step.airflow for step in felt.steps) == 8  # each cloud has an air of its own
 
 
 def test_an_airflow_that_fails_takes_its_scenes_along_and_no_others(

@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import pytest
 from support import kept_airflow, rhombus_spec
 from wakeflow.core.geometry import Boxes, ForceDensity
 from wakeflow.foam import airflow
-from wakeflow.foam.airflow import solve_loaded
+from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.failure import AirflowFailure, Cause
@@ -95,7 +95,7 @@ def test_nothing_is_written_for_no_force(bare: Bare, tmp_path: Path) -> None:
 
 def test_a_force_across_the_whole_channel_is_all_pressure(bare: Bare, tmp_path: Path) -> None:
     """Momentum: a uniform force s over the length L holds the pressure s L, and changes no velocity."""
-    result = solve_loaded(bare.spec, bare.msh, tmp_path / "case", uniform(PUSH), start=bare.case)
+    result = solve_airflow(bare.spec, bare.msh, tmp_path / "case", force=uniform(PUSH), start=bare.case)
     rise = PUSH * BOXES.rows * BOXES.pitch  # against the air, which flows down: the pressure before it grows
     assert result.pressure_drop - bare.result.pressure_drop == pytest.approx(rise, rel=0.01)
     assert result.cd.value == pytest.approx(bare.result.cd.value, rel=2e-3)
@@ -107,7 +107,8 @@ def test_a_force_on_part_of_the_channel_turns_the_air_aside(bare: Bare, tmp_path
     """A curtain of 0.1 m in 0.3 m: the air behind it is slower, and the drag of the body below it less."""
     density = np.zeros((BOXES.rows, BOXES.columns, 2))
     density[:, 2:4, 1] = PUSH
-    result = solve_loaded(bare.spec, bare.msh, tmp_path / "case", ForceDensity(BOXES, density), start=bare.case)
+    force = ForceDensity(BOXES, density)
+    result = solve_airflow(bare.spec, bare.msh, tmp_path / "case", force=force, start=bare.case)
     assert 0.7 < result.cd.value / bare.result.cd.value < 0.95
     rise = PUSH * BOXES.rows * BOXES.pitch
     assert 0.2 * rise < result.pressure_drop - bare.result.pressure_drop < 0.9 * rise
@@ -127,10 +128,11 @@ def test_settings_that_serve_at_the_second_try_keep_the_force(
         return check_airflow(*args)
 
     monkeypatch.setattr(airflow, "check_airflow", once)
-    result = solve_loaded(bare.spec, bare.msh, tmp_path / "case", uniform(PUSH), start=bare.case)
+    result = solve_airflow(bare.spec, bare.msh, tmp_path / "case", force=uniform(PUSH), start=bare.case)
     assert (result.settings, len(result.attempts)) == ("careful", 1)
-    without = solve_loaded(bare.spec, bare.msh, tmp_path / "without", uniform(0.0), start=tmp_path / "case")
-    assert (without.settings, without.attempts) == ("careful", ())  # as the one it starts from, so that both compare
+    spec = replace(bare.spec, settings="careful")
+    without = solve_airflow(spec, bare.msh, tmp_path / "without", start=tmp_path / "case")
+    assert (without.settings, without.attempts) == ("careful", ())
     rise = PUSH * BOXES.rows * BOXES.pitch
     assert result.pressure_drop - without.pressure_drop == pytest.approx(rise, rel=0.01)
     laid = json.loads((tmp_path / "case" / SOURCE).read_text())
@@ -143,15 +145,15 @@ class Stop(Exception):
 
 def test_an_interrupted_one_goes_on_to_the_same_air(bare: Bare, tmp_path: Path) -> None:
     force = uniform(PUSH)
-    solve_loaded(bare.spec, bare.msh, tmp_path / "whole", force, start=bare.case)
+    solve_airflow(bare.spec, bare.msh, tmp_path / "whole", force=force, start=bare.case)
 
     def stop(now: Progress) -> None:
         if now.time > 0:  # in the first segment, which is then repeated
             raise Stop
 
     with pytest.raises(Stop):
-        solve_loaded(bare.spec, bare.msh, tmp_path / "cut", force, start=bare.case, listener=stop)
-    solve_loaded(bare.spec, bare.msh, tmp_path / "cut", force, start=bare.case)
+        solve_airflow(bare.spec, bare.msh, tmp_path / "cut", force=force, start=bare.case, listener=stop)
+    solve_airflow(bare.spec, bare.msh, tmp_path / "cut", force=force, start=bare.case)
     whole, cut = (time_folders(tmp_path / name)[-1] for name in ("whole", "cut"))
     assert whole.name == cut.name
     for name in ("U", "p", "k", "omega"):

@@ -109,7 +109,7 @@ def test_air_loading() -> None:
     assert all(row["force"] > 0.0 for row in passes[1:])  # on the air, against its flow
     assert passes[-1]["cd"] < passes[0]["cd"]
     assert passes[-1]["speed"] < passes[0]["speed"]
-    assert [row["airflow"] for row in answers] == ["without", "with the steady end's change"]
+    assert answers[1]["cd"] < answers[0]["cd"]
 
 
 @pytest.mark.openfoam

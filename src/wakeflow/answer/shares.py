@@ -193,7 +193,7 @@ class BudgetRow:
 
 @dataclass(frozen=True)
 class LoadingEffect:
-    """A share of the same granules in air that does not feel them, and in air that does."""
+    """A share of the same granules in the steady airflow without their force on it, and with it."""
 
     without: float = column("1", "share in air that does not feel the granules")
     loaded: float = column("1", "share in air that does")
@@ -248,8 +248,8 @@ class LandingResults:
         "", "where collisions were computed; left out where granules fly alone", absent=True, default=None
     )
     air_loading: dict[str, dict[str, LoadingEffect]] | None = column(
-        "1", "by fraction and bin, what the granules' force on the air does, each granule alone; left out where the "
-        "air does not feel them", absent=True, default=None,
+        "1", "by fraction and bin, what the granules' force does in the steady airflow, each granule alone; left out "
+        "where the air does not feel them", absent=True, default=None,
     )  # fmt: skip
     inputs: dict[str, InputSummary] | None = column(
         "", "numbers of the scene that are not known exactly, by key; left out where all are", absent=True, default=None

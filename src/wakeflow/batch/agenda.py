@@ -25,6 +25,7 @@ from ..core.executor import Cluster
 from ..core.lazy import cached_property
 from ..core.quantities import duration
 from ..core.store import content_key
+from ..pipeline.air_loading import exerted_by
 from ..pipeline.airflow_kinds import CaseAir
 from ..pipeline.cache import Listener, null_listener
 from ..pipeline.pipeline import Pipeline
@@ -137,7 +138,8 @@ class _Planned:
         if flown.kind.at_once:
             return None
         spec = repr(flown.kind.flow_spec) if isinstance(flown.kind, CaseAir) else repr(flown.scene.air)
-        return content_key(repr(self.plan.airflow), spec)
+        force = exerted_by(self.scene, self.plan) if self.plan.airflow.loaded else None
+        return content_key(repr(self.plan.airflow), spec, force)
 
     def job(self, folder: Path, threads: int, *, report: bool = False) -> Job:
         """What a worker does for it in a folder."""

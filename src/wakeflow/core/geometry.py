@@ -9,6 +9,7 @@ else is searched beside it.
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -202,15 +203,15 @@ class ForceDensity:
         """The whole force, (2,) N per metre across the plane."""
         return np.asarray(self.density.sum(axis=(0, 1)) * self.boxes.pitch**2)
 
+    @property
+    def digest(self) -> str:
+        """sha256 (hex) of the force and its boxes."""
+        return hashlib.sha256(repr(self.boxes).encode() + self.density.tobytes()).hexdigest()
+
     def mirrored(self) -> ForceDensity:
         """The mean of the force and its mirror image about x = 0."""
         image = self.density[:, ::-1] * (-1.0, 1.0)
         return replace(self, density=0.5 * (self.density + image))
-
-    def above(self, least: float) -> ForceDensity:
-        """The force where its density is at least ``least`` (N/m3), nothing elsewhere."""
-        strong = np.linalg.norm(self.density, axis=2, keepdims=True) >= least
-        return replace(self, density=np.where(strong, self.density, 0.0))
 
     def towards(self, other: ForceDensity, share: float) -> ForceDensity:
         """``share`` of the way from this force to the ``other`` on the same boxes."""

@@ -1,4 +1,4 @@
-"""Fields made of others: blended, faded into a period, changed, at another speed.
+"""Fields made of others: blended, faded into a period, at another speed.
 
 u = (1 - theta) u_s + theta u_m + strength u', with u_s the steady solution, u_m the mean of the one in time and u' its
 fluctuation; the pressure likewise. The form is linear, its ends are the two solutions (theta = 0 without fluctuation;
@@ -177,64 +177,6 @@ def cross_faded(field: FlowField, lead: int) -> FlowField:
     count, mean = len(field.times) - lead, float(step.mean())
     changes["times"] = mean * np.arange(count)
     return replace(field, **changes, period=count * mean)
-
-
-# -- What something changes of one field, brought to another field of the same channel ---------------------------------
-MAX_TURBULENCE_RATIO = (
-    10.0  # times as much, or as little, k and dissipation as before: chosen, where there was next to none before
-)
-
-
-def changed_as(field: FlowField, before: FlowField, after: FlowField) -> FlowField:
-    """``field`` with the change from ``before`` to ``after``, two steady fields on one mesh of the same channel.
-
-    Velocity and pressure change by the difference, all through time; k and dissipation by the factor, at most
-    MAX_TURBULENCE_RATIO, so that they stay positive. Walls stay at rest. Each of the three fields conserves volume, and
-    so does the result, to the error of interpolation. The change of a field as of ``before`` itself gives ``after``.
-    Raises SceneError where before and after differ in their mesh or in what they hold, or lack what ``field`` has.
-    """
-    own = nodal(field)
-    change = _change(own, before, after)
-    same = len(field.points) == len(before.points) and bool(np.array_equal(field.points, before.points))
-    if not same:
-        change = interpolated(before, change, field.points)
-        change["velocity"][_walls(field)] = 0.0
-    made: dict[str, Any] = {}
-    for name, values in own.items():
-        if name in POSITIVE:
-            made[name] = values * change[name]
-        elif field.coefficients is None:
-            made[name] = values + change[name]
-        else:  # part 0 is the mean, the others have none
-            made[name] = np.concatenate([values[:1] + change[name], values[1:]])
-    return replace(field, **made)
-
-
-def _change(own: Mapping[str, Array], before: FlowField, after: FlowField) -> dict[str, Array]:
-    """Differences, of POSITIVE ones the factor, of all arrays in ``own``, on the nodes of both fields."""
-    if before.times is not None or after.times is not None or not np.array_equal(before.points, after.points):
-        raise SceneError("changed_as: before and after must be steady fields on one mesh")
-    change = {}
-    for name in own:
-        source = "pressure_gradient" if name == "given_gradient" else name
-        old, new = getattr(before, source), getattr(after, source)
-        if old is None or new is None:
-            raise SceneError(f"changed_as: the fields of the change have no {name}, the one to be changed has")
-        if name in POSITIVE:
-            least = np.finfo(float).tiny
-            change[name] = np.clip(
-                np.maximum(new, least) / np.maximum(old, least), 1.0 / MAX_TURBULENCE_RATIO, MAX_TURBULENCE_RATIO
-            )
-        else:
-            change[name] = new - old
-    return change
-
-
-def _walls(field: FlowField) -> NDArray[np.int64]:
-    """Nodes of the boundary where the mean air rests."""
-    speed = np.linalg.norm(field.mean().velocity, axis=1)
-    edge = np.unique(field.boundary)
-    return np.asarray(edge[speed[edge] < AT_REST * speed.max()])
 
 
 # -- The same airflow at another speed ---------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from ..core.record import save
 from .airflow_result import AirflowResult
 from .case import FlowSpec
 from .failure import disk_trouble_named
-from .fallback_settings import climb, first_order_start, schemes_in
+from .fallback_settings import climb, first_order_start
 from .measure import measure
 from .momentum_source import write_source
 from .prepare import prepare_case
@@ -28,17 +28,18 @@ def solve_airflow(
     folder: Path,
     *,
     start: Path | None = None,
+    force: ForceDensity | None = None,
     listener: ProgressListener = lambda _: None,
 ) -> AirflowResult:
     """Solve the airflow in the case ``folder`` on the mesh file ``msh``; ``airflow.json`` there holds the result.
 
     Goes on from what an interrupted call left in ``folder``. ``start``: the case folder of any solved airflow to start
-    from (best of the same bodies; another mesh, speed, size and Reynolds number are scaled). ``listener`` gets a
-    :class:`Progress` several times a second; an exception it raises ends the solver. A numerical failure, or a solution
-    that is not possible (:mod:`wakeflow.foam.sanity`), is tried again with safer settings
-    (:mod:`wakeflow.foam.fallback_settings`); the result names those that served and what failed before. Raises
-    MeshError for a mesh that checkMesh refuses; AirflowFailure (a FoamError) when OpenFOAM is missing or fails, when
-    the disk is full, or when no settings serve.
+    from (best of the same bodies; another mesh, speed, size and Reynolds number are scaled). ``force``: on the air,
+    beside that of the bodies. ``listener`` gets a :class:`Progress` several times a second; an exception it raises ends
+    the solver. A numerical failure, or a solution that is not possible (:mod:`wakeflow.foam.sanity`), is tried again
+    with safer settings (:mod:`wakeflow.foam.fallback_settings`); the result names those that served and what failed
+    before. Raises MeshError for a mesh that checkMesh refuses; AirflowFailure (a FoamError) when OpenFOAM is missing or
+    fails, when the disk is full, or when no settings serve.
     """
     begun = time.monotonic()
     log = folder / ("log.simpleFoam" if spec.stepping == "steady" else "log.pimpleFoam")
@@ -47,6 +48,8 @@ def solve_airflow(
 
         def solve(how: FlowSpec, first_order: bool) -> AirflowResult:
             check = prepare_case(how, msh, folder)
+            if force is not None:
+                write_source(folder, force, spec.density)
             if first_order:
                 first_order_start(how, folder, start, listener)
             run = run_steady if how.stepping == "steady" else run_time_resolved
@@ -67,27 +70,3 @@ def _last_residuals(log: Path) -> dict[str, float]:
         stream.seek(max(0, log.stat().st_size - 8000))
         text = stream.read().decode(errors="replace")
     return {name: float(value) for name, value in re.findall(r"Solving for (\w+), Initial residual = ([^,]+)", text)}
-
-
-# -- A steady airflow under a force ------------------------------------------------------------------------------------
-def solve_loaded(
-    spec: FlowSpec,
-    msh: Path,
-    folder: Path,
-    force: ForceDensity,
-    *,
-    start: Path,
-    listener: ProgressListener = lambda _: None,
-) -> AirflowResult:
-    """Solve the steady airflow ``spec`` under ``force`` in the case ``folder``, from the case ``start`` of the same
-    airflow without it, by the same stopping rule and with the settings that served there, so that the force alone is
-    what changes; goes on from what an interrupted call left.
-
-    Arguments and errors as of :func:`wakeflow.foam.airflow.solve_airflow`.
-    """
-    with disk_trouble_named(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        spec = replace(spec, settings=schemes_in(start))
-        prepare_case(replace(spec, stepping="steady"), msh, folder)
-        write_source(folder, force, spec.density)
-    return solve_airflow(spec, msh, folder, start=start, listener=listener)

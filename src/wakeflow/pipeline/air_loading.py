@@ -1,14 +1,12 @@
-"""The air feels the granules: their force on it, gathered along tracks, is given to the steady airflow.
+"""The air feels the granules: their force on it, gathered along tracks, is given to the airflow.
 
 Pass after pass, granules fly through the steady airflow as it is known so far, one way; what they exert on the air is
-gathered (``gather``), and OpenFOAM solves the steady airflow on under that force. What the last pass changes of the
-steady airflow is added to whatever airflow granules are flown in: the steady one itself, or one in time, whose wake is
-another but whose approach, where the curtain takes the most from the air, is the same.
+gathered (``gather_force``), and OpenFOAM solves the steady airflow on under that force. Under the force of the last
+pass every airflow of the scene is solved: the steady one on all grids, and from it the one in time.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -23,7 +21,8 @@ from ..core.errors import known
 from ..core.files import write_json
 from ..core.geometry import Boxes, ForceDensity
 from ..core.lazy import cached_property
-from ..core.record import load
+from ..core.number import student
+from ..core.record import JsonTable, load
 from ..core.store import content_key
 from ..core.tables import save_arrays
 from ..field import FlowField
@@ -42,9 +41,6 @@ from .realisations import Realisations
 from .solved_air import SolvedAir
 from .tracks import Flight
 
-MIN_FORCE = (
-    0.01  # of rho U^2 a body width: less is left out. Chosen: keeps 95 % of the shipped rhombus's, out of the wake
-)
 MAX_PASSES = 3  # solutions under a force
 TOWARDS = 0.7  # of the way to the force gathered last. Chosen: slower air drags less, so that the whole way oversteps
 
@@ -64,7 +60,9 @@ class Pass:
 
 @dataclass
 class AirLoading:
-    """What the granules of a scene change of its airflow; ``steady``: the steady one that they change."""
+    """The granules' force on the airflow of a scene, gathered in the steady one; ``steady``: that one where it does not
+    feel them yet.
+    """
 
     scene: Scene
     plan: Plan  # of the steady airflow
@@ -79,49 +77,20 @@ class AirLoading:
         return tuple(self._passes())
 
     @property
-    def key(self) -> str:
-        """Everything that the change depends on."""
+    def force(self) -> ForceDensity:
+        """The force that the answer's air is solved under."""
+        return self.passes[-1].force
+
+    def solution_on(self, air: CaseAir) -> tuple[str, Path]:
+        """Key and folder of the steady airflow under that force, on the grid of ``air``, which does not feel it."""
         last = self.passes[-1]
-        return content_key("loaded", self._before[0], last.key, code_of("field"), code_of("change"))
+        return (last.key, last.folder) if air.grid == self.steady.grid else self._solved(air, last.force, *air.solution)
 
     @cached_property
     def first(self) -> Gathered:
         """What granules exert on the air that does not feel them."""
-        key, field = self._unloaded
+        key, field = known(self.steady.field)
         return self._gathered(key, lambda: field)
-
-    def apply(self, field: FlowField) -> FlowField:
-        """A field of the same channel, with the change."""
-        from ..field.combined import changed_as
-
-        return changed_as(field, self._before[1], self._loaded)
-
-    @cached_property
-    def _unloaded(self) -> tuple[str, FlowField]:
-        return known(self.steady.field)
-
-    @cached_property
-    def _before(self) -> tuple[str, FlowField]:
-        """Key and field of what the change counts from: the airflow without the force by the settings that served under
-        it. Safer settings alone move the air by more than some curtains do.
-        """
-        from ..foam.fallback_settings import schemes_in
-
-        last, (_, bare) = self.passes[-1], self.steady.solution
-        if schemes_in(last.folder / "case") == schemes_in(bare / "case"):
-            return self._unloaded
-        nothing = replace(last.force, density=np.zeros_like(last.force.density))
-        key, folder = self._solved(nothing, last.key, last.folder)
-        return key, self.field_in(folder)
-
-    @cached_property
-    def _loaded(self) -> FlowField:
-        return self.field_in(self.passes[-1].folder)
-
-    @property
-    def least(self) -> float:
-        """Force density (N/m3) below which none is given to the air."""
-        return MIN_FORCE * self.scene.airstream.density * self.scene.airstream.speed**2 / self.scene.width
 
     @property
     def summary(self) -> AirLoadingSummary:
@@ -130,21 +99,27 @@ class AirLoading:
 
         last, case = self.passes[-1], self.passes[-1].folder / "case"
         laid = json.loads((case / SOURCE).read_text())
-        whole = (2.0 if self.steady.half else 1.0) * laid["force"][1]
+        given, whole = (2.0 if self.steady.half else 1.0) * laid["force"][1], float(last.gathered.force.total[1])
         before, after = self.steady.measured, load(Airflow, case / "airflow.json")
         return AirLoadingSummary(
             passes=len(self.passes),
             change=last.change,
             force=tuple(last.gathered.force.total.tolist()),
-            given=whole,
+            given=given,
             imbalance=last.gathered.imbalance,
-            unanswered=float(abs(last.gathered.force.above(self.least).total[1] - whole) / max(abs(whole), 1e-300)),
+            unanswered=abs(whole - given) / max(abs(whole), 1e-300),
+            sampling=self.sampling,
             cd_without=before.cd,
             cd=after.cd,
             verdict=after.verdict,
             cells=laid["cells"],
             sources=laid["sources"],
         )
+
+    @property
+    def sampling(self) -> float:
+        """Half of the 95 % interval of that force by the granules that it is gathered from, over it."""
+        return self.passes[-1].gathered.sampling
 
     def last_change(self, name: str, place: int) -> float:
         """What the last pass changed of a fraction's share in bin number ``place``, in the steady airflow."""
@@ -153,28 +128,21 @@ class AirLoading:
 
     def _passes(self) -> Iterator[Pass]:
         before = self.first
-        force, start = before.force.above(self.least), self.steady.solution
+        force, start = before.force, self.steady.solution
         for number in range(MAX_PASSES):
-            key, folder = self._solved(force, *start)
+            key, folder = self._solved(self.steady, force, *start)
             after = self._gathered(key, partial(self.field_in, folder))
             change = _farthest(before, after)
             yield Pass(force, key, folder, after, change)
             if change <= self.plan.target_error:
                 return
-            before, start, force = after, (key, folder), force.towards(after.force.above(self.least), TOWARDS)
+            before, start, force = after, (key, folder), force.towards(after.force, TOWARDS)
             self.cache.tell("air-loading", f"pass {number + 1}: shares moved by up to {100 * change:.2g} points")
 
     def _gathered(self, key: str, field: Callable[[], FlowField]) -> Gathered:
         """What granules exert on the air of a field, made where its key does not have it, from the cache or now."""
-
-        tables = self.scene.model_dump(mode="json", by_alias=True)
-        for name in ("numerics", "picture", "funnel", "collisions", "force"):
-            del tables[name]
-        del tables["feed"]["count"]
-        how = {name: row.tracked for name, row in resolved(self.plan).fractions.items()}
-        versions = [version_of(package) for package in ("numpy", "scipy", "numba")]
-        asked = tables, list(self.scene.bin), repr(how), self.plan.airflow.symmetric, self.scene.numerics.tolerance
-        made = content_key("momentum", key, asked, code_of("momentum"), versions)
+        bins = [(name, repr(bin_)) for name, bin_ in self.scene.bin.items()]
+        made = content_key("momentum", key, exerted_by(self.scene, self.plan), bins, code_of("momentum"))
 
         def work(part: Path) -> None:
             if COMPILED not in self.cache.seconds:
@@ -184,29 +152,26 @@ class AirLoading:
 
         return gathered_in(self.cache.make("momentum", made, work))
 
-    def _solved(self, force: ForceDensity, from_key: str, start: Path) -> tuple[str, Path]:
-        """Key and folder of the steady airflow under ``force``, from the cache or solved on from another's."""
-        from ..foam.airflow import solve_loaded
+    def _solved(self, air: CaseAir, force: ForceDensity, from_key: str, start: Path) -> tuple[str, Path]:
+        """Key and folder of the steady ``air`` under ``force``, from the cache or solved on from another's."""
+        from ..foam import solve_airflow
+        from ..foam.fallback_settings import schemes_in
 
-        steady = self.steady
-        assert isinstance(steady, SolvedAir)
-        box = force.boxes
-        key = content_key(
-            "loaded-airflow", from_key, [box.left, box.bottom, box.pitch, *force.density.shape],
-            _digest(force), code_of("loaded-airflow"),
-        )  # fmt: skip
+        assert isinstance(air, SolvedAir)
+        spec, msh, before = air.solved_spec, air.mesh[1] / "mesh.msh", start / "case"
+        key = content_key("loaded-airflow", from_key, force.digest, code_of("loaded-airflow"))
 
         def work(part: Path) -> None:
-            solve_loaded(
-                steady.solved_spec,
-                steady.mesh[1] / "mesh.msh",
+            solve_airflow(
+                replace(spec, settings=schemes_in(before)),  # what served before
+                msh,
                 part / "case",
-                force,
-                start=start / "case",
-                listener=lambda now: self.cache.tell("loaded-airflow", str(now)),
+                start=before,
+                force=force,
+                listener=lambda now: air.cache.tell("loaded-airflow", str(now)),
             )
 
-        return key, self.cache.make("loaded-airflow", key, work)
+        return key, air.cache.make("loaded-airflow", key, work)
 
     def field_in(self, folder: Path) -> FlowField:
         """The steady airflow of the pass whose ``folder`` that is."""
@@ -215,9 +180,16 @@ class AirLoading:
         return case_field(case, time, self.scene.airstream.density, half=self.steady.half)
 
 
-def _digest(force: ForceDensity) -> str:
-    """sha256 (hex) of the force's values."""
-    return hashlib.sha256(force.density.tobytes()).hexdigest()
+def exerted_by(scene: Scene, plan: Plan) -> JsonTable:
+    """What the granules' force on an air depends on beside that air and where the bins stand."""
+    tables: JsonTable = scene.model_dump(mode="json", by_alias=True)
+    for name in ("numerics", "picture", "funnel", "collisions", "force", "uncertainty", "bin"):
+        del tables[name]
+    del tables["feed"]["count"]
+    how = {name: row.tracked for name, row in resolved(plan).fractions.items()}
+    versions = [version_of(package) for package in ("numpy", "scipy", "numba")]
+    made = {"how": repr(how), "versions": versions, "symmetric": plan.airflow.symmetric}
+    return {**tables, **made, "tolerance": scene.numerics.tolerance}
 
 
 def _farthest(before: Gathered, after: Gathered) -> float:
@@ -235,18 +207,27 @@ STREAM = 4 * REPLICATES  # of the random forces, apart from those of other calls
 
 @dataclass(frozen=True)
 class Gathered:
-    """The ``force`` on the air; ``lost`` (2,) N/m: what all granules lost to the air, from the ends of their tracks
-    alone; ``shares`` {fraction: share of its granules in every bin, elsewhere last}.
+    """The ``force`` on the air; ``losses`` (r, 2) N/m: what the granules of each replicate lost to the air, from the
+    ends of their tracks alone, as if all were like them; ``shares`` {fraction: share of its granules in every bin,
+    elsewhere last}.
     """
 
     force: ForceDensity
-    lost: Array
+    losses: Array
     shares: dict[str, list[float]]
 
     @property
     def imbalance(self) -> float:
         """How far the force in all boxes is from what the granules lost, over the latter."""
-        return float(np.linalg.norm(self.force.total - self.lost) / max(float(np.linalg.norm(self.lost)), 1e-300))
+        lost = self.losses.mean(axis=0)
+        return float(np.linalg.norm(self.force.total - lost) / max(float(np.linalg.norm(lost)), 1e-300))
+
+    @property
+    def sampling(self) -> float:
+        """Half of the 95 % interval of the force by the granules that it is gathered from, over the force."""
+        count, along = len(self.losses), self.losses[:, 1]
+        half = student(count - 1) * float(along.std(ddof=1)) / count**0.5
+        return float(half / max(abs(along.mean()), 1e-300))
 
 
 def resolved(plan: Plan) -> Plan:
@@ -265,39 +246,41 @@ def gather_force(
     flight = Flight(few, resolved(plan), Realisations(field), scene.numerics.tolerance, workers, tell)
     channel, shares = scene.channel, scene.mass_shares()
     boxes = Boxes.across(channel.width, channel.bottom, channel.top, scene.width / ACROSS)
-    density, lost, landed = np.zeros((boxes.rows, boxes.columns, 2)), np.zeros(2), {}
+    density, losses, landed = np.zeros((boxes.rows, boxes.columns, 2)), np.zeros((COMPARED, 2)), {}
     for name in scene.fraction:
         tell(f"{name}: {GATHERED} granules, for their force on the air")
-        grains = feedstock(few, flight.plan, name, None, range(COMPARED)).granules
+        feed = feedstock(few, flight.plan, name, None, range(COMPARED))
+        grains = feed.granules
         tracks = flight.fly(name, grains, record=POINTS, stream=STREAM)
         flow, forces = scene.feed.mass_flow / scene.feed.depth * shares[name], plan.fractions[name].forces
         how: dict[str, Any] = {"air_density": field.density, "forces": forces}
         density += force_on_the_air(tracks, grains, flow, boxes, **how).density
-        lost += flow * _lost(tracks, grains, **how)
+        lost = flow * _lost(tracks, grains, **how)
+        losses += [lost[feed.replicate == number].mean(axis=0) for number in range(COMPARED)]
         bins = np.where((tracks.line >= 0) & (tracks.line < len(scene.bin)), tracks.line, len(scene.bin))
         landed[name] = (np.bincount(bins, minlength=len(scene.bin) + 1) / len(grains)).tolist()
     force = ForceDensity(boxes, density)
     if plan.airflow.symmetric:
-        force, lost = force.mirrored(), lost * (0.0, 1.0)
+        force, losses = force.mirrored(), losses * (0.0, 1.0)
     box = [boxes.left, boxes.bottom, boxes.pitch]
-    save_arrays(folder / "force.npz", {"density": force.density, "lost": lost, "boxes": box})
+    save_arrays(folder / "force.npz", {"density": force.density, "losses": losses, "boxes": box})
     write_json(folder / "shares.json", landed)
 
 
 def _lost(tracks: Tracks, grains: Granules, air_density: float, forces: tuple[str, ...]) -> Array:
-    """Velocity (2,) m/s that a granule gave to the air on its whole way, mean over all: what gravity gave it less what
-    all but walls did, derived from the ends of the tracks alone.
+    """Velocity (n, 2) m/s that each granule gave to the air on its whole way: what gravity gave it less what all but
+    walls did, derived from the ends of the tracks alone.
     """
     gain = np.array([path[-1, 5:7] - path[0, 5:7] for path in known(tracks.recorded)])
     lasted = np.array([path[-1, 0] - path[0, 0] for path in known(tracks.recorded)])
     lift = air_density / grains.density if "buoyancy" in forces else 0.0
     fallen = -GRAVITY * (1.0 - lift) * lasted
-    return np.asarray(np.stack([-gain[:, 0], fallen - gain[:, 1]], axis=1).mean(axis=0))
+    return np.stack([-gain[:, 0], fallen - gain[:, 1]], axis=1)
 
 
 def gathered_in(folder: Path) -> Gathered:
     """What :func:`gather_force` kept in a folder."""
     with np.load(folder / "force.npz") as data:
-        density, lost, (left, bottom, pitch) = data["density"], data["lost"], data["boxes"].tolist()
+        density, losses, (left, bottom, pitch) = data["density"], data["losses"], data["boxes"].tolist()
     boxes = Boxes(left, bottom, pitch, density.shape[1], density.shape[0])
-    return Gathered(ForceDensity(boxes, density), lost, json.loads((folder / "shares.json").read_text()))
+    return Gathered(ForceDensity(boxes, density), losses, json.loads((folder / "shares.json").read_text()))

@@ -88,7 +88,7 @@ class WakeEnds:
 
 @dataclass(frozen=True)
 class AirLoadingSummary:
-    """The granules' force on the air, and what it makes of the steady airflow."""
+    """The granules' force on the air, and what it makes of the steady airflow, in which it is gathered."""
 
     passes: int = column("1", "solutions of the steady airflow under the force")
     change: float = column("1", "largest change of a share in the steady airflow by the last pass")
@@ -96,7 +96,10 @@ class AirLoadingSummary:
     given: float = column("N/m", "y, given to the air of the last pass")
     imbalance: float = column("1", "force less what the granules lost, over the latter")
     unanswered: float = column(
-        "1", "force that the air of the last pass should be given less what it was given, over that"
+        "1", "how far the force gathered in the air of the last pass is from what that air was given, over the former"
+    )
+    sampling: float = column(
+        "1", "half of the 95 % interval of the force by the granules that it is gathered from, over the force"
     )
     cd_without: Number | None = column("1", "drag coefficient of the steady airflow without the force")
     cd: Number | None = column("1", "drag coefficient of the steady airflow with it")
@@ -125,7 +128,7 @@ class Airflow(AirflowResult):
     ends: WakeEnds | None = column("", "what each end alone has; null where there are none", default=None)
     momentum: MomentumModel | None = column("", "the paper's model; null without a body", default=None)
     loading: AirLoadingSummary | None = column(
-        "", "what the granules change of the steady airflow; null where the air does not feel them", default=None
+        "", "the granules' force that it is solved under; null where the air does not feel them", default=None
     )
     divergence: FieldDivergence | None = column("", "of the field that the tracker reads", default=None)
     truncation: Truncation | None = column("", "of a time-resolved field; null for a steady one", default=None)

@@ -13,9 +13,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from ..core.errors import known
+from ..core.geometry import ForceDensity
 from ..core.lazy import cached_property
 from ..core.record import load
 from ..core.registry import Registry
@@ -83,12 +84,24 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
 
 
 # -- The kinds of airflow ----------------------------------------------------------------------------------------------
+class ForceOnAir(Protocol):
+    """What the granules of a scene exert on its airflow."""
+
+    @property
+    def force(self) -> ForceDensity:
+        """Under which the airflow is solved."""
+
+    def solution_on(self, air: CaseAir) -> tuple[str, Path]:
+        """Key and folder of the steady ``air``, which does not feel it, under the force."""
+
+
 @dataclass
 class AirflowKind(ABC):
     """The airflow of one scene under one plan.
 
     ``grid`` is the place among the plan's grids, 0 the answer's; ``steady`` gives the scene's steady airflow, which is
     solved where it is not yet, and ``neighbour`` that of another scene to start it from, None for a start from rest.
+    ``loading``: the granules' force on the air, None where it does not feel them.
     """
 
     scene: Scene
@@ -97,6 +110,7 @@ class AirflowKind(ABC):
     grid: int
     steady: Callable[[], CaseAir]
     neighbour: Callable[[], CaseAir | None] = field(default=lambda: None, kw_only=True)
+    loading: Callable[[], ForceOnAir | None] = field(default=lambda: None, kw_only=True)
     means: ClassVar[str] = ""  # what granules fly in, in words
     at_once: ClassVar[bool] = False  # known without meshing, solving or reading files
 
@@ -186,6 +200,11 @@ class CaseAir(AirflowKind):
     @abstractmethod
     def make_solution(self) -> tuple[str, Path]:
         """Solve or measure the airflow, or take it from the cache: key and folder."""
+
+    @property
+    def bare(self) -> CaseAir:
+        """The same airflow where it does not feel granules."""
+        return self
 
     @property
     def case(self) -> Path:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from ..core.errors import SceneError, known
 from ..core.lazy import cached_property
-from ..core.store import Store, cache_root, content_key
+from ..core.store import Store, cache_root
 from ..core.tables import Columns
 from ..funnel import compute as compute_funnel
 from ..funnel.rate import FunnelSummary
@@ -47,7 +47,8 @@ class Pipeline:
     ``grid`` is the place among the plan's grids, 0 the answer's; ``label`` tells the stages of another airflow of the
     same scene apart in ``seconds`` and to the listener. ``planner`` made ``plan`` and plans the scene at other rungs;
     by default it is one with the plan's own options. From the steady airflow of a
-    ``neighbour`` that of this scene is solved on, on whatever mesh that one stands.
+    ``neighbour`` that of this scene is solved on, on whatever mesh that one stands. ``whole``: the pipeline whose
+    steady end this one is, None where it is a scene's own.
     """
 
     scene: Scene
@@ -61,6 +62,7 @@ class Pipeline:
     planner: Planner | None = None
     compilation: Compilation = field(default_factory=Compilation, repr=False)
     neighbour: Pipeline | None = None
+    whole: Pipeline | None = field(default=None, repr=False)
     _grids: dict[int, Pipeline] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -97,7 +99,10 @@ class Pipeline:
     def kind(self) -> AirflowKind:
         """What computes the airflow."""
         made: type[AirflowKind] = airflow_kinds[self.plan.airflow.kind]
-        return made(self.scene, self.plan, self.cache, self.grid, lambda: self.draft._in_case, neighbour=self._beside)
+        return made(
+            self.scene, self.plan, self.cache, self.grid, lambda: self.draft._in_case,
+            neighbour=self._beside, loading=lambda: self.loading,
+        )  # fmt: skip
 
     def _beside(self) -> CaseAir | None:
         """The steady airflow of the neighbour, on the grid that is most like this one."""
@@ -135,26 +140,24 @@ class Pipeline:
 
     @cached_property
     def loading(self) -> AirLoading | None:
-        """What the granules change of the airflow; None where the plan leaves it out."""
-        return self._loading if self.plan.airflow.loaded else None
-
-    @cached_property
-    def _loading(self) -> AirLoading:
-        if self.grid:  # the change is solved on the answer's own grid, and brought to the others
-            return self.on_grid(0)._loading
-        if self.plan.airflow.stepping != "steady":  # and in the steady airflow, for that in time too
-            return self.draft._loading
-        return AirLoading(self.scene, self.plan, self.cache, self._in_case, self.compilation, self.workers)
+        """The granules' force on the airflow, gathered in the steady one on the answer's own grid; None where the plan
+        leaves it out.
+        """
+        if not self.plan.airflow.loaded:
+            return None
+        if self.whole is not None:
+            return self.whole.loading
+        if self.grid:
+            return self.on_grid(0).loading
+        own = self if self.plan.airflow.stepping == "steady" else self.draft
+        return AirLoading(self.scene, own.plan, own.cache, own._in_case.bare, self.compilation, self.workers)
 
     @cached_property
     def field(self) -> tuple[str, FlowField]:
         """Key and field on triangles that the tracker reads, of the whole channel. Raises SceneError in a vacuum."""
         if self.kind.field is None:
             raise SceneError("the granules fly in a vacuum: there is no airflow")
-        key, field = self.kind.field
-        if self.loading is None:
-            return key, field
-        return content_key(key, self.loading.key), self.loading.apply(field)
+        return self.kind.field
 
     @property
     def divergence(self) -> FieldDivergence:
@@ -168,8 +171,9 @@ class Pipeline:
     def draft(self) -> Pipeline:
         """The same scene in its steady airflow: where a time-resolved one starts, and the other end of the bracket."""
         plan = known(self.planner).at(self.scene).plan("draft")
+        plan = replace(plan, airflow=replace(plan.airflow, loaded=self.plan.airflow.loaded))
         grid = min(self.grid, len(plan.airflow.scales) - 1)
-        return replace(self, plan=plan, grid=grid, label=self.label._replace(draft=True))
+        return replace(self, plan=plan, grid=grid, label=self.label._replace(draft=True), whole=self)
 
     def on_grid(self, grid: int) -> Pipeline:
         """The same scene on another of the plan's grids; the same one whenever it is asked for."""
@@ -182,7 +186,7 @@ class Pipeline:
 
     @cached_property
     def _track_stage(self) -> TrackStage:
-        return TrackStage(self.scene, self.plan, self.cache, self.kind, self.compilation, self.workers, self.loading)
+        return TrackStage(self.scene, self.plan, self.cache, self.kind, self.compilation, self.workers)
 
     @property
     def tracks_key(self) -> str:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from ..core.errors import known
 from ..core.files import atomic_write, case_template
+from ..core.geometry import ForceDensity
 from ..core.lazy import cached_property
 from ..core.record import load
 from ..core.store import content_key, digest_files
@@ -44,10 +46,16 @@ class SolvedAir(CaseAir):
 
     @property
     def solve(self) -> Callable[..., AirflowResult]:
-        """:func:`wakeflow.foam.solve_airflow`, or what takes its place with the same arguments."""
+        """:func:`wakeflow.foam.solve_airflow` under the force, or what takes its place with the same arguments."""
         from ..foam import solve_airflow
 
-        return solve_airflow
+        return partial(solve_airflow, force=self.force)
+
+    @cached_property
+    def force(self) -> ForceDensity | None:
+        """That of granules on the air; None where it does not feel them."""
+        loading = self.loading()
+        return None if loading is None else loading.force
 
     @property
     def cells(self) -> int:
@@ -73,7 +81,8 @@ class SolvedAir(CaseAir):
         code = content_key(code_of(self.stage), digest_files([case_template()]), self.solver)
         asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
         start = self.start()  # by its key: the same airflow from another start would end at another moment
-        key = content_key("airflow", mesh_key, asked, code, None if start is None else start.parent.name)
+        under = None if self.force is None else self.force.digest
+        key = content_key("airflow", mesh_key, asked, code, None if start is None else start.parent.name, under)
 
         def work(part: Path) -> None:
             self.solve(
@@ -97,10 +106,18 @@ class SteadyAir(SolvedAir):
 
     means = "one steady wake"
 
+    @cached_property
+    def bare(self) -> SteadyAir:
+        return replace(self, loading=lambda: None)
+
+    def make_solution(self) -> tuple[str, Path]:
+        loading = self.loading()
+        return super().make_solution() if loading is None else loading.solution_on(self.bare)
+
     def start(self) -> Path | None:
         """The steady airflow of a neighbour, where the scene has one."""
         near = self.neighbour()
-        return None if near is None else near.case
+        return None if near is None else near.bare.case
 
     @property
     def model_is_unknown(self) -> bool:

@@ -19,7 +19,6 @@ from .compilation import COMPILED, Compilation
 
 if TYPE_CHECKING:
     from ..scene import Picture
-    from .air_loading import AirLoading
     from .landings import Tracked
     from .realisations import Realisations
     from .tracks import Flight
@@ -30,14 +29,12 @@ class PerturbedRerun:
     """Part of the granules flown again, the same ones, with one thing changed: what that changes is an error.
 
     ``name`` among the stages; ``tolerance`` (body widths) instead of the scene's; ``wake``: theta and strength of the
-    wake instead of the answer's own, as in ``field.blended_wake``; ``loaded``: whether the air feels the granules where
-    it does in the answer.
+    wake instead of the answer's own, as in ``field.blended_wake``.
     """
 
     name: str
     tolerance: float | None = None
     wake: tuple[float, float] | None = None
-    loaded: bool = True
 
 
 def unweighed(scene: Scene) -> dict[str, object]:
@@ -59,7 +56,6 @@ class TrackStage:
     air: AirflowKind
     compilation: Compilation
     workers: int | None = None
-    loading: AirLoading | None = None
 
     @cached_property
     def key(self) -> str:
@@ -73,8 +69,6 @@ class TrackStage:
         order = list(self.scene.bin)  # landings hold the bin's place in it
         mirrored, airs = self.plan.airflow.mirrored, self.air.realisations
         flown = mirrored, len(airs), airs.cycles
-        if self.loading is not None:
-            upstream = content_key(upstream, self.loading.key)
         return content_key("tracks", tables, order, *flown, repr(how), upstream, code_of("tracks"), versions)
 
     def fly(self, rerun: PerturbedRerun | None = None) -> Tracked:
@@ -85,8 +79,7 @@ class TrackStage:
         change = rerun or PerturbedRerun("tracks")
         tolerance = change.tolerance or self.scene.numerics.tolerance
         replicates = REPLICATES if rerun is None else COMPARED
-        unloaded = [] if change.loaded or self.loading is None else ["unloaded"]
-        key = content_key(self.key, tolerance, change.wake, replicates, *unloaded)
+        key = content_key(self.key, tolerance, change.wake, replicates)
         tell = partial(self.cache.tell, change.name)
         airs = self.realised(change)
         flight = Flight(self.scene, self.plan, airs, tolerance, self.workers, tell, replicates)
@@ -109,20 +102,16 @@ class TrackStage:
         folder = self.cache.make("shown", key, lambda part: flight.fly_pictured(part, names, *flown))
         return {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in names}
 
-    @cached_property
+    @property
     def airs(self) -> Realisations:
-        """The airflow's realisations, which feel the granules where the plan wants that."""
-        found = self.air.realisations
-        return found if self.loading is None else found.mapped(self.loading.apply)
+        """The airflow's realisations."""
+        return self.air.realisations
 
     def realised(self, change: PerturbedRerun) -> Realisations:
         """The airflow that granules fly in under a ``change``."""
-        found = self.airs if change.loaded else self.air.realisations
-        if change.wake is None or found.field is None:
-            return found
-        other = known(self.air.between(*change.wake))
-        only = replace(self.air.realisations, field=other[1], others=())
-        return only if self.loading is None or not change.loaded else only.mapped(self.loading.apply)
+        if change.wake is None or self.airs.field is None:
+            return self.airs
+        return replace(self.airs, field=known(self.air.between(*change.wake))[1], others=())
 
     def flight(self, scene: Scene, airs: Realisations) -> Flight:
         """What flies granules of ``scene``, a variation of the stage's own, through ``airs`` as the answer's fly."""

@@ -108,7 +108,7 @@ def airflow_cost(scene: Scene, airflow: AirflowPlan) -> AirflowCost:
     cells, deep = typical_cells(scene, airflow), span_cost(scene, airflow)
     kept = 0.0 if airflow.span is not None else BYTES_A_SNAPSHOT * SNAPSHOTS[airflow.stepping or "steady"]
     work = Workload(scene, airflow, None, 0, 0.0)
-    seconds = sum(cost.whole for stage in (MESH, AIRFLOW, FIELD) for cost in stage.cost(work))
+    seconds = sum(cost.whole for stage in (MESH, AIRFLOW, FIELD, MOMENTUM, LOADED) for cost in stage.cost(work))
     return AirflowCost(seconds, cells * (BYTES_A_CELL + kept) + deep.disk)
 
 
@@ -206,20 +206,19 @@ def _reading(work: Workload) -> Iterator[StageCost]:
 
 
 def _gathering(work: Workload) -> Iterator[StageCost]:
-    """The passes of the air that feels the granules, through the steady airflow."""
+    """The passes of the air that feels the granules, through the steady airflow; the answer's own waits for them."""
     if work.airflow.loaded:
         steady = work.airflow.stepping == "steady"
         key = StageKey(AirLabel(draft=not steady), "momentum")
-        yield StageCost(key, _flown(work, GATHERED), "after" if steady else "beside", PASSES + 1)
+        yield StageCost(key, _flown(work, GATHERED), "answer" if steady else "first", PASSES + 1)
 
 
 def _loading(work: Workload) -> Iterator[StageCost]:
-    if work.airflow.loaded:
-        steady = work.airflow.stepping == "steady"
-        key = StageKey(AirLabel(draft=not steady), "loaded-airflow")
-        start, rest = solver_seconds(work.scene, work.airflow, 0)
-        seconds = AGAIN_UNDER_FORCE * (rest if steady else start)
-        yield StageCost(key, seconds, "after" if steady else "beside", PASSES)
+    """The steady airflow under the force: in every pass, and once on each other grid."""
+    for number, label, _, solved in _airs(work) if work.airflow.loaded else ():
+        if label.draft or work.airflow.stepping == "steady":
+            seconds = AGAIN_UNDER_FORCE * solver_seconds(work.scene, work.airflow, number)[not label.draft]
+            yield StageCost(StageKey(label, "loaded-airflow"), seconds, solved, PASSES if number == 0 else 1)
 
 
 def _flying(work: Workload) -> Iterator[StageCost]:
@@ -255,6 +254,8 @@ def _code(*modules: str) -> tuple[str, ...]:
 MESH = Stage("mesh", _code("meshing.spec"), "mesh", Scaling.CELLS, "airflow", _meshing)
 AIRFLOW = Stage("airflow", _code("foam.airflow"), "airflow", Scaling.AIR, "airflow", _solving)
 FIELD = Stage("field", _code("pipeline.case_field"), "field", Scaling.CELLS, "airflow", _reading)
+MOMENTUM = Stage("momentum", _code("pipeline.air_loading"), FLIGHTS, Scaling.AIR, "air loading", _gathering)
+LOADED = Stage("loaded-airflow", _code("foam.airflow"), "airflow", Scaling.AIR, "air loading", _loading)
 COMPILE = Stage("compile", work="compile", scaling=Scaling.ONCE, heading="compilation")
 # In the order in which they are usually done. Those without a cost are part of another, or of few runs.
 for _one in (
@@ -268,9 +269,8 @@ for _one in (
     FIELD,
     Stage("layers", _code("pipeline.case_field"), scaling=Scaling.CELLS),
     Stage("blend", _code("field.combined"), scaling=Scaling.CELLS),
-    Stage("momentum", _code("pipeline.air_loading"), FLIGHTS, Scaling.AIR, "air loading", _gathering),
-    Stage("loaded-airflow", _code("foam.airflow"), "airflow", Scaling.AIR, "air loading", _loading),
-    Stage("change", _code("field.combined"), scaling=Scaling.CELLS),
+    MOMENTUM,
+    LOADED,
     Stage("tracks", _code("pipeline.tracks", "pipeline.landings"), heading="tracks", cost=_flying),
     Stage("slab", _code("pipeline.slab", "pipeline.landings"), "slab", Scaling.SLAB, "slab", _in_slab),
     Stage("draws", _code("pipeline.input_samples", "field.combined"), heading="draws"),

@@ -205,7 +205,7 @@ def _airflow_lines(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
             f"{len(beside)} other wakes: {', '.join(beside)}"
         )
     if airflow.loaded:
-        yield "the air feels the granules: their force on it, gathered along tracks, is given to the steady airflow"
+        yield "the air feels the granules: it is solved under their force, gathered along tracks in the steady airflow"
     if len(airflow.scales) > 1:
         sizes = ", ".join(f"{scale:.2g}" for scale in airflow.scales)
         yield f"beside it, for the error of the mesh: grids with cell edges of {sizes} times the usual"

@@ -14,7 +14,7 @@ from ..answer.notices import notices, with_mesh_error, with_residence
 from ..answer.provenance import Refinement, provenance_of
 from ..answer.result import FILE, SCHEMA, FlightResults, Request, Result, key_in, provenance_in
 from ..answer.shares import BudgetRow, LandingResults, Separation, collisions_of
-from ..budget.air_loading import UNLOADED
+from ..budget.air_loading import loading_effects
 from ..budget.budget import flights_ahead, fly_again, make_budget, total_notices
 from ..budget.mesh import airflow_on_grids
 from ..budget.model import MODEL
@@ -121,7 +121,8 @@ class OneRun:
         pipeline, scene, until = self.pipeline, self.pipeline.scene, self.request.until
         if scene.air is None or until == "funnel":
             return None, None
-        if until not in ("mesh", "airflow") and not pipeline.kind.at_once:
+        flies = until not in ("mesh", "airflow") or (until == "airflow" and pipeline.plan.airflow.loaded)
+        if flies and not pipeline.kind.at_once:
             pipeline.compile_in_background()
         mesh = pipeline.mesh_quality
         if until == "mesh":
@@ -150,8 +151,8 @@ class OneRun:
         slab = None if crowd is None else collisions_of(self.pipeline.plan, crowd)
         wakes = flights.of(MODEL)
         bracket = None if wakes is None else wakes.means(list(scene.bin))
-        unloaded = flights.of(UNLOADED)
-        effects = None if unloaded is None else unloaded.effects(separation.bins)
+        loading = self.pipeline.loading
+        effects = None if loading is None else loading_effects(loading, separation.bins)
         summary, parts = inputs_of(inputs)
         separation = replace(separation, cut=partition_curves(scene, self.pipeline.plan, flights.landings))
         return LandingResults(separation, bracket, budget, alone, slab, effects, summary, parts)

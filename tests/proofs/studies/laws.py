@@ -13,9 +13,8 @@ what the materials say. docs/rebound.md: rebound --count 2048
 labyrinth: What the air does in cases/labyrinth.toml: shares without air and in the steady airflow of all bodies; how
 far landings move next to the bound of the plan that leaves the air out. docs/validation.md: labyrinth 512 2
 
-air_loading: What the granules' force on the air does, pass by pass, in the steady airflow and in the answer's own.
---both solves the time-resolved end under the last force as well, which the program does not do, and flies in the wake
-between both loaded ends. docs/model.md.
+air_loading: What the granules' force on the air does: pass by pass in the steady airflow, and in the answer's own next
+to one that does not feel them. docs/model.md.
 """
 
 from __future__ import annotations
@@ -31,26 +30,17 @@ import numpy as np
 
 import wakeflow as wf
 from support import CASES, shipped
-from wakeflow.budget.air_loading import UNLOADED
-from wakeflow.budget.comparison import Shares, shares_of
-from wakeflow.core.geometry import ForceDensity
+from wakeflow.budget.comparison import shares_of
 from wakeflow.core.number import Number
 from wakeflow.core.record import load
-from wakeflow.field import FlowField, blended_wake
-from wakeflow.foam.airflow import solve_airflow
+from wakeflow.field import FlowField
 from wakeflow.foam.airflow_result import AirflowResult
-from wakeflow.foam.momentum_source import SOURCE, write_source
-from wakeflow.foam.prepare import prepare_case
+from wakeflow.foam.momentum_source import SOURCE
 from wakeflow.laws.best_estimate import WakeEntry, wakes
 from wakeflow.laws.best_estimate import best_estimate as estimated
 from wakeflow.laws.material import materials
 from wakeflow.pipeline.air_loading import AirLoading
-from wakeflow.pipeline.case_field import case_field
-from wakeflow.pipeline.landings import load_tracked
-from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.track_stage import PerturbedRerun
-from wakeflow.pipeline.tracks import Flight
-from wakeflow.planning.plan import COMPARED
 
 from .common import BARE, Pipeline, Row, piped, separation, show
 
@@ -260,57 +250,33 @@ def passes(pipeline: Pipeline, bins: Moved) -> Iterator[Row]:
         yield row(number, given, cd, loading.field_in(one.folder), one.gathered.shares)
 
 
-def solved_both(pipeline: Pipeline, force: ForceDensity, folder: Path) -> FlowField:
-    """The wake between both ends, each solved under ``force``; the time-resolved one in ``folder``."""
-    air, loading = pipeline.kind, pipeline.loading
-    spec, case = air.solved_spec, folder / "case"
-    case.mkdir(parents=True, exist_ok=True)
-    msh = air.mesh[1] / "mesh.msh"
-    prepare_case(spec, msh, case)
-    write_source(case, force, spec.density)
-    last = loading.passes[-1].folder
-    solved = solve_airflow(spec, msh, case, start=last / "case")
-    loaded = case_field(case, solved.field_time, spec.density, half=False)
-    wake = pipeline.plan.airflow.wake
-    theta, strength = (1.0, 1.0) if wake is None else (wake.theta.value, wake.strength.value)
-    return blended_wake(loaded, loading.field_in(last), theta, strength)
+def answers(pipeline: Pipeline, bins: Moved) -> Iterator[Row]:
+    """The shares of the granules of a comparison in the answer's airflow, which does not feel them, and which does."""
+    plan = pipeline.plan
+    bare = Pipeline(
+        pipeline.scene, replace(plan, airflow=replace(plan.airflow, loaded=False)), seconds=pipeline.seconds
+    )
+    for title, air in (("without the force", bare), ("both ends solved under it", pipeline)):
+        shares = shares_of(air, air.tracks(PerturbedRerun("tracks of the comparison")))
+        yield {"airflow": title, "cd": air.airflow.cd.value,
+               **{name: 100 * float(shares[name][:, number].mean()) for name, (_, number) in bins.items()}}  # fmt: skip
 
 
-def flown(pipeline: Pipeline, field: FlowField, folder: Path) -> Shares:
-    """Shares of the granules of a comparison in ``field``."""
-    scene, airs = pipeline.scene, Realisations(field, cycles=pipeline.kind.realisations.cycles)
-    folder.mkdir(parents=True, exist_ok=True)
-    Flight(scene, pipeline.plan, airs, scene.numerics.tolerance, replicates=COMPARED).fly_all(folder, drawn=False)
-    return shares_of(pipeline, load_tracked(folder, scene))
-
-
-def answers(pipeline: Pipeline, bins: Moved, both: Path | None) -> Iterator[Row]:
-    """The shares in the answer's airflow: without the force, with the steady end's change, with both ends solved."""
-    effect = UNLOADED.fly(pipeline, pipeline.tracks(PerturbedRerun("tracks of the comparison")))
-    found = {"without": effect.without, "with the steady end's change": effect.loaded}
-    if both is not None:
-        field = solved_both(pipeline, pipeline.loading.passes[-1].force, both)
-        found["with both ends solved"] = flown(pipeline, field, both / "tracks")
-    for title, shares in found.items():
-        means = {name: 100 * float(shares[name][:, number].mean()) for name, (_, number) in bins.items()}
-        yield {"airflow": title, **means}
-
-
-def tables(scene: wf.Scene, both: Path | None = None, **options: Any) -> tuple[list[Row], list[Row]]:
-    """Print both tables; ``both``: a folder for the time-resolved end under the force; ``options`` of ``wf.plan``."""
+def tables(scene: wf.Scene, **options: Any) -> tuple[list[Row], list[Row]]:
+    """Print both tables; ``options`` of ``wf.plan``."""
     plan = wf.plan(scene, **options)
     pipeline = Pipeline(scene, replace(plan, airflow=replace(plan.airflow, loaded=True)), workers=None)
     bins = most_moved(scene, pipeline.loading)
     shares = {f"{name} in {place}, %": f"{{{name}:.4g}}" for name, (place, _) in bins.items()}
     first = show({**PASSES, **shares}, passes(pipeline, bins))
     print()
-    second = show({"airflow": "{airflow}", **shares}, answers(pipeline, bins, both))
+    second = show({"airflow": "{airflow}", "Cd": "{cd:.4g}", **shares}, answers(pipeline, bins))
     print()
     spent = ({"stage": stage, "seconds": took.seconds} for stage, took in pipeline.seconds.items())
     show({"stage": "{stage}", "s": "{seconds:.4g}"}, spent)
     return first, second
 
 
-def air_loading(scene: Path = CASES / "rhombus.toml", *, both: bool = False) -> None:
+def air_loading(scene: Path = CASES / "rhombus.toml") -> None:
     """What the granules' force on the air does."""
-    tables(wf.Scene.load(scene), both=Path("runs", "air-loading") if both else None)
+    tables(wf.Scene.load(scene))
