@@ -27,7 +27,7 @@ from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 
 OFF = {"basset-history": False}
-ESTIMATE = WakeEstimate(Number(0.4, 0.3, 0.6), Number(0.6, 0.5, 0.9), "as the test says")
+ESTIMATE = WakeEstimate(Number(0.4, 0.3, 0.6), Number(0.6, 0.5, 0.9), "as the test says", Number(0.3, 0.1, 0.5))
 P_INLET = {"steady": 3.0, "resolved": 7.0}
 PERIOD = 0.1
 
@@ -164,8 +164,12 @@ def test_the_numbers_are_those_of_the_air_flown_in_with_the_ends_beside(make: Ma
     assert found.cd.high == pytest.approx(1.9 + math.hypot(own, 0.2))  # theta may be 0.2 more, and 0.1 less
     assert found.cp_base.value == pytest.approx(-1.8)
     assert found.cp_base.high == pytest.approx(-1.8 + math.hypot(0.08, 0.2))
-    assert found.cl_rms.value == pytest.approx(0.6)
-    assert found.cl_rms.high == pytest.approx(0.6 + math.hypot(0.06, 0.3))
+    assert found.cl_rms.value == pytest.approx(0.3)
+    assert found.cl_rms.high == pytest.approx(0.3 + math.hypot(0.03, 0.2))
+    own = WakeEstimate(ESTIMATE.theta, ESTIMATE.strength, "", Number(0.0, 0.0, 0.5))
+    still = blended_airflow(air.flow_spec, own, air.between(0.4, 0.0)[1], STEADY, RESOLVED)
+    assert still.cl_rms.low == 0.0
+    assert still.cl_rms.high == pytest.approx(0.5)
     assert (found.p_inlet, found.pressure_drop, found.cp_front) == pytest.approx((4.6, 4.6, 0.84))
     assert (found.wake.theta.low, found.wake.strength.high, found.wake.why) == (0.3, 0.9, "as the test says")
     assert (found.ends.steady.cd.value, found.ends.time_resolved.cl_rms.value) == (1.5, 1.0)

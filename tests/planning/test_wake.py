@@ -89,7 +89,7 @@ def test_the_plan_carries_it_and_says_it_in_a_line(rhombus: Scene) -> None:
     theta = plan.airflow.wake.theta
     (line,) = [line for line in plan.used if line.startswith("wake: ")]
     assert f"theta {theta.low:.2f} to {theta.high:.2f}" in line
-    assert "measurements of the shape (rhombus)" in line
+    assert "2 sources of the shape (rhombus)" in line
     (warning,) = [line for line in plan.warnings if line.startswith("standard airflow: ")]
     assert "best estimate between two wakes" in warning
     assert plan.summary()["airflow"]["wake"]["theta"] == {"value": theta.value, "low": theta.low, "high": theta.high}

@@ -148,15 +148,12 @@ def test_the_command_counts_and_tells(tmp_path: Path, monkeypatch: pytest.Monkey
     assert "half / error" in shown
 
 
-# Measured wakes that lie outside the range that all others give for them: the outermost of their shapes
-MISSES = {
-    "rhombus-3d-coarse-base", "rhombus-3d-lift", "rhombus-3d-coarse-across", "prism-down-3d-base", "volvo-length",
-}  # fmt: skip
+MISSES = {"volvo"}  # sources outside the range that all others give for them: a duct whose walls are near
 
 
 def test_each_measured_wake_is_predicted_from_all_others() -> None:
     rows = left_out_wakes()
-    assert {row["number"] for row in rows} == {"theta", "strength"}
+    assert {row["number"] for row in rows} == {"theta", "strength", "lift"}
     assert {row["name"] for row in rows if not row["held"]} == MISSES
 
 

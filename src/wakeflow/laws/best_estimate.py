@@ -3,7 +3,8 @@
 A steady wake of a bluff body is too long and its suction too weak; a time-resolved one in two dimensions sheds too
 coherently, and its suction is too strong. ``theta`` is the share of the second in the mean of the air, ``strength``
 the rms of the real fluctuation over that of the second. A measured number x between the two ends says theta = (x -
-steady) / (resolved - steady), a fluctuation says strength = x / resolved. The data are in wakes.toml.
+steady) / (resolved - steady), a fluctuation of the velocity says strength = x / resolved. The lift goes by a number
+of its own: it weighs what the whole body feels at once, not what moves the air behind it. The data are in wakes.toml.
 """
 
 from __future__ import annotations
@@ -23,15 +24,20 @@ from ..core.number import Number
 from ..core.record import column
 
 WAKE_FAMILIES = ("rhombus", "triangle-up", "triangle-down", "square", "plate")
-OF_MEAN_WEIGHT = ("cd", "cp_base", "reversal_length", "residence_time")
-OF_FLUCTUATION_WEIGHT = ("cl_rms", "u_rms", "v_rms")
+NUMBER_OF = {  # which number a quantity gives
+    "cd": "theta", "cp_base": "theta", "reversal_length": "theta", "residence_time": "theta",
+    "u_rms": "strength", "v_rms": "strength", "cl_rms": "lift",
+}  # fmt: skip
 STATUSES, CHECKED = ("measured", "handbook", "computed"), ("read", "quoted", "unchecked", "own")
 MAX_BLOCKAGE_RATIO = 2.0  # factor in blockage up to which a measurement counts as near, where two or more are; chosen
 ERROR_PER_BLOCKAGE = (
     0.1  # error that a factor e in blockage adds. The handbooks' rhombus: theta 0.44 at 5 %, 0.38 at 12.5 %
 )
 ALIKE = 15.0  # deg: slopes that differ by no more count as one shape; chosen
-MIN_MEASUREMENTS = 2  # measurements that say how far they scatter
+MIN_SOURCES = 2  # sources that say how far they differ
+# Half of the 95 % range of a source that is alone, beside its own error: twice the pooled standard deviation of theta
+# among the 10 sources of the four shapes that have several, the duct left out
+BETWEEN_SOURCES = 0.125
 MIN_ENTRY_ERROR = 0.03  # own error of an entry: no measurement of a wake, and no mesh of ours, is better
 
 
@@ -42,6 +48,10 @@ class WakeEstimate:
     theta: Number = column("1", "share of the time-resolved mean, and the range that holds it")
     strength: Number = column("1", "rms of the fluctuation over that of the time-resolved wake, and its range")
     why: str = column("", "what they rest on")
+    lift: Number | None = column(
+        "1", "rms of the lift over that of the time-resolved wake, and its range; left out of results of versions that "
+        "did not tell", absent=True, default=None,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -49,6 +59,7 @@ class WakeEntry:
     """One measurement of one body; keys as at the head of wakes.toml."""
 
     name: str
+    datum: str
     family: str
     body: str
     blockage: float
@@ -59,6 +70,7 @@ class WakeEntry:
     status: str
     checked: str
     value: tuple[float, float] | None = None
+    coarse: tuple[float, float] | None = None
     unconfined: tuple[float, float] | None = None
     base: tuple[float, float] | None = None
     steady: float = 0.0
@@ -68,9 +80,9 @@ class WakeEntry:
     slope: float | None = None
 
     @property
-    def of_mean_weight(self) -> bool:
-        """Whether it gives theta; else the strength."""
-        return self.quantity in OF_MEAN_WEIGHT
+    def number(self) -> str:
+        """What it gives: theta, strength or lift."""
+        return NUMBER_OF[self.quantity]
 
     @property
     def here(self) -> tuple[float, float]:
@@ -85,11 +97,15 @@ class WakeEntry:
 
     @property
     def given(self) -> Number:
-        """Theta or strength by this entry: the middle of what was found, and its own error on either side."""
+        """Its :attr:`number`: the middle of what was found, and its own error on either side.
+
+        A coarser mesh is no measurement of its own: what it differs by is an error of the finer one.
+        """
         low, high = (self._place(x) for x in self.here)
         middle = 0.5 * (low + high)
+        mesh = 0.0 if self.coarse is None else middle - 0.5 * sum(self._place(x) for x in self.coarse)
         ends = math.hypot(middle * self.resolved_within, (1.0 - middle) * self.steady_within)
-        half = max(MIN_ENTRY_ERROR, math.hypot(0.5 * (high - low), ends / (self.resolved - self.steady)))
+        half = max(MIN_ENTRY_ERROR, math.hypot(0.5 * (high - low), ends / (self.resolved - self.steady), mesh))
         return Number(middle, middle - half, middle + half)
 
     def _place(self, x: float) -> float:
@@ -123,8 +139,10 @@ def read_wakes(tables: Mapping[str, Mapping[str, Any]]) -> tuple[WakeEntry, ...]
 
 
 def _entry(name: str, table: dict[str, Any]) -> WakeEntry:
-    pairs = ("reynolds", "value", "unconfined", "base")
-    given: dict[str, Any] = {key: tuple(value) if key in pairs else value for key, value in table.items()}
+    pairs = ("reynolds", "value", "coarse", "unconfined", "base")
+    given: dict[str, Any] = {"datum": name} | {
+        key: tuple(value) if key in pairs else value for key, value in table.items()
+    }
     given["between"] = tuple((float(theta), float(x)) for theta, x in table.get("between", ()))
     try:
         entry = WakeEntry(name=name, **given)
@@ -133,7 +151,7 @@ def _entry(name: str, table: dict[str, Any]) -> WakeEntry:
     drag = entry.unconfined is not None and entry.base is not None and entry.quantity in ("cd", "cp_base")
     wrong = (
         f"unknown family {entry.family!r}" if entry.family not in WAKE_FAMILIES
-        else f"unknown quantity {entry.quantity!r}" if entry.quantity not in (*OF_MEAN_WEIGHT, *OF_FLUCTUATION_WEIGHT)
+        else f"unknown quantity {entry.quantity!r}" if entry.quantity not in NUMBER_OF
         else "needs value, or unconfined and base of a drag" if (entry.value is None) == (not drag)
         else f"value {entry.value}: low before high" if entry.value is not None and entry.value[0] > entry.value[1]
         else f"status {entry.status!r}: one of {', '.join(STATUSES)}" if entry.status not in STATUSES
@@ -143,7 +161,7 @@ def _entry(name: str, table: dict[str, Any]) -> WakeEntry:
     )  # fmt: skip
     if wrong:
         raise SceneError(f"wakes.toml: {name}: {wrong}")
-    return entry if entry.of_mean_weight else replace(entry, steady=0.0, steady_within=0.0)
+    return entry if entry.number == "theta" else replace(entry, steady=0.0, steady_within=0.0)
 
 
 def best_estimate(
@@ -154,25 +172,28 @@ def best_estimate(
     *,
     slope: float | None = None,
 ) -> WakeEstimate:
-    """Theta and strength of a wake, each from the measurements nearest to it, of ``entries`` (wakes.toml by default).
+    """Theta, strength and lift of a wake, each from the measurements nearest to it, of ``entries`` (wakes.toml by
+    default).
 
     ``family``: of the body's shape, one of :data:`WAKE_FAMILIES`; None for another shape and for several bodies.
     ``slope`` (deg, from the horizontal) of its faces, which an entry's may differ from by :data:`ALIKE`; None: any.
 
-    Each number is the mean over the entries of the family, weighted by the inverse squares of their own errors, to
-    which another blockage adds; those within a factor :data:`MAX_BLOCKAGE_RATIO` in blockage alone where two or more
-    are. Its range is their common error, and never narrower than what they differ by. Where fewer than two measurements
-    of the shape are known, or below the Reynolds numbers of all of them, the range is the widest: it holds every entry
-    of every shape. But a shape whose theta is known and whose strength is not has theta times what other shapes'
-    strengths are of their thetas: a wake that sheds less coherently has less of the mean suction and less of the
-    fluctuation.
+    Each number is the mean over the sources of the family, weighted by the inverse squares of their errors, to which
+    another blockage adds; those within a factor :data:`MAX_BLOCKAGE_RATIO` in blockage alone where two or more are.
+    Entries of one source (``datum``) are one: the mean of them, weighted likewise. A range is the common error, and
+    never narrower than what is averaged differs by; a source that is alone has :data:`BETWEEN_SOURCES` added.
+    Without a source of the shape, or below the Reynolds numbers of all of them, the range is the widest: it holds every
+    source of every shape. But then the strength is theta times what other shapes' strengths are of their thetas: a wake
+    that sheds less coherently has less of the mean suction and less of the fluctuation.
     """
     known = wakes() if entries is None else entries
-    theta = _number(family, blockage, reynolds, known, slope, of_mean_weight=True)
-    strength = _number(family, blockage, reynolds, known, slope, of_mean_weight=False)
-    if strength.widest and not theta.widest:
+    theta, strength, lift = (_number(family, blockage, reynolds, known, slope, name) for name in _NUMBERS)
+    if strength.widest:
         strength = _by_mean_weight(theta.value, known)
-    return WakeEstimate(theta.value, strength.value, f"theta: {theta.why}; strength: {strength.why}")
+    return WakeEstimate(theta.value, strength.value, f"theta: {theta.why}; strength: {strength.why}", lift.value)
+
+
+_NUMBERS = tuple(dict.fromkeys(NUMBER_OF.values()))
 
 
 def _alike(one: float | None, other: float | None) -> bool:
@@ -180,7 +201,7 @@ def _alike(one: float | None, other: float | None) -> bool:
 
 
 class _Number(NamedTuple):
-    """One of the two numbers, what it rests on, and whether its range is that of every shape."""
+    """One of the numbers, what it rests on, and whether its range is that of every shape."""
 
     value: Number
     why: str
@@ -193,27 +214,27 @@ def _number(
     reynolds: float,
     every: Sequence[WakeEntry],
     slope: float | None,
-    *,
-    of_mean_weight: bool,
+    name: str,
 ) -> _Number:
-    """Theta or the strength, of those of ``every`` entry that are of the body's shape."""
-    known = [entry for entry in every if entry.of_mean_weight == of_mean_weight]
+    """Theta, the strength or the lift, of those of ``every`` entry that are of the body's shape."""
+    known = [entry for entry in every if entry.number == name]
     own = [entry for entry in known if entry.family == family and _alike(slope, entry.slope)]
     near = [entry for entry in own if 1.0 / MAX_BLOCKAGE_RATIO <= blockage / entry.blockage <= MAX_BLOCKAGE_RATIO]
-    chosen = near if len(near) >= MIN_MEASUREMENTS else own
+    chosen = near if len({entry.datum for entry in near}) >= MIN_SOURCES else own
     lowest = min((entry.reynolds[0] for entry in chosen), default=0.0)
-    if len(chosen) < MIN_MEASUREMENTS or reynolds < lowest:
+    if not chosen or reynolds < lowest:
         why = (
             "several bodies or a shape without data" if family is None
             else f"no measurement of the shape ({family})" if not chosen
-            else f"one measurement of the shape ({family})" if len(chosen) < MIN_MEASUREMENTS
             else f"Re {reynolds:.3g} is below the data's {lowest:.3g}"
         )  # fmt: skip
-        value, widest = _mean(chosen or known, blockage).value, [entry.given for entry in known]
-        low, high = min(one.low for one in widest), max(one.high for one in widest)
-        return _Number(_within(value, low, high), f"{why}, so the range of all {len(known)}", widest=True)
-    where = "near this blockage" if chosen is near else "at other blockages"
-    return _Number(_mean(chosen, blockage), f"{len(chosen)} measurements of the shape ({family}) {where}")
+        value, widest = _mean(chosen or known, blockage).value, by_source(known)
+        low, high = min(one.low for one in widest.values()), max(one.high for one in widest.values())
+        return _Number(_within(value, low, high), f"{why}, so the range of all {len(widest)} sources", widest=True)
+    where = "near this blockage" if chosen == near else "at other blockages"
+    count = len({entry.datum for entry in chosen})
+    sources = "one source" if count == 1 else f"{count} sources"
+    return _Number(_mean(chosen, blockage), f"{sources} of the shape ({family}) {where}")
 
 
 def _by_mean_weight(theta: Number, every: Sequence[WakeEntry]) -> _Number:
@@ -221,25 +242,44 @@ def _by_mean_weight(theta: Number, every: Sequence[WakeEntry]) -> _Number:
     of theta.
     """
     ratios = []
-    for entry in every:
-        if not entry.of_mean_weight:
-            own = _number(entry.family, entry.blockage, max(entry.reynolds), every, entry.slope, of_mean_weight=True)
-            ratios.append(entry.given.value / own.value.value)
+    for datum, strength in by_source([entry for entry in every if entry.number == "strength"]).items():
+        entry = next(entry for entry in every if entry.datum == datum)
+        own = _number(entry.family, entry.blockage, max(entry.reynolds), every, entry.slope, "theta")
+        ratios.append(strength.value / own.value.value)
     middle = float(np.mean(ratios))
     value = _within(theta.value * middle, theta.low * min(ratios), theta.high * max(ratios))
-    return _Number(value, f"theta times {middle:.2f}, its mean ratio to theta in {len(ratios)} measurements of others")
+    return _Number(value, f"theta times {middle:.2f}, its mean ratio to theta in {len(ratios)} sources of others")
 
 
-def _mean(chosen: Sequence[WakeEntry], blockage: float) -> Number:
-    """The weighted mean. Own errors are not averaged away: handbooks copy one another, and ends are of one program."""
-    given = [entry.given for entry in chosen]
-    middle = np.array([one.value for one in given])
-    other = ERROR_PER_BLOCKAGE * np.log([blockage / entry.blockage for entry in chosen])
-    half = np.hypot([one.high - one.value for one in given], other)
+def by_source(entries: Sequence[WakeEntry], blockage: float | None = None) -> dict[str, Number]:
+    """What each source (``datum``) of ``entries`` of one number says, at a ``blockage`` that adds to its error."""
+    groups: dict[str, list[tuple[float, float]]] = {}
+    for entry in entries:
+        value, _, high = entry.given
+        other = 0.0 if blockage is None else ERROR_PER_BLOCKAGE * math.log(blockage / entry.blockage)
+        groups.setdefault(entry.datum, []).append((value, math.hypot(high - value, other)))
+    return {datum: _pooled(group) for datum, group in groups.items()}
+
+
+def _pooled(group: Sequence[tuple[float, float]]) -> Number:
+    """The weighted mean of values with halves of their ranges. Errors are not averaged away: handbooks copy one
+    another, numbers of one run have its length in common, and all ends are of one program.
+    """
+    middle, half = np.array(group).T
     weight = half**-2.0
     value = float(np.average(middle, weights=weight))
     common = float(np.sqrt(np.average(half**2, weights=weight)))
-    return _within(value, min(value - common, float(middle.min())), max(value + common, float(middle.max())))
+    return Number(value, min(value - common, float(middle.min())), max(value + common, float(middle.max())))
+
+
+def _mean(chosen: Sequence[WakeEntry], blockage: float) -> Number:
+    """The mean of the sources of ``chosen``; the half of a range that is not symmetric is its larger side."""
+    found = [
+        (one.value, max(one.high - one.value, one.value - one.low)) for one in by_source(chosen, blockage).values()
+    ]
+    if len(found) == 1:
+        found = [(found[0][0], math.hypot(found[0][1], BETWEEN_SOURCES))]
+    return _within(*_pooled(found))
 
 
 def _within(value: float, low: float, high: float) -> Number:

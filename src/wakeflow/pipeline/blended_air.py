@@ -65,8 +65,8 @@ def blended_airflow(
     """The time-resolved airflow ``resolved`` with the numbers of the estimate, and both ends in it.
 
     ``mean``: the mean field of the estimate, on which the suction zone is measured; ``steady``: the other end. The mean
-    forces and pressures are linear in theta as the pressure is; the lift fluctuates by the strength. Their intervals
-    hold those of the ends and the ranges of theta and of the strength.
+    forces and pressures are linear in theta as the pressure is; the lift fluctuates by its own number. Their intervals
+    hold those of the ends and the ranges of theta and of the lift.
     """
     theta = estimate.theta
 
@@ -75,11 +75,12 @@ def blended_airflow(
         return (1.0 - theta.value) * known(low) + theta.value * known(high)
 
     p_inlet = linear(steady.p_inlet, resolved.p_inlet)
+    lift = _between(known(estimate.lift), Number(0.0, 0.0, 0.0), known(resolved.cl_rms))
     return replace(
         resolved,
         cd=_between(theta, known(steady.cd), known(resolved.cd)),
         cp_base=_between(theta, known(steady.cp_base), known(resolved.cp_base)),
-        cl_rms=_between(estimate.strength, Number(0.0, 0.0, 0.0), known(resolved.cl_rms)),
+        cl_rms=replace(lift, low=max(0.0, lift.low)),
         cp_front=linear(steady.cp_front, resolved.cp_front),
         p_inlet=p_inlet,
         pressure_drop=linear(steady.pressure_drop, resolved.pressure_drop),

@@ -211,10 +211,10 @@ def bounded(told: Predicted, count: int) -> Iterator[Bounded]:
 
 
 def left_out_wakes() -> list[dict[str, Any]]:
-    """Theta and the strength, each measurement predicted from all others: what it ``gave``, and the range of these."""
+    """Theta, strength and lift, each source predicted from all others: what it ``gave``, and the range of these."""
     rows = []
-    for entry, gave, others in left_one_out():
-        value, number = float(np.clip(gave.value, 0.0, 1.0)), "theta" if entry.of_mean_weight else "strength"
+    for row in left_one_out():
+        value, others = float(np.clip(row["own"].value, 0.0, 1.0)), row["others"]
         ends = {"low": others.low, "high": others.high, "held": others.low <= value <= others.high}
-        rows.append({"name": entry.name, "number": number, "gave": value, **ends})
+        rows.append({"name": row["datum"], "number": row["number"], "gave": value, **ends})
     return rows

@@ -116,7 +116,7 @@ def _report(found: _Found, scenes: int, seconds: float) -> Report:
     }  # fmt: skip
     notes = [
         f"{scenes} scenes in {seconds:.0f} s; of recoveries and purities nothing is asked",
-        f"theta and strength of wakes, each measurement predicted from all others: {sum(w['held'] for w in wakes)} of "
+        f"theta, strength and lift of wakes, each source predicted from all others: {sum(w['held'] for w in wakes)} of "
         f"{len(wakes)} lie within the range given; not {', '.join(w['name'] for w in wakes if not w['held'])}",
         *(f"known not to be met: {gate}; {why}" for gate, why in FAILING.items()),
     ]

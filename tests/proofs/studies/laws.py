@@ -1,7 +1,7 @@
 """Studies of the paper's laws, of the data, and of what granules and air do to each other.
 
-best_estimate: For each entry of src/wakeflow/laws/wakes.toml theta or strength by it with its own error, and by the
-range of that body if this entry did not exist; held: the two meet. docs/model.md.
+best_estimate: For each entry of src/wakeflow/laws/wakes.toml theta, strength or lift by it with its own error; then
+for each source, and as the range of that body if this source did not exist; held: the two meet. docs/model.md.
 
 printed_form: What eq. (2) of the paper gives as printed, next to what follows from eq. (1), in the body's frame (Spade,
 Vaicis, Vutukuru & Irbe 2020, doi 10.22616/ERDev.2020.19.TF365): velocity down the slope over the closing speed W. An
@@ -31,12 +31,11 @@ import numpy as np
 import wakeflow as wf
 from support import CASES, shipped
 from wakeflow.budget.comparison import shares_of
-from wakeflow.core.number import Number
 from wakeflow.core.record import load
 from wakeflow.field import FlowField
 from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.momentum_source import SOURCE
-from wakeflow.laws.best_estimate import WakeEntry, wakes
+from wakeflow.laws.best_estimate import NUMBER_OF, by_source, wakes
 from wakeflow.laws.best_estimate import best_estimate as estimated
 from wakeflow.laws.material import materials
 from wakeflow.pipeline.air_loading import AirLoading
@@ -49,29 +48,33 @@ NUMBER = "{{{0}.value:.2f}} ({{{0}.low:.2f}} to {{{0}.high:.2f}})"
 ESTIMATE_COLUMNS = {
     "entry": "{entry.name}", "shape": "{entry.family}", "blockage": "{entry.blockage:g}",
     "quantity": "{entry.quantity}", "at that blockage": "{entry.here[0]:.2f} to {entry.here[1]:.2f}",
-    "ends": "{entry.steady:g}, {entry.resolved:g}", "gives": NUMBER.format("own"),
+    "ends": "{entry.steady:g}, {entry.resolved:g}", "gives": "{entry.number} " + NUMBER.format("entry.given"),
+    "source": "{entry.datum}", "status, checked": "{entry.status}, {entry.checked}",
+}  # fmt: skip
+SOURCE_COLUMNS = {
+    "source": "{datum}", "number": "{number}", "gives": NUMBER.format("own"),
     "by the others": NUMBER.format("others"), "held": "{held:yes|NO}",
-    "status, checked": "{entry.status}, {entry.checked}",
 }  # fmt: skip
 
 
-def left_one_out() -> list[tuple[WakeEntry, Number, Number]]:
-    """Each entry, what it gives, and what the others give for its body."""
-    known = wakes()
+def left_one_out() -> list[Row]:
+    """What each source gives, and what the others give for its body."""
     found = []
-    for entry in known:
-        rest = [other for other in known if other is not entry]
-        others = estimated(entry.family, entry.blockage, max(entry.reynolds), rest, slope=entry.slope)
-        found.append((entry, entry.given, others.theta if entry.of_mean_weight else others.strength))
+    for number in dict.fromkeys(NUMBER_OF.values()):
+        for datum, own in by_source([entry for entry in wakes() if entry.number == number]).items():
+            one = next(entry for entry in wakes() if entry.datum == datum and entry.number == number)
+            rest = [entry for entry in wakes() if entry.datum != datum]
+            others = getattr(estimated(one.family, one.blockage, max(one.reynolds), rest, slope=one.slope), number)
+            held = own.low <= others.high and own.high >= others.low
+            found.append({"datum": datum, "number": number, "own": own, "others": others, "held": held})
     return found
 
 
 def best_estimate() -> list[Row]:
-    """The best estimate's data, one entry left out at a time."""
-    return show(ESTIMATE_COLUMNS, [
-        {"entry": entry, "own": own, "others": others, "held": own.low <= others.high and own.high >= others.low}
-        for entry, own, others in left_one_out()
-    ])  # fmt: skip
+    """The best estimate's data, then its sources with one left out at a time."""
+    rows = show(ESTIMATE_COLUMNS, ({"entry": entry} for entry in wakes()))
+    show(SOURCE_COLUMNS, left_one_out(), "One source left out at a time:")
+    return rows
 
 
 # -- printed_form ------------------------------------------------------------------------------------------------------
