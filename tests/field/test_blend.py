@@ -103,6 +103,54 @@ def test_turbulence_stays_positive_however_strong_the_fluctuation_is() -> None:
             assert spread == pytest.approx(part)
 
 
+def energies(field: FlowField) -> tuple[np.ndarray, np.ndarray]:
+    """What the velocity's fluctuation holds (N,), m2/s2, and mean k, which is smooth in time."""
+    whole = field.snapshots()
+    velocity, k = (np.reshape(values, (-1, *shape)) for values, shape in (
+        (whole.velocity, (len(whole.points), 2)), (whole.k, (len(whole.points),))
+    ))  # fmt: skip
+    return 0.5 * velocity.var(axis=0).sum(axis=1), k.mean(axis=0)
+
+
+@pytest.mark.parametrize("small", [False, True])
+@pytest.mark.parametrize(
+    ("theta", "strength"), [(0.4, 0.65), (0.4, 0.0), (0.4, 0.2), (0.4, 1.0), (1.0, 0.6), (0.0, 0.0)]
+)
+def test_energy_that_the_fluctuation_lacks_is_in_k(small: bool, theta: float, strength: float) -> None:
+    """Resolved and given energy together are those of a wake that is one of the two at a time; at theta 1 all of it."""
+    whole, steady = shedding(small=small), still()
+    resolved, own = energies(whole)
+    apart = blended_wake(whole, steady, 0.0, 0.0)
+    needed = theta * resolved + 0.5 * theta * (1 - theta) * np.sum(
+        (apart.velocity - whole.mean().velocity) ** 2, axis=1
+    )
+    fluctuating, k = energies(blended_wake(whole, steady, theta, strength))
+    given = k - (1 - theta) * apart.k - theta * own  # type: ignore[operator]
+    np.testing.assert_allclose(fluctuating, strength**2 * resolved, atol=1e-9)
+    expected = np.clip(
+        needed, strength**2 * resolved, resolved
+    )  # no more than what is dropped, and never less than it has
+    np.testing.assert_allclose(fluctuating + given, expected, atol=1e-9)
+    assert (given.max() > 1e-4) == (strength < 1.0 and theta > 0.0)
+
+
+def test_what_is_given_keeps_its_lifetime_and_a_steady_air_its_k() -> None:
+    whole, steady = shedding(small=False), still()
+    with_it, without = blended_wake(whole, steady, 0.4, 0.0), blended_wake(whole, steady, 0.0, 0.0)
+    for name in ("k", "dissipation"):
+        np.testing.assert_array_equal(
+            getattr(without, name), interpolated(steady, {"k": getattr(steady, name)}, whole.points)["k"]
+        )
+    mean = {name: 0.6 * getattr(without, name) + 0.4 * getattr(whole.mean(), name) for name in ("k", "dissipation")}
+    assert (with_it.k / mean["k"]).max() > 1.01  # type: ignore[operator]
+    np.testing.assert_allclose(with_it.k / with_it.dissipation, mean["k"] / mean["dissipation"])  # type: ignore[operator]
+    assert blended_wake(steady, steady, 0.4, 0.65) is steady
+    walls = np.prod(whole.points * (1 - whole.points), axis=1) < 1e-12
+    rest = {name: np.where(walls, 0.0, getattr(whole, name)) for name in ("k", "dissipation")}
+    flown = blended_wake(replace(whole, **rest), replace(steady, k=steady.k * bump(steady.points)), 0.4, 0.2)  # type: ignore[operator]
+    assert np.isfinite(flown.k).all()  # type: ignore[arg-type]
+
+
 def test_it_keeps_its_volume_no_worse_than_its_ends_do() -> None:
     whole, steady = shedding(n=20), still(24)
     ends = blended_wake(whole, steady, 0.0, 0.0).divergence().rms, whole.divergence().rms

@@ -4,7 +4,9 @@ u = (1 - theta) u_s + theta u_m + strength u', with u_s the steady solution, u_m
 fluctuation; the pressure likewise. The form is linear, its ends are the two solutions (theta = 0 without fluctuation;
 theta = strength = 1), and every air between them keeps its volume, the walls and the inlet, since each of the three
 does. k and its dissipation take min(strength, theta) of their fluctuation: what is left is then a mixture of positive
-numbers, and stays positive.
+numbers, and stays positive. A wake that is the one for theta of the time and the other for the rest has the variance
+theta u'^2 + theta (1 - theta) (u_s - u_m)^2 about the mean that is flown in, and its momentum asks for it; what of that
+the flown fluctuation does not bring is added to k, where dispersion takes it from.
 
 No stretch of a turbulent record repeats, so that there is no loop to look for. The first snapshots of the record, the
 lead-in, are taken off, and the last ones turn into them over the same time: the field that follows the end, the first
@@ -41,9 +43,10 @@ def blended_wake(resolved: FlowField, steady: FlowField, theta: float, strength:
 
     ``theta``: share of the mean of ``resolved`` in the mean; ``strength``: rms of the fluctuation over that of
     ``resolved``; both 0 to 1. ``steady`` may be on another mesh of the same channel. A field that is steady itself
-    comes back as it is, and without fluctuation the result is steady. On a mesh that swings with the body the steady
-    air swings with it as it would past a slow body: u_s + V (e - u_s / U), V(t) e the velocity of the mesh and U the
-    mean air speed, which is V at the body and the given velocity at the inlet.
+    comes back as it is, and without fluctuation the result is steady. Energy that the blend drops and the mean motion
+    needs goes to k, and its dissipation grows in proportion: eddies keep their lifetime. On a mesh that swings with the
+    body the steady air swings with it as it would past a slow body: u_s + V (e - u_s / U), V(t) e the velocity of the
+    mesh and U the mean air speed, which is V at the body and the given velocity at the inlet.
     Raises SceneError for numbers out of range, and for a ``steady`` field that lacks what ``resolved`` has.
     """
     for name, number in (("theta", theta), ("strength", strength)):
@@ -51,11 +54,15 @@ def blended_wake(resolved: FlowField, steady: FlowField, theta: float, strength:
             raise SceneError(f"blended_wake: {name} = {number:g}, allowed 0 to 1")
     if resolved.times is None or theta == strength == 1.0:
         return resolved
-    share = resolved.time_axis.mean_weights()
+    weights = resolved.time_axis.mean_weights()
     own = nodal(resolved)
-    middle = {name: np.tensordot(share, values, axes=1) for name, values in own.items()}
+    middle = {name: np.tensordot(weights, values, axes=1) for name, values in own.items()}
     still = _with_boundary(resolved, interpolated(steady, _like(steady, own), resolved.points), middle["velocity"])
     mean: dict[str, Any] = {name: (1.0 - theta) * still[name] + theta * middle[name] for name in own}
+    if resolved.k is not None:
+        given = _dropped(resolved, still["velocity"], middle["velocity"], theta, strength)
+        share = np.divide(given, mean["k"], out=np.zeros_like(given), where=mean["k"] > 0.0)  # k is 0 on walls
+        mean |= {name: (1.0 + share) * mean[name] for name in POSITIVE if name in own}
     if strength == 0.0 and resolved.motion is None:
         return replace(resolved, times=None, period=None, coefficients=None, truncation=None, **mean)
     kept = {name: min(strength, theta) if name in POSITIVE else strength for name in own}
@@ -67,6 +74,20 @@ def blended_wake(resolved: FlowField, steady: FlowField, theta: float, strength:
         nodes = {name: np.concatenate([mean[name][None], kept[name] * values[1:]]) for name, values in own.items()}
     made = replace(resolved, **nodes)
     return made if resolved.motion is None else _swinging(made, still["velocity"], 1.0 - strength)
+
+
+def _dropped(resolved: FlowField, still: Array, middle: Array, theta: float, strength: float) -> Array:
+    """Energy (N,) m2/s2 that the blend's mean motion needs and its fluctuation lacks; no more than what it drops.
+
+    ``still``, ``middle``: velocity (N, 2) m/s of the steady wake and of the mean of ``resolved``. Reynolds' average of
+    a wake that is one of the two at a time, theta of the time the second: both means are then exact, and so is zero at
+    either end. Eddies are taken to be alike in all directions, as dispersion does.
+    """
+    whole = resolved.snapshots()
+    variance: Array = np.einsum("t,tnj->n", whole.time_axis.mean_weights(), (whole.velocity - middle) ** 2)
+    apart = theta * (1.0 - theta) * np.sum((still - middle) ** 2, axis=1)
+    needed: Array = np.clip((theta - strength**2) * variance + apart, 0.0, (1.0 - strength**2) * variance)
+    return 0.5 * needed
 
 
 def interpolated(mesh: Triangles, nodal: Mapping[str, Array], points: Array) -> dict[str, Array]:
