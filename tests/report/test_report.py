@@ -37,7 +37,7 @@ from wakeflow.report.figures.air import draw_pressure, draw_surface, draw_vortic
 from wakeflow.report.figures.flights import draw_residence, draw_tracks
 from wakeflow.report.figures.shares import draw_landing, draw_partition
 from wakeflow.report.html.live import live_data
-from wakeflow.report.words import percent
+from wakeflow.report.words import in_three_dimensions, percent
 from wakeflow.scene import Scene
 from wakeflow.scene.pictures import STANDARD_FIGURES
 
@@ -629,6 +629,16 @@ def test_grids_bracket_and_momentum_model_are_shown(rhombus: Scene) -> None:
     assert found["bracket"] == [["fraction", "bin", "steady", "answer"], ["wheat", "middle", "25.0", "12.5"]]
     rows = {row[0]: row[1] for row in found["airflow"]}
     assert rows["the paper's momentum model, cd: drag coefficient, with the computed base pressure"] == "1.62"
+
+
+def test_a_share_in_three_dimensions_stands_beside_the_answer(rhombus: Scene) -> None:
+    result = _result(rhombus, AIRFLOW)
+    without = html.render(_read(result), {})
+    result["three_dimensions"] = {"dust": {"middle": {"value": 0.95, "low": 0.945, "high": 0.955}}}
+    said = "Three dimensions: dust in middle 95.0 ± 0.5 % (this body at this Stokes number"
+    assert said in html.render(_read(result), {})
+    assert said not in without
+    assert said in in_three_dimensions(_read(result).landings)
 
 
 def test_a_best_estimate_stands_between_its_ends(rhombus: Scene) -> None:

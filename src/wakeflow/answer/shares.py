@@ -251,6 +251,11 @@ class LandingResults:
         "1", "by fraction and bin, what the granules' force does in the steady airflow, each granule alone; left out "
         "where the air does not feel them", absent=True, default=None,
     )  # fmt: skip
+    three_dimensions: dict[str, dict[str, Number]] | None = column(
+        "1", "by fraction and bin, the share in a run in three dimensions of the same machine, each granule alone in "
+        "air that does not feel it; the answer is not moved by it; left out where there is none", absent=True,
+        default=None,
+    )  # fmt: skip
     inputs: dict[str, InputSummary] | None = column(
         "", "numbers of the scene that are not known exactly, by key; left out where all are", absent=True, default=None
     )

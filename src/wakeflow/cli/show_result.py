@@ -17,6 +17,7 @@ from ..report.words import (
     condensed,
     error_text,
     holds,
+    in_three_dimensions,
     percent,
     source_seconds,
 )
@@ -120,7 +121,7 @@ def separation_table(result: Result, separation: Separation) -> Table:
         purest = "\n".join(f"{name} {_parted(share)}".strip() for name, share in one.purities)
         rows.append([one.place, *shares, one.flow, purest])
     below = [] if result.void else measure_next(result)  # more exact numbers mend no answer that is worth nothing
-    caption = "\n".join([holds(result), *below])
+    caption = "\n".join(filter(None, [holds(result), in_three_dimensions(result.landings), *below]))
     heads = ["bin", *separation.fractions, "kg/h", "purity"]
     return screen_table(heads, [*rows[:-1], None, rows[-1]], title, caption)
 

@@ -19,7 +19,7 @@ from ..core.tables import Cell, CellTable
 
 if TYPE_CHECKING:
     from ..answer.result import Result
-    from ..answer.shares import Separation
+    from ..answer.shares import LandingResults, Separation
     from ..answer.table import Difference
     from ..injection.impact_loads import ImpactForces, ImpactSummary
 
@@ -75,6 +75,16 @@ def holds(result: Result) -> str:
         f"The interval lacks {', '.join(result.lacking)}, whose size is not known{mend}. Of the rest it holds 95 %: "
         f"{of_what}. {UNPROVEN}"
     )
+
+
+def in_three_dimensions(landings: LandingResults | None) -> str:
+    """The shares that were computed in three dimensions for a machine like this one; empty without any."""
+    found = {} if landings is None else landings.three_dimensions or {}
+    told = [
+        f"{name} in {place} {percent(share)} %" for name, places in found.items() for place, share in places.items()
+    ]
+    about = "this body at this Stokes number, each granule alone in air that does not feel it; the answer is not moved"
+    return f"Three dimensions: {', '.join(told)} ({about})" if told else ""
 
 
 def change_of(before: Number | None, after: Number | None) -> str:

@@ -26,6 +26,7 @@ from ..core.tables import save_arrays
 from ..funnel.rate import FunnelSummary
 from ..pipeline.airflow import Airflow, MeshReport
 from ..pipeline.pipeline import Pipeline
+from ..planning.three_dimensions import in_three_dimensions
 from ..scene import Scene
 from ..statistics.inputs import Inputs, inputs_of
 from ..statistics.partition import partition_curves
@@ -155,7 +156,8 @@ class OneRun:
         effects = None if loading is None else loading_effects(loading, separation.bins)
         summary, parts = inputs_of(inputs)
         separation = replace(separation, cut=partition_curves(scene, self.pipeline.plan, flights.landings))
-        return LandingResults(separation, bracket, budget, alone, slab, effects, summary, parts)
+        beside = in_three_dimensions(scene, self.pipeline.plan) or None
+        return LandingResults(separation, bracket, budget, alone, slab, effects, beside, summary, parts)
 
     def _key(self, tracked: Tracked | None) -> str:
         """What the answer depends on."""

@@ -230,7 +230,7 @@ def print_proof(column: Column, spec: FlowSpec) -> None:
 
 def main(
     *bodies: str, analyse: tuple[Path, ...] = (), beside: bool = False, count: int = COUNT, begin: float | None = None,
-    changes: Annotated[tuple[str, ...], Parameter(name="--set")] = (),
+    flat: bool = False, changes: Annotated[tuple[str, ...], Parameter(name="--set")] = (),
 ) -> None:  # fmt: skip
     """Reference runs in three dimensions: rhombus, prism-up, prism-down.
 
@@ -240,6 +240,7 @@ def main(
     beside: the plane airflows next to them
     count: granules of each fraction; 0: none fly
     begin: s, where the means of --analyse begin
+    flat: the plane airflows and the best estimate alone, a minute or two a body
     changes: KEY=VALUE, changes of the scene
     """
     runs = [(folder.name, folder) for folder in analyse] or [(body, None) for body in bodies or BODIES]
@@ -249,7 +250,10 @@ def main(
             raise SystemExit(f"{name}: its name begins with none of {', '.join(BODIES)}")
         scene = scene_of(body, count or COUNT, changes_of(changes))
         spec = spec_of(scene)
+        others = list(plane(scene)) if folder is None or beside else []
+        if flat:
+            print_table(name, spec, scene, others, fly=count > 0)
+            continue
         last = analysed(folder, spec, begin) if folder is not None else deep(scene)
-        others = plane(scene) if folder is None or beside else ()
         print_table(name, spec, scene, [*others, last], fly=count > 0)
         print_proof(last, spec)

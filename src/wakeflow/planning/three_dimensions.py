@@ -1,0 +1,60 @@
+"""Shares in three dimensions to compare the answer of a scene with: three_dimensions.toml."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..core.number import Number
+from ..scene import Scene
+from .plan import FractionPlan, Plan
+from .wake import family_of
+
+NEAR = 0.1  # body widths by which a bin's ends, and the curtain's middle, may differ; chosen
+SETTLING = 0.02  # of the air's speed, by which the terminal velocity may differ; chosen
+FACTORS = {"blockage": 1.2, "curtain": 1.2, "stokes": 1.2, "reynolds": 3.0}  # chosen; sharp edges separate at any Re
+
+
+@cache
+def span_shares() -> dict[str, dict[str, Any]]:
+    """Every entry of three_dimensions.toml."""
+    return tomllib.loads((Path(__file__).parent / "three_dimensions.toml").read_text(encoding="utf-8"))
+
+
+def in_three_dimensions(scene: Scene, plan: Plan) -> dict[str, dict[str, Number]]:
+    """Shares by fraction and bin that were computed in three dimensions for a machine like the scene's; empty without,
+    and where the wake is no best estimate.
+    """
+    if plan.airflow.wake is None or scene.airstream.direction != "down":
+        return {}
+    body = next(iter(scene.body.values()))
+    if abs(scene.feed.position - body.at[0]) > NEAR * scene.width:
+        return {}
+    ends = {place: (bin_.line(scene.channel) - body.at) / scene.width for place, bin_ in scene.bin.items()}
+    found: dict[str, dict[str, Number]] = {}
+    for name, how in plan.fractions.items():
+        for one in _like(scene, how):
+            low, high = one["share"]
+            for place, line in ends.items():
+                if line.shape == (2, 2) and np.abs(line - one["bin"]).max() <= NEAR:
+                    found.setdefault(name, {})[place] = Number(0.5 * (low + high), low, high)
+    return found
+
+
+def _like(scene: Scene, how: FractionPlan) -> Iterator[dict[str, Any]]:
+    """What was computed for the scene's body, of granules such as those of a fraction."""
+    numbers = {
+        "blockage": scene.width / scene.channel.width, "curtain": scene.feed.width / scene.width,
+        "stokes": how.stokes, "reynolds": scene.reynolds or 0.0,
+    }  # fmt: skip
+    settling, (shape, slope) = (how.terminal_velocity or 0.0) / scene.airstream.speed, family_of(scene)
+    for one in span_shares().values():
+        alike = shape == one["family"] and slope is not None and abs(slope - one["slope"]) < 1.0
+        alike &= abs(settling - one["settling"]) <= SETTLING
+        if alike and all(one[name] / by <= numbers[name] <= one[name] * by for name, by in FACTORS.items()):
+            yield one
