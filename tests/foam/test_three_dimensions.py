@@ -26,8 +26,9 @@ from wakeflow.laws.shape import shapes
 from wakeflow.laws.span import Span
 from wakeflow.meshing import plan_mesh
 from wakeflow.planning.make import make_plan
-from wakeflow.planning.wake import cost_of
+from wakeflow.planning.wake import cost_of, family_of
 from wakeflow.scene import Scene
+from wakeflow.scene.overrides import changes_of
 
 OFF = {"collisions": False, "basset-history": False}
 SPAN = Span(depth=2.0, layers=8, sheddings=2.0)
@@ -117,12 +118,27 @@ def test_the_cost_is_cells_by_steps() -> None:
     assert finer.core_seconds == pytest.approx(16 * one.core_seconds)
     assert 1.0 < one.core_seconds / 3600 < 6.0
     assert "core-hours" in str(one)
+    assert "42 core-minutes" in str(cost_of(Span(2.5, 20, 30.0), 8000.0 / 1.6**2, 1.6))
+
+
+@pytest.mark.parametrize(
+    ("body", "family"),
+    [("rhombus", "rhombus"), ("prism-up", "triangle-up"), ("prism-down", "triangle-down"), ("square", "square"),
+     ("steep-rhombus", "rhombus")],
+)  # fmt: skip
+def test_every_body_of_the_study_has_a_second_span(body: str, family: str) -> None:
+    assert body in three_dimensions.BODIES
+    scene = three_dimensions.scene_of(body, 64, changes_of(three_dimensions.SECOND_SPAN))
+    assert family_of(scene).name == family
+    assert make_plan(scene, rung="3d").airflow.span == Span(4.0, 32, 40.0)
+    assert three_dimensions.spec_of(scene).mesh.projected_width == pytest.approx(0.05)
+    assert [name for name in three_dimensions.BODIES if f"{body}-coarse".startswith(name)] == [body]  # of --analyse
 
 
 def test_the_plan_states_the_cost_before_and_takes_the_scenes_span(rhombus: Scene) -> None:
     plan = make_plan(rhombus.replace({"numerics.span": {"depth": 3.0, "shedding_cycles": 10.0}}), rung="3d")
     assert plan.airflow.span == Span(3.0, 24, 10.0)
-    assert any("core-hours" in line for line in plan.used)
+    assert any("core-minutes" in line for line in plan.used)
     assert not any("truth lies" in line for line in plan.warnings)
     standard = make_plan(rhombus, rung="standard")
     assert plan.estimate["seconds"] > 10 * standard.estimate["seconds"]

@@ -191,7 +191,7 @@ class SolvedAirPlan(AirflowPlan):
             yield information(
                 f"{self.rung} airflow: a best estimate between two wakes in two dimensions, of which neither is real; "
                 f"the share of the one that sheds is known to be {theta.low:.2f} to {theta.high:.2f}; numerics.rung = "
-                "'3d' computes the real one, in hours"
+                "'3d' computes the real one, with numerics.mesh_scale = 1.6 in some 40 minutes of one core a body"
             )
         elif self.brackets:
             yield less_sure(

@@ -85,6 +85,7 @@ SECONDS = 3e-6  # of one core, a cell and time step
 BYTES = 24.0  # of disk, a cell and snapshot: six numbers in single precision
 MEMORY = 2800.0  # bytes a cell that OpenFOAM holds
 LAYERS_A_WIDTH, MIN_LAYERS = 8, 4
+HOURS_FROM = 100.0  # core-minutes from which a cost is written in hours
 
 
 @dataclass(frozen=True)
@@ -98,10 +99,11 @@ class SpanCost:
     disk: float  # bytes
 
     def __str__(self) -> str:
-        hours, gigabyte = self.core_seconds / 3600, 1e9
+        gigabyte, minutes = 1e9, self.core_seconds / 60
+        time = f"{minutes:.2g} core-minutes" if minutes < HOURS_FROM else f"{minutes / 60:.2g} core-hours"
         return (
             f"about {self.cells:.3g} cells x {self.steps:.3g} time steps x {1e6 * SECONDS:g} microseconds = "
-            f"{hours:.2g} core-hours; {self.memory / gigabyte:.2g} GB of memory, {self.disk / gigabyte:.2g} GB of disk"
+            f"{time}; {self.memory / gigabyte:.2g} GB of memory, {self.disk / gigabyte:.2g} GB of disk"
         )
 
 

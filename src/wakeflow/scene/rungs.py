@@ -82,8 +82,8 @@ rungs.add(
 rungs.add(
     "3d",
     Rung(
-        "scale-resolving in three dimensions on a periodic span, for hours: the wake breaks up as a real one does; "
-        "steady where the wake does not shed",
+        "scale-resolving in three dimensions on a periodic span, 40 minutes (numerics.mesh_scale = 1.6) to three hours "
+        "of one core a body: the wake breaks up as a real one does; steady where the wake does not shed",
         "three-dimensional",
         kind_below_shedding="steady",
     ),

@@ -1,9 +1,10 @@
 """The reference runs in three dimensions, next to the steady, the time-resolved and the blended wake of the scene.
 
-The shipped scene with a rhombus, a prism apex up, a prism apex down, 12.5 % blocked, Re 16 500, downward air: hours a
-body; what is in the cache goes on or is read. --analyse FOLDER reads a run made by hand instead: ``flat`` the one-layer
-case, ``deep`` the extruded one, ``packed`` and ``layers.npz`` as of ``wakeflow.foam.span_record``; its name begins with
-the body's. The tables of docs/three-dimensions.md.
+The shipped scene with each of the BODIES, 12.5 % blocked, Re 16 500, downward air: three core-hours a body with the
+defaults, 40 minutes with --set numerics.mesh_scale=1.6; what is in the cache goes on or is read. --second-span: all
+of them on another depth for longer, after which the first depth is known to be enough, or not. --analyse FOLDER reads
+a run made by hand instead: ``flat`` the one-layer case, ``deep`` the extruded one, ``packed`` and ``layers.npz`` as
+of ``wakeflow.foam.span_record``; its name begins with the body's. The tables of docs/three-dimensions.md.
 """
 
 from __future__ import annotations
@@ -46,7 +47,13 @@ BODIES: dict[str, dict[str, Any]] = {
     "rhombus": {},
     "prism-up": {**PRISM, "body.rhombus.apex": "up"},
     "prism-down": {**PRISM, "body.rhombus.apex": "down"},
-}
+    "square": {
+        "body.rhombus.shape": "polygon", "body.rhombus.width": None, "body.rhombus.slope_angle": None,
+        "body.rhombus.points": [[-0.025, -0.025], [0.025, -0.025], [0.025, 0.025], [-0.025, 0.025]],
+    },
+    "steep-rhombus": {"body.rhombus.slope_angle": "60 deg"},
+}  # fmt: skip
+SECOND_SPAN = ("numerics.span.depth=4.0", "numerics.span.shedding_cycles=40", "numerics.mesh_scale=1.6")
 START_UP = 25.0  # convective times of a run made by hand that are no part of its means
 COUNT = 4096  # granules of each fraction
 PLACES = np.array([0.5, 1.0, 1.5, 2.0, 3.0, 4.0])  # widths behind the body, in the profiles
@@ -230,9 +237,9 @@ def print_proof(column: Column, spec: FlowSpec) -> None:
 
 def main(
     *bodies: str, analyse: tuple[Path, ...] = (), beside: bool = False, count: int = COUNT, begin: float | None = None,
-    flat: bool = False, changes: Annotated[tuple[str, ...], Parameter(name="--set")] = (),
+    second_span: bool = False, flat: bool = False, changes: Annotated[tuple[str, ...], Parameter(name="--set")] = (),
 ) -> None:  # fmt: skip
-    """Reference runs in three dimensions: rhombus, prism-up, prism-down.
+    """Reference runs in three dimensions: rhombus, prism-up, prism-down, square, steep-rhombus; all unless named.
 
     Parameters
     ----------
@@ -240,6 +247,7 @@ def main(
     beside: the plane airflows next to them
     count: granules of each fraction; 0: none fly
     begin: s, where the means of --analyse begin
+    second_span: 4 widths deep for 40 sheddings, on a mesh of scale 1.6
     flat: the plane airflows and the best estimate alone, a minute or two a body
     changes: KEY=VALUE, changes of the scene
     """
@@ -248,7 +256,7 @@ def main(
         body = next((known for known in BODIES if name.startswith(known)), None)
         if body is None:
             raise SystemExit(f"{name}: its name begins with none of {', '.join(BODIES)}")
-        scene = scene_of(body, count or COUNT, changes_of(changes))
+        scene = scene_of(body, count or COUNT, changes_of((*(SECOND_SPAN if second_span else ()), *changes)))
         spec = spec_of(scene)
         others = list(plane(scene)) if folder is None or beside else []
         if flat:
