@@ -69,7 +69,7 @@ class Registry(Generic[Entry]):
         return len(self._known())
 
     def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and name in self._known()
+        return isinstance(name, str) and (name in self._entries or name in self._known())
 
     def _known(self) -> dict[str, Entry]:
         if self._home is not None:

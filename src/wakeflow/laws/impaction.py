@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -233,7 +234,7 @@ def _fly(
     z = -(above + rim) + 1j * start
     v = np.full(z.shape, speed, dtype=complex)
     label = front.label(z) if deflect else z
-    calm = front.air(front.label(np.array([-1e6 * front.half + 0j])))[0][0]
+    calm = _calm(front)
     hit, live = np.zeros(z.shape, dtype=bool), np.ones(z.shape, dtype=bool)
     gap = _gap(front, z) - rim
 
@@ -263,6 +264,12 @@ def _fly(
             break
     away = front.away(z)
     return Met(hit, z, v, away / np.maximum(np.abs(away), 1e-300))
+
+
+@cache
+def _calm(front: Front) -> complex:
+    """Velocity u + i v (m/s) of the air far ahead of the body."""
+    return complex(front.air(front.label(np.array([-1e6 * front.half + 0j])))[0][0])
 
 
 def _gap(front: Front, z: Complex) -> Array:

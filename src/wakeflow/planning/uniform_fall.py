@@ -95,7 +95,8 @@ class UniformFall:
             before, arrival = 0.0, abs(speed)
             points = self.points(speed, top - channel.bottom, max(channel.top - top, channel.width))
         time, _, landing = points[-1]
-        near = next((t for t, way, _ in points if abs(way) >= REACH * scene.width), time) if scene.body else time
+        reach = REACH * scene.width
+        near = next((t for t, way, _ in points if abs(way) >= reach), time) if scene.body else time
         speeds = np.array([point.speed for point in points])
         tau = float(np.mean(self.tau(np.abs(self.along - speeds))))
         return FallTimes(before + time, time, near, arrival, max(abs(landing), MIN_LANDING * abs(self.along)), tau)
