@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
-from support import CASES
+from support import ALONE, CASES
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import distance_to
 from wakeflow.injection.feed import feedstock
@@ -56,7 +56,7 @@ def test_a_scene_of_the_paper_leaves_its_pictures_and_their_data(
     name: str, changes: dict[str, Any], tmp_path: Path
 ) -> None:
     scene = scene_of(name, changes)
-    result = wf.run(scene, tmp_path, force={"air-loading": False})
+    result = wf.run(scene, tmp_path, force=ALONE)
     assert set(result.table["pictures"]) == set(scene.picture)
     page = (tmp_path / "report.html").read_text()
     for picture in result.table["pictures"].values():
@@ -64,7 +64,7 @@ def test_a_scene_of_the_paper_leaves_its_pictures_and_their_data(
         for file in picture["files"]:
             assert (tmp_path / "figures" / file).stat().st_size > 500, file
     CHECKS[name.rstrip("234") if name != "fig6" else name](result, tmp_path / "figures")
-    again = wf.run(scene, tmp_path, force={"air-loading": False})  # nothing is drawn again
+    again = wf.run(scene, tmp_path, force=ALONE)  # nothing is drawn again
     assert again.table["pictures"] == result.table["pictures"]
 
 
