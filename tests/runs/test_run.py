@@ -358,7 +358,8 @@ def test_switches_and_errors_as_the_command_line_has_them_are_kept(tmp_path: Pat
 @pytest.mark.openfoam
 def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The coarser mesh's airflow is solved beside the answer's; on one core after it."""
-    scene = shipped("rhombus", {"feed.count": 64, "numerics.mesh_scale": 4.0, "numerics.rung": "standard", "numerics.averaging": 0.5})
+    few = {"feed.count": 64, "numerics.mesh_scale": 4.0, "numerics.averaging": 0.5}
+    scene = shipped("rhombus", {**few, "numerics.rung": "standard"})
     monkeypatch.setattr(Flight, "fly_all", flown_by_chance)
     for nothing in ("compilation.Compilation.begin", "compilation.Compilation.finish"):
         monkeypatch.setattr(f"wakeflow.pipeline.{nothing}", lambda *_, **__: None)
