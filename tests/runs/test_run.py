@@ -26,7 +26,7 @@ from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 from wakeflow.tracking import Fate
 
-COUNT = 512
+COUNT = 256
 
 
 @pytest.fixture(scope="session")
