@@ -223,7 +223,7 @@ def test_until_mesh_stops_there(cases: Path, tmp_path: Path) -> None:
 def test_missing_openfoam_is_code_3_with_the_cure(
     cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(cache_with_kernels(tmp_path / "cache")))
     monkeypatch.setenv("PATH", str(tmp_path))
     assert main(["run", str(cases / "rhombus.toml"), "--out", str(tmp_path / "out"), "--quiet"]) == 3
     assert "cases/setup.sh" in capsys.readouterr().err
@@ -237,8 +237,9 @@ def test_an_interrupted_run_goes_on_and_leaves_no_solver(cases: Path, tmp_path: 
         sys.executable, "-m", "wakeflow.cli", "run", str(cases / "rhombus.toml"), "--out", str(tmp_path / "out"),
         "--rung", "draft", "--set", "feed.count=64", "--until", "airflow", "--set", "numerics.mesh_scale=1.5",
     ]  # fmt: skip
-    env = {**os.environ, "WAKEFLOW_CACHE": str(tmp_path / "cache")}
-    case = tmp_path / "cache" / "airflow"
+    cache = cache_with_kernels(tmp_path / "cache")  # whoever has none compiles them beside the airflow
+    env = {**os.environ, "WAKEFLOW_CACHE": str(cache)}
+    case = cache / "airflow"
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs are deaf to Ctrl-C
     child = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
     deadline = time.monotonic() + 120
