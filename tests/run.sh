@@ -16,6 +16,7 @@ for kernel in tracker slab; do
         "from wakeflow.pipeline import compilation; compilation.compile_$kernel()" &
     compiling="$compiling $!"
 done
+"$bin/python" -m compileall -q src  # many tests start Python, perhaps where it is told to write no bytecode
 "$bin/ruff" check src tests cases
 "$bin/ruff" format --check src tests cases
 "$bin/mypy"

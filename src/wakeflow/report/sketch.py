@@ -362,7 +362,7 @@ def _places(sheet: _Sheet, column: list[_Note]) -> Array:
     tall = np.array([sheet.away(LINE * (note.text.count("\n") + 1.6)) for note in column])
     below = np.concatenate([[0.0], np.cumsum((tall[1:] + tall[:-1]) / 2)])  # of the first one's middle, at the least
     wanted = np.array([MM * note.at[1] for note in column])
-    return _falling(wanted + below) - below
+    return np.asarray(_falling(wanted + below) - below)
 
 
 def _falling(wanted: Array) -> Array:
