@@ -9,10 +9,12 @@ from scipy.stats import norm, qmc
 
 from support import landings_in
 from wakeflow.core.errors import SceneError
+from wakeflow.core.number import Number
+from wakeflow.pipeline.input_samples import DrawnLandings, InputSamples
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown
 from wakeflow.scene import Scene
 from wakeflow.statistics.grid_convergence import cell_size, estimate, extrapolate, observed_order
-from wakeflow.statistics.inputs import regressed
+from wakeflow.statistics.inputs import InputRange, Inputs, Moved, _points, response
 from wakeflow.statistics.separation import separate, share_interval
 
 
@@ -100,10 +102,16 @@ def known(count: int) -> list[Unknown]:
     return [Unknown(f"number-{i}", "size", 1.0, 0.1, 0.1, "1", "the test") for i in range(count)]
 
 
+def ranged(z: np.ndarray, change: np.ndarray) -> InputRange:
+    """Of a number that the draws ``change`` (R, M): of each granule, or (R,)."""
+    each = change.reshape(len(z), -1)
+    return response(z, [Moved(each, np.zeros_like(each))]).range(_points(z.shape[1]), known(z.shape[1]))
+
+
 def test_a_straight_response_has_the_range_of_a_sum_of_normal_numbers() -> None:
     slopes = np.array([0.02, -0.05, 0.0, 0.01])
     z = points(4, 1)
-    found = regressed(z, z @ slopes, np.zeros(DRAWS), known(4))
+    found = ranged(z, z @ slopes)
     half = SIGMAS * float(np.linalg.norm(slopes))
     assert found.high == pytest.approx(half, rel=0.05)
     assert found.low == pytest.approx(-half, rel=0.05)
@@ -115,7 +123,7 @@ def test_a_straight_response_has_the_range_of_a_sum_of_normal_numbers() -> None:
 
 
 def test_what_never_changes_has_no_range() -> None:
-    found = regressed(points(3, 1), np.zeros(DRAWS), np.zeros(DRAWS), known(3))
+    found = ranged(points(3, 1), np.zeros(DRAWS))
     assert (found.low, found.high, found.effects) == (0.0, 0.0, {})
 
 
@@ -129,7 +137,7 @@ def test_few_granules_a_draw_are_no_part_of_the_range(granules: int) -> None:
     for seed in range(30):
         z, chance = points(5, seed), np.random.default_rng(seed)
         moved = chance.random((DRAWS, granules)) < (0.3 + z @ slopes)[:, None]
-        found = regressed(z, moved.mean(axis=1) - 0.3, moved.var(axis=1) / granules, known(5))
+        found = ranged(z, moved - 0.3)
         held.append(norm.cdf(found.high / spread) - norm.cdf(found.low / spread))
     assert 0.93 <= np.mean(held) <= 0.975
 
@@ -152,11 +160,48 @@ def test_the_range_holds_what_it_says_of_responses_that_are_not_straight() -> No
 
         z = points(many, seed)
         own = float(share(np.zeros((1, many)))[0])
-        found = regressed(z, share(z) - own, np.zeros(DRAWS), known(many))
+        found = ranged(z, share(z) - own)
         fresh = np.clip(chance.standard_normal((500, many)), -FARTHEST, FARTHEST)
         change = share(fresh) - own
         held.append(np.mean((change >= found.low) & (change <= found.high)))
     assert 0.93 <= np.mean(held) <= 0.975
+
+
+BIN_END = (0.01, 0.0)  # m
+
+
+def drawn(x: np.ndarray, z: np.ndarray, shift: np.ndarray) -> Inputs:
+    """Granules at x (R, M) m on a floor whose right part is a bin, shifted (R, M) m by the draws at z."""
+
+    def landed(at: np.ndarray) -> DrawnLandings:
+        position = np.stack([at, np.zeros_like(at)], axis=-1).astype(np.float32)
+        return DrawnLandings(position, np.where(at > BIN_END[0], 0, -1).astype(np.int16))
+
+    share = float(np.mean(x > BIN_END[0]))
+    shares = {"grain": {"right": Number(share), "elsewhere": Number(1.0 - share)}}
+    draws = InputSamples(tuple(known(z.shape[1])), z, {"grain": landed(x + shift)}, {"grain": landed(x)})
+    return Inputs(draws, shares, {"grain": 1.0}, {"right": [BIN_END], "elsewhere": [BIN_END]})
+
+
+@pytest.mark.parametrize("anew", [False, True])
+def test_the_change_of_a_share_is_the_density_at_an_end_times_the_shift(anew: bool) -> None:
+    """Few granules a draw, each shifted with the inputs, or also landing anew by chance: over many tries the half is
+    that of the whole distribution, and scatters less than that of counts.
+    """
+    slopes, wide, halves, counted = np.array([4e-3, 2e-3, 0.0, 0.0, 0.0]), 0.02, [], []
+    for seed in range(30):
+        z, chance = points(5, seed), np.random.default_rng(seed)
+        x = wide * chance.normal(size=(DRAWS, 64))
+        by_chance = wide * chance.normal(size=x.shape) - x if anew else 0.0
+        made = drawn(x, z, (z @ slopes)[:, None] + by_chance)
+        halves.append(made.of_share("grain", ["right"]).half)
+        far, own = made.draws.varied["grain"].bin == 0, made.draws.own["grain"].bin == 0
+        counted.append(ranged(z, far * 1.0 - own * 1.0).half)
+    expected = SIGMAS * np.linalg.norm(slopes) * norm.pdf(BIN_END[0], scale=wide)
+    assert np.mean(halves) == pytest.approx(expected, rel=0.06)
+    assert np.std(halves) < 0.8 * np.std(counted)
+    assert made.of_share("grain", ["elsewhere"]).half == pytest.approx(halves[-1], rel=0.05)
+    assert made.of_share("grain", ["right", "elsewhere"]).half == 0.0
 
 
 # NASA's "spatconv" tutorial: pressure recovery of an inlet on three grids

@@ -25,7 +25,7 @@ from ..planning.stages import StageCost, Workload, error_sources
 from ..planning.unknowns import SIGMAS
 from ..statistics.inputs import Inputs
 from ..statistics.separation import Spread, share_spreads
-from .comparison import AmongOthers, compared
+from .comparison import AmongOthers, compared, free_ends
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
@@ -128,7 +128,7 @@ class Flights:
             return None
         scene, crowd = self.pipeline.scene, self.crowd
         among = None if crowd is None else AmongOthers(scene, self.tracked.landings, crowd.landings).factor
-        return Inputs(draws, shares, scene.mass_shares(), among)
+        return Inputs(draws, shares, scene.mass_shares(), free_ends(scene), among)
 
     @property
     def landings(self) -> Mapping[str, Landings]:
