@@ -318,16 +318,18 @@ def test_noise_above_a_third_of_the_difference_forbids_extrapolation() -> None:
 
 
 def test_of_two_grids_noise_is_added_to_what_they_differ_by() -> None:
-    """No step where the difference drops below its noise: the error never grows as the noise falls."""
-    halves = [estimate([1.0, 1.5], [2.0, 2.1], [0.0, noise]) for noise in (0.5, 0.11, 0.09, 0.01, 0.0)]
+    """The difference counts with its square less the variance that is chance alone."""
+    noises = np.array([0.5, 0.11, 0.09, 0.01, 0.0])
+    halves = [estimate([1.0, 1.5], [2.0, 2.1], [0.0, noise]) for noise in noises]
     bands = [found.high - found.value for found in halves]
-    gci = 3 * 0.1 / (1.5**2 - 1)
-    assert bands == pytest.approx([np.hypot(gci, noise) for noise in (0.5, 0.11, 0.09, 0.01, 0.0)])
+    gci = 3 / (1.5**2 - 1) * np.sqrt(np.maximum(0.0, 0.1**2 - (noises / SIGMAS) ** 2))
+    assert bands == pytest.approx(np.hypot(gci, noises).tolist())
+    assert bands[0] == 0.5  # all of the difference may be chance
     assert [found.extrapolated is None for found in halves] == [True, True, False, False, False]
     assert all(found.why.startswith("statistical half width") for found in halves[:2])
-    assert [found.noise for found in halves] == pytest.approx(
-        [noise * np.hypot(3 / (1.5**2 - 1) / SIGMAS, 1.0) for noise in (0.5, 0.11, 0.09, 0.01, 0.0)]
-    )
+    chance = np.random.default_rng(1).normal(0.0, 0.09 / SIGMAS, 20000)  # of grids that are alike
+    alike = [estimate([1.0, 1.5], [2.0, 2.0 + one], [0.0, 0.09]) for one in chance]
+    assert halves[2].noise == pytest.approx(np.sqrt(np.mean([(one.high - 2.0) ** 2 for one in alike])), rel=0.02)
     same = estimate([1.0, 1.5], [1.0, 1.0], [1e-3, 1e-3])
     assert same.high - same.value == pytest.approx(np.hypot(1e-3, 1e-3))
 

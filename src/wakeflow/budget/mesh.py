@@ -1,4 +1,4 @@
-"""The source that is the airflow's mesh: the granules of comparisons, and the airflow's numbers, on every grid."""
+"""The source that is the airflow's mesh: all granules, and the airflow's numbers, on every grid."""
 
 from __future__ import annotations
 
@@ -18,17 +18,18 @@ from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Pipeline
 from ..pipeline.track_stage import PerturbedRerun
 from ..planning.cost import flown_again
+from ..planning.plan import COMPARED, REPLICATES
 from ..planning.stages import AirLabel, StageCost, Workload
 from ..planning.unknowns import SIGMAS
 from ..statistics.grid_convergence import estimate
 from ..statistics.separation import Tally, cycles_of
-from .comparison import Array, Comparison, compared, shares_of
+from .comparison import Array, Comparison
 from .source import RATE, FractionResults, Parts, Source, add, averaged
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
 
-ON_ANOTHER_GRID = PerturbedRerun("tracks")
+ON_ANOTHER_GRID = PerturbedRerun("tracks", replicates=REPLICATES)
 MESH_ORDER = 2.0  # of the schemes
 
 
@@ -48,7 +49,7 @@ class Mesh(Source[Comparison[Grid]]):
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         for scale in work.airflow.scales[1:]:
-            yield flown_again(work, ON_ANOTHER_GRID.name, 1.0, AirLabel(grid=scale))
+            yield flown_again(work, ON_ANOTHER_GRID.name, REPLICATES / COMPARED, AirLabel(grid=scale))
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
         """The shares in the airflow on every grid of the plan; None where the plan has one."""
@@ -58,10 +59,10 @@ class Mesh(Source[Comparison[Grid]]):
         flown = {_grid(other): other.tracks(ON_ANOTHER_GRID) for other in others}
         seconds = sum(other.spent(stage) for other in others for stage in ("airflow", "tracks"))
         flown[_grid(own)] = tracked
-        shares = {grid: shares_of(pipeline, found) for grid, found in flown.items()}
-        first, bins = {name: compared(landing) for name, landing in tracked.landings.items()}, len(pipeline.scene.bin)
+        names, bins = list(tracked.landings), len(pipeline.scene.bin)
+        shares = {grid: {name: found.landings[name].counts(bins) for name in names} for grid, found in flown.items()}
         noise = {
-            grid: {name: difference_noise(first[name], compared(found.landings[name]), bins) for name in first}
+            grid: {name: difference_noise(tracked.landings[name], found.landings[name], bins) for name in names}
             for grid, found in flown.items()
             if found is not tracked
         }

@@ -1,12 +1,14 @@
 """Sources of the budget of granules that meet: part of the slab's replicates flown again with one thing changed.
 
 Granules that meet part ways after a few collisions whatever is changed, so that a difference holds the sampling error
-of the replicates that fly again, which its note tells; a difference within that says that none was found.
+of the replicates that fly again. Its variance is taken off the square of the difference: what is left is expected to be
+the change's alone, and is nothing where the two agree within their noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import sqrt
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -52,10 +54,9 @@ class _SlabAgain(Source[SlabFound]):
         paired = self.same_feed and all(_apart(found, fraction) for found in (again, fraction.flights.crowd))
         if paired:
             own = own[: len(changed)]
-        apart = np.abs(changed.mean(axis=0) - own.mean(axis=0))
         seconds = fraction.pipeline.spent(self.companion.name)
         return {
-            place: [self.part(float(apart[i]), seconds, _noise(changed[:, i], own[:, i], paired=paired))]
+            place: [self.part(*beyond_chance(changed[:, i], own[:, i], seconds, paired=paired))]
             for i, place in enumerate(fraction.shares)
         }
 
@@ -87,17 +88,23 @@ def _apart(found: SlabFound, fraction: FractionResults) -> bool:
     return 1 + int(found.landings[fraction.name].replicate.max()) == -(-found.replicates // images)
 
 
-def _noise(changed: np.ndarray, own: np.ndarray, *, paired: bool) -> str | None:
-    """Half of the 95 % interval of the difference of means, in words; None where there are too few replicates."""
+def beyond_chance(
+    changed: np.ndarray, own: np.ndarray, seconds: float, *, paired: bool
+) -> tuple[float, float, str | None]:
+    """Of the difference of two means the part beyond chance, the ``seconds``, and what was compared in words; the whole
+    difference where too few replicates show no chance.
+    """
+    apart = float(changed.mean() - own.mean())
     if min(len(changed), len(own)) < 2:
-        return None
+        return abs(apart), seconds, None
     if paired:
-        told, variance = f"a difference between the same {len(own)} replicates", (changed - own).var(ddof=1)
+        told, variance = f"between the same {len(own)} replicates", (changed - own).var(ddof=1) / len(own)
     else:
-        told = f"a difference of {len(changed)} replicates from {len(own)}"
-        variance = changed.var(ddof=1) + own.var(ddof=1) * len(changed) / len(own)
-    half = student(len(changed) - 1) * float(np.sqrt(variance / len(changed)))
-    return f"{told}, of which chance alone may make {100 * half:.2g} points"
+        told = f"of {len(changed)} replicates from {len(own)}"
+        variance = changed.var(ddof=1) / len(changed) + own.var(ddof=1) / len(own)
+    half = student(len(changed) - 1) * sqrt(variance)
+    note = f"a difference {told} of {100 * apart:+.2g} points, of which chance alone may make {100 * half:.2g}"
+    return sqrt(max(0.0, apart**2 - variance)), seconds, note
 
 
 for _source in (SlabStep(), SlabDepth()):
