@@ -460,6 +460,20 @@ def _validator() -> Draft202012Validator:
     return Draft202012Validator(schema)
 
 
+def test_bins_have_images_where_all_of_the_scene_has() -> None:
+    """The shipped rhombus: middle, inner-left, inner-right, outer-left, outer-right, and elsewhere."""
+    rhombus = shipped("rhombus")
+    assert rhombus.images == (0, 2, 1, 4, 3, 5)
+    for key, value in {
+        "feed.position": 1e-4, "bin.inner-left.from": -0.134, "vibration.direction": 1.5,
+        "feed.profile": {"distribution": "table", "positions": [-0.01, 0.0, 0.01], "weights": [1.0, 2.0, 1.1]},
+    }.items():  # fmt: skip
+        assert rhombus.replace({key: value}).images is None, key
+    assert rhombus.replace({"feed.profile": "triangular"}).images == rhombus.images
+    assert shipped("labyrinth").images == (2, 1, 0, 3)
+
+
+
 def _complaints(data: dict[str, Any]) -> list[str]:
     return [f"{error.json_path}: {error.message}" for error in _validator().iter_errors(data)]
 

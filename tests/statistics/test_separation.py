@@ -1,13 +1,14 @@
 """Shares, purities and recoveries of landings; regression on the inputs; convergence over grids."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import norm, qmc
 
-from support import landings_in
+from support import landings_in, shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.core.number import Number
 from wakeflow.pipeline.input_samples import DrawnLandings, InputSamples
@@ -202,6 +203,48 @@ def test_the_change_of_a_share_is_the_density_at_an_end_times_the_shift(anew: bo
     assert np.std(halves) < 0.8 * np.std(counted)
     assert made.of_share("grain", ["elsewhere"]).half == pytest.approx(halves[-1], rel=0.05)
     assert made.of_share("grain", ["right", "elsewhere"]).half == 0.0
+
+
+def test_draws_of_a_machine_and_of_its_image_are_pooled() -> None:
+    """Granules on either side of a body, thrown farther by one input and all to the right by the feed's position: both
+    sides have one range, less known from either alone; the middle does not go with the position.
+    """
+    z, chance = points(2, 5), np.random.default_rng(5)
+    x = 0.1 * np.where(chance.random((DRAWS, 64)) < 0.5, -1.0, 1.0) + 0.02 * chance.normal(size=(DRAWS, 64))
+    shift = 4e-3 * np.sign(x) * z[:, :1] + 2e-3 * z[:, 1:]
+
+    def landed(at: np.ndarray) -> DrawnLandings:
+        position = np.stack([at, np.zeros_like(at)], axis=-1).astype(np.float32)
+        return DrawnLandings(position, np.digitize(at, [-0.1, 0.1]).astype(np.int16))
+
+    shares = {"grain": {name: Number(0.3) for name in ("left", "middle", "right", "elsewhere")}}
+    ends = [(-0.1, 0.0), (0.1, 0.0)]
+    sides = {"left": ends[:1], "middle": ends, "right": ends[1:], "elsewhere": []}
+    numbers = tuple(replace(one, kind=kind) for one, kind in zip(known(2), ("size", "feed_position"), strict=True))
+    draws = InputSamples(numbers, z, {"grain": landed(x + shift)}, {"grain": landed(x)})
+    alone, both = (Inputs(draws, shares, {"grain": 1.0}, sides, images) for images in (None, (2, 1, 0, 3)))
+    left, right = (both.of_share("grain", [side]) for side in ("left", "right"))
+    assert (left.high, left.low) == pytest.approx((right.high, right.low), rel=0.02)
+    size, position = (left.effects[one.key] for one in numbers)
+    assert size.rise == pytest.approx(right.effects["number-0"].rise)
+    assert position.rise == pytest.approx(-right.effects["number-1"].rise) == pytest.approx(-0.5 * size.rise, rel=0.2)
+    assert size.error < alone.of_share("grain", ["left"]).effects["number-0"].error
+    assert set(both.of_share("grain", ["middle"]).effects) == {"number-0"}
+    assert both.of_share("grain", ["left", "right"]).half == pytest.approx(both.of_share("grain", ["middle"]).half)
+
+
+def test_the_two_sides_of_a_mirrored_machine_have_one_share_and_interval() -> None:
+    scene, chance = shipped("rhombus"), np.random.default_rng(2)
+    places = chance.choice(6, size=16 * 64, p=[0.2, 0.1, 0.1, 0.3, 0.3, 0.0])
+    landing = landings_in(np.where(places < 5, places, -1), replicate=np.arange(16).repeat(64))
+    found = separate(scene, dict.fromkeys(scene.fraction, landing)).fractions["wheat"]
+    beside = separate(scene.replace({"feed.position": 1e-3}), dict.fromkeys(scene.fraction, landing)).fractions["wheat"]
+    for side in ("inner", "outer"):
+        assert found[f"{side}-left"] == found[f"{side}-right"]
+        alone = [beside[f"{side}-{which}"] for which in ("left", "right")]
+        assert found[f"{side}-left"].value == pytest.approx(0.5 * (alone[0].value + alone[1].value))
+        assert found[f"{side}-left"].half < max(one.half for one in alone)
+    assert found["middle"] == beside["middle"]
 
 
 # NASA's "spatconv" tutorial: pressure recovery of an inlet on three grids

@@ -48,9 +48,9 @@ class _SlabAgain(Source[SlabFound]):
         again = fraction.flights.of(self)
         if again is None or fraction.flights.crowd is None:
             return {}
-        bins, name = len(fraction.shares) - 1, fraction.name
-        changed = again.landings[name].counts(bins)
-        own = fraction.landings.counts(bins)
+        bins, images = len(fraction.shares) - 1, fraction.pipeline.scene.images
+        changed = again.landings[fraction.name].counts(bins, images)
+        own = fraction.landings.counts(bins, images)
         paired = self.same_feed and all(_apart(found, fraction) for found in (again, fraction.flights.crowd))
         if paired:
             own = own[: len(changed)]

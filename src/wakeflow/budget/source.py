@@ -128,7 +128,7 @@ class Flights:
             return None
         scene, crowd = self.pipeline.scene, self.crowd
         among = None if crowd is None else AmongOthers(scene, self.tracked.landings, crowd.landings).factor
-        return Inputs(draws, shares, scene.mass_shares(), free_ends(scene), among)
+        return Inputs(draws, shares, scene.mass_shares(), free_ends(scene), scene.images, among)
 
     @property
     def landings(self) -> Mapping[str, Landings]:
@@ -167,7 +167,8 @@ class FractionResults:
     @cached_property
     def spreads(self) -> dict[str, Spread]:
         """What the share in every bin may be off by for being taken from few granules and few sheddings."""
-        return dict(zip(self.shares, share_spreads(self.landings, len(self.shares) - 1), strict=True))
+        found = share_spreads(self.landings, len(self.shares) - 1, self.pipeline.scene.images)
+        return dict(zip(self.shares, found, strict=True))
 
     def everywhere(self, part: BudgetPart) -> dict[str, list[BudgetPart]]:
         """The same part for every bin."""

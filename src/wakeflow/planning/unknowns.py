@@ -67,14 +67,15 @@ class Unknown:
 @dataclass(frozen=True)
 class UnknownKind:
     """A kind of unknown: those of a scene under a plan (``found``), how a draw with the number ``x`` of one varies
-    (``vary``), whether it varies the air, and between which numbers (``span``) every draw of it stays: what is drawn
-    beyond is taken as the end.
+    (``vary``), whether it varies the air, between which numbers (``span``) every draw of it stays: what is drawn
+    beyond is taken as the end; whether it is ``lateral``: the mirror image of a machine has it with the other sign.
     """
 
     found: Callable[[Scene, Plan], Iterator[Unknown]]
     vary: Callable[[Variation, Unknown, float, Scene, Plan], Variation]
     of_air: bool = False
     span: tuple[float, float] = (0.0, math.inf)
+    lateral: bool = False
 
 
 unknown_kinds: Registry[UnknownKind] = Registry("unknown")
@@ -275,7 +276,7 @@ unknown_kinds.add("feed_width", UnknownKind(
 unknown_kinds.add("feed_position", UnknownKind(
     _of_scene("feed.position", "feed_position", "m", lambda scene: scene.feed.position),
     lambda made, one, x, _scene, _plan: replace(made, feed_shift=_shift(one, x)),
-    span=(-math.inf, math.inf),
+    span=(-math.inf, math.inf), lateral=True,
 ))  # fmt: skip
 unknown_kinds.add("air_speed", UnknownKind(
     _of_scene("air.speed", "air_speed", "m/s", lambda scene: scene.airstream.speed, _has_air),

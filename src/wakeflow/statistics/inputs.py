@@ -32,7 +32,7 @@ from ..answer.table import is_part
 from ..core.lazy import cached_property
 from ..core.number import Number
 from ..laws.size import normal_points
-from ..planning.unknowns import FARTHEST, SIGMAS, Unknown
+from ..planning.unknowns import FARTHEST, SIGMAS, Unknown, unknown_kinds
 from .separation import LEVEL
 
 if TYPE_CHECKING:
@@ -73,18 +73,24 @@ class Moved(NamedTuple):
     change: Array
     before: Array
 
+    @classmethod
+    def joined(cls, parts: Iterable[Moved]) -> Moved:
+        """Several lots of draws as one."""
+        return cls(*map(np.concatenate, zip(*parts, strict=True)))
+
 
 @dataclass(frozen=True)
 class Inputs:
     """The draws of one run, and the answer's ``shares`` by fraction and bin, of which they say the changes; the
-    ``ends`` (m) of every bin over which granules can pass; where the answer's granules meet, the ``correction`` of a
-    fraction for that.
+    ``ends`` (m) of every bin over which granules can pass; the ``images`` of bins in a mirrored machine, whose draws
+    are pooled; where the answer's granules meet, the ``correction`` of a fraction for that.
     """
 
     draws: InputSamples
     shares: Mapping[str, Mapping[str, Number]]
     mass: Mapping[str, float]
     ends: Mapping[str, Sequence[Point]]
+    images: Sequence[int] | None = None
     correction: Callable[[str], float] | None = None
 
     def factor(self, name: str) -> float:
@@ -119,9 +125,24 @@ class Inputs:
         return InputRange(*_middle(change), {})
 
     def _response(self, name: str, places: Sequence[str]) -> tuple[list[int], Response]:
-        """The unknowns that act on a fraction, and how the share that lands in ``places`` goes with them."""
-        acting = [i for i, one in enumerate(self.draws.unknowns) if one.fraction in (None, name)]
-        return acting, response(self.draws.z[:, acting], self._moved(name, places))
+        """The unknowns that act on a fraction, and how the share that lands in ``places`` goes with them.
+
+        The image of a draw has its lateral unknowns with the other sign; what is its own image goes with none of them.
+        """
+        known = self.draws.unknowns
+        acting = [i for i, one in enumerate(known) if one.fraction in (None, name)]
+        images = places if self.images is None else self._images(places)
+        lateral = np.array([unknown_kinds[known[i].kind].lateral for i in acting])
+        if self.images is None or set(images) == set(places):
+            acting = [i for i, odd in zip(acting, lateral, strict=True) if self.images is None or not odd]
+            return acting, response(self.draws.z[:, acting], self._moved(name, places))
+        z = self.draws.z[:, acting]
+        both = zip(self._moved(name, places), self._moved(name, images), strict=True)
+        return acting, response(np.vstack([z, np.where(lateral, -z, z)]), [Moved.joined(pair) for pair in both])
+
+    def _images(self, places: Sequence[str]) -> list[str]:
+        names = list(self._places)
+        return [names[(self.images or range(len(names)))[names.index(place)]] for place in places]
 
     def _moved(self, name: str, places: Sequence[str]) -> list[Moved]:
         """What the draws move of a fraction over the soft ends of ``places`` taken together, and beyond that over the
