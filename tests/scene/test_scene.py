@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from support import CASES
+from support import CASES, shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.collision import impact_models
@@ -471,7 +471,6 @@ def test_bins_have_images_where_all_of_the_scene_has() -> None:
         assert rhombus.replace({key: value}).images is None, key
     assert rhombus.replace({"feed.profile": "triangular"}).images == rhombus.images
     assert shipped("labyrinth").images == (2, 1, 0, 3)
-
 
 
 def _complaints(data: dict[str, Any]) -> list[str]:
