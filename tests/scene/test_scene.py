@@ -656,7 +656,7 @@ def test_all_materials_are_listed_within_the_screen(
 def test_a_material_tells_ranges_sources_and_trust(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["materials", "wheat"]) == 0
     out = capsys.readouterr().out
-    assert "terminal_velocity: 7.8 +- 0.9 m/s (a lot's mean: +- 0.31); measured" in out
+    assert "terminal_velocity: 7.8 +- 0.36 m/s (a lot's mean: +- 0.31); measured" in out
     assert "by moisture: 6.81 m/s at 7%, 8.63 m/s at 20%" in out
     (tmp_path / "mine.toml").write_text(PEAS)
     assert main(["materials", "peas", "--file", str(tmp_path / "mine.toml")]) == 0
