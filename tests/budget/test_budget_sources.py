@@ -37,6 +37,7 @@ from wakeflow.laws.best_estimate import WakeEstimate, best_estimate
 from wakeflow.pipeline.cache import StageTime
 from wakeflow.pipeline.landings import Landings, Tracked
 from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.slab import CollisionRerun
 from wakeflow.pipeline.track_stage import PerturbedRerun
 from wakeflow.planning.cost import flown_again
 from wakeflow.planning.make import make_plan
@@ -258,6 +259,16 @@ def test_grids_are_compared_beside_what_their_finite_sheddings_leave() -> None:
     np.testing.assert_allclose(wide, expected)
     quiet, loud = landed((0.3, 0.3, 0.3, 0.3)), landed((0.5, 0.0, 0.5, 0.0))
     np.testing.assert_allclose(difference_noise(quiet, loud, 1)[1], wide)  # each wake in time is a sample of its own
+
+
+def test_how_granules_rebound_from_each_other_is_no_part_of_computing() -> None:
+    scene = shipped("rhombus", {"collisions.restitution": 0.8})
+    met = CollisionRerun("again", restitution=0.3, friction=0.3).applied(scene).collisions
+    assert (met.restitution, met.friction) == (1.0, pytest.approx(scene.collisions.friction + 0.3))
+    parts = [part("collisions.friction", 0.04), part("sampling", 0.03)]
+    assert numerical(parts) == pytest.approx(0.03)
+    total = combine(0.5, parts, 0.0)
+    assert (total.error, total.numerical) == (pytest.approx(0.05), pytest.approx(0.03))
 
 
 @pytest.mark.parametrize("paired", [True, False])

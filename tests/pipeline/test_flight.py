@@ -200,7 +200,7 @@ def _pipeline(scene: wf.Scene) -> Pipeline:
 def _only(scene: wf.Scene, key: str, half: float) -> wf.Scene:
     """The scene of which nothing but the number at ``key`` is unknown."""
     exact = {f"uncertainty.fraction.{name}.{number}": 0 for name in scene.fraction for number in EXACT}
-    known = {**exact, "uncertainty.feed.width": 0, "uncertainty.feed.position": 0}
+    known = exact | {f"uncertainty.feed.{number}": 0 for number in ("width", "position", "height")}
     return scene.replace({**known, f"uncertainty.{key}": half})
 
 

@@ -169,7 +169,7 @@ def test_settings_go_into_a_scene_and_come_out_of_it() -> None:
 
 def without_air(**more: Any) -> Scene:
     """The shipped rhombus flown from impact to impact, its inputs known exactly but for one."""
-    exact = {"uncertainty.feed.width": 0.0, "uncertainty.feed.position": 0.0}
+    exact = {f"uncertainty.feed.{key}": 0.0 for key in ("width", "position", "height")}
     for name in ("dust", "chaff", "wheat"):
         exact |= {f"uncertainty.fraction.{name}.{key}": 0.0 for key in ("restitution", "friction", "size")}
     scene = shipped("rhombus", {"numerics.rung": "none", "feed.count": 4096})

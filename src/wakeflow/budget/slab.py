@@ -8,8 +8,9 @@ the change's alone, and is nothing where the two agree within their noise.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from math import sqrt
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from ..core.number import student
 from ..pipeline.slab import CollisionRerun, SlabFound
 from ..planning.cost import slab_again
 from ..planning.stages import Scaling, Stage, StageCost, Workload, stages
+from ..planning.unknowns import half_of
 from .source import FractionResults, Parts, Source, add, sampled
 
 if TYPE_CHECKING:
@@ -72,6 +74,39 @@ class SlabStep(_SlabAgain):
     companion, part_of_slab = CollisionRerun("slab longer steps", step=COARSER), 0.18
 
 
+class _BetweenGranules(_SlabAgain):
+    """How granules rebound from each other: part of the replicates with the number at the upper end of its interval."""
+
+    of_inputs, part_of_slab, same_feed = True, 0.25, True
+    number: ClassVar[str]
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> SlabFound | None:
+        del tracked
+        scene, key = pipeline.scene, f"collisions.{self.number}"
+        half = half_of(scene, key, "collisions", getattr(scene.collisions, self.number))
+        changed: dict[str, Any] = {self.number: half}
+        return pipeline.crowd(replace(self.companion, **changed)) if half > 0.0 else None
+
+    def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
+        """No setting makes a number of the scene better known."""
+        del now, then
+        return part.error or 0.0
+
+
+class BetweenGranulesRestitution(_BetweenGranules):
+    """The restitution of one granule on another."""
+
+    name, place, number = "collisions.restitution", 16, "restitution"
+    companion = CollisionRerun("livelier meetings")
+
+
+class BetweenGranulesFriction(_BetweenGranules):
+    """The friction of one granule on another."""
+
+    name, place, number = "collisions.friction", 17, "friction"
+    companion = CollisionRerun("rougher meetings")
+
+
 class SlabDepth(_SlabAgain):
     """The slab's depth, beyond which it repeats itself: part of the replicates in one of half the depth."""
 
@@ -107,7 +142,7 @@ def beyond_chance(
     return sqrt(max(0.0, apart**2 - variance)), seconds, note
 
 
-for _source in (SlabStep(), SlabDepth()):
+for _source in (SlabStep(), SlabDepth(), BetweenGranulesRestitution(), BetweenGranulesFriction()):
     add(_source)
     _stage = Stage(_source.companion.name, work="slab", scaling=Scaling.SLAB, heading="slab")
     stages.add(_stage.name, _stage)

@@ -81,7 +81,7 @@ def truncation_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> 
 
 def _nearest(distances: Sequence[Array], landing: Landings) -> Array:
     """The distance (n,) to the nearest of some ends; infinite where there are none."""
-    return np.min([np.full(len(landing.bin), np.inf), *distances], axis=0)
+    return np.asarray(np.min([np.full(len(landing.bin), np.inf), *distances], axis=0))
 
 
 def _part(row: LeftOut, error: float, kind: str, unit: str) -> BudgetPart:
