@@ -54,7 +54,7 @@ class Moisture:
         return 0.5 * (self.share[0] + self.share[1])
 
     def factor(self, quantity: str, share: float) -> float:
-        """On a ``quantity`` at a ``share`` of water, over what it is at the middle one: linear; 1 where it was not
+        """The factor on a ``quantity`` from the middle share of water to ``share``, linear; 1 where it was not
         measured.
         """
         ends: tuple[float, float] | None = getattr(self, quantity)
