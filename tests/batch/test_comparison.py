@@ -238,7 +238,7 @@ def test_a_few_scenes_are_named_at_their_points(drawn: list[Any], monkeypatch: p
     assert len(axes.get_legend().get_texts()) == 1
 
 
-SETTINGS = {"feed.count": 512, "uncertainty.fraction.hard.restitution": 0.05}
+SETTINGS = {"feed.count": 512, "uncertainty.fraction.hard.restitution": 0.05, "uncertainty.feed.height": 0.0}
 
 
 @pytest.fixture(scope="module")
@@ -358,7 +358,8 @@ def test_a_wrong_key_of_a_scene_is_told_before_it_is_run(over: str, said: str, t
 def test_a_run_in_which_nothing_is_unknown_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene = Path(__file__).parents[2] / "cases" / "vacuum.toml"
     keys = [f"fraction.{name}.{key}" for name in ("soft", "hard") for key in ("restitution", "friction", "size")]
-    exact = [part for key in [*keys, "feed.width", "feed.position"] for part in ("--set", f"uncertainty.{key}=0")]
+    keys += ["feed.width", "feed.position", "feed.height"]
+    exact = [part for key in keys for part in ("--set", f"uncertainty.{key}=0")]
     code = main(["sensitivity", str(scene), "--out", str(tmp_path), "--set", "feed.count=64", *exact, "--quiet"])
     assert code == 2
     assert "[uncertainty]" in capsys.readouterr().err

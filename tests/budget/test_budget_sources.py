@@ -28,6 +28,7 @@ from wakeflow.answer.shares import (
 from wakeflow.budget.comparison import MAX_FACTOR, AmongOthers, Comparison, compared, differences
 from wakeflow.budget.mesh import Grid, difference_noise, mesh_error, shedding_noise
 from wakeflow.budget.model import MODEL
+from wakeflow.budget.slab import beyond_chance
 from wakeflow.budget.source import INPUTS, FractionResults, Parts, Source, add, budget_sources
 from wakeflow.budget.total import combine, numerical, remedies
 from wakeflow.core.number import student
@@ -36,6 +37,7 @@ from wakeflow.laws.best_estimate import WakeEstimate, best_estimate
 from wakeflow.pipeline.cache import StageTime
 from wakeflow.pipeline.landings import Landings, Tracked
 from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.slab import CollisionRerun
 from wakeflow.pipeline.track_stage import PerturbedRerun
 from wakeflow.planning.cost import flown_again
 from wakeflow.planning.make import make_plan
@@ -257,6 +259,30 @@ def test_grids_are_compared_beside_what_their_finite_sheddings_leave() -> None:
     np.testing.assert_allclose(wide, expected)
     quiet, loud = landed((0.3, 0.3, 0.3, 0.3)), landed((0.5, 0.0, 0.5, 0.0))
     np.testing.assert_allclose(difference_noise(quiet, loud, 1)[1], wide)  # each wake in time is a sample of its own
+
+
+def test_how_granules_rebound_from_each_other_is_no_part_of_computing() -> None:
+    scene = shipped("rhombus", {"collisions.restitution": 0.8})
+    met = CollisionRerun("again", restitution=0.3, friction=0.3).applied(scene).collisions
+    assert (met.restitution, met.friction) == (1.0, pytest.approx(scene.collisions.friction + 0.3))
+    parts = [part("collisions.friction", 0.04), part("sampling", 0.03)]
+    assert numerical(parts) == pytest.approx(0.03)
+    total = combine(0.5, parts, 0.0)
+    assert (total.error, total.numerical) == (pytest.approx(0.05), pytest.approx(0.03))
+
+
+@pytest.mark.parametrize("paired", [True, False])
+def test_of_two_slabs_what_chance_makes_is_taken_off(paired: bool) -> None:
+    """In squares, over many tries: nothing is left of none, and a true difference is found."""
+    chance, found = np.random.default_rng(3), {0.0: [], 0.05: []}
+    for true, parts in found.items():
+        for _ in range(400):
+            own = 0.4 + 0.03 * chance.normal(size=4 if paired else 16)
+            changed = (own if paired else 0.4) + true + 0.03 * chance.normal(size=4)
+            parts.append(beyond_chance(changed, own, 1.0, paired=paired)[0] ** 2)
+    assert np.sqrt(np.mean(found[0.05])) == pytest.approx(0.05, rel=0.05)
+    assert np.median(found[0.0]) == 0.0
+    assert beyond_chance(np.array([0.5]), np.array([0.4]), 1.0, paired=True) == (pytest.approx(0.1), 1.0, None)
 
 
 def part(source: str, error: float | None, kind: str | None = None, **more: float) -> BudgetPart:

@@ -304,7 +304,7 @@ def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: 
     assert wf.Result.load(tmp_path).to_json() == result.table
     assert json.loads((tmp_path / "result.json").read_text())["slab"]["replicates"] == crowd(DENSE).replicates
     sources = {part.source for row in result.budget for part in row.parts}
-    assert {"sampling", "slab-time-step", "slab-depth"} <= sources
+    assert {"sampling", "slab-time-step", "slab-depth", "collisions.restitution", "collisions.friction"} <= sources
     assert COLLISIONS not in sources
     assert "share without collisions (%)" in (tmp_path / "separation.csv").read_text().splitlines()[0]
     assert "What collisions cost" in (tmp_path / "report.html").read_text()

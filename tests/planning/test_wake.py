@@ -379,10 +379,16 @@ def _unknowns(scene: wf.Scene, rung: str | None = None) -> dict[str, Unknown]:
 
 def test_every_input_of_the_shipped_rhombus_that_can_be_off_is_drawn() -> None:
     found = _shipped()
-    shared = {"feed.width", "feed.position", "air.speed", "air.turbulence", "dispersion", "wake.theta", "wake.strength"}
+    shared = {
+        "feed.width", "feed.position", "feed.height", "air.speed", "air.turbulence", "dispersion", "wake.theta",
+        "wake.strength",
+    }  # fmt: skip
     assert shared <= set(found)
     wheat = {key.rpartition(".")[2] for key in found if key.startswith("fraction.wheat.")}
-    assert wheat == {"restitution", "friction", "rebound_scatter", "terminal_velocity", "size", "inverse_inertia"}
+    assert wheat == {
+        "restitution", "friction", "rebound_scatter", "terminal_velocity", "size", "inverse_inertia", "density",
+        "moisture",
+    }  # fmt: skip
     assert {found[key].kind for key in found} == set(unknown_kinds)  # a kind that is registered is tested
     assert "fraction.dust.rebound_scatter" not in found  # dust has none: nothing to be off
 
@@ -468,6 +474,41 @@ def test_an_uncertainty_survives_saving(tmp_path: Path) -> None:
     assert again.uncertainty == {"air.speed": pytest.approx(0.1), "feed.width": pytest.approx(0.002)}
 
 
+def test_what_water_moves_goes_together() -> None:
+    """Wheat of 20 % water: friction and terminal velocity as measured at the wetter end, over those at the middle."""
+    scene = shipped("rhombus", {"fraction.chaff.material": "wheat", "fraction.chaff.friction": 0.3})
+    plan = make_plan(scene, force=ALONE)
+    known = unknowns(scene, plan)
+    z = np.array([SIGMAS if one.kind == "moisture" else 0.0 for one in known])
+    made = variation_at(scene, plan, known, z)
+    assert made.of("wheat").friction == pytest.approx(0.335 / 0.292)
+    assert made.of("wheat").drag == pytest.approx((7.72 / 8.63) ** 2, rel=0.03)  # drag goes as the speed's square
+    assert made.of("chaff").friction == 1.0  # the scene's own number
+    assert made.of("chaff").drag < 0.9
+    assert made.of("dust").drag == pytest.approx(1.0)
+
+
+def test_a_heavier_granule_of_measured_terminal_velocity_falls_as_fast() -> None:
+    scene = shipped("rhombus")
+    plan = make_plan(scene, force=ALONE)
+    known = unknowns(scene, plan)
+    made = variation_at(scene, plan, known, np.array([SIGMAS if one.kind == "density" else 0.0 for one in known]))
+    wheat, dust = made.of("wheat"), made.of("dust")
+    assert wheat.drag == pytest.approx(wheat.density) == pytest.approx(1.08)
+    assert (dust.drag, dust.density) == (pytest.approx(1.0), pytest.approx(1.08))
+
+
+def test_a_feed_that_falls_farther_arrives_faster() -> None:
+    """As a height, and as the speed that is given instead."""
+    for change in ({}, {"feed.height": None, "feed.speed": 1.4}):
+        scene = shipped("rhombus").replace(change)
+        plan = make_plan(scene, force=ALONE)
+        known = unknowns(scene, plan)
+        made = variation_at(scene, plan, known, np.array([SIGMAS if one.kind == "feed_fall" else 0.0 for one in known]))
+        fed = made.fed(scene)
+        assert fed.feed.fall_speed == pytest.approx((1.05 if change else 1.05**0.5) * scene.feed.fall_speed)
+
+
 def test_the_middle_draw_is_the_scene_itself() -> None:
     scene = shipped("rhombus")
     plan = make_plan(scene, force=ALONE)
@@ -483,8 +524,8 @@ def test_the_middle_draw_is_the_scene_itself() -> None:
 
 
 def test_each_unknown_moves_its_own_number() -> None:
-    """One standard deviation up: every kind varies one thing, by what it says."""
-    scene = shipped("rhombus")
+    """One standard deviation up: every kind varies one thing, by what it says; density and water what follows them."""
+    scene, several = shipped("rhombus"), {"density": {"density", "drag"}, "moisture": {"friction", "drag"}}
     plan = make_plan(scene, force=ALONE)
     known = unknowns(scene, plan)
     still = variation_at(scene, plan, known, np.zeros(len(known)))
@@ -492,13 +533,15 @@ def test_each_unknown_moves_its_own_number() -> None:
         z = np.zeros(len(known))
         z[i] = 1.0
         made = variation_at(scene, plan, known, z)
-        changed = [name for name in ("feed_width", "feed_shift") if getattr(made, name) != getattr(still, name)]
+        changed = [
+            name for name in ("feed_width", "feed_shift", "feed_fall") if getattr(made, name) != getattr(still, name)
+        ]
         changed += [name for name in vars(made.air) if getattr(made.air, name) != getattr(still.air, name)]
         for name in scene.fraction:
             changed += [
                 key for key in vars(made.of(name)) if getattr(made.of(name), key) != getattr(still.of(name), key)
             ]
-        assert len(changed) == 1, one.key
+        assert len(changed) == 1 or set(changed) == several[one.kind], one.key
     wheat = next(one for one in known if one.key == "fraction.wheat.terminal_velocity")
     assert wheat.at(1.0) - wheat.value == pytest.approx(wheat.high / SIGMAS)
 

@@ -61,6 +61,11 @@ def test_gates(coverage: float, half: float, missed: set[str]) -> None:
     assert {gate["what"] for gate in report.gates(tally, [tally], []) if not gate["met"]} == missed
     broken = Bounded("one", "lift", "share.a.b", 0.01, 0.02, 1e-4)
     assert not report.gates(tally, [tally], [broken])[-1]["met"]
+    by_chance = Bounded("one", "lift", "share.a.b", 0.01, 0.02, 0.015)
+    assert (broken.tested, by_chance.tested) == (True, False)
+    (row,) = report._bounds([broken, by_chance])
+    assert (row["many"], row["tested"], row["untested"], row["held"]) == (2, 1, 1, 0)
+    assert report.gates(tally, [tally], [by_chance])[-1]["found"] == "0 of 0 tested, 1 untested"
 
 
 def test_an_oval_is_a_streamline_that_no_air_crosses() -> None:

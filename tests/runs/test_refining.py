@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest
+from scipy.stats import beta, binomtest
 
 import wakeflow as wf
 from support import shipped
 from wakeflow.answer.provenance import RefinedSettings, Refinement
 from wakeflow.answer.result import Result
-from wakeflow.answer.shares import NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal
+from wakeflow.answer.shares import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.pipeline.cache import StageTime
 from wakeflow.planning.make import make_plan
 from wakeflow.runs.refine import unreached_lines
@@ -50,16 +50,20 @@ def sampling(error: float) -> BudgetPart:
 def steps(changed: int, granules: int) -> BudgetPart:
     """What ``budget.steps`` says where so many of the granules that fly again land in another bin."""
     flown = granules // 4
-    limit = binomtest(changed, flown).proportion_ci(0.95, method="wilson").high
-    return BudgetPart("integration", float(limit), 1.0, "companion")
+    return BudgetPart("integration", beta(changed + 0.5, flown - changed + 0.5).mean(), 1.0, "companion")
 
 
 @pytest.mark.parametrize("changed", [0, 3, 40])
-def test_a_limit_of_counted_granules_is_read_back_and_limited_again(changed: int) -> None:
-    """Four times the granules with the same share of changed ones; the limit of none falls as one over them."""
+def test_what_was_counted_is_read_back_and_counted_again(changed: int) -> None:
+    """Four times the granules with the same share of changed ones; of none the mean of the steps' part and
+    the limit of a bound fall as one over them.
+    """
     then = replace(NOW, granules=4096)
     expected = expected_part(steps(changed, 1024), NOW, then)
     assert expected == pytest.approx(steps(4 * changed, 4096).error, rel=1e-6)
+    limits = [binomtest(changed * n, 1024 * n).proportion_ci(0.95, method="wilson").high for n in (1, 4)]
+    bound = BudgetPart("lift", float(limits[0]), 1.0, "calibrated", LEFT_OUT)
+    assert expected_part(bound, NOW, then) == pytest.approx(limits[1], rel=1e-6)
     if changed:
         tighter = expected_part(steps(changed, 1024), NOW, replace(then, tolerance=1e-5))
         assert tighter < 0.5 * expected
@@ -149,8 +153,8 @@ def test_settings_go_into_a_scene_and_come_out_of_it() -> None:
     assert own.averaging is None
     assert own.slab is not None
     first = cheapest(own, 0.02)
-    assert (first.granules, first.mesh_scale) == (1024, 2.0)
-    assert own_settings(applied(scene, first), make_plan(applied(scene, first), rung="draft")).granules == 1024
+    assert (first.granules, first.mesh_scale) == (256, 2.0)
+    assert own_settings(applied(scene, first), make_plan(applied(scene, first), rung="draft")).granules == 256
     assert finer(first, own) == replace(own, slab=own.slab)
     assert cheapest(replace(own, granules=64), 0.02).granules == 64  # never finer than the scene
     finest = finest_of(own)
@@ -165,7 +169,7 @@ def test_settings_go_into_a_scene_and_come_out_of_it() -> None:
 
 def without_air(**more: Any) -> Scene:
     """The shipped rhombus flown from impact to impact, its inputs known exactly but for one."""
-    exact = {"uncertainty.feed.width": 0.0, "uncertainty.feed.position": 0.0}
+    exact = {f"uncertainty.feed.{key}": 0.0 for key in ("width", "position", "height")}
     for name in ("dust", "chaff", "wheat"):
         exact |= {f"uncertainty.fraction.{name}.{key}": 0.0 for key in ("restitution", "friction", "size")}
     scene = shipped("rhombus", {"numerics.rung": "none", "feed.count": 4096})

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from support import CASES
+from support import CASES, shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.collision import impact_models
@@ -460,6 +460,19 @@ def _validator() -> Draft202012Validator:
     return Draft202012Validator(schema)
 
 
+def test_bins_have_images_where_all_of_the_scene_has() -> None:
+    """The shipped rhombus: middle, inner-left, inner-right, outer-left, outer-right, and elsewhere."""
+    rhombus = shipped("rhombus")
+    assert rhombus.images == (0, 2, 1, 4, 3, 5)
+    for key, value in {
+        "feed.position": 1e-4, "bin.inner-left.from": -0.134, "vibration.direction": 1.5,
+        "feed.profile": {"distribution": "table", "positions": [-0.01, 0.0, 0.01], "weights": [1.0, 2.0, 1.1]},
+    }.items():  # fmt: skip
+        assert rhombus.replace({key: value}).images is None, key
+    assert rhombus.replace({"feed.profile": "triangular"}).images == rhombus.images
+    assert shipped("labyrinth").images == (2, 1, 0, 3)
+
+
 def _complaints(data: dict[str, Any]) -> list[str]:
     return [f"{error.json_path}: {error.message}" for error in _validator().iter_errors(data)]
 
@@ -643,7 +656,7 @@ def test_all_materials_are_listed_within_the_screen(
 def test_a_material_tells_ranges_sources_and_trust(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["materials", "wheat"]) == 0
     out = capsys.readouterr().out
-    assert "terminal_velocity: 7.8 +- 0.9 m/s (a lot's mean: +- 0.31); measured" in out
+    assert "terminal_velocity: 7.8 +- 0.36 m/s (a lot's mean: +- 0.31); measured" in out
     assert "by moisture: 6.81 m/s at 7%, 8.63 m/s at 20%" in out
     (tmp_path / "mine.toml").write_text(PEAS)
     assert main(["materials", "peas", "--file", str(tmp_path / "mine.toml")]) == 0

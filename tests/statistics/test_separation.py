@@ -1,18 +1,21 @@
 """Shares, purities and recoveries of landings; regression on the inputs; convergence over grids."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import norm, qmc
 
-from support import landings_in
+from support import landings_in, shipped
 from wakeflow.core.errors import SceneError
+from wakeflow.core.number import Number
+from wakeflow.pipeline.input_samples import DrawnLandings, InputSamples
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown
 from wakeflow.scene import Scene
 from wakeflow.statistics.grid_convergence import cell_size, estimate, extrapolate, observed_order
-from wakeflow.statistics.inputs import regressed
+from wakeflow.statistics.inputs import InputRange, Inputs, Moved, _points, response
 from wakeflow.statistics.separation import separate, share_interval
 
 
@@ -100,10 +103,16 @@ def known(count: int) -> list[Unknown]:
     return [Unknown(f"number-{i}", "size", 1.0, 0.1, 0.1, "1", "the test") for i in range(count)]
 
 
+def ranged(z: np.ndarray, change: np.ndarray) -> InputRange:
+    """Of a number that the draws ``change`` (R, M): of each granule, or (R,)."""
+    each = change.reshape(len(z), -1)
+    return response(z, [Moved(each, np.zeros_like(each))]).range(_points(z.shape[1]), known(z.shape[1]))
+
+
 def test_a_straight_response_has_the_range_of_a_sum_of_normal_numbers() -> None:
     slopes = np.array([0.02, -0.05, 0.0, 0.01])
     z = points(4, 1)
-    found = regressed(z, z @ slopes, np.zeros(DRAWS), known(4))
+    found = ranged(z, z @ slopes)
     half = SIGMAS * float(np.linalg.norm(slopes))
     assert found.high == pytest.approx(half, rel=0.05)
     assert found.low == pytest.approx(-half, rel=0.05)
@@ -115,7 +124,7 @@ def test_a_straight_response_has_the_range_of_a_sum_of_normal_numbers() -> None:
 
 
 def test_what_never_changes_has_no_range() -> None:
-    found = regressed(points(3, 1), np.zeros(DRAWS), np.zeros(DRAWS), known(3))
+    found = ranged(points(3, 1), np.zeros(DRAWS))
     assert (found.low, found.high, found.effects) == (0.0, 0.0, {})
 
 
@@ -129,7 +138,7 @@ def test_few_granules_a_draw_are_no_part_of_the_range(granules: int) -> None:
     for seed in range(30):
         z, chance = points(5, seed), np.random.default_rng(seed)
         moved = chance.random((DRAWS, granules)) < (0.3 + z @ slopes)[:, None]
-        found = regressed(z, moved.mean(axis=1) - 0.3, moved.var(axis=1) / granules, known(5))
+        found = ranged(z, moved - 0.3)
         held.append(norm.cdf(found.high / spread) - norm.cdf(found.low / spread))
     assert 0.93 <= np.mean(held) <= 0.975
 
@@ -152,11 +161,90 @@ def test_the_range_holds_what_it_says_of_responses_that_are_not_straight() -> No
 
         z = points(many, seed)
         own = float(share(np.zeros((1, many)))[0])
-        found = regressed(z, share(z) - own, np.zeros(DRAWS), known(many))
+        found = ranged(z, share(z) - own)
         fresh = np.clip(chance.standard_normal((500, many)), -FARTHEST, FARTHEST)
         change = share(fresh) - own
         held.append(np.mean((change >= found.low) & (change <= found.high)))
     assert 0.93 <= np.mean(held) <= 0.975
+
+
+BIN_END = (0.01, 0.0)  # m
+
+
+def drawn(x: np.ndarray, z: np.ndarray, shift: np.ndarray) -> Inputs:
+    """Granules at x (R, M) m on a floor whose right part is a bin, shifted (R, M) m by the draws at z."""
+
+    def landed(at: np.ndarray) -> DrawnLandings:
+        position = np.stack([at, np.zeros_like(at)], axis=-1).astype(np.float32)
+        return DrawnLandings(position, np.where(at > BIN_END[0], 0, -1).astype(np.int16))
+
+    share = float(np.mean(x > BIN_END[0]))
+    shares = {"grain": {"right": Number(share), "elsewhere": Number(1.0 - share)}}
+    draws = InputSamples(tuple(known(z.shape[1])), z, {"grain": landed(x + shift)}, {"grain": landed(x)})
+    return Inputs(draws, shares, {"grain": 1.0}, {"right": [BIN_END], "elsewhere": [BIN_END]})
+
+
+@pytest.mark.parametrize("anew", [False, True])
+def test_the_change_of_a_share_is_the_density_at_an_end_times_the_shift(anew: bool) -> None:
+    """Few granules a draw, each shifted with the inputs, or also landing anew by chance: over many tries the half is
+    that of the whole distribution, and scatters less than that of counts.
+    """
+    slopes, wide, halves, counted = np.array([4e-3, 2e-3, 0.0, 0.0, 0.0]), 0.02, [], []
+    for seed in range(30):
+        z, chance = points(5, seed), np.random.default_rng(seed)
+        x = wide * chance.normal(size=(DRAWS, 64))
+        by_chance = wide * chance.normal(size=x.shape) - x if anew else 0.0
+        made = drawn(x, z, (z @ slopes)[:, None] + by_chance)
+        halves.append(made.of_share("grain", ["right"]).half)
+        far, own = made.draws.varied["grain"].bin == 0, made.draws.own["grain"].bin == 0
+        counted.append(ranged(z, far * 1.0 - own * 1.0).half)
+    expected = SIGMAS * np.linalg.norm(slopes) * norm.pdf(BIN_END[0], scale=wide)
+    assert np.mean(halves) == pytest.approx(expected, rel=0.06)
+    assert np.std(halves) < 0.8 * np.std(counted)
+    assert made.of_share("grain", ["elsewhere"]).half == pytest.approx(halves[-1], rel=0.05)
+    assert made.of_share("grain", ["right", "elsewhere"]).half == 0.0
+
+
+def test_draws_of_a_machine_and_of_its_image_are_pooled() -> None:
+    """Granules on either side of a body, thrown farther by one input and all to the right by the feed's position: both
+    sides have one range, less known from either alone; the middle does not go with the position.
+    """
+    z, chance = points(2, 5), np.random.default_rng(5)
+    x = 0.1 * np.where(chance.random((DRAWS, 64)) < 0.5, -1.0, 1.0) + 0.02 * chance.normal(size=(DRAWS, 64))
+    shift = 4e-3 * np.sign(x) * z[:, :1] + 2e-3 * z[:, 1:]
+
+    def landed(at: np.ndarray) -> DrawnLandings:
+        position = np.stack([at, np.zeros_like(at)], axis=-1).astype(np.float32)
+        return DrawnLandings(position, np.digitize(at, [-0.1, 0.1]).astype(np.int16))
+
+    shares = {"grain": {name: Number(0.3) for name in ("left", "middle", "right", "elsewhere")}}
+    ends = [(-0.1, 0.0), (0.1, 0.0)]
+    sides = {"left": ends[:1], "middle": ends, "right": ends[1:], "elsewhere": []}
+    numbers = tuple(replace(one, kind=kind) for one, kind in zip(known(2), ("size", "feed_position"), strict=True))
+    draws = InputSamples(numbers, z, {"grain": landed(x + shift)}, {"grain": landed(x)})
+    alone, both = (Inputs(draws, shares, {"grain": 1.0}, sides, images) for images in (None, (2, 1, 0, 3)))
+    left, right = (both.of_share("grain", [side]) for side in ("left", "right"))
+    assert (left.high, left.low) == pytest.approx((right.high, right.low), rel=0.02)
+    size, position = (left.effects[one.key] for one in numbers)
+    assert size.rise == pytest.approx(right.effects["number-0"].rise)
+    assert position.rise == pytest.approx(-right.effects["number-1"].rise) == pytest.approx(-0.5 * size.rise, rel=0.2)
+    assert size.error < alone.of_share("grain", ["left"]).effects["number-0"].error
+    assert set(both.of_share("grain", ["middle"]).effects) == {"number-0"}
+    assert both.of_share("grain", ["left", "right"]).half == pytest.approx(both.of_share("grain", ["middle"]).half)
+
+
+def test_the_two_sides_of_a_mirrored_machine_have_one_share_and_interval() -> None:
+    scene, chance = shipped("rhombus"), np.random.default_rng(2)
+    places = chance.choice(6, size=16 * 64, p=[0.2, 0.1, 0.1, 0.3, 0.3, 0.0])
+    landing = landings_in(np.where(places < 5, places, -1), replicate=np.arange(16).repeat(64))
+    found = separate(scene, dict.fromkeys(scene.fraction, landing)).fractions["wheat"]
+    beside = separate(scene.replace({"feed.position": 1e-3}), dict.fromkeys(scene.fraction, landing)).fractions["wheat"]
+    for side in ("inner", "outer"):
+        assert found[f"{side}-left"] == found[f"{side}-right"]
+        alone = [beside[f"{side}-{which}"] for which in ("left", "right")]
+        assert found[f"{side}-left"].value == pytest.approx(0.5 * (alone[0].value + alone[1].value))
+        assert found[f"{side}-left"].half < max(one.half for one in alone)
+    assert found["middle"] == beside["middle"]
 
 
 # NASA's "spatconv" tutorial: pressure recovery of an inlet on three grids
@@ -273,16 +361,18 @@ def test_noise_above_a_third_of_the_difference_forbids_extrapolation() -> None:
 
 
 def test_of_two_grids_noise_is_added_to_what_they_differ_by() -> None:
-    """No step where the difference drops below its noise: the error never grows as the noise falls."""
-    halves = [estimate([1.0, 1.5], [2.0, 2.1], [0.0, noise]) for noise in (0.5, 0.11, 0.09, 0.01, 0.0)]
+    """The difference counts with its square less the variance that is chance alone."""
+    noises = np.array([0.5, 0.11, 0.09, 0.01, 0.0])
+    halves = [estimate([1.0, 1.5], [2.0, 2.1], [0.0, noise]) for noise in noises]
     bands = [found.high - found.value for found in halves]
-    gci = 3 * 0.1 / (1.5**2 - 1)
-    assert bands == pytest.approx([np.hypot(gci, noise) for noise in (0.5, 0.11, 0.09, 0.01, 0.0)])
+    gci = 3 / (1.5**2 - 1) * np.sqrt(np.maximum(0.0, 0.1**2 - (noises / SIGMAS) ** 2))
+    assert bands == pytest.approx(np.hypot(gci, noises).tolist())
+    assert bands[0] == 0.5  # all of the difference may be chance
     assert [found.extrapolated is None for found in halves] == [True, True, False, False, False]
     assert all(found.why.startswith("statistical half width") for found in halves[:2])
-    assert [found.noise for found in halves] == pytest.approx(
-        [noise * np.hypot(3 / (1.5**2 - 1) / SIGMAS, 1.0) for noise in (0.5, 0.11, 0.09, 0.01, 0.0)]
-    )
+    chance = np.random.default_rng(1).normal(0.0, 0.09 / SIGMAS, 20000)  # of grids that are alike
+    alike = [estimate([1.0, 1.5], [2.0, 2.0 + one], [0.0, 0.09]) for one in chance]
+    assert halves[2].noise == pytest.approx(np.sqrt(np.mean([(one.high - 2.0) ** 2 for one in alike])), rel=0.02)
     same = estimate([1.0, 1.5], [1.0, 1.0], [1e-3, 1e-3])
     assert same.high - same.value == pytest.approx(np.hypot(1e-3, 1e-3))
 

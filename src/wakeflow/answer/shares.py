@@ -218,8 +218,13 @@ class InputPart:
 
     @property
     def tells(self) -> bool:
-        """Whether the share is known to move with the number at all, rather than by chance among the draws."""
-        return self.uncertainty < self.half
+        """Whether how far the number moves the share is twice what that is known to, or more."""
+        return 2.0 * self.uncertainty <= self.half
+
+    @property
+    def points(self) -> str:
+        """The half with its own uncertainty, in points."""
+        return f"{100 * self.half:.2g} ± {100 * self.uncertainty:.1g}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -262,6 +267,14 @@ class LandingResults:
     measure_next: dict[str, dict[str, dict[str, InputPart]]] | None = column(
         "", "by fraction and bin, what each of them does to the share, the largest first", absent=True, default=None
     )
+
+
+WEIGHTY, MAX_NAMED = 0.1, 3  # part of the variance from which an unknown is named, and how many are
+
+
+def weightiest(parts: Mapping[str, InputPart]) -> list[tuple[str, InputPart]]:
+    """The unknowns that a share is known to depend most on, the largest first; none whose part may be chance."""
+    return [(key, part) for key, part in parts.items() if part.variance >= WEIGHTY and part.tells][:MAX_NAMED]
 
 
 def least_certain(landings: LandingResults) -> dict[str, tuple[str, dict[str, InputPart]]]:

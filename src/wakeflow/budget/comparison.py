@@ -67,7 +67,8 @@ def compared(landing: Landings) -> Landings:
 def shares_of(pipeline: Pipeline, tracked: Tracked) -> Shares:
     """The shares of the granules that fly in comparisons."""
     landings: Mapping[str, Landings] = tracked.landings
-    return {name: compared(landings[name]).counts(len(pipeline.scene.bin)) for name in landings}
+    bins, images = len(pipeline.scene.bin), pipeline.scene.images
+    return {name: compared(landings[name]).counts(bins, images) for name in landings}
 
 
 def differences(comparison: Comparison[Key], name: str, place: int) -> Iterator[tuple[Key, float]]:

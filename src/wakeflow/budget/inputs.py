@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..answer.shares import PERTURBED_RERUN
+from ..answer.shares import PERTURBED_RERUN, weightiest
 from ..pipeline.pipeline import Pipeline
 from ..planning.cost import flown_again
 from ..planning.plan import COMPARED, INPUT_SAMPLES, REPLICATES
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 STAGE = "draws"
 SAMPLE_SECONDS = 0.05  # s: to draw the granules of a fraction anew, and its air
-WEIGHTY, MAX_TOLD = 0.1, 3  # part of the variance from which an unknown is reported, and how many are
 
 
 class UnknownInputs(Source["InputSamples"]):
@@ -44,9 +43,8 @@ class UnknownInputs(Source["InputSamples"]):
         found = {}
         for bin_ in fraction.shares:
             over = inputs.of_share(fraction.name, [bin_])
-            weighty = [(key, one) for key, one in over.effects.items() if one.variance >= WEIGHTY][:MAX_TOLD]
-            told = ", ".join(f"{key} {100 * one.variance:.0f} %" for key, one in weighty)
-            note = f"of its variance {told}" if told else None
+            told = ", ".join(f"{key} {one.points}" for key, one in weightiest(over.effects))
+            note = f"depends most on (points each) {told}" if told else None
             if note is not None and inputs.correction is not None:
                 note += f"; {inputs.factor(fraction.name):.2g} times what they move of granules alone"
             found[bin_] = [replace(self.part(over.half, seconds, note), low=over.low, high=over.high)]

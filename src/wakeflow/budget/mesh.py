@@ -1,4 +1,4 @@
-"""The source that is the airflow's mesh: the granules of comparisons, and the airflow's numbers, on every grid."""
+"""The source that is the airflow's mesh: all granules, and the airflow's numbers, on every grid."""
 
 from __future__ import annotations
 
@@ -14,21 +14,22 @@ from ..answer.provenance import RefinedSettings
 from ..answer.shares import PERTURBED_RERUN, BudgetPart
 from ..core.errors import known
 from ..pipeline.airflow import Airflow, GridEstimate, GridStudy
-from ..pipeline.landings import Landings
+from ..pipeline.landings import Landings, pooled
 from ..pipeline.pipeline import Pipeline
 from ..pipeline.track_stage import PerturbedRerun
 from ..planning.cost import flown_again
+from ..planning.plan import COMPARED, REPLICATES
 from ..planning.stages import AirLabel, StageCost, Workload
 from ..planning.unknowns import SIGMAS
 from ..statistics.grid_convergence import estimate
 from ..statistics.separation import Tally, cycles_of
-from .comparison import Array, Comparison, compared, shares_of
+from .comparison import Array, Comparison
 from .source import RATE, FractionResults, Parts, Source, add, averaged
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
 
-ON_ANOTHER_GRID = PerturbedRerun("tracks")
+ON_ANOTHER_GRID = PerturbedRerun("tracks", replicates=REPLICATES)
 MESH_ORDER = 2.0  # of the schemes
 
 
@@ -48,7 +49,7 @@ class Mesh(Source[Comparison[Grid]]):
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         for scale in work.airflow.scales[1:]:
-            yield flown_again(work, ON_ANOTHER_GRID.name, 1.0, AirLabel(grid=scale))
+            yield flown_again(work, ON_ANOTHER_GRID.name, REPLICATES / COMPARED, AirLabel(grid=scale))
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
         """The shares in the airflow on every grid of the plan; None where the plan has one."""
@@ -58,10 +59,12 @@ class Mesh(Source[Comparison[Grid]]):
         flown = {_grid(other): other.tracks(ON_ANOTHER_GRID) for other in others}
         seconds = sum(other.spent(stage) for other in others for stage in ("airflow", "tracks"))
         flown[_grid(own)] = tracked
-        shares = {grid: shares_of(pipeline, found) for grid, found in flown.items()}
-        first, bins = {name: compared(landing) for name, landing in tracked.landings.items()}, len(pipeline.scene.bin)
+        names, bins, images = list(tracked.landings), len(pipeline.scene.bin), pipeline.scene.images
+        shares = {
+            grid: {name: found.landings[name].counts(bins, images) for name in names} for grid, found in flown.items()
+        }
         noise = {
-            grid: {name: difference_noise(first[name], compared(found.landings[name]), bins) for name in first}
+            grid: {name: difference_noise(tracked.landings[name], found.landings[name], bins, images) for name in names}
             for grid, found in flown.items()
             if found is not tracked
         }
@@ -102,26 +105,29 @@ def _grid(pipeline: Pipeline) -> Grid:
     return Grid(pipeline.grid, known(pipeline.airflow.cells))
 
 
-def difference_noise(own: Landings, other: Landings, bins: int) -> Array:
+def difference_noise(own: Landings, other: Landings, bins: int, images: Sequence[int] | None = None) -> Array:
     """Halves of the 95 % intervals (2, bins + 1) of what each share differs by between two flights of the same
     granules: of the granules, and of the sheddings.
 
     Of the granules, from how many changed into the bin and out of it (Bonett & Price 2012, J. Educ. Behav. Stat. 37,
     479, for proportions of paired samples; meant for independent granules, so it is wide for balanced ones). Of the
-    shedding cycles, those of both flights: each wake in time is a finite sample of its own.
+    shedding cycles, those of both flights: each wake in time is a finite sample of its own. A bin and its image, where
+    there are ``images``, are reached by different granules: the variance of their mean is half of their mean one.
     """
     places = np.array([*range(bins), -1])[:, None]
     here, there, size = own.bin == places, other.bin == places, len(own.bin) + 2
     into, out_of = (np.sum(moved, axis=1) + 1.0 for moved in (there & ~here, here & ~there))
     variance = (into + out_of - (into - out_of) ** 2 / size) / size**2
-    sheddings = (shedding_noise(landing, bins) for landing in (own, other))
+    if images is not None:
+        variance = np.where(np.arange(bins + 1) == images, 1.0, 0.5) * pooled(variance, images)
+    sheddings = (shedding_noise(landing, bins, images) for landing in (own, other))
     reached = here.any(axis=1) | there.any(axis=1)  # what nobody reaches has a limit of its own: the sampling's
     return np.asarray(reached * np.stack([SIGMAS * np.sqrt(variance), np.hypot(*sheddings)]))
 
 
-def shedding_noise(landing: Landings, bins: int) -> Array:
+def shedding_noise(landing: Landings, bins: int, images: Sequence[int] | None = None) -> Array:
     """Half of the 95 % interval (bins + 1,) of each share that a finite number of shedding cycles leaves."""
-    return np.array([tally.spread.airflow for tally in Tally.every(landing, bins, cycles_of([landing]))])
+    return np.array([tally.spread.airflow for tally in Tally.every(landing, bins, cycles_of([landing]), images)])
 
 
 def mesh_error(comparison: Comparison[Grid], name: str, place: int) -> tuple[GridEstimate, Array]:

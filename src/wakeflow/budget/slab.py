@@ -1,13 +1,16 @@
 """Sources of the budget of granules that meet: part of the slab's replicates flown again with one thing changed.
 
 Granules that meet part ways after a few collisions whatever is changed, so that a difference holds the sampling error
-of the replicates that fly again, which its note tells; a difference within that says that none was found.
+of the replicates that fly again. Its variance is taken off the square of the difference: what is left is expected to be
+the change's alone, and is nothing where the two agree within their noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import replace
+from math import sqrt
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -17,6 +20,7 @@ from ..core.number import student
 from ..pipeline.slab import CollisionRerun, SlabFound
 from ..planning.cost import slab_again
 from ..planning.stages import Scaling, Stage, StageCost, Workload, stages
+from ..planning.unknowns import half_of
 from .source import FractionResults, Parts, Source, add, sampled
 
 if TYPE_CHECKING:
@@ -46,16 +50,15 @@ class _SlabAgain(Source[SlabFound]):
         again = fraction.flights.of(self)
         if again is None or fraction.flights.crowd is None:
             return {}
-        bins, name = len(fraction.shares) - 1, fraction.name
-        changed = again.landings[name].counts(bins)
-        own = fraction.landings.counts(bins)
+        bins, images = len(fraction.shares) - 1, fraction.pipeline.scene.images
+        changed = again.landings[fraction.name].counts(bins, images)
+        own = fraction.landings.counts(bins, images)
         paired = self.same_feed and all(_apart(found, fraction) for found in (again, fraction.flights.crowd))
         if paired:
             own = own[: len(changed)]
-        apart = np.abs(changed.mean(axis=0) - own.mean(axis=0))
         seconds = fraction.pipeline.spent(self.companion.name)
         return {
-            place: [self.part(float(apart[i]), seconds, _noise(changed[:, i], own[:, i], paired=paired))]
+            place: [self.part(*beyond_chance(changed[:, i], own[:, i], seconds, paired=paired))]
             for i, place in enumerate(fraction.shares)
         }
 
@@ -69,6 +72,39 @@ class SlabStep(_SlabAgain):
 
     name, place, same_feed = "slab-time-step", 21, True
     companion, part_of_slab = CollisionRerun("slab longer steps", step=COARSER), 0.18
+
+
+class _BetweenGranules(_SlabAgain):
+    """How granules rebound from each other: part of the replicates with the number at the upper end of its interval."""
+
+    of_inputs, part_of_slab, same_feed = True, 0.25, True
+    number: ClassVar[str]
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> SlabFound | None:
+        del tracked
+        scene, key = pipeline.scene, f"collisions.{self.number}"
+        half = half_of(scene, key, "collisions", getattr(scene.collisions, self.number))
+        changed: dict[str, Any] = {self.number: half}
+        return pipeline.crowd(replace(self.companion, **changed)) if half > 0.0 else None
+
+    def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
+        """No setting makes a number of the scene better known."""
+        del now, then
+        return part.error or 0.0
+
+
+class BetweenGranulesRestitution(_BetweenGranules):
+    """The restitution of one granule on another."""
+
+    name, place, number = "collisions.restitution", 16, "restitution"
+    companion = CollisionRerun("livelier meetings")
+
+
+class BetweenGranulesFriction(_BetweenGranules):
+    """The friction of one granule on another."""
+
+    name, place, number = "collisions.friction", 17, "friction"
+    companion = CollisionRerun("rougher meetings")
 
 
 class SlabDepth(_SlabAgain):
@@ -87,20 +123,26 @@ def _apart(found: SlabFound, fraction: FractionResults) -> bool:
     return 1 + int(found.landings[fraction.name].replicate.max()) == -(-found.replicates // images)
 
 
-def _noise(changed: np.ndarray, own: np.ndarray, *, paired: bool) -> str | None:
-    """Half of the 95 % interval of the difference of means, in words; None where there are too few replicates."""
+def beyond_chance(
+    changed: np.ndarray, own: np.ndarray, seconds: float, *, paired: bool
+) -> tuple[float, float, str | None]:
+    """Of the difference of two means the part beyond chance, the ``seconds``, and what was compared in words; the whole
+    difference where too few replicates show no chance.
+    """
+    apart = float(changed.mean() - own.mean())
     if min(len(changed), len(own)) < 2:
-        return None
+        return abs(apart), seconds, None
     if paired:
-        told, variance = f"a difference between the same {len(own)} replicates", (changed - own).var(ddof=1)
+        told, variance = f"between the same {len(own)} replicates", (changed - own).var(ddof=1) / len(own)
     else:
-        told = f"a difference of {len(changed)} replicates from {len(own)}"
-        variance = changed.var(ddof=1) + own.var(ddof=1) * len(changed) / len(own)
-    half = student(len(changed) - 1) * float(np.sqrt(variance / len(changed)))
-    return f"{told}, of which chance alone may make {100 * half:.2g} points"
+        told = f"of {len(changed)} replicates from {len(own)}"
+        variance = changed.var(ddof=1) / len(changed) + own.var(ddof=1) / len(own)
+    half = student(len(changed) - 1) * sqrt(variance)
+    note = f"a difference {told} of {100 * apart:+.2g} points, of which chance alone may make {100 * half:.2g}"
+    return sqrt(max(0.0, apart**2 - variance)), seconds, note
 
 
-for _source in (SlabStep(), SlabDepth()):
+for _source in (SlabStep(), SlabDepth(), BetweenGranulesRestitution(), BetweenGranulesFriction()):
     add(_source)
     _stage = Stage(_source.companion.name, work="slab", scaling=Scaling.SLAB, heading="slab")
     stages.add(_stage.name, _stage)

@@ -25,7 +25,7 @@ from ..planning.stages import StageCost, Workload, error_sources
 from ..planning.unknowns import SIGMAS
 from ..statistics.inputs import Inputs
 from ..statistics.separation import Spread, share_spreads
-from .comparison import AmongOthers, compared
+from .comparison import AmongOthers, compared, free_ends
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
@@ -44,7 +44,8 @@ class Source(Generic[Flown]):
     ``name``: in the budget; ``how`` the error is known: measured (from this run), companion (from flying granules
     again), calibrated (from a bound and what was found) or unknown; ``place``: sources fly, and are parts of a row of
     the budget, by growing place; ``fills``: whether an error of this source gives a row to a bin in which nothing
-    landed; ``of_any_bin``: whether its error in a bin is also that of several bins together; ``if_unknown``,
+    landed; ``of_any_bin``: whether its error in a bin is also that of several bins together; ``of_inputs``: whether it
+    is of numbers of the scene, which no computing makes smaller; ``if_unknown``,
     ``if_large``: what to give or to run where its size is not known, and where no setting makes it small enough.
     """
 
@@ -53,6 +54,7 @@ class Source(Generic[Flown]):
     place: ClassVar[int]
     fills: ClassVar[bool] = False
     of_any_bin: ClassVar[bool] = False
+    of_inputs: ClassVar[bool] = False
     if_unknown: ClassVar[str] = ""
     if_large: ClassVar[str] = "beyond the finest settings of a scene; ask for a larger --target-error"
 
@@ -128,7 +130,7 @@ class Flights:
             return None
         scene, crowd = self.pipeline.scene, self.crowd
         among = None if crowd is None else AmongOthers(scene, self.tracked.landings, crowd.landings).factor
-        return Inputs(draws, shares, scene.mass_shares(), among)
+        return Inputs(draws, shares, scene.mass_shares(), free_ends(scene), scene.images, among)
 
     @property
     def landings(self) -> Mapping[str, Landings]:
@@ -167,7 +169,8 @@ class FractionResults:
     @cached_property
     def spreads(self) -> dict[str, Spread]:
         """What the share in every bin may be off by for being taken from few granules and few sheddings."""
-        return dict(zip(self.shares, share_spreads(self.landings, len(self.shares) - 1), strict=True))
+        found = share_spreads(self.landings, len(self.shares) - 1, self.pipeline.scene.images)
+        return dict(zip(self.shares, found, strict=True))
 
     def everywhere(self, part: BudgetPart) -> dict[str, list[BudgetPart]]:
         """The same part for every bin."""

@@ -14,8 +14,7 @@ from ..pipeline.track_stage import PerturbedRerun
 from ..planning.cost import flown_again
 from ..planning.plan import COMPARED, REPLICATES
 from ..planning.stages import StageCost, Workload
-from ..statistics.separation import upper_limit
-from .source import FractionResults, Parts, Source, add, limited_again
+from .source import FractionResults, Parts, Source, add
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
@@ -25,6 +24,18 @@ FINER = 0.01  # tolerance of the companion run over the scene's: a tenth may giv
 SLOWER = 2.0  # times as long: flights at a hundredth of the tolerance; measured on the shipped rhombus, 2.0 to 2.8
 STEP_RATE = 1.0  # of the share that finer steps put into another bin, with the tolerance
 LANDED_WITHIN = 95  # percentile over the granules of how far a companion run moves a landing
+
+
+JEFFREYS = 0.5  # added to those that changed their bin, and to those that did not
+
+
+def mean_share(changed: float, total: float) -> float:
+    """The mean of a share of which ``changed`` of ``total`` > 0 were found, before which nothing was known of it: of
+    the beta distribution that Jeffreys' prior gives (Brown, Cai & DasGupta 2001, Stat. Sci. 16, 101).
+
+    A sum of squares takes what is expected of its parts: their upper limits would count what no granule showed.
+    """
+    return (changed + JEFFREYS) / (total + 2.0 * JEFFREYS)
 
 
 class Integration(Source["Tracked"]):
@@ -40,9 +51,9 @@ class Integration(Source["Tracked"]):
         return pipeline.tracks(PerturbedRerun(FINER_STEPS, tolerance=FINER * pipeline.scene.numerics.tolerance))
 
     def shares(self, fraction: FractionResults) -> Parts:
-        """Upper 95 % limit of the share of granules that the finer steps put into another bin."""
+        """Mean of the share of granules that the finer steps put into another bin (:func:`mean_share`)."""
         own, fine = fraction.compared.bin, self._finer(fraction).landings[fraction.name].bin
-        return fraction.everywhere(self._part(fraction, upper_limit(int(np.sum(own != fine)), len(own))))
+        return fraction.everywhere(self._part(fraction, mean_share(float(np.sum(own != fine)), len(own))))
 
     def landing(self, fraction: FractionResults) -> Sequence[BudgetPart]:
         moved = fraction.compared.position - self._finer(fraction).landings[fraction.name].position
@@ -51,8 +62,9 @@ class Integration(Source["Tracked"]):
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         fewer = (then.tolerance / now.tolerance) ** STEP_RATE
-        flown = COMPARED / REPLICATES
-        return limited_again(part.error or 0.0, flown * now.granules, flown * then.granules, fewer)
+        flown, again = (COMPARED / REPLICATES * settings.granules for settings in (now, then))
+        found = max(0.0, (part.error or 0.0) * (flown + 1.0) - JEFFREYS)
+        return mean_share(found / flown * fewer * again, again)
 
     def _finer(self, fraction: FractionResults) -> Tracked:
         flown = fraction.flights.of(self)

@@ -7,6 +7,7 @@ share could change. It is a true bound, however the landings heap up at the end.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -63,17 +64,24 @@ def truncation_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> 
     limit = plan.fractions[name].limit or 0.0
     distance = {point: np.linalg.norm(landing.position - point, axis=1) / scene.width for point in points_of(ends)}
     number = {place: index for index, place in enumerate(scene.bin)} | {RESERVED_BIN: -1}
-    for place, found in parts.items():
-        away = np.full(len(landing.bin), np.inf)
-        for point in ends[place]:
-            away = np.minimum(away, distance[point])
+    places, own = list(parts), range(len(parts))
+    for i, found in enumerate(parts.values()):
+        pair = [places[i], places[(scene.images or own)[i]]]  # the bin and its image: once each, or itself twice
+        away = np.concatenate([_nearest([distance[point] for point in ends[one]], landing) for one in pair])
+        inside = np.concatenate([landing.bin == number[one] for one in pair])
+        weight = 0.5 * np.tile(np.ones(len(landing.bin)) if landing.weight is None else landing.weight, 2)
         for row in rows:
-            error = most_crossing(away, landing.bin == number[place], known(row.bound), landing.weight)
+            error = most_crossing(away, inside, known(row.bound), weight)
             kind = LEFT_OUT if known(row.bound) <= limit else NOT_COMPUTED
             if kind == NOT_COMPUTED and not scene.body:  # it may turn back a granule on its way to either end
                 error = max(error, min(1.0, known(row.bound)))
             found.append(_part(row, error, kind, scene.unit))
     return parts
+
+
+def _nearest(distances: Sequence[Array], landing: Landings) -> Array:
+    """The distance (n,) to the nearest of some ends; infinite where there are none."""
+    return np.asarray(np.min([np.full(len(landing.bin), np.inf), *distances], axis=0))
 
 
 def _part(row: LeftOut, error: float, kind: str, unit: str) -> BudgetPart:

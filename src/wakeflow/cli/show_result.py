@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from ..answer.shares import SHARE_UNIT, BudgetRow, Separation, least_certain
+from ..answer.shares import SHARE_UNIT, BudgetRow, Separation, least_certain, weightiest
 from ..core.errors import known
 from ..core.number import Number
 from ..report.words import (
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
 NEXT = "Measure these, and write them as { value = ..., uncertainty = ... }"
 NEXT_OF_WAKE = "of wake.*: numerics.rung = '3d'"
-MIN_VARIANCE_PART = 0.1  # part of a share's variance from which an unknown number is reported
-MAX_NUMBERS = 4  # numbers that are reported under the answer
 WEIGHS, MAX_PARTS = 0.1, 4  # of the largest error of a quantity, and how many errors are reported on screen
 SHORTEST = 0.5  # s: shorter run times are not worth a word
 LEVEL = ("floor", "top")  # lines along x
@@ -135,11 +133,8 @@ def measure_next(result: Result) -> list[str]:
     """For each fraction the numbers of the scene that make most of its least certain share uncertain."""
     told, wake = [], False
     for name, (place, parts) in ({} if result.landings is None else least_certain(result.landings)).items():
-        known = [(key, part) for key, part in parts.items() if part.variance >= MIN_VARIANCE_PART and part.tells][
-            :MAX_NUMBERS
-        ]
-        if known:
-            inputs = ", ".join(f"{key} {100 * part.half:.2g}" for key, part in known)
+        if known := weightiest(parts):
+            inputs = ", ".join(f"{key} {part.points}" for key, part in known)
             told.append(f"{name} in {place} depends most on (points each): {inputs}")
             wake |= any(key.startswith("wake.") for key, _ in known)
     return [*told, f"{NEXT}; {NEXT_OF_WAKE}." if wake else f"{NEXT}."] if told else []

@@ -71,6 +71,7 @@ def varied_granules(grains: Granules, variation: GranuleVariation) -> Granules:
     )
     return grains.replace(
         diameter=grains.diameter * variation.size,
+        density=grains.density * variation.density,
         restitution=restitution,
         friction=grains.friction * variation.friction,
         scatter=np.minimum(grains.scatter * variation.scatter, MAX_SCATTER),

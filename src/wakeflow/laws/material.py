@@ -39,11 +39,29 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Moisture:
-    """The terminal velocity (m/s) measured at the driest and at the wettest ``share`` of water (of the whole mass)."""
+    """What was measured at the driest and at the wettest ``share`` of water (of the whole mass): the terminal velocity
+    (m/s), and of what else was measured at both the friction.
+    """
 
     share: tuple[float, float]
     terminal_velocity: tuple[float, float]
     source: str
+    friction: tuple[float, float] | None = None
+
+    @property
+    def middle(self) -> float:
+        """Share of water half way between both."""
+        return 0.5 * (self.share[0] + self.share[1])
+
+    def factor(self, quantity: str, share: float) -> float:
+        """The factor on a ``quantity`` from the middle share of water to ``share``, linear; 1 where it was not
+        measured.
+        """
+        ends: tuple[float, float] | None = getattr(self, quantity)
+        if ends is None:
+            return 1.0
+        slope = (ends[1] - ends[0]) / (self.share[1] - self.share[0])
+        return 1.0 + slope * (share - self.middle) / (0.5 * (ends[0] + ends[1]))
 
 
 @dataclass(frozen=True)
@@ -105,9 +123,10 @@ def read_material(name: str, table: Mapping[str, Any], where: str) -> Material:
 
 
 def _moisture(at: str, table: Mapping[str, Any]) -> Moisture:
-    _same_keys(at, table, ("share", "terminal_velocity", "source"), ())
+    _same_keys(at, table, ("share", "terminal_velocity", "source"), ("friction",))
     ends: dict[str, tuple[float, float]] = {}
-    for key, most in (("share", 1.0), ("terminal_velocity", LARGEST["terminal_velocity"])):
+    for key in [one for one in ("share", "terminal_velocity", "friction") if one in table]:
+        most = LARGEST.get(key, 1.0)
         if not isinstance(table[key], list) or len(table[key]) != 2:
             raise SceneError(f"{at}.{key} = {table[key]!r}: give two numbers, at the driest and at the wettest")
         low, high = (_number(f"{at}.{key}", one, 0.0, most) for one in table[key])

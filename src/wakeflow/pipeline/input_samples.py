@@ -6,7 +6,7 @@ so that what it moves is seen between the same granules: its error is that of th
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,7 +20,7 @@ from ..core.errors import known
 from ..core.lazy import cached_property
 from ..core.process import cores
 from ..core.store import content_key
-from ..core.tables import save_arrays
+from ..core.tables import AnyArray, Columns, save_arrays
 from ..laws.size import normal_points
 from ..planning.plan import INPUT_SAMPLES, REPLICATES, SAME_AIR, replicate_size
 from ..planning.unknowns import Unknown, unknown_kinds, unknowns, variation_at
@@ -39,23 +39,25 @@ PARTS = INPUT_SAMPLES // REPLICATES  # of a replicate: each flies under one draw
 
 
 @dataclass(frozen=True)
+class DrawnLandings:
+    """Where the granules of one fraction land in every draw: ``position`` (R, M, 2) m and index of the ``bin`` (R, M),
+    -1 for elsewhere.
+    """
+
+    position: NDArray[np.float32]
+    bin: NDArray[np.int16]
+
+
+@dataclass(frozen=True)
 class InputSamples:
-    """``unknowns`` (K) and where each draw lies in them, ``z`` (R, K) in standard deviations; by fraction the bins in
-    which the granules of every draw landed, ``varied`` (R, M), and where the same ones land in the answer, ``own``
-    (R, M): indices of bins, the last one for elsewhere.
+    """``unknowns`` (K) and where each draw lies in them, ``z`` (R, K) in standard deviations; by fraction the landings
+    of the granules of every draw, ``varied``, and of the same ones in the answer, ``own``.
     """
 
     unknowns: tuple[Unknown, ...]
     z: Array
-    varied: Mapping[str, NDArray[np.int16]]
-    own: Mapping[str, NDArray[np.int16]]
-
-    def hits(self, name: str, bins: Sequence[int]) -> tuple[Array, Array]:
-        """Whether (R, M) each granule of a fraction lands in one of ``bins``: under its draw, and in the answer."""
-        return (
-            np.isin(self.varied[name], bins).astype(float),
-            np.isin(self.own[name], bins).astype(float),
-        )
+    varied: Mapping[str, DrawnLandings]
+    own: Mapping[str, DrawnLandings]
 
 
 @dataclass
@@ -94,26 +96,29 @@ class DrawStage:
         folder = stage.cache.make("draws", key, partial(self._fly_all, tracked))
         with np.load(folder / "draws.npz") as data:
             names = list(stage.scene.fraction)
-            varied, own = ({name: data[f"{which}.{name}"] for name in names} for which in ("varied", "own"))
+            varied, own = (
+                {name: DrawnLandings(data[f"{which}.{name}.position"], data[f"{which}.{name}.bin"]) for name in names}
+                for which in ("varied", "own")
+            )
         return InputSamples(tuple(self.unknowns), self.design, varied, own)
 
     def _fly_all(self, tracked: Tracked, folder: Path) -> None:
         """All draws, those of one air by one thread: granules of a draw are too few for several."""
-        found: dict[str, list[NDArray[np.int64]]] = {}
+        found: dict[str, list[AnyArray]] = {}
         pool = ThreadPoolExecutor(self.tracks.workers or cores())
         try:
             jobs = [pool.submit(self._fly_in_one_air, first, tracked) for first in range(0, INPUT_SAMPLES, SAME_AIR)]
             for number, job in enumerate(jobs):
                 self.tracks.cache.tell("draws", f"{number * SAME_AIR} of {INPUT_SAMPLES}")
                 for draw in job.result():
-                    for which, bins in draw.items():
-                        found.setdefault(which, []).append(bins)
+                    for which, column in draw.items():
+                        found.setdefault(which, []).append(column)
         finally:
             pool.shutdown(cancel_futures=True)
-        save_arrays(folder / "draws.npz", {key: np.array(rows, dtype=np.int16) for key, rows in found.items()})
+        save_arrays(folder / "draws.npz", {key: np.array(rows) for key, rows in found.items()})
 
-    def _fly_in_one_air(self, first: int, tracked: Tracked) -> list[dict[str, NDArray[np.int64]]]:
-        """The draws from ``first`` on that share its air: each granule's bin as drawn, and its own."""
+    def _fly_in_one_air(self, first: int, tracked: Tracked) -> list[Columns]:
+        """The draws from ``first`` on that share its air: each granule's landing as drawn, and its own."""
         found, airs = [], None
         for number in range(first, first + SAME_AIR):
             made = self.variation(number)
@@ -127,20 +132,20 @@ class DrawStage:
         """Draw ``number``."""
         return variation_at(self.tracks.scene, self.tracks.plan, self.unknowns, self.design[number])
 
-    def fly_under(
-        self, made: Variation, airs: Realisations, tracked: Tracked, replicate: int, part: slice
-    ) -> dict[str, NDArray[np.int64]]:
-        """The bin of each granule in a ``part`` of a replicate under the draw ``made``, whose air is in ``airs``
-        ("varied.NAME"), and its own ("own.NAME"); the number of bins for elsewhere.
+    def fly_under(self, made: Variation, airs: Realisations, tracked: Tracked, replicate: int, part: slice) -> Columns:
+        """The landing of each granule in a ``part`` of a replicate under the draw ``made``, whose air is in ``airs``
+        ("varied.NAME.position", "varied.NAME.bin"), and its own ("own.NAME.position", "own.NAME.bin").
         """
-        scene = self.tracks.scene
-        flight = replace(self.tracks.flight(made.fed(scene), airs), workers=1)
-        bins: dict[str, NDArray[np.int64]] = {}
-        for name in scene.fraction:
+        flight = replace(self.tracks.flight(made.fed(self.tracks.scene), airs), workers=1)
+        found: Columns = {}
+        for name in self.tracks.scene.fraction:
             landing = tracked.landings[name]
-            bins[f"own.{name}"] = landing.bin[landing.replicate == replicate][part].astype(np.int64)
-            bins[f"varied.{name}"] = flight.fly_part(name, replicate, part, made.of(name))
-        return {which: np.where(row >= 0, row, len(scene.bin)) for which, row in bins.items()}
+            mine = np.flatnonzero(landing.replicate == replicate)[part]
+            ends = {"own": (landing.position[mine], landing.bin[mine])}
+            ends["varied"] = flight.fly_part(name, replicate, part, made.of(name))
+            for which, (position, bin_) in ends.items():
+                found[f"{which}.{name}.position"], found[f"{which}.{name}.bin"] = position.astype(np.float32), bin_
+        return found
 
     def air(self, air: AirVariation) -> Realisations:
         """The airflow as a draw has it."""

@@ -91,13 +91,22 @@ class Landings:
         """Granules (n,) that left the box of the airflow."""
         return np.asarray(self.fate == Fate.ESCAPED)
 
-    def counts(self, bins: int) -> Array:
-        """Share of every replicate in every bin, (replicates, bins + 1); the last column is elsewhere."""
+    def counts(self, bins: int, images: Sequence[int] | None = None) -> Array:
+        """Share of every replicate in every bin, (replicates, bins + 1); the last column is elsewhere. Where bins have
+        ``images`` (bins + 1) in a mirrored machine the mean of both.
+        """
         replicates = int(self.replicate.max()) + 1
         place = np.where(self.bin >= 0, self.bin, bins).astype(np.int64)
         place += self.replicate.astype(np.int64) * (bins + 1)
         table = np.bincount(place, self.weight, minlength=replicates * (bins + 1)).reshape(replicates, bins + 1)
-        return np.asarray(table / table.sum(axis=1, keepdims=True))
+        return np.asarray(pooled(table / table.sum(axis=1, keepdims=True), images))
+
+
+def pooled(values: Array, images: Sequence[int] | None) -> Array:
+    """Values (..., bins + 1) that are those of each bin and of its image, if it has one: what is as likely on either
+    side is one number.
+    """
+    return values if images is None else 0.5 * (values + values[..., list(images)])
 
 
 FATES = tuple(fate.name.lower() for fate in Fate)  # names, in the order of their numbers

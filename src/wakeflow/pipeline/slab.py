@@ -47,12 +47,20 @@ STEP_ERROR_PART = (
 @dataclass(frozen=True)
 class CollisionRerun:
     """Part of the replicates flown again with one thing changed; ``name`` among the stages, factors on the step of the
-    slab's clock and on its depth.
+    slab's clock and on its depth, what is added to the restitution and the friction of one granule on another.
     """
 
     name: str
     step: float = 1.0
     depth: float = 1.0
+    restitution: float = 0.0
+    friction: float = 0.0
+
+    def applied(self, scene: Scene) -> Scene:
+        """The scene whose granules meet under this change."""
+        own = scene.collisions
+        met = {"restitution": min(1.0, own.restitution + self.restitution), "friction": own.friction + self.friction}
+        return scene.model_copy(update={"collisions": own.model_copy(update=met)})
 
 
 @dataclass(frozen=True)
@@ -116,7 +124,8 @@ class CollisionStage:
         replicates = self.crowd.replicates if rerun is None else max(MIN_REPLICATES, self.crowd.replicates // 4)
         step = None if rerun is None else change.step * self.fly().step
         flight = self.flight(change.name, change.depth * self.crowd.depth, step)
-        key = content_key(self.key, change.step, flight.depth, replicates)
+        flight = replace(flight, scene=change.applied(flight.scene))
+        key = content_key(self.key, change.step, flight.depth, replicates, change.restitution, change.friction)
         folder = self.tracks.cache.make(change.name, key, partial(flight.fly_all, replicates=replicates))
         return flight.found(folder, replicates)
 

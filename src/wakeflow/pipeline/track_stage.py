@@ -29,12 +29,13 @@ class PerturbedRerun:
     """Part of the granules flown again, the same ones, with one thing changed: what that changes is an error.
 
     ``name`` among the stages; ``tolerance`` (body widths) instead of the scene's; ``wake``: theta and strength of the
-    wake instead of the answer's own, as in ``field.blended_wake``.
+    wake instead of the answer's own, as in ``field.blended_wake``; ``replicates``: the first of them, that fly.
     """
 
     name: str
     tolerance: float | None = None
     wake: tuple[float, float] | None = None
+    replicates: int = COMPARED
 
 
 def unweighed(scene: Scene) -> dict[str, object]:
@@ -76,13 +77,12 @@ class TrackStage:
         from .landings import load_tracked
         from .tracks import Flight
 
-        change = rerun or PerturbedRerun("tracks")
+        change = rerun or PerturbedRerun("tracks", replicates=REPLICATES)
         tolerance = change.tolerance or self.scene.numerics.tolerance
-        replicates = REPLICATES if rerun is None else COMPARED
-        key = content_key(self.key, tolerance, change.wake, replicates)
+        key = content_key(self.key, tolerance, change.wake, change.replicates)
         tell = partial(self.cache.tell, change.name)
         airs = self.realised(change)
-        flight = Flight(self.scene, self.plan, airs, tolerance, self.workers, tell, replicates)
+        flight = Flight(self.scene, self.plan, airs, tolerance, self.workers, tell, change.replicates)
         self.finish_compiling(change.name, key)
         folder = self.cache.make(change.name, key, partial(flight.fly_all, drawn=rerun is None))
         return load_tracked(folder, self.scene)

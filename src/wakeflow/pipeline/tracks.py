@@ -121,16 +121,18 @@ class Flight:
                 folder / f"{name}.drawn.npz", paths_of(tracks, feed.granules[chosen], len(self.scene.bin))
             )
 
-    def fly_part(self, name: str, replicate: int, part: slice, variation: GranuleVariation) -> NDArray[np.int64]:
-        """Index of the bin (m,), -1 for elsewhere, in which each granule of a ``part`` of a ``replicate`` lands, those
-        of the answer but for the ``variation``.
+    def fly_part(
+        self, name: str, replicate: int, part: slice, variation: GranuleVariation
+    ) -> tuple[Array, NDArray[np.int16]]:
+        """Where (m, 2) m each granule of a ``part`` of a ``replicate`` lands, those of the answer but for the
+        ``variation``, and the index of its bin (m,), -1 for elsewhere.
         """
         alone = range(replicate, replicate + 1, len(self.airs))
         flight = replace(self, airs=Realisations(self.airs.make(replicate % len(self.airs))))
         feed = feedstock(self.scene, self.plan, name, self.airs.period, alone, variation)
         second = _second_half(feed, len(feed.replicate), alone)[part]
         tracks = flight._fly_halves(name, feed.granules[part], second, flight._images(), replicate)
-        return tracks.ends(len(self.scene.bin))[0]
+        return tracks.position, tracks.ends(len(self.scene.bin))[0].astype(np.int16)
 
     def _meeting(self, name: str, feed: Feedstock, body_speed: float) -> int:
         """The injected granule that met the body at the upward speed (m/s) nearest to the one given."""

@@ -20,7 +20,7 @@ from ..core.quantities import split_quantity
 from ..core.registry import Registry
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity
-from ..laws.material import default_margins, materials
+from ..laws.material import Moisture, default_margins, materials
 from ..laws.restitution import Restitution
 from ..scene import Fraction, Scene
 from .airflow import AirflowPlan
@@ -67,14 +67,15 @@ class Unknown:
 @dataclass(frozen=True)
 class UnknownKind:
     """A kind of unknown: those of a scene under a plan (``found``), how a draw with the number ``x`` of one varies
-    (``vary``), whether it varies the air, and between which numbers (``span``) every draw of it stays: what is drawn
-    beyond is taken as the end.
+    (``vary``), whether it varies the air, between which numbers (``span``) every draw of it stays: what is drawn
+    beyond is taken as the end; whether it is ``lateral``: the mirror image of a machine has it with the other sign.
     """
 
     found: Callable[[Scene, Plan], Iterator[Unknown]]
     vary: Callable[[Variation, Unknown, float, Scene, Plan], Variation]
     of_air: bool = False
     span: tuple[float, float] = (0.0, math.inf)
+    lateral: bool = False
 
 
 unknown_kinds: Registry[UnknownKind] = Registry("unknown")
@@ -109,6 +110,11 @@ def _unknown(
     return Unknown(key, entry, value, own, own, unit, why, fraction)
 
 
+def half_of(scene: Scene, key: str, entry: str, value: float) -> float:
+    """How far the number at ``key`` may be off, as the scene says or by the default for the ``entry``."""
+    return _unknown(scene, key, entry, value, "1").high
+
+
 # -- what a draw makes of a number -------------------------------------------------------------------------------------
 Vary = Callable[[Variation, Unknown, float, Scene, Plan], Variation]
 
@@ -140,6 +146,11 @@ def _vary_settling(made: Variation, one: Unknown, x: float, scene: Scene, plan: 
     the same factor applies at a terminal velocity as much off.
     """
     name = known(one.fraction)
+    return made.with_granules(name, drag=made.of(name).drag * _drag(scene, plan, name, _factor(one, x)))
+
+
+def _drag(scene: Scene, plan: Plan, name: str, faster: float) -> float:
+    """The factor on the drag of a fraction's granules with which the median one falls ``faster`` by a factor."""
     how, granule = plan.fractions[name], scene.fraction[name].properties
     own, other = (
         float(
@@ -147,9 +158,36 @@ def _vary_settling(made: Variation, one: Unknown, x: float, scene: Scene, plan: 
                 granule.diameter, granule.density, speed, *STANDARD_AIR, GRAVITY, how.drag
             )
         )
-        for speed in known(how.terminal_velocity) * np.array([1.0, _factor(one, x)])
+        for speed in known(how.terminal_velocity) * np.array([1.0, faster])
     )
-    return made.with_granules(name, drag=other / own)
+    return other / own
+
+
+def _vary_density(made: Variation, one: Unknown, x: float, scene: Scene, _plan: Plan) -> Variation:
+    """Where the terminal velocity is known of itself, its drag goes with the density."""
+    name, factor = known(one.fraction), _factor(one, x)
+    kept = 1.0 if scene.fraction[name].measured_settling is None else factor
+    return made.with_granules(name, density=factor, drag=made.of(name).drag * kept)
+
+
+def _vary_moisture(made: Variation, one: Unknown, x: float, scene: Scene, plan: Plan) -> Variation:
+    """What was measured of the material at both ends, where the scene gives no number of its own for it."""
+    name = known(one.fraction)
+    fraction, own, wet = scene.fraction[name], made.of(name), known(_water(scene.fraction[name]))
+    friction = wet.factor("friction", x) if fraction.friction is None else 1.0
+    drag = _drag(scene, plan, name, wet.factor("terminal_velocity", x)) if _settles(scene, plan, name) else 1.0
+    return made.with_granules(name, friction=own.friction * friction, drag=own.drag * drag)
+
+
+def _water(fraction: Fraction) -> Moisture | None:
+    """What water does to a fraction's material, where that was measured."""
+    return None if fraction.material is None else materials[fraction.material].moisture
+
+
+def _settles(scene: Scene, plan: Plan, name: str) -> bool:
+    """Whether the granules of a fraction fall as its material's do, in air."""
+    own, here = scene.fraction[name].terminal_velocity, plan.fractions[name].terminal_velocity
+    return _has_air(scene, plan) and own is None and here is not None
 
 
 # -- of a fraction -----------------------------------------------------------------------------------------------------
@@ -177,11 +215,12 @@ def _add_of_fractions(
     vary: Vary,
     confidence: Callable[[Fraction, str], str] = _confidence,
     span: tuple[float, float] = UnknownKind.span,
+    acts: Callable[[Scene, Plan], bool] = lambda _scene, _plan: True,
 ) -> None:
-    """Register an unknown of every fraction, under its own name in a scene."""
+    """Register an unknown of every fraction, under its own name in a scene, where it ``acts``."""
 
     def found(scene: Scene, plan: Plan) -> Iterator[Unknown]:
-        for name in plan.fractions:
+        for name in plan.fractions if acts(scene, plan) else ():
             fraction = scene.fraction[name]
             number, key = value(fraction), f"fraction.{name}.{entry}"
             if number is not None and number > 0.0:
@@ -213,6 +252,22 @@ def _settling(scene: Scene, plan: Plan) -> Iterator[Unknown]:
             yield _unknown(scene, key, "terminal_velocity", value, "m/s", confidence, name)
 
 
+def _moistures(scene: Scene, plan: Plan) -> Iterator[Unknown]:
+    """The share of water of each fraction whose numbers were measured by it, over all that was measured: what follows
+    it moves together.
+    """
+    for name in plan.fractions:
+        fraction, key = scene.fraction[name], f"fraction.{name}.moisture"
+        wet = _water(fraction)
+        slides = wet is not None and wet.friction is not None and fraction.friction is None
+        if wet is not None and (slides or _settles(scene, plan, name)):
+            if key in scene.uncertainty:
+                yield _unknown(scene, key, "moisture", wet.middle, "1", fraction=name)
+            else:
+                half, why = wet.share[1] - wet.middle, "measured range (laws/materials.toml)"
+                yield Unknown(key, "moisture", wet.middle, half, half, "1", why, name)
+
+
 def _has_air(scene: Scene, plan: Plan) -> bool:
     """Whether granules fly in the scene's air."""
     return scene.air is not None and plan.airflow.kind != "none"
@@ -222,6 +277,8 @@ _add_of_fractions("restitution", "1", _restitution, _of_granules("restitution", 
 _add_of_fractions("friction", "1", lambda f: f.properties.friction, _of_granules("friction"))
 _add_of_fractions("rebound_scatter", "rad", lambda f: f.properties.rebound_scatter, _of_granules("scatter"))
 unknown_kinds.add("terminal_velocity", UnknownKind(_settling, _vary_settling))
+_add_of_fractions("density", "kg/m3", lambda f: f.properties.density, _vary_density, acts=_has_air)
+unknown_kinds.add("moisture", UnknownKind(_moistures, _vary_moisture, span=PORTION))
 _add_of_fractions("size", "m", lambda f: f.properties.diameter, _of_granules("size"))
 _add_of_fractions("inverse_inertia", "1", _inverse_inertia, _of_granules("inverse_inertia"), _how_known)
 
@@ -243,6 +300,18 @@ def _of_scene(
             yield _unknown(scene, key, entry, value(scene), unit)
 
     return found
+
+
+def _fall(scene: Scene, _: Plan) -> Iterator[Unknown]:
+    """The height of the feed, or the speed that is given instead."""
+    start, unit = ("speed", "m/s") if scene.feed.height is None else ("height", "m")
+    if value := getattr(scene.feed, start):
+        yield _unknown(scene, f"feed.{start}", "feed_fall", value, unit)
+
+
+def _vary_fall(made: Variation, one: Unknown, x: float, scene: Scene, _plan: Plan) -> Variation:
+    """A height goes as the square of the speed that it gives."""
+    return replace(made, feed_fall=_factor(one, x) ** (2.0 if scene.feed.height is None else 1.0))
 
 
 def _disperses(scene: Scene, plan: Plan) -> bool:
@@ -275,8 +344,9 @@ unknown_kinds.add("feed_width", UnknownKind(
 unknown_kinds.add("feed_position", UnknownKind(
     _of_scene("feed.position", "feed_position", "m", lambda scene: scene.feed.position),
     lambda made, one, x, _scene, _plan: replace(made, feed_shift=_shift(one, x)),
-    span=(-math.inf, math.inf),
+    span=(-math.inf, math.inf), lateral=True,
 ))  # fmt: skip
+unknown_kinds.add("feed_fall", UnknownKind(_fall, _vary_fall))
 unknown_kinds.add("air_speed", UnknownKind(
     _of_scene("air.speed", "air_speed", "m/s", lambda scene: scene.airstream.speed, _has_air),
     _of_the_air("speed"), of_air=True,

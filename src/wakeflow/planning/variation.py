@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -14,7 +15,8 @@ ONE = 1.0
 @dataclass(frozen=True)
 class GranuleVariation:
     """What a draw changes of a fraction's granules: added to the restitution, factors on the rest. ``drag``: on the
-    drag coefficient; ``size``: on the diameter; ``inverse_inertia``: on m r^2 / I, how easily a blow turns it.
+    drag coefficient; ``size``: on the diameter; ``density``: on the density; ``inverse_inertia``: on m r^2 / I, how
+    easily a blow turns it.
     """
 
     restitution: float = 0.0
@@ -22,6 +24,7 @@ class GranuleVariation:
     scatter: float = ONE
     drag: float = ONE
     size: float = ONE
+    density: float = ONE
     inverse_inertia: float = ONE
 
 
@@ -40,12 +43,15 @@ class AirVariation:
 
 @dataclass(frozen=True)
 class Variation:
-    """One draw: of the granules by fraction, of the air, of the curtain (a factor on its width, a shift in m)."""
+    """One draw: of the granules by fraction, of the air, of the curtain (factors on its width and on the height that it
+    has fallen, a shift in m).
+    """
 
     granules: Mapping[str, GranuleVariation] = field(default_factory=dict)
     air: AirVariation = AirVariation()
     feed_width: float = ONE
     feed_shift: float = 0.0
+    feed_fall: float = ONE
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "granules", MappingProxyType(dict(self.granules)))
@@ -64,9 +70,13 @@ class Variation:
 
     def fed(self, scene: Scene) -> Scene:
         """The scene with the curtain and the air's speed of this draw."""
-        feed = scene.feed.model_copy(
-            update={"width": scene.feed.width * self.feed_width, "position": scene.feed.position + self.feed_shift}
-        )
+        own = scene.feed
+        fallen = {
+            "height": None if own.height is None else own.height * self.feed_fall,
+            "speed": None if own.speed is None else own.speed * math.sqrt(self.feed_fall),
+        }
+        placed = {"width": own.width * self.feed_width, "position": own.position + self.feed_shift}
+        feed = own.model_copy(update={**placed, **fallen})
         air = scene.air and scene.air.model_copy(update={"speed": scene.air.speed * self.air.speed})
         return scene.model_copy(update={"feed": feed, "air": air})
 

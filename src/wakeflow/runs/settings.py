@@ -31,9 +31,9 @@ COARSER_MESH = 2.0  # of the cheapest pass, times the scene's own cells: an eigh
 MAX_COARSE = 4.0  # largest numerics.mesh_scale of a scene
 LOOSER = 0.1  # of the target: a landing error that moves few granules over a bin's end
 MIN_PASS_GRANULES = 256  # granules of the cheapest pass: 16 a replicate
-# Granules of the cheapest pass times the target: what any answer needs, since the limit of a share of which nothing was
-# found among the granules that fly again is SIGMAS^2 over their number
-IN_FIRST = SIGMAS**2 * REPLICATES / COMPARED
+# Granules of the cheapest pass times the target: what any answer needs, since the limit on a term left out of which
+# nothing was found among them is SIGMAS^2 over their number
+IN_FIRST = SIGMAS**2
 
 
 @dataclass(frozen=True)

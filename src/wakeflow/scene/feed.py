@@ -13,6 +13,9 @@ from ..laws.constants import GRAVITY
 from ..laws.profile import crowding, profiles
 from .table import AnyAngle, Array, Coordinate, Length, MassRate, Shorthand, Speed, Table, made_by
 
+EVEN = 1e-9  # of the curtain's width: what is so near is the same
+PARTS = np.linspace(0.05, 0.45, 5)  # of the curtain's mass, at which its two sides are compared
+
 
 # -- [feed]: the falling curtain ---------------------------------------------------------------------------------------
 class Profile(Table):
@@ -82,6 +85,13 @@ class Feed(Table):
     def places(self, p: Array) -> Array:
         """x (m) left of which the shares ``p`` of the curtain's mass fall."""
         return self.position + self.profile.quantile(p, self.width)
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether the curtain falls straight down, and is its own mirror image about x = 0."""
+        upright = self.direction is None or abs(math.cos(self.direction)) < EVEN
+        left, right = (self.profile.quantile(part, 1.0) for part in (PARTS, 1.0 - PARTS))
+        return upright and self.position == 0.0 and bool(np.allclose(left, -right, atol=EVEN))
 
     @property
     def crowding(self) -> float:

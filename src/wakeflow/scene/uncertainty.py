@@ -23,10 +23,13 @@ OF_FRACTION = {
     "terminal_velocity": "m/s",
     "size": "m",
     "inverse_inertia": "1",
+    "density": "kg/m3",
+    "moisture": "1",
 }
 OF_SCENE = {
-    "feed.width": "m", "feed.position": "m", "air.speed": "m/s", "air.turbulence": "1", "wake.theta": "1",
-    "wake.strength": "1", "dispersion": "1",
+    "feed.width": "m", "feed.position": "m", "feed.height": "m", "feed.speed": "m/s", "air.speed": "m/s",
+    "air.turbulence": "1", "wake.theta": "1", "wake.strength": "1", "dispersion": "1",
+    "collisions.restitution": "1", "collisions.friction": "1",
 }  # fmt: skip
 
 

@@ -115,6 +115,14 @@ def _switches(value: object) -> object:
     return states_of(value) if isinstance(value, Mapping) else value
 
 
+SAME = 1e-9  # m, and of a unit vector: what is so near is the same
+
+
+def _same_line(one: Array, other: Array) -> bool:
+    """Whether two lines (k, 2) of points are one, from either end."""
+    return one.shape == other.shape and any(np.allclose(one, way, rtol=0.0, atol=SAME) for way in (other, other[::-1]))
+
+
 class SceneTables(Table):
     """All tables of a scene, and what follows from them."""
 
@@ -192,6 +200,19 @@ class SceneTables(Table):
         other = {"left": "right", "right": "left"}
         paired = all((other[side], *rest) in rows for side, *rest in rows)
         return paired and are_symmetric([body.outline() for body in self.body.values()])
+
+    @property
+    def images(self) -> tuple[int, ...] | None:
+        """The place of each bin's mirror image among the bins, that of elsewhere last; None where the bins, the
+        machine, its motion, the feed or an airflow of the user's are not their own image about x = 0.
+        """
+        own_air = self.air is not None and self.air.case is not None
+        still = self.vibration is None or abs(float(self.vibration.along[0])) < SAME
+        if not (self.symmetric and still and self.feed.symmetric) or own_air or self.funnel is not None:
+            return None
+        lines = [place.line(self.channel) for place in self.bin.values()]
+        found = [[i for i, other in enumerate(lines) if _same_line(other, line * (-1.0, 1.0))] for line in lines]
+        return (*(one[0] for one in found), len(lines)) if all(found) else None
 
     @property
     def release(self) -> tuple[float, float]:

@@ -5,7 +5,8 @@ Comput. Phys. 262, 104). The index is meant as a 95 % band round the finest grid
 approach their limit from one side at a plausible order; an observed order above the schemes' own is an accident of
 three grids and enters as the formal one. Where values oscillate or move apart the band is three times their range to
 either side; where their statistical error hides the differences of three grids only the range is reported. Two grids
-have one difference, which is taken for the mesh's, its statistical error beside it.
+have one difference, which is taken for the mesh's once the variance of its statistical error is off its square; what is
+left is expected to be the mesh's alone, and the statistical error stays beside it.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ MIN_ORDER, ABOVE_FORMAL = 0.5, 0.5  # orders from 0.5 to the formal one plus 0.5
 OF_RANGE = 3.0  # half bands over the range, where no order is seen (Eca & Hoekstra's procedure)
 OF_RANGE_ABOVE = 1.25  # the same where values settle faster than the schemes can (likewise)
 NOISE = 1 / 3  # largest statistical half width over a difference of three grids that still lets the order count
+BY_CHANCE = (2.0 / (math.pi * math.e)) ** 0.25  # rms of what is left of a normal difference less its variance
 TINY = 1e-14  # relative: values that agree so well are one value
 
 
@@ -134,10 +136,9 @@ def _three(h: list[float], f: list[float], e: list[float], formal: float) -> Gri
 
 
 def _two(h: list[float], f: list[float], e: list[float], formal: float) -> GridEstimate:
-    factor = SAFETY_TWO / ((h[1] / h[0]) ** formal - 1)
-    fine = factor * abs(f[1] - f[0])
-    noise = math.hypot(*e)
-    by_chance = math.hypot(factor * noise / SIGMAS, noise)
+    factor, noise = SAFETY_TWO / ((h[1] / h[0]) ** formal - 1), math.hypot(*e)
+    fine = factor * math.sqrt(max(0.0, (f[1] - f[0]) ** 2 - (noise / SIGMAS) ** 2))
+    by_chance = math.hypot(factor * BY_CHANCE * noise / SIGMAS, noise)
     half = math.hypot(fine, noise)
     why = f"two grids, order {formal:g} assumed, three times the difference to the extrapolated value"
     if noise >= (difference := abs(f[1] - f[0])):  # as likely chance as the mesh: nothing to extrapolate

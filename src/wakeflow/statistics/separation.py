@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from ..answer.shares import Separation
 from ..core.number import Number, student
-from ..pipeline.landings import Landings
+from ..pipeline.landings import Landings, pooled
 from ..scene import RESERVED_BIN, Scene
 
 # -- How far a share may be off for being taken from few granules and from few shedding cycles of the wake -------------
@@ -67,8 +67,8 @@ class Tally(NamedTuple):
     realisation: NDArray[np.int64]
 
     @classmethod
-    def every(cls, landing: Landings, bins: int, cycles: int) -> list[Tally]:
-        """The tally of every bin, and of what landed elsewhere."""
+    def every(cls, landing: Landings, bins: int, cycles: int, images: Sequence[int] | None = None) -> list[Tally]:
+        """The tally of every bin, with that of its image where there are ``images``, and of what landed elsewhere."""
         replicates = int(landing.replicate.max()) + 1
         realisation = np.zeros(replicates, dtype=np.int64)
         realisation[landing.replicate] = landing.realisation
@@ -76,7 +76,7 @@ class Tally(NamedTuple):
         place = (place * replicates + landing.replicate) * cycles + landing.cycle
         shape = bins + 1, replicates, cycles
         hits = np.bincount(place, landing.weight, minlength=int(np.prod(shape))).reshape(shape).astype(float)
-        return [cls(inside, hits.sum(axis=0), realisation) for inside in hits]
+        return [cls(inside, hits.sum(axis=0), realisation) for inside in pooled(hits.T, images).T]
 
     @property
     def samples(self) -> Array:
@@ -159,10 +159,10 @@ def share_interval(samples: Array, count: int, spread: Spread | None = None) -> 
     return Number(value, max(0.0, value - half), min(1.0, value + half))
 
 
-def share_spreads(landing: Landings, bins: int) -> list[Spread]:
+def share_spreads(landing: Landings, bins: int, images: Sequence[int] | None = None) -> list[Spread]:
     """The two parts of the interval of a fraction's share in every bin, and elsewhere."""
     found = []
-    for tally in Tally.every(landing, bins, cycles_of([landing])):
+    for tally in Tally.every(landing, bins, cycles_of([landing]), images):
         alone = share_interval(tally.samples, round(landing.size), tally.spread._replace(airflow=0.0))
         found.append(Spread(alone.half, tally.spread.airflow))
     return found
@@ -175,13 +175,13 @@ def upper_limit(count: int, total: int) -> float:
 
 def separate(scene: Scene, landings: Mapping[str, Landings]) -> Separation:
     """Shares, purity, recovery and throughput (kg/h) of every bin from the ``landings`` of each fraction."""
-    bins = [*scene.bin, RESERVED_BIN]
+    bins, images = [*scene.bin, RESERVED_BIN], scene.images
     cycles = cycles_of(landings[name] for name in landings)
     tallies: dict[str, list[Tally]] = {}  # one a bin
     count: dict[str, int] = {}
     for name in landings:
         landing = landings[name]
-        tallies[name] = Tally.every(landing, len(scene.bin), cycles)
+        tallies[name] = Tally.every(landing, len(scene.bin), cycles, images)
         count[name] = round(landing.size)
     fractions = {
         name: {

@@ -189,6 +189,11 @@ class Bounded:
     def held(self) -> bool:
         return self.change <= self.bound + self.within
 
+    @property
+    def tested(self) -> bool:
+        """Whether a change of twice the bound would show."""
+        return self.within <= self.bound
+
 
 def bounded(told: Predicted, count: int) -> Iterator[Bounded]:
     """Every term of the air that is left out and can be computed, off and on, for the same granules."""

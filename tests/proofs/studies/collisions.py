@@ -25,7 +25,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ from wakeflow.answer.shares import Separation
 from wakeflow.budget.comparison import AmongOthers
 from wakeflow.core.number import student
 from wakeflow.core.store import content_key
+from wakeflow.core.tables import Columns
 from wakeflow.pipeline.cache import code_of
 from wakeflow.pipeline.landings import Landings
 from wakeflow.pipeline.pipeline import Pipeline
@@ -117,9 +118,10 @@ def chosen_draws(count: int) -> list[int]:
     return [*first.tolist(), *sorted(set(range(INPUT_SAMPLES)) - set(first.tolist()))][:count]
 
 
-def _change(part: dict[str, NDArray[Any]], name: str, bins: int) -> Array:
-    shares = [np.bincount(part[f"{which}.{name}"], minlength=bins + 1) for which in ("varied", "own")]
-    return np.asarray((shares[0] - shares[1]) / len(part[f"own.{name}"]))
+def _change(part: Columns, name: str, bins: int) -> Array:
+    landed = ([*range(bins), -1] == part[f"{which}.{name}.bin"][:, None] for which in ("varied", "own"))
+    varied, own = (inside.mean(axis=0) for inside in landed)
+    return np.asarray(varied - own)
 
 
 def slope(draws_rows: Sequence[Moved]) -> float:
