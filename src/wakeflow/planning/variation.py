@@ -14,7 +14,8 @@ ONE = 1.0
 @dataclass(frozen=True)
 class GranuleVariation:
     """What a draw changes of a fraction's granules: added to the restitution, factors on the rest. ``drag``: on the
-    drag coefficient; ``size``: on the diameter; ``inverse_inertia``: on m r^2 / I, how easily a blow turns it.
+    drag coefficient; ``size``: on the diameter; ``inverse_inertia``: on m r^2 / I, how easily a blow turns it;
+    ``spin_lift``: on the coefficient of its spin lift.
     """
 
     restitution: float = 0.0
@@ -23,6 +24,7 @@ class GranuleVariation:
     drag: float = ONE
     size: float = ONE
     inverse_inertia: float = ONE
+    spin_lift: float = ONE
 
 
 @dataclass(frozen=True)

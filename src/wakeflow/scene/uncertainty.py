@@ -26,7 +26,7 @@ OF_FRACTION = {
 }
 OF_SCENE = {
     "feed.width": "m", "feed.position": "m", "air.speed": "m/s", "air.turbulence": "1", "wake.theta": "1",
-    "wake.strength": "1", "dispersion": "1",
+    "wake.strength": "1", "dispersion": "1", "spin_lift": "1",
 }  # fmt: skip
 
 
