@@ -381,7 +381,7 @@ def test_every_input_of_the_shipped_rhombus_that_can_be_off_is_drawn() -> None:
     found = _shipped()
     shared = {
         "feed.width", "feed.position", "feed.height", "air.speed", "air.turbulence", "dispersion", "wake.theta",
-        "wake.strength",
+        "wake.strength", "spin_lift",
     }  # fmt: skip
     assert shared <= set(found)
     wheat = {key.rpartition(".")[2] for key in found if key.startswith("fraction.wheat.")}
@@ -541,7 +541,7 @@ def test_each_unknown_moves_its_own_number() -> None:
             changed += [
                 key for key in vars(made.of(name)) if getattr(made.of(name), key) != getattr(still.of(name), key)
             ]
-        assert len(changed) == 1 or set(changed) == several[one.kind], one.key
+        assert len(set(changed)) == 1 or set(changed) == several[one.kind], one.key
     wheat = next(one for one in known if one.key == "fraction.wheat.terminal_velocity")
     assert wheat.at(1.0) - wheat.value == pytest.approx(wheat.high / SIGMAS)
 

@@ -33,6 +33,14 @@ def test_every_study_is_tried() -> None:
     assert {name for name in app if not name.startswith("-")} <= named | ELSEWHERE
 
 
+@pytest.mark.openfoam
+def test_chaff_alone_lands_where_it_does_without_lift_but_for_the_scatter_of_its_spin() -> None:
+    """Of a glume the lift takes a sixth out of the inner bins, to either side of the heap."""
+    inner = {row["chaff as"]: float(row["inner"].split()[0]) for row in study("chaff_alone", "--count", 1024)}
+    assert inner["flake, no spin lift"] > 88.0
+    assert 70.0 < inner["flake"] < inner["flake, no spin lift"]
+
+
 @pytest.mark.parametrize(
     ("words", "column", "found"),
     [
@@ -46,6 +54,8 @@ def test_every_study_is_tried() -> None:
         pytest.param(
             ["labyrinth", 64, 4], "{fraction}", list(shipped("labyrinth").fraction), marks=pytest.mark.openfoam
         ),
+        (["flakes_in_air", "--count", 60], "{restitution}", ["0.2", "0.5"]),
+        (["flakes", "--count", 8], "{plate}", ["6 x 2 x 0.2", "3 x 3 x 0.1", "10 x 3 x 0.2", "12.65 x 3.69 x 3.69"]),
         pytest.param(["locked_band", "--quick"], "{ratio}", ["0.5"], marks=pytest.mark.openfoam),
         pytest.param(["mpi_ranks", "--quick"], "{gain:|}", [""], marks=(*SLOW, pytest.mark.mpi)),
         pytest.param(

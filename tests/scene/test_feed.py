@@ -14,6 +14,7 @@ from support import CASES, shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.injection.feed import feedstock
+from wakeflow.laws.material import materials
 from wakeflow.laws.profile import crowding, profiles
 from wakeflow.planning.coupling import COUPLING, INDEPENDENT, LOADED, MODULATING
 from wakeflow.planning.make import make_plan
@@ -145,7 +146,7 @@ def test_below_its_feed_rate_meetings_are_within_the_accuracy_and_above_not(draf
 def test_densities_of_curtain_and_air_are_by_hand(draft: Scene) -> None:
     plan = make_plan(draft)
     found = rows(plan)
-    density = {"dust": 1500.0, "chaff": 200.0, "wheat": 1300.0}
+    density = {name: materials[name].density for name in ("dust", "chaff", "wheat")}
     area, flow = 0.04 * 0.3, 500.0 / 3600.0
     solid = sum(
         flow * share / density[name] / (area * plan.fractions[name].arrival_speed)

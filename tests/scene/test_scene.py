@@ -132,6 +132,7 @@ def test_gamma_gives_the_amplitude(rhombus: Scene) -> None:
         ({"air": 3}, "air = 3: is a table: write [air] and its keys below it (its keys: speed, direction"),
         ({"air.speed": [3, 4]}, "air.speed = [3, 4]: needs a number"),
         ({"air.turbulence": "90 %"}, "air.turbulence = '90 %': too large (allowed: >= 0 % and <= 50 %)"),
+        ({"fraction.dust.impact": "flake"}, "impact = 'flake' needs dimensions = [length, width, thickness]"),
         ({"fraction.wheat.mass_share": 90}, "too large (allowed: > 0 and <= 1); unit forgotten? Write '90 %'"),
         ({"feed.width": "300 cm"}, "feed.width = 300 cm at feed.position = 0 cm touches the channel's walls"),
         ({"bin.middle.to": "100 mm"}, "bin.middle and bin.inner-right overlap from 80 mm to 100 mm"),

@@ -58,6 +58,10 @@ def _values(name: str, one: Material) -> Iterator[tuple[str, str]]:
             known = one.evidence[quantity]
             value = f"{_within(one, quantity)} {UNITS.get(quantity, '')}".strip()
             yield f"{quantity}: {value}{_mean(one, quantity)}; {known.confidence}", known.source
+    if one.dimensions is not None:
+        known = one.evidence["dimensions"]
+        sides = " x ".join(f"{1e3 * side:.3g}" for side in one.dimensions)
+        yield f"dimensions: {sides} mm; {known.confidence}", known.source
     if one.moisture is not None:
         ends = zip(one.moisture.share, one.moisture.terminal_velocity, strict=True)
         told = ", ".join(f"{speed:.3g} m/s at {share:.0%}" for share, speed in ends)

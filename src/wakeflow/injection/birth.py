@@ -43,6 +43,12 @@ def traits_of(name: str, count: int, seed: int, replicates: Sequence[int]) -> Ar
     return np.concatenate([_points(name, size, seed, one, PLACED + TRAITS, 1)[:, PLACED:] for one in replicates])
 
 
+def blows_of(name: str, count: int, seed: int, replicates: Sequence[int]) -> Array:
+    """Standard normal numbers (n,), by which a flake is turned at its first impact."""
+    size, own = replicate_size(count), zlib.crc32(name.encode())
+    return np.concatenate([np.random.default_rng([seed, own, one, 2]).standard_normal(size) for one in replicates])
+
+
 @lru_cache(maxsize=64)  # a search flies the same granules through many scenes
 def _replicate(name: str, size: int, seed: int, replicate: int, dimensions: int) -> Array:
     return _points(name, size, seed, replicate, dimensions)
@@ -77,4 +83,5 @@ def varied_granules(grains: Granules, variation: GranuleVariation) -> Granules:
         scatter=np.minimum(grains.scatter * variation.scatter, MAX_SCATTER),
         drag_scale=grains.drag_scale * variation.drag,
         inertia=grains.inertia / variation.inverse_inertia,
+        spin_lift=grains.spin_lift * variation.spin_lift,
     )

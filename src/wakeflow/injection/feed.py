@@ -33,7 +33,8 @@ from ..planning.plan import REPLICATES, FractionPlan, Plan
 from ..planning.variation import GranuleVariation
 from ..scene import Fraction, Scene, Speeds
 from ..tracking import Granules
-from .birth import PLACED, TRAITS, samples, traits_of, varied_granules
+from ..tracking.granules import toss_of
+from .birth import PLACED, TRAITS, blows_of, samples, traits_of, varied_granules
 from .first_contact import first_contact, motion_of
 
 Array = NDArray[np.float64]
@@ -188,6 +189,8 @@ def granules_of(
         inertia=fraction.inertia,
         scatter=properties.rebound_scatter,
         tangential_restitution=properties.tangential_restitution,
+        shape=fraction.shape,
+        flake=fraction.flake,
     )
 
 
@@ -230,7 +233,8 @@ def feedstock(
         since = time[i] - passing
         position[i] = np.stack([x[i], height[i] - since * (fall[i] + 0.5 * pull * since)], axis=1)
         came[i, 1] = -(fall[i] + pull * since)
-        velocity[i], spin[i] = _rebound(grains[i], -came[i, 1], normal[i], wall, traits[i, 3])
+        xi = blows_of(name, scene.feed.count, scene.feed.seed, replicates)
+        velocity[i], spin[i] = _rebound(grains[i], -came[i, 1], normal[i], wall, traits[i, 3], xi[i])
     entered = grains.replace(position=position, velocity=velocity, time=time, spin=spin, arrival=came)
     return Feedstock(entered, replicate, injected)
 
@@ -270,16 +274,19 @@ def entering(scene: Scene, grains: Granules, x: Array) -> Granules:
     return grains.replace(position=np.stack([x, np.full(len(x), y)], axis=1), velocity=velocity)
 
 
-def _rebound(grains: Granules, fall: Array, normal: Array, wall: Array, chance: Array) -> tuple[Array, Array]:
+def _rebound(
+    grains: Granules, fall: Array, normal: Array, wall: Array, chance: Array, xi: Array
+) -> tuple[Array, Array]:
     """Velocity (n, 2) m/s and spin (n,) rad/s of granules falling straight down on walls of unit ``normal`` (n, 2),
-    which the shape of each turns by an angle that the part ``chance`` (n,) of all angles lies below.
+    which the shape of each turns by an angle that the part ``chance`` (n,) of all angles lies below; ``xi`` (n,) as of
+    :func:`~wakeflow.laws.flake.flung`.
     """
     falling = np.stack([np.zeros(len(fall)), -fall], axis=1)
     e = restitution_at(grains.restitution, approach_speed(0.0, -fall, *normal.T, *wall.T))
     angle = grains.scatter * normal_quantile(chance) if grains.scatter.any() else grains.scatter
     velocity, spin, _ = scattered_rebound(
         falling, np.zeros(len(fall)), normal, wall, e, grains.friction, 1.0 / grains.inertia, grains.diameter / 2,
-        grains.tangential_restitution, angle,
+        grains.tangential_restitution, angle, toss_of(grains), xi,
     )  # fmt: skip
     return velocity, spin
 

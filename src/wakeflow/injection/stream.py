@@ -21,6 +21,7 @@ from .. import tracking
 from ..core.errors import known
 from ..field import FlowField
 from ..laws.constants import GRAVITY
+from ..laws.flake import section
 from ..laws.restitution import Restitution, restitution_at
 from ..planning.collisions import MASS_LEVELS, CollisionPlan, number_rates
 from ..planning.plan import Plan
@@ -186,7 +187,7 @@ def _apart(rng: np.random.Generator, grains: Granules, solid: NDArray[np.int64],
     x, z = grains.position[:, 0].copy(), depth * rng.random(len(grains))
     if len(solid) < 2:
         return x, z
-    width = grains.diameter[solid]
+    width = grains.diameter[solid] * section(grains.shape[solid], grains.flake[solid])[1]
     speed = np.maximum(np.abs(grains.velocity[solid, 1]), np.sqrt(GRAVITY * width))
     ahead = float(speed.min()) * grains.time[solid]  # way that separates those born later, at least
     for _ in range(ROUNDS):

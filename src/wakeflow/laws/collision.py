@@ -44,6 +44,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
 from ..core.registry import Registry
+from .flake import flung
 from .restitution import Restitution, restitution_at
 
 Array = NDArray[np.float64]
@@ -55,12 +56,13 @@ ROUGH = 1e300  # a larger friction counts as this one: an infinite friction time
 @dataclass(frozen=True)
 class ImpactModel:
     """How a granule turns when it is struck: ``inertia`` k = I / (m r^2) about its axis, None for a point mass that
-    does not; the shape it ``means``; ``source``.
+    does not; the shape it ``means``; ``source``; whether it is a ``flake``, whose spin is drawn (``laws.flake``).
     """
 
     inertia: float | None
     means: str
     source: str
+    flake: bool = False
 
     @property
     def mobility(self) -> float:
@@ -75,6 +77,9 @@ impact_models.add("sphere", ImpactModel(0.4, "a solid sphere: bead, round seed",
 impact_models.add("disc", ImpactModel(0.5, "a disc or solid cylinder about its axis: a lying kernel", _ROUTH))
 impact_models.add("shell", ImpactModel(2.0 / 3.0, "a hollow sphere with a thin wall: an empty husk", _ROUTH))
 impact_models.add("tube", ImpactModel(1.0, "a hollow cylinder with a thin wall about its axis: lying straw", _ROUTH))
+impact_models.add(
+    "flake", ImpactModel(0.5, "a thin plate: its centre goes as a disc's, its spin is drawn", _ROUTH, True)
+)
 
 
 def impulses(approach: Any, slip: Any, give: Any, restitution: Any, friction: Any, back: Any) -> Any:
@@ -243,12 +248,13 @@ def throws_off(vx: Any, vy: Any, nx: Any, ny: Any, wx: Any, wy: Any, mx: Any, my
 
 def scattered_rebound(
     velocity: Array, spin: Array, normal: Array, wall: Array, restitution: Any, friction: Any, mobility: Any,
-    radius: Any, tangential_restitution: Any, angle: Array,
+    radius: Any, tangential_restitution: Any, angle: Array, toss: Any = 0.0, xi: Any = 0.0,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Collisions of granules of ``velocity`` (n, 2) m/s and ``spin`` (n,) rad/s with walls of unit ``normal`` (n, 2)
     and velocity ``wall`` (n, 2) m/s, the normals turned by ``angle`` (n,) rad or as much of it as throws them off.
 
-    Other arguments as of :func:`~wakeflow.laws.collision.collide`. Returns velocity, spin and normal impulse (n,) m/s.
+    ``toss`` of flakes and their numbers ``xi`` as of :func:`~wakeflow.laws.flake.flung`, other arguments as of
+    :func:`~wakeflow.laws.collision.collide`. Returns velocity, spin and normal impulse (n,) m/s.
     """
     (vx, vy), (nx, ny), (wx, wy) = velocity.T, normal.T, wall.T
 
@@ -265,5 +271,7 @@ def scattered_rebound(
         if held.any():
             held &= ~(after(angle)[1] & after(-angle)[1])
             angle = np.where(held, 0.5 * angle, angle)
-    (ax, ay, turning, impulse, _), _ = after(np.where(held, 0.0, angle))
+    (ax, ay, turning, impulse, along), _ = after(np.where(held, 0.0, angle))
+    freed = (vx - wx) ** 2 + (vy - wy) ** 2 - (ax - wx) ** 2 - (ay - wy) ** 2
+    turning = np.where(np.asarray(toss) > 0.0, flung(spin, np.asarray(toss), impulse, along, freed, xi), turning)
     return np.stack([ax, ay], axis=-1), turning, impulse

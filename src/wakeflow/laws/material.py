@@ -84,6 +84,7 @@ class Material:
     rebound_scatter: float = 0.0  # rad, rms angle by which its shape turns the wall's normal at an impact
     tangential_restitution: float = 0.0  # of a contact that sticks
     impact: str = "paper"  # name of its impact model: how a blow turns it
+    dimensions: tuple[float, ...] | None = None  # m, length, width, thickness; None: a ball
     evidence: Mapping[str, Evidence] = field(default_factory=dict)  # of each of the quantities, by name
     moisture: Moisture | None = None  # what water does to it, where that was measured
 
@@ -103,12 +104,13 @@ def read_material(name: str, table: Mapping[str, Any], where: str) -> Material:
     own = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
     parts = {key: value for key, value in table.items() if isinstance(value, Mapping)}
     _same_keys(at, own, ("diameter", "density", "confidence", "source"), ())
-    _same_keys(at, parts, ("restitution", "friction", "impact"), (*PARTS, "moisture"))
+    _same_keys(at, parts, ("restitution", "friction", "impact"), (*PARTS, "dimensions", "moisture"))
     _words(at, own)
     found: dict[str, Any] = {"terminal_velocity": None, **own}
     for key in ("diameter", "density"):
         found[key] = _number(f"{at}.{key}", own[key], 0.0, LARGEST[key])
     moisture = parts.pop("moisture", None)
+    sizes = parts.pop("dimensions", None)
     for key, part in parts.items():
         place = f"{at}.{key}"
         value = "model" if key == "impact" else "value"
@@ -118,8 +120,19 @@ def read_material(name: str, table: Mapping[str, Any], where: str) -> Material:
         if key in SPREAD:
             found[f"{key}_std"] = _number(f"{place}.std", part["std"], 0.0, LARGEST[key])
     evidence = {key: Evidence(part["confidence"], part["source"]) for key, part in parts.items()}
+    if sizes is not None:
+        found["dimensions"], evidence["dimensions"] = _dimensions(f"{at}.dimensions", sizes)
     wet = None if moisture is None else _moisture(f"{at}.moisture", moisture)
     return Material(**found, evidence=evidence, moisture=wet)
+
+
+def _dimensions(at: str, table: Mapping[str, Any]) -> tuple[tuple[float, ...], Evidence]:
+    _same_keys(at, table, ("value", "confidence", "source"), ())
+    _words(at, table)
+    if not isinstance(table["value"], list) or len(table["value"]) != 3:
+        raise SceneError(f"{at}.value = {table['value']!r}: give length, width and thickness")
+    sides = tuple(_number(at, side, 1e-9, LARGEST["diameter"]) for side in table["value"])
+    return sides, Evidence(table["confidence"], table["source"])
 
 
 def _moisture(at: str, table: Mapping[str, Any]) -> Moisture:

@@ -1,10 +1,11 @@
 """How often granules of a fed stream meet each other, and what that does to them: estimates before anything is flown.
 
-Kinetic theory of two streams: a granule i meets n_j sigma v_rel granules of fraction j in a second, where sigma =
-pi/4 (d_i + d_j)^2 and n_j is the number in a volume. Four ways of meeting count: granules of one fraction overtake
-those of another on their fall; one that leaves the body crosses the curtain that still falls; one that falls passes
-through those that leave; and those that slide and hop down a slope meet in the layer that they are there. Only partners
-as heavy or heavier turn a granule out of its way: each counts with the share 2 m_j / (m_i + m_j), one at most.
+Kinetic theory of two streams: a granule i meets n_j sigma v_rel granules of fraction j in a second, where sigma is
+the mean section of two bodies of random orientation (laws/flake.py) and n_j the number in a volume. Four ways of
+meeting count: granules of one fraction overtake those of another on their fall; one that leaves the body crosses the
+curtain that still falls; one that falls passes through those that leave; and those that slide and hop down a slope meet
+in the layer that they are there. Only partners as heavy or heavier turn a granule out of its way: each counts with the
+share 2 m_j / (m_i + m_j), one at most.
 
 The wake of a body in upward air is above it, where the feed is, and shelters what falls: the air in it flows up as much
 as down, and light fractions that fall faster than it recirculates come down with the heavy ones, as through air at
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 from ..core.errors import known
 from ..core.geometry import edges, normals
 from ..laws.constants import GRAVITY
+from ..laws.flake import section
 from ..laws.forces import FlightScales
 from ..laws.restitution import restitution_at
 from ..scene import Fraction, Scene
@@ -92,6 +94,8 @@ class _Stream:
 
     mass: float  # kg, of the median granule
     diameter: float  # m
+    section: float  # m2, mean area of its projections over pi
+    girth: float  # m, mean perimeter of its projections over 2 pi
     flux: float  # 1/(m2 s), of granules in the curtain about one of them
     falls: tuple[_Fall, ...]
     arrival: float  # m/s at the body, of the median granule; 0 where it does not come there
@@ -133,7 +137,7 @@ def shifted(scene: Scene, met: Encounters, scales: Sequence[FlightScales]) -> fl
 
 def _ways(own: _Stream, other: _Stream) -> Iterator[tuple[float, float]]:
     """(number of meetings of a granule, closing speed in m/s) of every way in which two fractions meet."""
-    sigma = 0.25 * math.pi * (own.diameter + other.diameter) ** 2
+    sigma = math.pi * (own.section + other.section + 2.0 * own.girth * other.girth)
     pairs = [_overtaking(one, two) for one in own.falls for two in other.falls]
     met, closing = np.mean(pairs, axis=0).tolist()
     yield sigma * other.flux * met, closing / met if met > 0.0 else 0.0
@@ -192,7 +196,9 @@ def _stream(scene: Scene, name: str, law: str, scale: float) -> _Stream:
     flux = feed.crowding * mass_flow / (mass * feed.width * feed.depth)
     crossing = _crossing(scene, thrown) if arrival > 0.0 else 0.0
     slope = _slope(scene, fraction, arrival, thrown) if arrival > 0.0 else None
-    return _Stream(mass, granule.diameter, flux, falls, arrival, thrown, crossing, slope)
+    radius, (area, perimeter) = 0.5 * granule.diameter, section(fraction.shape[None], np.array([fraction.flake]))
+    wide = float(area[0]) * radius**2, float(perimeter[0]) * radius
+    return _Stream(mass, granule.diameter, *wide, flux, falls, arrival, thrown, crossing, slope)
 
 
 def _slope(scene: Scene, fraction: Fraction, arrival: float, thrown: float) -> _Slope | None:

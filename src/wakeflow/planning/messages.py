@@ -37,7 +37,7 @@ def body_checks(scene: Scene) -> Iterator[Notice]:
         for kind, fraction in scene.fraction.items():
             friction = fraction.properties.friction
             held = slopes[(slopes > 0.0) & (slopes <= friction)]
-            if len(held) and fraction.inertia is None:  # what can roll, does
+            if len(held) and (fraction.inertia is None or fraction.flake):  # what can roll, does
                 angle = math.degrees(math.atan(float(held[-1])))
                 yield less_sure(
                     f"body.{name}: friction {friction:g} holds {kind} on its faces of up to {angle:.3g} deg unless "
@@ -158,6 +158,8 @@ def _rebound_words(scene: Scene, name: str) -> str:
     if fraction.properties.tangential_restitution:
         parts.append(f"tangential restitution {fraction.properties.tangential_restitution:.2g}")
     turns = "does not turn" if fraction.inertia is None else f"turns with I / (m r^2) {fraction.inertia:.2g}"
+    if fraction.flake:
+        turns = "turns as a flake, by chance"
     return f"; rebounds with {', '.join(parts)}, {turns}"
 
 

@@ -20,6 +20,8 @@ from ..core.quantities import split_quantity
 from ..core.registry import Registry
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity
+from ..laws.forces.lift import SPIN_LIFT
+from ..laws.lift import MAGNUS_RANGE
 from ..laws.material import Moisture, default_margins, materials
 from ..laws.restitution import Restitution
 from ..scene import Fraction, Scene
@@ -33,6 +35,7 @@ FARTHEST = 2.5  # standard deviations at which a draw is cut off: 1.2 % lie beyo
 MIN_FACTOR = 1e-3  # a factor is no smaller, however wide its interval
 PORTION = (0.0, 1.0)  # what a part of a whole can be
 GIVEN = "given"
+SPIN = "spin_lift"
 DISPERSES = "dispersion"  # the force that the turbulence's unknowns act through
 
 
@@ -268,6 +271,23 @@ def _moistures(scene: Scene, plan: Plan) -> Iterator[Unknown]:
                 yield Unknown(key, "moisture", wet.middle, half, half, "1", why, name)
 
 
+def _spin_lift(scene: Scene, plan: Plan) -> Iterator[Unknown]:
+    """The coefficient of spin lift, of all fractions that have it."""
+    if not any(SPIN_LIFT.name in how.forces for how in plan.fractions.values()):
+        return
+    if SPIN in scene.uncertainty:
+        yield _unknown(scene, SPIN, SPIN, 1.0, "1")
+    else:
+        low, high = MAGNUS_RANGE
+        yield Unknown(SPIN, SPIN, 1.0, 1.0 - low, high - 1.0, "1", "measured lifts (laws/lift.py)")
+
+
+def _vary_spin_lift(made: Variation, one: Unknown, x: float, _scene: Scene, plan: Plan) -> Variation:
+    for name in plan.fractions:
+        made = made.with_granules(name, spin_lift=_factor(one, x))
+    return made
+
+
 def _has_air(scene: Scene, plan: Plan) -> bool:
     """Whether granules fly in the scene's air."""
     return scene.air is not None and plan.airflow.kind != "none"
@@ -337,6 +357,7 @@ def _wake_number(name: str) -> Callable[[Scene, Plan], Iterator[Unknown]]:
     return found
 
 
+unknown_kinds.add(SPIN, UnknownKind(_spin_lift, _vary_spin_lift))
 unknown_kinds.add("feed_width", UnknownKind(
     _of_scene("feed.width", "feed_width", "m", lambda scene: scene.feed.width),
     lambda made, one, x, _scene, _plan: replace(made, feed_width=_factor(one, x)),

@@ -16,7 +16,7 @@ ONE = 1.0
 class GranuleVariation:
     """What a draw changes of a fraction's granules: added to the restitution, factors on the rest. ``drag``: on the
     drag coefficient; ``size``: on the diameter; ``density``: on the density; ``inverse_inertia``: on m r^2 / I, how
-    easily a blow turns it.
+    easily a blow turns it; ``spin_lift``: on the coefficient of its spin lift.
     """
 
     restitution: float = 0.0
@@ -26,6 +26,7 @@ class GranuleVariation:
     size: float = ONE
     density: float = ONE
     inverse_inertia: float = ONE
+    spin_lift: float = ONE
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
 from typing import Annotated, Any, Literal
 
@@ -14,6 +14,7 @@ from ..core.errors import SceneError, known
 from ..core.registry import Registry
 from ..laws.collision import impact_models
 from ..laws.drag import drag_laws
+from ..laws.flake import shape_of
 from ..laws.material import Material, materials
 from ..laws.size import sizes, within
 from .rebound import Coefficient, Rebound
@@ -154,6 +155,11 @@ class Fraction(Table):
     own_inertia: Annotated[float, Field(ge=0.01, le=1)] | None = Field(
         None, alias="inertia", description="I / (m r^2), instead of impact: 0.4 sphere, 0.5 disc"
     )
+    dimensions: Annotated[list[Diameter], Field(min_length=3, max_length=3)] | None = Field(
+        None,
+        description="length, width and thickness, of which the proportions count: by them granules meet each other "
+        "(default a ball) and a flake is thrown",
+    )
     mass_share: Portion | None = Field(None, description="of the feed; shares add up to 1; default: equal")
     target: str | Annotated[list[str], Field(min_length=1)] | None = Field(
         None, description="the bin, or bins, where it should land"
@@ -175,6 +181,8 @@ class Fraction(Table):
                 raise SceneError("give impact or inertia, not both")
         for name in COEFFICIENTS:
             self._middle(name)
+        if self.flake and self._dimensions is None:
+            raise SceneError("impact = 'flake' needs dimensions = [length, width, thickness]")
         if self.tangential_restitution and self.inertia is None:
             raise SceneError("tangential_restitution is of granules that turn; give an impact model or inertia too")
         if self.drag is not None and drag_laws[self.drag].uses_sphericity != (self.sphericity is not None):
@@ -260,6 +268,20 @@ class Fraction(Table):
     def inertia(self) -> float | None:
         """I / (m r^2): given, or its impact model's; None for a point mass, which does not turn."""
         return impact_models[self.impact_model].inertia if self.own_inertia is None else self.own_inertia
+
+    @property
+    def flake(self) -> bool:
+        """Whether its granules are thin plates, whose spin after a blow is drawn."""
+        return self.own_inertia is None and impact_models[self.impact_model].flake
+
+    @property
+    def _dimensions(self) -> Sequence[float] | None:
+        return self.dimensions or (None if self.material is None else materials[self.material].dimensions)
+
+    @property
+    def shape(self) -> Array:
+        """Length, width and thickness (3,) over the diameter of the ball of equal volume; ones of a ball."""
+        return np.ones(3) if self._dimensions is None else shape_of(self._dimensions, flake=self.flake)
 
     @property
     def drag_law(self) -> str:

@@ -63,6 +63,8 @@ def _as_fraction(material: Material, table: Mapping[str, object]) -> dict[str, o
     if material.terminal_velocity is not None and "sphericity" not in table:
         values["terminal_velocity"] = _spread(material.terminal_velocity, material.terminal_velocity_std)
     values |= {key: value for key in SHAPED if (value := getattr(material, key))}
+    if material.dimensions is not None:
+        values["dimensions"] = list(material.dimensions)
     if "inertia" in table:
         del values["impact"]
     return {**values, **{key: value for key, value in table.items() if key != "material"}}

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
 from ..laws.drag import slip_correction
+from ..laws.flake import SPREAD
 from ..laws.restitution import Restitution
 
 Array = NDArray[np.float64]
@@ -26,6 +27,7 @@ SCALARS: dict[str, tuple[str, Callable[[Array], Any]]] = {  # name: (what it may
     "weight": ("not negative", lambda x: x >= 0),
     "drag_scale": ("positive", lambda x: x > 0),
     "time": ("finite", lambda x: x == x),
+    "spin_lift": ("not negative", lambda x: x >= 0),
 }
 
 
@@ -58,6 +60,8 @@ class Granules:
     ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born;
     ``scatter`` rad, rms angle by which its shape turns the wall's normal at an impact (``laws.collision``);
     ``tangential_restitution`` part of its slip that a contact which sticks gives back (``laws.collision``);
+    ``spin_lift`` factor on the coefficient of its spin lift; ``shape`` (n, 3) length, width and thickness over the
+    diameter, by which granules meet each other, 1: a ball; ``flake`` (n,): it is such a plate (``laws.flake``);
     ``depth`` m, its place across the slab of a crowd, None: drawn evenly; ``arrival`` (n, 2) m/s, the velocity with
     which it came to the impact that it is born of, which the history force remembers, None: no impact. Raises
     SceneError, naming the count and the first index, for values that are not finite or out of range.
@@ -78,6 +82,9 @@ class Granules:
     time: Any = 0.0
     scatter: Any = 0.0
     tangential_restitution: Any = 0.0
+    spin_lift: Any = 1.0
+    shape: Any = 1.0
+    flake: Any = False
     depth: Any = None
     arrival: Any = None
 
@@ -100,6 +107,9 @@ class Granules:
         inertia = np.array(np.broadcast_to(np.asarray(inertia, dtype=float), shape[:1]))
         _refuse("inertia", inertia, ~(inertia > 0), "positive")
         object.__setattr__(self, "inertia", inertia)
+        object.__setattr__(self, "shape", _clean("shape", self.shape, (*shape[:1], 3)))
+        _refuse("shape", self.shape, ~(self.shape > 0.0).all(axis=1), "positive")
+        object.__setattr__(self, "flake", np.array(np.broadcast_to(np.asarray(self.flake, dtype=bool), shape[:1])))
         if self.depth is not None:
             object.__setattr__(self, "depth", _clean("depth", self.depth, shape[:1]))
         if self.arrival is not None:
@@ -121,3 +131,9 @@ class Granules:
     def replace(self, **changes: Any) -> Granules:
         """The same granules with some properties replaced."""
         return Granules(**({f.name: getattr(self, f.name) for f in fields(self)} | changes))
+
+
+def toss_of(grains: Granules) -> Array:
+    """Rms spin that a normal impulse gives a flake (n,) 1/m (``laws.flake.flung``); 0 of others."""
+    scale = np.sqrt(grains.shape[:, 0] * grains.shape[:, 1]) * grains.diameter
+    return np.where(grains.flake, SPREAD / scale, 0.0)

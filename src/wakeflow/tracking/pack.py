@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..field import FlowField, MeshOscillation
 from ..laws.drag import drag_laws, drag_table
+from ..laws.flake import section
 from ..laws.forces import Force
 from ..laws.forces import forces as all_forces
 from ..laws.restitution import Restitution
 from .bodies import Body
-from .granules import Granules
+from .granules import Granules, toss_of
 from .kernel import layout as at
 from .kernel.layout import PackedAir, Rules, Walls
 
@@ -70,7 +71,11 @@ def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[st
     rows[:, at.RADIUS] = grains.diameter / 2
     rows[:, at.RESTITUTION] = BY_LAW if isinstance(grains.restitution, Restitution) else grains.restitution
     rows[:, at.FRICTION] = grains.friction
-    rows[:, at.MOBILITY] = 1.0 / grains.inertia
+    rows[:, at.BLOW] = 1.0 / grains.inertia
+    rows[:, at.MOBILITY] = np.where(grains.flake, 0.0, rows[:, at.BLOW])
+    rows[:, at.TOSS] = toss_of(grains)
+    area, perimeter = section(grains.shape, grains.flake)
+    rows[:, at.SECTION], rows[:, at.GIRTH] = area * rows[:, at.RADIUS] ** 2, perimeter * rows[:, at.RADIUS]
     rows[:, at.SCATTER], rows[:, at.GIVES_BACK] = grains.scatter, grains.tangential_restitution
     acting = [
         all_forces[name] for name in all_forces if name in forces and (field is not None or all_forces[name].in_vacuum)

@@ -10,6 +10,7 @@ STUDIES = {  # module: its studies, each a function of its name, or of the name 
     "collisions": ("crowd_draws", "crowd_speed", "crowding", "throughput"),
     "costs": ("mpi_ranks", "plan_times", "sweep_speed", "time_resolved_cost"),
     "ends": ("domain", "locked_band"),
+    "flakes": ("chaff_alone", "flakes", "flakes_in_air"),
     "laws": ("air_loading", "best_estimate", "labyrinth", "printed_form", "rebound"),
     **{name: (name,) for name in ("kernel_speed", "robustness", "search_gain", "target_error", "three_dimensions")},
 }

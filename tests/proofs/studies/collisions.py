@@ -283,24 +283,27 @@ def purity(scene: wf.Scene, found: Separation, name: str) -> float | None:
     return inside[name] / sum(inside.values()) if sum(inside.values()) else None
 
 
-def _row(scene: wf.Scene, rate: float, found: Separation, meetings: dict[str, float]) -> Row:
+def _row(scene: wf.Scene, rate: float, found: Separation, alone: Separation, meetings: dict[str, float]) -> Row:
     numbers: dict[str, object] = {"rate": rate, "what": f"{rate:g}" if rate else "each alone"}
     for name, fraction in scene.fraction.items():
         if fraction.targets:
             recovery = found.recovery[name]
             part = {"recovery": percent(recovery), "value": recovery.value, "half": recovery.half}
+            part["alone"] = alone.recovery[name].value
             numbers[name] = {**part, "purity": purity(scene, found, name), "meetings": meetings.get(name, 0.0)}
     return numbers
 
 
 def feed_rows(scene: wf.Scene, rates: Sequence[float], rung: str | None = None) -> Iterator[Row]:
     """Granules alone in air that does not feel them, then at each of the ``rates`` (kg/h)."""
-    yield _row(scene, 0.0, separation(piped(scene, rung, FEED_ALONE)), {})
+    still = separation(piped(scene, rung, FEED_ALONE))
+    yield _row(scene, 0.0, still, still, {})
     for rate in rates:
         fed = scene.replace({"feed.rate": rate / HOUR})
-        landings = piped(fed, rung, {COLLISIONS: True}).crowd().landings
+        pipeline = piped(fed, rung, {COLLISIONS: True})
+        landings = pipeline.crowd().landings
         met = {name: collisions_of(landing) for name, landing in landings.items()}
-        yield _row(fed, rate, separate(fed, landings), met)
+        yield _row(fed, rate, separate(fed, landings), separation(pipeline), met)
 
 
 def draw(path: Path, found: dict[str, list[Row]]) -> None:
@@ -335,6 +338,7 @@ def throughput(
         columns = {"kg/h": "{what}"}
         for one in (one for one, fraction in made.fraction.items() if fraction.targets):
             columns[f"{one}: recovery, %"] = f"{{{one}[recovery]}}"
+            columns[f"{one}: alone in that air, %"] = f"{{{one}[alone]:.1f*100}}"
             columns[f"{one}: purity, %"] = f"{{{one}[purity]:.1f*100}}"
             columns[f"{one}: meetings"] = f"{{{one}[meetings]:.2g}}"
         found[name] = show(columns, feed_rows(made, FEED_RATES[1::2] if quick else FEED_RATES, rung), name)

@@ -37,6 +37,7 @@ COARSE: dict[str, dict[str, Any]] = {  # changes of shipped scenes whose airflow
     "vacuum": {},
 }
 BARE = {"air-loading": False}  # the same air, whatever flies in it
+ALONE = {COLLISIONS: False, "basset-history": False, **BARE}  # in air that does not feel the granules
 MEET = {COLLISIONS: True, "basset-history": False, **BARE}
 
 

@@ -41,7 +41,7 @@ from wakeflow.laws.material import materials
 from wakeflow.pipeline.air_loading import AirLoading
 from wakeflow.pipeline.track_stage import PerturbedRerun
 
-from .common import BARE, Pipeline, Row, piped, separation, show
+from .common import ALONE, BARE, Pipeline, Row, piped, separation, show
 
 # -- best_estimate -----------------------------------------------------------------------------------------------------
 NUMBER = "{{{0}.value:.2f}} ({{{0}.low:.2f}} to {{{0}.high:.2f}})"
@@ -164,7 +164,7 @@ def scene_of(scene: wf.Scene, keys: Callable[[str], Keys] | None) -> wf.Scene:
 
 def rebound_row(title: str, scene: wf.Scene, rung: str) -> Row:
     """Share and half of its 95 % interval, in percent, of every column."""
-    found = wf.chain(scene).shares if rung == "none" else separation(piped(scene, rung))
+    found = wf.chain(scene).shares if rung == "none" else separation(piped(scene, rung, ALONE))
     cells = {}
     for column, (fraction, places) in PLACES.items():
         parts = [found.fractions[fraction][place] for place in places]

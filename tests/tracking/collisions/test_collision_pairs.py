@@ -127,25 +127,35 @@ def test_results_do_not_depend_on_the_number_of_threads_nor_on_the_time_of_day()
         np.testing.assert_array_equal(again.meetings, first.meetings)
 
 
-def test_two_streams_meet_at_the_rate_of_kinetic_theory() -> None:
-    """n1 n2 pi d^2 v for two dilute streams that cross: meetings are counted, and they pass through each other (no
-    mass is lost by it: the friction and restitution of the pair do not matter to who meets whom next at this density).
+GLUME = (4.0, 1.4, 0.1)  # over the diameter
+
+
+@pytest.mark.parametrize(("d", "shape"), [(1e-3, 1.0), (0.45e-3, GLUME)])
+def test_two_streams_meet_at_the_rate_of_kinetic_theory(d: float, shape: Any) -> None:
+    """n1 n2 sigma v for two dilute streams that cross, sigma the mean section: meetings are counted, and they pass
+    through each other (no mass is lost by it: the friction and restitution of the pair do not matter to who meets whom
+    next at this density).
     """
     rng = np.random.default_rng(7)
-    count, side, d, v, until = 3000, 0.2, 1e-3, 4.0, 0.01
+    count, side, v, until = 3000, 0.2, 4.0, 0.01
     position = np.concatenate([
         np.column_stack([rng.uniform(-v * until / 2, side, count), rng.uniform(0, side, count)]),
         np.column_stack([rng.uniform(0.0, side + v * until / 2, count), rng.uniform(0, side, count)]),
     ])  # fmt: skip
     velocity = np.repeat([[v / 2, 0.0], [-v / 2, 0.0]], count, axis=0)
     kind = np.repeat([0, 1], count)
-    grains = _granules(position, velocity, d, 1000.0, fraction=kind)
+    own = np.where(kind[:, None] == 0, shape, 1.0)
+    grains = _granules(position, velocity, d, 1000.0, fraction=kind, shape=own, flake=own[:, 0] > 1.0)
     tracks = _fly(grains, until, wf.Collisions(DEPTH, 1.0, 0.0), seed=3)
     # of stream 1 those that are always inside the other stream
     n2 = count / ((side + v * until / 2) * side * DEPTH)
     always = (kind == 0) & (position[:, 0] > v * until / 2) & (position[:, 0] < side - v * until / 2)
     always &= (position[:, 1] > d) & (position[:, 1] < side - d)
-    expected = always.sum() * n2 * np.pi * d**2 * v * until
+    sigma = np.pi * d**2
+    if shape != 1.0:  # a box and a ball: a quarter of the surface, a half of the sum of the sides
+        a, b, c = d * np.array(shape)
+        sigma = (a * b + b * c + c * a) / 2.0 + np.pi * d**2 / 4.0 + np.pi * (a + b + c) * d / 4.0
+    expected = always.sum() * n2 * sigma * v * until
     found = tracks.meetings[always].sum()
     assert expected > 100
     assert abs(found - expected) < 3.0 * np.sqrt(expected) + 0.02 * expected

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from ..flake import plate_lift, plate_torque
 from ..lift import lift_coefficient, magnus_factor, spin_rate
 from .record import AirProperties, Bound, FlightScales, Force, Grains, Instant, Slots, Vector
 
@@ -55,13 +58,16 @@ def _shift(flight: FlightScales) -> float:
 
 
 def _factors(grains: Grains, air: AirProperties) -> Slots:
-    """MAGNUS: 3/4 rho / rho_p, times the compiled factor."""
-    return {"MAGNUS": 0.75 * (air.density / grains.density)}
+    """MAGNUS: 3/4 rho / rho_p, times the compiled factor; of flakes their own."""
+    ratio = air.density / grains.density
+    return {"MAGNUS": grains.spin_lift * np.where(grains.flake, plate_lift(grains.shape, ratio), 0.75 * ratio)}
 
 
 def _constants(grains: Grains, air: AirProperties) -> Slots:
-    """SPIN_RATE (1/s): rate at which the air takes a spin away."""
-    return {"SPIN_RATE": spin_rate(grains.diameter, grains.density, air.viscosity, grains.inertia)}
+    """SPIN_RATE (1/s): rate at which the air takes a spin away; of flakes SPIN_TORQUE, which grows with the spin."""
+    torque = np.where(grains.flake, plate_torque(grains.shape, air.density / grains.density), 0.0)
+    rate = spin_rate(grains.diameter, grains.density, air.viscosity, grains.inertia)
+    return {"SPIN_RATE": rate, "SPIN_TORQUE": torque}
 
 
 def _reference(now: Instant) -> Vector:

@@ -161,6 +161,18 @@ class Grains(Protocol):
     def inertia(self) -> Array:
         """k = I / (m r^2); infinite for a point mass."""
 
+    @property
+    def spin_lift(self) -> Array:
+        """Factor on the coefficient of spin lift."""
+
+    @property
+    def shape(self) -> Array:
+        """Length, width, thickness over the diameter (n, 3)."""
+
+    @property
+    def flake(self) -> NDArray[np.bool_]:
+        """Which are flakes."""
+
     def __len__(self) -> int: ...
 
 

@@ -55,7 +55,7 @@ def _wrap(own, grain, ball):
     ball[of.BALL_Y] = own[of.LEG_Y] + half * vy + sag * ay
     ball[of.BALL_Z] = own[of.LEG_Z] + half * vz + sag * az
     way = half * math.sqrt(vx * vx + vy * vy + vz * vz) + 3.0 * sag * math.sqrt(ax * ax + ay * ay + az * az)
-    ball[of.BALL] = (1.0 + of.SPARE_BALL) * (grain[at.RADIUS] + way)
+    ball[of.BALL] = (1.0 + of.SPARE_BALL) * (grain[at.GIRTH] + way)
     return ball[of.BALL]
 
 
@@ -78,7 +78,7 @@ def _reach_out(own, grain, ball, reach, clock):
     vz += s * own[of.LEG_AZ]
     ahead = 0.5 * (clock[of.AHEAD] - 1.0) * clock[of.STEP]
     way = (1.0 + SPARE_WAY) * ahead * math.sqrt(vx * vx + vy * vy + vz * vz)
-    least = ball[of.BALL] + SPARE_RADIUS * grain[at.RADIUS]
+    least = ball[of.BALL] + SPARE_RADIUS * grain[at.GIRTH]
     most = max(0.5 * clock[of.WIDTH] - least, 0.0)
     if way > most:
         ahead, way = ahead * (most / way), most

@@ -14,7 +14,7 @@ from ..kernel.walls import clearance
 from . import layout as of
 from .cells import near, relist
 from .flight import PULLS, fly_on, press
-from .pairs import MEETS, OVERLAPS, TOUCHES, collide, contact_time, hit_tracer, part, roll_back, room_between
+from .pairs import MEETS, OVERLAPS, TOUCHES, collide, contact_time, hit_tracer, part, reach_of, roll_back, room_between
 
 MAX_CONTACTS = 8  # meetings of one granule in a step that are followed one by one
 CHATTER = 2  # steps: two that meet again so soon, and nobody between, have not parted
@@ -27,7 +27,7 @@ MAX_OVERLAP = 1e-3  # of the smaller radius: overlaps below it need no further s
 def _note(crowd, cells, counts, clock, i, j):
     """Look whether i and j meet or touch in this step, and note it."""
     one, other = crowd.own[i], crowd.own[j]
-    r = crowd.grains[i, at.RADIUS] + crowd.grains[j, at.RADIUS]
+    r = reach_of(crowd.grains[i], crowd.grains[j])
     what, when = contact_time(one, other, r, clock[of.DEPTH], clock[of.PULL])
     tracer = crowd.tally[i, of.TRACER] == 1  # inside another granule it passes it: it was not caught
     if (what == MEETS or (what == OVERLAPS and not tracer)) and counts[of.EVENTS] < cells.when.shape[0]:
@@ -125,7 +125,7 @@ def _strike_tracer(crowd, laws, rules, clock, room, i, j, when):
     _copy(own, room.kept_own)
     roll_back(crowd.states[i], crowd.counts[i], crowd.own[i], clock, when)
     roll_back(state, ints, own, clock, when)
-    if collide(crowd, laws, clock[of.DEPTH], i, j, 1.0):
+    if collide(crowd, laws, rules, clock[of.DEPTH], i, j, 1.0):
         crowd.tally[i, of.MEETINGS] += 1
     _copy(room.kept_state, state)
     _copy(room.kept_ints, ints)
@@ -146,11 +146,11 @@ def _count(crowd, counts, i, j):
 
 
 @compiled
-def _strike_pair(crowd, laws, clock, counts, i, j, when):
+def _strike_pair(crowd, laws, rules, clock, counts, i, j, when):
     """The meeting of two granules of the same right."""
     roll_back(crowd.states[i], crowd.counts[i], crowd.own[i], clock, when)
     roll_back(crowd.states[j], crowd.counts[j], crowd.own[j], clock, when)
-    if collide(crowd, laws, clock[of.DEPTH], i, j, 1.0):
+    if collide(crowd, laws, rules, clock[of.DEPTH], i, j, 1.0):
         _count(crowd, counts, i, j)
 
 
@@ -164,7 +164,7 @@ def collide_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, count
             continue
         both = crowd.tally[i, of.TRACER] == 0
         if both:
-            _strike_pair(crowd, laws, clock, counts, i, j, when)
+            _strike_pair(crowd, laws, rules, clock, counts, i, j, when)
         elif not _strike_tracer(crowd, laws, rules, clock, room, i, j, when):
             continue
         crowd.own[i, of.MET] += 1.0
@@ -178,7 +178,7 @@ def collide_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, count
 
 
 @inlined
-def _settle_pair(crowd, laws, clock, counts, i, j, sweep):
+def _settle_pair(crowd, laws, rules, clock, counts, i, j, sweep):
     """Impulse and displacement of a pair that touches at the end of the step; how deep it was over the smaller
     radius.
     """
@@ -194,7 +194,7 @@ def _settle_pair(crowd, laws, clock, counts, i, j, sweep):
     crowd.own[i, of.TOUCHED] = crowd.own[j, of.TOUCHED] = of.TOUCHES_OTHERS
     if closing > 0.0:
         slow = closing <= at.SLOW + PULLS * clock[of.PULL] * (clock[of.UNTIL] - clock[of.NOW])
-        if collide(crowd, laws, clock[of.DEPTH], i, j, 0.0 if slow else 1.0) and not slow and sweep == 0:
+        if collide(crowd, laws, rules, clock[of.DEPTH], i, j, 0.0 if slow else 1.0) and not slow and sweep == 0:
             _count(crowd, counts, i, j)
     part(crowd, clock[of.DEPTH], i, j)
     return max(-room, 0.0) / least
@@ -218,7 +218,7 @@ def settle_all(crowd, laws, walls, rules, clock, room, cells, counts):
         worst = 0.0
         for k in range(counts[of.NEAR]):
             i, j = cells.near[k, 0], cells.near[k, 1]
-            deep = _settle_pair(crowd, laws, clock, counts, i, j, sweep)
+            deep = _settle_pair(crowd, laws, rules, clock, counts, i, j, sweep)
             worst = max(worst, deep)
             if deep > 0.0:
                 for side in range(2):

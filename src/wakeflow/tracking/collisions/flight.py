@@ -21,7 +21,7 @@ from ..kernel.dispersion import mirror
 from ..kernel.events import wall_displacement
 from ..kernel.jit import compiled, inlined
 from ..kernel.locate import barycentric
-from ..kernel.rebound import restitution_of, tilted
+from ..kernel.rebound import flake_spin, restitution_of, tilted
 from ..kernel.walls import clearance, grasp, inside, overlap
 from . import layout as of
 from .air import GONE, aim, stir
@@ -41,9 +41,11 @@ def _friction(grain, walls, body):
 
 
 @compiled
-def _kick(state, own, grain, nx, ny, wx, wy, e, f):
-    """One collision with a wall that moves with w: velocity and spin; returns the normal impulse over the mass."""
-    r, q, light = grain[at.RADIUS], grain[at.MOBILITY], own[of.LIGHT]
+def _kick(state, own, grain, nx, ny, wx, wy, e, f, q):
+    """One collision with a wall that moves with w: velocity and spin; returns the normal impulse over the mass. ``q``
+    m r^2 / I.
+    """
+    r, light = grain[at.RADIUS], own[of.LIGHT]
     arm = r if q > 0.0 else 0.0
     jx, jy, jz, jn = pair_law(
         state[at.VX] - wx, state[at.VY] - wy, own[of.VZ], arm * own[of.WX], arm * own[of.WY], arm * state[at.SPIN],
@@ -79,9 +81,15 @@ def hit_wall(state, ints, own, grain, walls, rules, path, hold, h, kind, which):
     f, mx, my = _friction(grain, walls, body), nx, ny
     if grain[at.SCATTER] != 0.0:  # in the plane alone: the rms angle is that of the plane's projection (laws/rebound)
         mx, my = tilted(state, ints, hold, grain, wx, wy, e, f, rules.seed)
-    if _kick(state, own, grain, mx, my, wx, wy, e, f) > 0.0:
-        ints[at.IMPACTS] += 1
+    sx, sy, spin = state[at.VX] - wx, state[at.VY] - wy, state[at.SPIN]
+    across = own[of.WX], own[of.WY]
+    normal = _kick(state, own, grain, mx, my, wx, wy, e, f, grain[at.BLOW])
     rx, ry = state[at.VX] - wx, state[at.VY] - wy
+    if grain[at.TOSS] != 0.0:
+        own[of.WX], own[of.WY] = across
+        state[at.SPIN] = flake_spin(ints, grain, spin, sx, sy, rx, ry, mx, my, rules.seed)
+    if normal > 0.0:
+        ints[at.IMPACTS] += 1
     rebound, slide = rx * nx + ry * ny, nx * ry - ny * rx
     rate = path[at.RATE]
     lift = (path[at.N0X] - rate * state[at.VX] - px) * nx + (path[at.N0Y] - rate * state[at.VY] - py) * ny
@@ -133,7 +141,8 @@ def press(state, ints, own, grain, walls, rules, hold, h, pull):
             if approach > 0.0:
                 slow = approach <= PULLS * h * (pull + math.hypot(px, py)) + at.SLOW
                 e = 0.0 if slow else restitution_of(state, grain, walls, body, nx, ny, wx, wy)
-                _kick(state, own, grain, nx, ny, wx, wy, e, _friction(grain, walls, body))
+                q = grain[at.MOBILITY]
+                _kick(state, own, grain, nx, ny, wx, wy, e, _friction(grain, walls, body), q)
                 if slow:
                     lasting = 0.5 * h
                     state[at.X] += lasting * (state[at.VX] - vx)

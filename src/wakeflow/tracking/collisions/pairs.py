@@ -10,7 +10,8 @@ from ...laws.impaction import sphere_caught
 from ..kernel import layout as at
 from ..kernel.dispersion import random_normals
 from ..kernel.forces import drag_rate
-from ..kernel.jit import compiled
+from ..kernel.jit import compiled, inlined
+from ..kernel.rebound import spin_flung
 from . import layout as of
 from .cells import across
 from .flight import PULLS, pair_law
@@ -104,6 +105,14 @@ def roll_back(state, ints, own, clock, when):
     own[of.ROOM] = 0.0
 
 
+@inlined
+def reach_of(one, other):
+    """The distance (m) between centres at which two granules of random orientation meet: the radius of their mean
+    section (``laws.flake``), of two balls the sum of their radii.
+    """
+    return math.sqrt(one[at.SECTION] + other[at.SECTION] + 2.0 * one[at.GIRTH] * other[at.GIRTH])
+
+
 @compiled
 def room_between(crowd, depth, i, j):
     """The room between the surfaces of i and j where they are now (m, negative: they overlap), and the unit normal from
@@ -112,45 +121,63 @@ def room_between(crowd, depth, i, j):
     dx, dy = crowd.states[i, at.X] - crowd.states[j, at.X], crowd.states[i, at.Y] - crowd.states[j, at.Y]
     dz = across(crowd.own[i, of.Z] - crowd.own[j, of.Z], depth)
     d = math.sqrt(dx * dx + dy * dy + dz * dz)
-    room = d - crowd.grains[i, at.RADIUS] - crowd.grains[j, at.RADIUS]
+    room = d - reach_of(crowd.grains[i], crowd.grains[j])
     if d > 0.0:
         return room, dx / d, dy / d, dz / d
     return room, 0.0, 1.0, 0.0
 
 
 @compiled
-def collide(crowd, laws, depth, i, j, rebounds):
+def _receive(state, ints, own, grain, rules, mass, j, torque, normal, centre, draws):
+    """What the impulse j (N s), with n x j = ``torque`` and the part ``normal``, does to a granule of inverse ``mass``:
+    velocity and spin. A flake's spin is drawn by what it has lost seen from the ``centre`` of mass; where the contact
+    lasts (``draws`` 0) it keeps it.
+    """
+    sx, sy, sz = state[at.VX] - centre[0], state[at.VY] - centre[1], own[of.VZ] - centre[2]
+    freed = sx * sx + sy * sy + sz * sz
+    sx, sy, sz = sx + mass * j[0], sy + mass * j[1], sz + mass * j[2]
+    freed -= sx * sx + sy * sy + sz * sz
+    state[at.VX] += mass * j[0]
+    state[at.VY] += mass * j[1]
+    own[of.VZ] += mass * j[2]
+    own[of.DRAG] = 0.0
+    if grain[at.TOSS] == 0.0:
+        turn = abs(mass) * grain[at.BLOW] / grain[at.RADIUS]
+        own[of.WX] -= turn * torque[0]
+        own[of.WY] -= turn * torque[1]
+        state[at.SPIN] -= turn * torque[2]
+    elif draws != 0.0:
+        xi, _ = random_normals(ints, rules)
+        size = abs(mass)
+        state[at.SPIN] = spin_flung(state[at.SPIN], grain[at.TOSS], size * normal, size * torque[2], freed, xi)
+
+
+@compiled
+def collide(crowd, laws, rules, depth, i, j, rebounds):
     """The collision of i and j where they are now; ``rebounds`` 0: contact that lasts, without. Returns whether they
     approached. A tracer takes the other for a wall.
     """
     one, other, state, its = crowd.own[i], crowd.own[j], crowd.states[i], crowd.states[j]
     first, second = crowd.grains[i], crowd.grains[j]
     _, nx, ny, nz = room_between(crowd, depth, i, j)
-    r1, q1 = first[at.RADIUS], first[at.MOBILITY]
-    r2, q2 = second[at.RADIUS], second[at.MOBILITY]
-    arm1, arm2 = (r1 if q1 > 0.0 else 0.0), (r2 if q2 > 0.0 else 0.0)
+    q1, q2 = first[at.BLOW], second[at.BLOW]
+    arm1, arm2 = (first[at.RADIUS] if q1 > 0.0 else 0.0), (second[at.RADIUS] if q2 > 0.0 else 0.0)
     light = one[of.LIGHT]
     heavy = 0.0 if crowd.tally[i, of.TRACER] == 1 else other[of.LIGHT]
     a, b = crowd.tally[i, of.FRACTION], crowd.tally[j, of.FRACTION]
+    ux, uy, uz = state[at.VX] - its[at.VX], state[at.VY] - its[at.VY], one[of.VZ] - other[of.VZ]
     jx, jy, jz, jn = pair_law(
-        state[at.VX] - its[at.VX], state[at.VY] - its[at.VY], one[of.VZ] - other[of.VZ],
-        arm1 * one[of.WX] + arm2 * other[of.WX], arm1 * one[of.WY] + arm2 * other[of.WY],
+        ux, uy, uz, arm1 * one[of.WX] + arm2 * other[of.WX], arm1 * one[of.WY] + arm2 * other[of.WY],
         arm1 * state[at.SPIN] + arm2 * its[at.SPIN], nx, ny, nz, light, heavy, q1, q2,
         rebounds * laws.restitution[a, b], laws.friction[a, b], laws.tangential[a, b],
     )  # fmt: skip
     if jn <= 0.0:
         return False
-    tx, ty, tz = ny * jz - nz * jy, nz * jx - nx * jz, nx * jy - ny * jx
-    for side in range(2):
-        s, o, mass, sign = (state, one, light, 1.0) if side == 0 else (its, other, heavy, -1.0)
-        turn = mass * q1 / r1 if side == 0 else mass * q2 / r2
-        s[at.VX] += sign * mass * jx
-        s[at.VY] += sign * mass * jy
-        o[of.VZ] += sign * mass * jz
-        o[of.WX] -= turn * tx
-        o[of.WY] -= turn * ty
-        s[at.SPIN] -= turn * tz
-        o[of.DRAG] = 0.0
+    torque = ny * jz - nz * jy, nz * jx - nx * jz, nx * jy - ny * jx
+    share = heavy / (light + heavy)
+    centre = its[at.VX] + share * ux, its[at.VY] + share * uy, other[of.VZ] + share * uz
+    _receive(state, crowd.counts[i], one, first, rules, light, (jx, jy, jz), torque, jn, centre, rebounds)
+    _receive(its, crowd.counts[j], other, second, rules, -heavy, (jx, jy, jz), torque, jn, centre, rebounds)
     return True
 
 

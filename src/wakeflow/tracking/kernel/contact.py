@@ -15,7 +15,7 @@ from .dispersion import mirror
 from .events import first_below, wall_displacement
 from .forces import free_force
 from .jit import compiled, inlined
-from .rebound import restitution_of, tilted
+from .rebound import flake_spin, restitution_of, tilted
 from .rest import STATIC, caught, held, hold_still, tangent, unwedge, wedge
 from .walls import constrain, grasp, inside
 
@@ -50,13 +50,16 @@ def _collision(state, ints, hold, grain, walls, body, friction, last, one, seed)
     nx, ny = hold[at.NX], hold[at.NY]
     _, _, wx, wy, px, py = wall_displacement(walls.bodies, body, state[at.T])
     e = restitution_of(state, grain, walls, body, nx, ny, wx, wy)
-    mobility, radius, back = grain[at.MOBILITY], grain[at.RADIUS], grain[at.GIVES_BACK]
+    mobility, radius, back = grain[at.BLOW], grain[at.RADIUS], grain[at.GIVES_BACK]
     mx, my = nx, ny
     if grain[at.SCATTER] != 0.0 and last == at.FREE:
         mx, my = tilted(state, ints, hold, grain, wx, wy, e, friction, seed)
     vx, vy, spin, normal, _ = _collide(
         state[at.VX], state[at.VY], state[at.SPIN], mx, my, wx, wy, e, friction, mobility, radius, back
     )
+    if grain[at.TOSS] != 0.0:
+        rx, ry, spin = state[at.VX] - wx, state[at.VY] - wy, state[at.SPIN]
+        spin = flake_spin(ints, grain, spin, rx, ry, vx - wx, vy - wy, mx, my, seed)
     if grain[at.NOISE] != 0.0:
         mirror(state, ints, nx, ny)
     if normal > 0.0:

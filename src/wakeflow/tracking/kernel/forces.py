@@ -18,6 +18,7 @@ from .jit import compiled
 lift_coefficient = compiled(lift.lift_coefficient)
 magnus_factor = compiled(rotation.magnus_factor)
 spin_decay = compiled(rotation.spin_decay)
+plate_spin = compiled(rotation.plate_spin)
 
 # Where a Reynolds number is in the table of drag factors, and the inverse of the table's last
 FIRST_CELL = float(TABLE_DECADES[0] * TABLE_CELLS)
@@ -55,6 +56,8 @@ def spin_at(affine, grain, spin, t, s):
 def spin_in_curl(grain, spin, curl, s):
     """Spin after a time s in air of the vorticity ``curl`` (1/s)."""
     half = 0.5 * curl
+    if grain[at.SPIN_TORQUE] != 0.0:
+        return half - plate_spin(half - spin, s, grain[at.SPIN_TORQUE])
     return half - spin_decay(half - spin, s, grain[at.SPIN_RATE], grain[at.VORTICITY])
 
 
@@ -84,7 +87,9 @@ def forces_in_gradient(grain, xx, xy, yx, yy, tx, ty, ux, uy, sx, sy, spin):
         fy -= lift * sx
     if grain[at.MAGNUS] != 0.0:
         turn = 0.5 * curl - spin
-        lift = grain[at.MAGNUS] * magnus_factor(reynolds, grain[at.VORTICITY] * abs(turn)) * turn
+        lift = grain[at.MAGNUS] * turn
+        if grain[at.SPIN_TORQUE] == 0.0:
+            lift *= magnus_factor(reynolds, grain[at.VORTICITY] * abs(turn))
         fx -= lift * sy
         fy += lift * sx
     return fx, fy

@@ -130,7 +130,11 @@ INTS = 26
     RADIUS,  # m
     RESTITUTION,  # -1: by the law in the walls
     FRICTION,
-    MOBILITY,  # m r^2 / I
+    MOBILITY,  # m r^2 / I while it touches a wall; 0: it slides, as a flake does
+    BLOW,  # the same in a blow
+    TOSS,  # 1/m, rms spin that a normal impulse gives a flake; 0: no flake
+    SECTION,  # m2, mean area of its projections over pi
+    GIRTH,  # m, mean perimeter of its projections over 2 pi
     PRESSURE,  # acceleration per pressure gradient
     GX, GY,  # m/s2
     EXTRA,  # 1: one of the next three is on
@@ -139,6 +143,7 @@ INTS = 26
     MAGNUS,  # of spin lift: 3/4 density ratio
     VORTICITY,  # Reynolds number of a rate of rotation of 1/s: rho d^2 / mu
     SPIN_RATE,  # 1/s, rate at which the air stops a slow spin
+    SPIN_TORQUE,  # of the air on a flake that turns, W' = -c W |W|; 0: a ball
     NOISE,  # 1: dispersion or Brownian motion is on
     DISPERSION,  # 1: on
     DIFFUSIVITY,  # m2/s, Brownian
@@ -146,8 +151,8 @@ INTS = 26
     GIVES_BACK,  # tangential restitution
     FORGET,  # 1/s, over its own time, which its memories of the slip are given in; 0: no history force
     RECALL_0, RECALL_1, RECALL_2, RECALL_3, RECALL_4, RECALL_5, RECALL_6,  # 1/s, weights of the memories
-) = range(28)  # fmt: skip
-CONSTANTS = 28
+) = range(33)  # fmt: skip
+CONSTANTS = 33
 
 # -- The path of a step, see ``dense_output`` --------------------------------------------------------------------------
 (

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from ...laws.collision import HALVINGS, approach_speed, collide, throws_off, turned
+from ...laws.flake import flung
 from ...laws.random_numbers import normal_pair
 from . import layout as at
 from .jit import compiled
@@ -37,7 +38,9 @@ def restitution_of(state, grain, walls, body, nx, ny, wx, wy):
 
 
 # -- The wall's normal as an impact of a granule that is no sphere feels it --------------------------------------------
-_collide, _normals, _turned, _throws_off = (compiled(law) for law in (collide, normal_pair, turned, throws_off))
+_collide, _normals, _turned, _throws_off, spin_flung = (
+    compiled(law) for law in (collide, normal_pair, turned, throws_off, flung)
+)
 
 
 @compiled
@@ -46,7 +49,7 @@ def _is_thrown_off(state, hold, grain, wx, wy, e, friction, angle):
     vx, vy, nx, ny = state[at.VX], state[at.VY], hold[at.NX], hold[at.NY]
     mx, my = _turned(nx, ny, angle)
     ax, ay, _, _, _ = _collide(
-        vx, vy, state[at.SPIN], mx, my, wx, wy, e, friction, grain[at.MOBILITY], grain[at.RADIUS], grain[at.GIVES_BACK]
+        vx, vy, state[at.SPIN], mx, my, wx, wy, e, friction, grain[at.BLOW], grain[at.RADIUS], grain[at.GIVES_BACK]
     )
     return _throws_off(vx, vy, nx, ny, wx, wy, mx, my, ax, ay)
 
@@ -69,3 +72,14 @@ def tilted(state, ints, hold, grain, wx, wy, e, friction, seed):
             return _turned(nx, ny, angle)
         angle *= 0.5
     return nx, ny
+
+
+@compiled
+def flake_spin(ints, grain, spin, rx, ry, sx, sy, nx, ny, seed):
+    """Spin of a flake after the blow that brings its velocity seen from the wall from r to s, by this impact's numbers:
+    the second of the pair whose first is in ``tilted``.
+    """
+    _, xi = _normals(seed, ints[at.STREAM], -1 - ints[at.IMPACTS])
+    jx, jy = sx - rx, sy - ry
+    freed = rx * rx + ry * ry - sx * sx - sy * sy
+    return spin_flung(spin, grain[at.TOSS], jx * nx + jy * ny, jy * nx - jx * ny, freed, xi)
