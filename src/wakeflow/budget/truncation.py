@@ -18,11 +18,12 @@ from ..core.errors import known
 from ..pipeline.landings import Landings
 from ..planning.lock_in import vibration_of_scene
 from ..planning.plan import Plan
-from ..planning.terms import COLLISIONS, VIBRATION, LeftOut
+from ..planning.terms import COLLISIONS, REMEMBERING, VIBRATION, LeftOut
 from ..planning.unknowns import Unknown
 from ..scene import RESERVED_BIN, Scene
 from ..statistics.separation import upper_limit
 from .comparison import free_ends, points_of
+from .history import forgotten
 from .source import FractionResults, Parts, Source, add
 
 Array = NDArray[np.float64]
@@ -37,6 +38,8 @@ class LeftOutTerms(Source[None]):
     def shares(self, fraction: FractionResults) -> Parts:
         pipeline, flights = fraction.pipeline, fraction.flights
         found = truncation_terms(pipeline.scene, pipeline.plan, fraction.name, fraction.landings)
+        known_already = REMEMBERING if forgotten(pipeline.plan, fraction.name) else ()
+        found = {place: [one for one in parts if one.source not in known_already] for place, parts in found.items()}
         inputs = flights.inputs({fraction.name: fraction.shares})
         if inputs is None or VIBRATION in pipeline.plan.force:
             return found
@@ -113,12 +116,13 @@ def most_crossing(distance: Array, inside: NDArray[np.bool_], shift: float, weig
     land at a ``distance`` (n,), those that are ``inside`` (n,) among them.
 
     Upper 95 % limit of the share that lands within the shift inside the ends, or of that outside them where it is
-    larger. ``weight`` (n,) of each granule, by default 1.
+    larger; where none lands so near, of the share as near as the first that does, over how many times farther off that
+    is. ``weight`` (n,) of each granule, by default 1.
     """
     each = np.ones(len(distance)) if weight is None else weight
     near, total = distance <= shift, round(float(each.sum()))
-    if not near.any() and shift <= 0.0:
-        return 0.0
+    if not near.any():
+        return upper_limit(0, total) * max(0.0, shift) / float(distance.min(initial=np.inf))
     sides = (round(float(each[near & side].sum())) for side in (inside, ~inside))
     return upper_limit(max(sides), total)
 

@@ -71,7 +71,8 @@ class StageCost:
 
 class Workload(NamedTuple):
     """What the stages of a run have to do: the ``scene``, its airflow and slab, how many ``fractions`` fly, and the
-    ``effort`` of one granule of each, 1 a fraction with weight and drag alone.
+    ``effort`` of one granule of each, 1 a fraction with weight and drag alone; whether one of them ``forgets`` in the
+    slab what it should remember.
     """
 
     scene: Scene
@@ -79,6 +80,7 @@ class Workload(NamedTuple):
     crowd: CollisionPlan | None
     fractions: int
     effort: float
+    forgets: bool = False
 
 
 def _nothing(work: Workload) -> Iterable[StageCost]:

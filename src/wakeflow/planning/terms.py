@@ -108,7 +108,8 @@ TYPICAL = 0.5  # mean shift over the bound, which holds for 95 % of the granules
 MAX_SIDES = 2  # a curtain falls on the left and the right of a body's top
 AIR = "air"  # left out as a whole: in a vacuum, and at rung none
 SWITCHED_OFF = "switched off by --force"
-IN_SLAB = "granules that meet have no record of their past; --force basset-history=on computes it for granules alone"
+IN_SLAB = "granules that meet have no record of their past; what that changes is flown alone and is in the interval"
+REMEMBERING = tuple(name for name in forces if forces[name].memory is not None)
 TOP = 1e-9  # body widths below the highest corner: corners within it make up the top of a body
 
 
@@ -212,7 +213,7 @@ def select_terms(
     shifts = _shifts(scene, scales)
     blocked = {term: _blocked(scene.fraction[name], term, turbulence, crowded) for term in bounds}
     if COLLISIONS in whole:
-        blocked |= {term: IN_SLAB for term in forces if forces[term].memory is not None}
+        blocked |= dict.fromkeys(REMEMBERING, IN_SLAB)
     small = _small(shifts, blocked, limit, turning=bool(scene.body))
     used, left_out, missing = set(), [], {}
     for term, shift in shifts.items():
@@ -240,7 +241,7 @@ def select_terms(
 
 def _left_out_of_slab(name: str, used: Sequence[str], shifts: Mapping[str, float]) -> list[LeftOutTerm]:
     """Those of the ``used`` forces of a fraction, switched on for granules alone, that the slab flies without."""
-    past = [term for term in used if forces[term].memory is not None]
+    past = [term for term in used if term in REMEMBERING]
     return [LeftOutTerm(term, shifts[term], f"{bounds[term].why}; {IN_SLAB}", name) for term in past]
 
 
