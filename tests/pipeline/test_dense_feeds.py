@@ -126,6 +126,9 @@ def test_left_out_it_is_the_air_without(loaded: wf.Result, tmp_path: Path) -> No
     off = wf.run(loaded_scene(), tmp_path, force={**CALM, LOADING: False, "pressure-gradient": True}, until="airflow")
     assert loaded.airflow.loading.cd_without.value == off.airflow.cd.value
     assert off.airflow.loading is None
+    on = wf.run(loaded_scene(), tmp_path, force=CALM, until="airflow")
+    assert on.airflow.loading == loaded.airflow.loading
+    assert on.airflow.cd.value == loaded.airflow.cd.value == on.airflow.loading.cd.value
 
 
 @pytest.mark.openfoam
