@@ -189,6 +189,12 @@ def test_the_suction_zone_is_that_of_the_blended_mean(make: Make) -> None:
     assert lengths[0] > lengths[1] > lengths[2] > 0.0
 
 
+def test_where_the_mesh_moves_the_suction_zone_is_that_of_the_mean(make: Make) -> None:
+    still = make().make_table().suction
+    moving = make(resolved=resolved_field().moving((0.0, 1e-5), 2.0 * math.pi * 3.0 / PERIOD, 0.0)).make_table().suction
+    assert moving.cp_min == pytest.approx(still.cp_min, rel=0.01)
+
+
 def test_residence_times_stand_in_the_answer_and_in_its_ends(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
 

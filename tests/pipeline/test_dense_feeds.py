@@ -126,6 +126,9 @@ def test_left_out_it_is_the_air_without(loaded: wf.Result, tmp_path: Path) -> No
     off = wf.run(loaded_scene(), tmp_path, force={**CALM, LOADING: False, "pressure-gradient": True}, until="airflow")
     assert loaded.airflow.loading.cd_without.value == off.airflow.cd.value
     assert off.airflow.loading is None
+    on = wf.run(loaded_scene(), tmp_path, force=CALM, until="airflow")
+    assert on.airflow.loading == loaded.airflow.loading
+    assert on.airflow.cd.value == loaded.airflow.cd.value == on.airflow.loading.cd.value
 
 
 @pytest.mark.openfoam
@@ -189,6 +192,27 @@ def test_both_ends_of_the_wake_are_solved_under_the_force_on_every_grid(loaded: 
     slower = pipeline.field[1].mean().sample(above)[0] - bare.field[1].mean().sample(above)[0]
     assert np.all(slower[:, 1] > 0.1)
     assert pipeline.loading.passes[-1].key == loaded_pipeline().loading.passes[-1].key  # the same steady airflow
+
+
+@pytest.mark.openfoam
+def test_where_granules_meet_the_last_pass_is_under_the_force_of_those(loaded: wf.Result) -> None:
+    """Which is that of granules alone as far as the slab's beginning; the passes before are the same. Chaff that meets
+    chaff gives the air 2 % less.
+    """
+    alone = loaded_pipeline().loading.passes
+    loading = loaded_pipeline(force={COLLISIONS: True}).loading
+    *before, last = loading.passes
+    assert len(before) == len(alone)
+    among = last.source
+    np.testing.assert_array_equal(last.force.density, among.force.density)
+    assert among.imbalance < 1e-9  # what all boxes feel is what the granules lost to the air, whomever they met
+    assert 0.0 < among.sampling < 0.03
+    assert among.force.total[1] == pytest.approx(before[-1].gathered.force.total[1], rel=0.05)
+    np.testing.assert_array_equal(among.before.density, before[-1].gathered.before.density)
+    assert 0.2 < among.before.total[1] / among.force.total[1] < 0.5
+    assert loading.summary.passes == len(alone) + 1
+    assert loading.force is last.force
+    assert loading.last_change("chaff", 0) == last.gathered.shares["chaff"][0] - before[-1].gathered.shares["chaff"][0]
 
 
 @pytest.mark.openfoam

@@ -10,11 +10,11 @@ from scipy.stats import chi2
 
 from proofs.problems.exact import box
 from support import DENSITY, G, field_of, with_tau
-from wakeflow.core.errors import SceneError
+from wakeflow.core.errors import SceneError, known
 from wakeflow.core.geometry import Boxes
 from wakeflow.field import FlowField
 from wakeflow.laws.turbulence import LIFETIME
-from wakeflow.tracking import Body, Fate, Granules, Tracks, driver, track
+from wakeflow.tracking import Body, Collisions, Fate, Granules, Tracks, driver, track
 from wakeflow.tracking.momentum import force_on_the_air
 from wakeflow.tracking.residence import LONGEST, ResidenceTime, residence_time
 
@@ -319,6 +319,25 @@ def test_walls_take_no_part_of_it(restitution: float, error: float) -> None:
     way = tracks.position - grains.position
     given = ((np.outer(tracks.time, WIND) - way) / tau).mean(axis=0)
     assert force.total == pytest.approx(-FLOW * given, rel=error)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.6])
+def test_other_granules_take_no_part_of_it(restitution: float) -> None:
+    """The same where they meet, in the slab, each for its own mass flow."""
+    tau, rng, count = 0.2, np.random.default_rng(5), 300
+    places = np.stack([rng.uniform(-0.01, 0.01, count), rng.uniform(0.15, 0.2, count)], axis=1)
+    grains = with_tau(tau, places, np.zeros((count, 2)), restitution=restitution, friction=0.3)
+    crowd, floor = Collisions(1.5e-3, restitution, 0.3, step=1e-4), np.array([[-1.0, -0.2], [1.0, -0.2]])
+    how: dict[str, Any] = {"until": 3.0, "bodies": [ROOF], "lines": [floor], "drag": "stokes", "length": 0.1}
+    tracks = track(field_of(windy), grains, collisions=crowd, record=64, **how)
+    ended = np.flatnonzero(tracks.fate == Fate.BINNED)
+    assert len(ended) > 0.99 * count
+    tracks, grains = tracks.some(ended), grains[ended]
+    assert known(tracks.meetings).mean() > 5.0
+    flow = rng.uniform(0.5, 1.5, len(ended))
+    force = force_on_the_air(tracks, grains, flow, BOXES)
+    given = (np.outer(tracks.time, WIND) - tracks.position + grains.position) / tau
+    assert force.total == pytest.approx(-flow @ given, rel=2e-3)
 
 
 def test_neither_boxes_nor_thinned_paths_change_the_whole_force() -> None:

@@ -151,6 +151,12 @@ def _tracers(crowd: CollisionPlan, name: str, rng: np.random.Generator, whole: f
     return time, fine * rng.random(count)
 
 
+def slab_top(scene: Scene, diameter: Array) -> Array:
+    """Height (n,) m at which granules of a ``diameter`` (n,) m enter the slab, as they come there alone."""
+    level, _ = fall_start(scene, 0.5 * diameter)
+    return np.minimum(level - FALLEN * (level - scene.level), scene.channel.top - 1e-6 * scene.width)
+
+
 def _born(
     scene: Scene, plan: Plan, field: FlowField | None, name: str, grains: Granules, x: Array, seed: int
 ) -> Granules:
@@ -161,7 +167,7 @@ def _born(
     level, speed = fall_start(scene, 0.5 * grains.diameter)
     high = np.minimum(level, top)
     position, velocity = np.stack([x, high], axis=1), np.stack([np.zeros(len(x)), -speed], axis=1)
-    start = np.minimum(level - FALLEN * (level - scene.level), top)
+    start = slab_top(scene, grains.diameter)
     if field is None or not len(x):
         velocity[:, 1] = -np.sqrt(speed**2 + 2.0 * GRAVITY * (level - start))
         return grains.replace(position=np.stack([x, start], axis=1), velocity=velocity)

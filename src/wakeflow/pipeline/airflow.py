@@ -90,7 +90,7 @@ class WakeEnds:
 class AirLoadingSummary:
     """The granules' force on the air, and what it makes of the steady airflow, in which it is gathered."""
 
-    passes: int = column("1", "solutions of the steady airflow under the force")
+    passes: int = column("1", "solutions of the steady airflow under the force; the last by granules that meet, if any")
     change: float = column("1", "largest change of a share in the steady airflow by the last pass")
     force: tuple[float, ...] = column("N/m", "x and y, of all granules on the air of the last pass, per metre of depth")
     given: float = column("N/m", "y, given to the air of the last pass")
@@ -98,14 +98,15 @@ class AirLoadingSummary:
     unanswered: float = column(
         "1", "how far the force gathered in the air of the last pass is from what that air was given, over the former"
     )
-    sampling: float = column(
-        "1", "half of the 95 % interval of the force by the granules that it is gathered from, over the force"
-    )
     cd_without: Number | None = column("1", "drag coefficient of the steady airflow without the force")
     cd: Number | None = column("1", "drag coefficient of the steady airflow with it")
     verdict: str = column("", "of the steady airflow with it")
     cells: int = column("1", "mesh cells that feel a force")
     sources: int = column("1", "sources in OpenFOAM's momentum equation")
+    sampling: float | None = column(
+        "1", "half of the 95 % interval of the force by the granules that it is gathered from, over the force; null in "
+        "results of versions that did not measure it", default=None,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

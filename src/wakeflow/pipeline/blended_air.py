@@ -43,7 +43,7 @@ class BestEstimateAir(TimeResolvedAir):
 
         if self.resolved[1].times is None:
             return self.measured
-        mean = self.between(self.estimate.theta.value, 0.0)[1]
+        mean = self.between(self.estimate.theta.value, 0.0)[1].mean()  # in time where the mesh moves
         return blended_airflow(self.flow_spec, self.estimate, mean, self.steady().measured, self.measured)
 
     @cached_property

@@ -73,10 +73,10 @@ class FilmStage:
     @cached_property
     def start_up(self) -> float:
         """Seconds until the machine is as full as it stays: a long flight."""
-        from .slab import steady_after
+        from .slab import late_in, steady_after
 
         if self.plan.crowd is not None:
-            return steady_after(self.plan, self.landings)
+            return steady_after(self.plan, late_in(self.landings))
         return max(float(np.quantile(self.landings[name].time, LATE)) for name in self.scene.fraction)
 
     def fly(self, span: float | None = None) -> Film:
@@ -144,7 +144,7 @@ class FilmStage:
     def _released(self, name: str, count: int, whole: float) -> tuple[str, Tracks, Granules]:
         """``count`` granules of the feed, released at any moment of ``whole`` (s)."""
         from ..injection.feed import feedstock
-        from .air_loading import resolved
+        from .gathered_force import resolved
         from .tracks import Flight
 
         resting = self.scene.feed.start == "resting"

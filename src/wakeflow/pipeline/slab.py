@@ -95,7 +95,7 @@ class CollisionStage:
     @cached_property
     def start_up(self) -> float:
         """Seconds until the slab is steady."""
-        return steady_after(self.tracks.plan, self.tracks.fly().landings)
+        return steady_after(self.tracks.plan, late_in(self.tracks.fly().landings))
 
     @property
     def tolerance(self) -> float:
@@ -131,6 +131,7 @@ class CollisionStage:
 
 
 # -- The slab flown ----------------------------------------------------------------------------------------------------
+RECORDED = 128  # points of a track
 LATE = 0.99  # share of a fraction's granules that have landed when its flight counts as over
 SEVERAL = 3.0  # flights of a granule that landed late, within which one that met others does
 
@@ -140,7 +141,8 @@ class SlabFlight:
     """How a slab of ``depth`` (m) is flown: ``start_up`` (s) until it is steady, at least ``operation`` (s) that count,
     in a whole number of the airflow's periods; ``tolerance`` (body widths) for the step of its clock, or the ``step``
     (s) itself, which ``measured`` hears where it had to be found; ``tell`` hears of progress; granules are as the
-    ``variation`` has them. A replicate is one thread's work: ``workers`` fly at a time.
+    ``variation`` has them. A replicate is one thread's work: ``workers`` fly at a time. ``also`` gets each replicate's
+    number, its feed and its tracks with RECORDED points of each.
     """
 
     scene: Scene
@@ -155,6 +157,7 @@ class SlabFlight:
     tell: Callable[[str], None] = lambda _: None
     measured: Callable[[float], object] | None = None
     variation: Variation = AS_GIVEN
+    also: Callable[[int, SlabFeed, tracking.Tracks], object] | None = None
 
     def fly_all(self, folder: Path, replicates: int) -> None:
         """Fly the first ``replicates`` and keep the landings of each in ``folder``; those that are there already are
@@ -209,7 +212,9 @@ class SlabFlight:
         operation = self.operation if period is None else period * math.ceil(self.operation / period)
         timing = {"begin": self._begin(number), "start_up": self.start_up, "operation": operation, "depth": self.depth}
         stream = slab_stream(self.scene, self.plan, field, number, **timing, variation=self.variation)
-        tracks = self._track(field, stream, number)
+        tracks = self._track(field, stream, number, record=0 if self.also is None else RECORDED)
+        if self.also is not None:
+            self.also(number, stream, tracks)
         kept = np.flatnonzero(stream.counted)
         feed = Feedstock(stream.granules[kept], np.full(len(kept), pair), np.zeros(len(kept), dtype=bool))
         cycle = self.airs.cycle_of(feed.granules.time)
@@ -297,11 +302,18 @@ class SlabFlight:
         )
 
 
-def steady_after(plan: Plan, landings: Mapping[str, Landings]) -> float:
-    """Seconds until a slab is steady: the longest flight, alone, of the granules that are simulated one by one."""
+def late_in(landings: Mapping[str, Landings]) -> Callable[[str], float]:
+    """By fraction, after how many seconds all but few of its granules have landed."""
+    return lambda name: float(np.quantile(landings[name].time, LATE))
+
+
+def steady_after(plan: Plan, late: Callable[[str], float]) -> float:
+    """Seconds until a slab is steady: the longest flight, alone, of the granules that are simulated one by one, which
+    is as ``late`` says.
+    """
     crowd = known(plan.crowd)
     real = [name for name, fine in crowd.tracers.items() if fine < 1.0] or list(crowd.tracers)
-    return max(float(np.quantile(landings[name].time, LATE)) for name in real)
+    return max(late(name) for name in real)
 
 
 def _file(folder: Path, number: int) -> Path:

@@ -84,6 +84,7 @@ EACH_STAGE = 0.5  # s of a stage in which granules fly, however few they are
 MESHED = 0.5, 3.0e-4  # s of a mesh, and of each cell
 READ = {"steady": 1.0, "time-resolved": 4.5}  # s: the field of a solved airflow
 PASSES, AGAIN_UNDER_FORCE = 3, 0.5  # of the air that feels the granules; a solution under force over a first one
+ROUGHLY = 0.4  # of the time of a flight: to the tolerance at which the force on the air is gathered
 RESIDENCE = 5.0  # s
 PROGRAM = 4e8  # bytes: the interpreter with its libraries, and a field
 BYTES_IN_FLIGHT = 1500.0  # bytes of memory a granule that is fed and flown at the time
@@ -211,7 +212,23 @@ def _gathering(work: Workload) -> Iterator[StageCost]:
     if work.airflow.loaded:
         steady = work.airflow.stepping == "steady"
         key = StageKey(AirLabel(draft=not steady), "momentum")
-        yield StageCost(key, _flown(work, GATHERED), "answer" if steady else "first", PASSES + 1)
+        seconds = _flown(work, round(ROUGHLY * GATHERED))
+        yield StageCost(key, seconds, "answer" if steady else "first", _passes(work) + 1)
+
+
+def _gathering_in_slab(work: Workload) -> Iterator[StageCost]:
+    """COMPARED replicates of the slab, each three times as long as it takes to start up."""
+    crowd = work.crowd
+    if work.airflow.loaded and crowd is not None:
+        steady = work.airflow.stepping == "steady"
+        part = COMPARED * 3.0 * crowd.start_up / (crowd.replicates * (crowd.operation + 2.0 * crowd.start_up))
+        key = StageKey(AirLabel(draft=not steady), "slab-momentum")
+        yield StageCost(key, part * crowd.seconds, "answer" if steady else "first")
+
+
+def _passes(work: Workload) -> int:
+    """Under the force of granules alone, and one under that of those that meet."""
+    return PASSES + (work.crowd is not None)
 
 
 def _loading(work: Workload) -> Iterator[StageCost]:
@@ -219,7 +236,7 @@ def _loading(work: Workload) -> Iterator[StageCost]:
     for number, label, _, solved in _airs(work) if work.airflow.loaded else ():
         if label.draft or work.airflow.stepping == "steady":
             seconds = AGAIN_UNDER_FORCE * solver_seconds(work.scene, work.airflow, number)[not label.draft]
-            yield StageCost(StageKey(label, "loaded-airflow"), seconds, solved, PASSES if number == 0 else 1)
+            yield StageCost(StageKey(label, "loaded-airflow"), seconds, solved, _passes(work) if number == 0 else 1)
 
 
 def _flying(work: Workload) -> Iterator[StageCost]:
@@ -255,7 +272,10 @@ def _code(*modules: str) -> tuple[str, ...]:
 MESH = Stage("mesh", _code("meshing.spec"), "mesh", Scaling.CELLS, "airflow", _meshing)
 AIRFLOW = Stage("airflow", _code("foam.airflow"), "airflow", Scaling.AIR, "airflow", _solving)
 FIELD = Stage("field", _code("pipeline.case_field"), "field", Scaling.CELLS, "airflow", _reading)
-MOMENTUM = Stage("momentum", _code("pipeline.air_loading"), FLIGHTS, Scaling.AIR, "air loading", _gathering)
+MOMENTUM = Stage("momentum", _code("pipeline.gathered_force"), FLIGHTS, Scaling.AIR, "air loading", _gathering)
+SLAB_MOMENTUM = Stage(
+    "slab-momentum", _code("pipeline.gathered_force"), "slab", Scaling.AIR, "air loading", _gathering_in_slab
+)
 LOADED = Stage("loaded-airflow", _code("foam.airflow"), "airflow", Scaling.AIR, "air loading", _loading)
 COMPILE = Stage("compile", work="compile", scaling=Scaling.ONCE, heading="compilation")
 # In the order in which they are usually done. Those without a cost are part of another, or of few runs.
@@ -271,12 +291,13 @@ for _one in (
     Stage("layers", _code("pipeline.case_field"), scaling=Scaling.CELLS),
     Stage("blend", _code("field.combined"), scaling=Scaling.CELLS),
     MOMENTUM,
+    SLAB_MOMENTUM,
     LOADED,
     Stage("tracks", _code("pipeline.tracks", "pipeline.landings"), heading="tracks", cost=_flying),
     Stage("slab", _code("pipeline.slab", "pipeline.landings"), "slab", Scaling.SLAB, "slab", _in_slab),
     Stage("draws", _code("pipeline.input_samples", "field.combined"), heading="draws"),
     Stage("residence", _code("tracking.residence"), "field", Scaling.CELLS, "airflow", _residing),
-    Stage("film", _code("pipeline.film_stage", "pipeline.slab", "pipeline.air_loading")),
+    Stage("film", _code("pipeline.film_stage", "pipeline.slab", "pipeline.gathered_force")),
     Stage("report", heading="report"),
 ):
     stages.add(_one.name, _one)

@@ -130,15 +130,14 @@ class OneRun:
             return mesh, None
         airflow = pipeline.airflow
         studies = airflow_on_grids(pipeline)
-        return mesh, replace(
-            with_mesh_error(airflow, studies or ()), grids=studies, momentum=airflow.by_momentum(scene)
-        )
+        loading = None if pipeline.loading is None else pipeline.loading.summary
+        table = replace(airflow, grids=studies, momentum=airflow.by_momentum(scene), loading=loading)
+        return mesh, with_mesh_error(table, studies or ())
 
     def _flown(self, airflow: Airflow) -> Airflow:
         """The airflow with what is known of the field that granules fly in."""
         pipeline = self.pipeline
-        loading = None if pipeline.loading is None else pipeline.loading.summary
-        flown = replace(airflow, divergence=pipeline.divergence, truncation=pipeline.kind.truncation, loading=loading)
+        flown = replace(airflow, divergence=pipeline.divergence, truncation=pipeline.kind.truncation)
         return with_residence(flown, pipeline.kind.residence)
 
     def _flights(self, tracked: Tracked) -> FlightResults:

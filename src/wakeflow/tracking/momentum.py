@@ -4,10 +4,11 @@ In steady operation a mass flow M of granules that pass along a track exerts on 
 
     F = -M (dv - g' dt),   g' = g (1 - rho_air / rho) with buoyancy, else g,
 
-with dv the velocity that all but walls gave a granule in between and dt the time that it took: the track-length
-estimate of particle-source-in-cell (Crowe, Sharma & Stock 1977, J. Fluids Eng. 99, 325). The tracker keeps that
-velocity with every point of a path, impacts left out, so that the forces of all boxes add up to what the granules lost
-to the air, to round-off, however coarse the boxes are. All forces of the air count, not drag alone.
+with dv the velocity that all but walls and other granules gave it in between and dt the time that it took: the
+track-length estimate of particle-source-in-cell (Crowe, Sharma & Stock 1977, J. Fluids Eng. 99, 325). The tracker keeps
+that velocity with every point of a path, impacts and collisions left out, so that the forces of all boxes add up to
+what the granules lost to the air, to round-off, however coarse the boxes are. All forces of the air count, not drag
+alone.
 
 Range: granules that fill little of the volume; the force of a whole step lies on the straight line between its ends.
 """
@@ -32,7 +33,7 @@ PIECES = 4  # a track is laid into the boxes in pieces of at most this part of a
 def force_on_the_air(
     tracks: Tracks,
     grains: Granules,
-    mass_flow: float,
+    mass_flow: float | Array,
     boxes: Boxes,
     *,
     air_density: float = 0.0,
@@ -40,7 +41,8 @@ def force_on_the_air(
     gravity: Sequence[float] = (0.0, -GRAVITY),
 ) -> ForceDensity:
     """What ``tracks`` of ``grains``, kept with their paths, exert on the air when a ``mass_flow`` (kg/s per metre
-    across the plane) comes along all of them together, each granule standing for the same part of it.
+    across the plane) comes along all of them together, each granule standing for the same part of it; or along each
+    its own (n,).
 
     ``air_density`` (kg/m3) and ``forces`` as flown, for the buoyancy. What lies outside the ``boxes`` goes to those on
     their edge. Raises SceneError where no paths were kept.
@@ -51,12 +53,12 @@ def force_on_the_air(
     weight = (1.0 - lift)[:, None] * np.asarray(gravity, dtype=float)
     count = boxes.rows * boxes.columns
     found = np.zeros((count, 2))
-    for path, pull in zip(tracks.recorded, weight, strict=True):
+    flow = mass_flow if isinstance(mass_flow, np.ndarray) else np.full(len(grains), mass_flow / max(len(grains), 1))
+    for path, pull, own in zip(tracks.recorded, weight, flow, strict=True):
         place, given = _laid(path, pull, boxes)
         for axis in (0, 1):
-            found[:, axis] -= np.bincount(place, given[:, axis], count)
-    share = mass_flow / max(len(grains), 1)
-    return ForceDensity(boxes, share * found.reshape(boxes.rows, boxes.columns, 2) / boxes.pitch**2)
+            found[:, axis] -= np.bincount(place, own * given[:, axis], count)
+    return ForceDensity(boxes, found.reshape(boxes.rows, boxes.columns, 2) / boxes.pitch**2)
 
 
 def _laid(path: Array, pull: Array, boxes: Boxes) -> tuple[NDArray[np.int64], Array]:

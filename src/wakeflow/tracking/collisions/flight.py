@@ -175,6 +175,7 @@ def begin_leg(state, own, tally, clock):
     own[of.LEG_X], own[of.LEG_Y], own[of.LEG_Z] = state[at.X], state[at.Y], own[of.Z]
     own[of.LEG_VX], own[of.LEG_VY], own[of.LEG_VZ] = state[at.VX], state[at.VY], own[of.VZ]
     own[of.LEG_WX], own[of.LEG_WY], own[of.LEG_WZ] = own[of.WX], own[of.WY], state[at.SPIN]
+    own[of.LEG_GAIN_X], own[of.LEG_GAIN_Y] = state[at.GAIN_X], state[at.GAIN_Y]
     tally[of.STAMP] += 1
 
 
@@ -203,6 +204,13 @@ def _decay(z):
     p2 = C0 + z * (C1 + z * (C2 + z * (C3 + z * (C4 + z * (C5 + z * (C6 + z * C7))))))
     p1 = 1.0 + z * p2
     return 1.0 + z * p1, p1, p2
+
+
+@inlined
+def _gain(state, vx, vy):
+    """Count the velocity that a piece of way gives, which ends with (vx, vy)."""
+    state[at.GAIN_X] += vx - state[at.VX]
+    state[at.GAIN_Y] += vy - state[at.VY]
 
 
 @inlined
@@ -295,6 +303,7 @@ def _by_walls(state, ints, own, tally, grain, walls, rules, clock, path, hold, e
     if found >= 0.0:
         s, kind = found, at.FREE
     x, y, vx, vy, z, vz = _glide(path, own, s)
+    _gain(state, vx, vy)
     state[at.X], state[at.Y], state[at.VX], state[at.VY], own[of.Z], own[of.VZ] = x, y, vx, vy, z, vz
     state[at.T] = clock[of.UNTIL] if s == h and t0 + h >= clock[of.UNTIL] else t0 + s
     if found >= 0.0:
@@ -329,6 +338,7 @@ def fly_on(state, ints, own, tally, grain, table, air, nodes, walls, rules, cloc
             break
         x, y, vx, vy, z, vz = _glide(path, own, h)
         if ints[at.CONTACT] == at.FREE and _alone(state, own, grain, walls, rules, (x, y, vx, vy)):
+            _gain(state, vx, vy)
             state[at.X], state[at.Y], state[at.VX], state[at.VY], own[of.Z], own[of.VZ] = x, y, vx, vy, z, vz
             state[at.T] = clock[of.UNTIL] if state[at.T] + h >= clock[of.UNTIL] else state[at.T] + h
         else:

@@ -24,8 +24,9 @@ Index = NDArray[np.int64]
     LEG_VX, LEG_VY, LEG_VZ,  # m/s
     LEG_AX, LEG_AY, LEG_AZ,  # m/s2: the parabola through its beginning, the velocity there and its end
     LEG_WX, LEG_WY, LEG_WZ,  # rad/s, its spin at the beginning
-) = range(23)  # fmt: skip
-OWN = 23
+    LEG_GAIN_X, LEG_GAIN_Y,  # m/s, what all but walls and others had given it by then
+) = range(25)  # fmt: skip
+OWN = 25
 
 LOOSE, HELD_BY_WALL, TOUCHES_OTHERS = 0.0, 1.0, 2.0
 

@@ -100,6 +100,10 @@ def roll_back(state, ints, own, clock, when):
     state[at.VY] = own[of.LEG_VY] + s * own[of.LEG_AY]
     own[of.VZ] = own[of.LEG_VZ] + s * own[of.LEG_AZ]
     own[of.WX], own[of.WY], state[at.SPIN] = own[of.LEG_WX], own[of.LEG_WY], own[of.LEG_WZ]
+    span = own[of.LEG_END] - own[of.LEG_BEGIN]
+    kept = s / span if span > 0.0 else 0.0
+    state[at.GAIN_X] = own[of.LEG_GAIN_X] + kept * (state[at.GAIN_X] - own[of.LEG_GAIN_X])
+    state[at.GAIN_Y] = own[of.LEG_GAIN_Y] + kept * (state[at.GAIN_Y] - own[of.LEG_GAIN_Y])
     state[at.T] = clock[of.NOW] + when
     ints[at.FATE], ints[at.LINE] = at.FLYING, -1
     own[of.ROOM] = 0.0
