@@ -12,6 +12,7 @@ import pytest
 
 import wakeflow as wf
 from support import landings_in, loaded_scene, shipped
+from wakeflow.answer.shares import PERTURBED_RERUN
 from wakeflow.core.errors import SceneError
 from wakeflow.foam.momentum_source import LEVELS, SOURCE
 from wakeflow.injection.feed import feedstock
@@ -343,6 +344,26 @@ def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: 
     assert value == share
     assert low <= least < most <= high  # not known for meetings left out of so dense a feed: it may be all
     assert COLLISIONS in {part.source for row in off.budget for part in row.parts}
+
+
+def test_what_granules_that_meet_forget_is_flown_alone(tmp_path: Path) -> None:
+    """The slab knows no history force: granules alone say what it changes, instead of a bound on one granule's way."""
+    scene = Scene.parse({
+        "channel": {"width": 0.3, "top": 0.3, "bottom": -0.3},
+        "air": {"speed": 1.0, "direction": "up", "turbulence": 0.02},
+        "feed": {"speed": 0.5, "level": 0.2, "width": 0.05, "direction": -1.5, "count": 256, "rate": 0.03, "depth": 1.0},
+        "fraction": {"light": {"size": 2e-3, "density": 200.0, "restitution": 0.3, "friction": 0.4}},
+        "bin": {"left": {"from": -0.15, "to": 0.02}, "right": {"from": 0.02, "to": 0.15}},
+        "numerics": {"target_error": 0.001},
+    })  # fmt: skip
+    result = wf.run(scene, tmp_path, force={COLLISIONS: True}, report=False)
+    assert result.plan.fractions["light"].forgets == ("basset-history",)
+    assert "basset-history" not in result.plan.fractions["light"].forces
+    parts = [one for row in result.budget for one in row.parts if one.source == "basset-history"]
+    assert {one.how for one in parts} == {PERTURBED_RERUN}
+    assert all("between the same" in str(one.note) and 0.0 <= (one.error or 0.0) < 0.05 for one in parts)
+    loose = scene.replace({"numerics.target_error": 0.02})
+    assert make_plan(loose, force={COLLISIONS: True}).fractions["light"].forgets == ()
 
 
 def test_replicates_without_a_fraction_are_taken_together() -> None:

@@ -156,7 +156,7 @@ def test_every_property_tells_its_source(cases: Path) -> None:
     assert wheat.value == "0.5"
     assert wheat.confidence == materials["wheat"].evidence["restitution"].confidence
     assert materials["wheat"].evidence["restitution"].source in wheat.source
-    assert rows["wheat", "diameter of the equal sphere"][2:] == ("3.88 mm", "given", "the scene")
+    assert rows["wheat", "diameter of the equal sphere"][2:] == ("3.6 mm", "given", "the scene")
     assert rows["dust", "diameter of the equal sphere"].value == "40 µm"
     assert {fraction for fraction, _ in rows} == set(scene.fraction)
 
