@@ -351,7 +351,8 @@ def test_what_granules_that_meet_forget_is_flown_alone(tmp_path: Path) -> None:
     scene = Scene.parse({
         "channel": {"width": 0.3, "top": 0.3, "bottom": -0.3},
         "air": {"speed": 1.0, "direction": "up", "turbulence": 0.02},
-        "feed": {"speed": 0.5, "level": 0.2, "width": 0.05, "direction": -1.5, "count": 256, "rate": 0.03, "depth": 1.0},
+        "feed": {"speed": 0.5, "level": 0.2, "width": 0.05, "direction": -1.5, "count": 256, "rate": 0.03,
+                 "depth": 1.0},
         "fraction": {"light": {"size": 2e-3, "density": 200.0, "restitution": 0.3, "friction": 0.4}},
         "bin": {"left": {"from": -0.15, "to": 0.02}, "right": {"from": 0.02, "to": 0.15}},
         "numerics": {"target_error": 0.001},

@@ -239,7 +239,9 @@ def test_the_air_has_fewer_draws_and_all_are_standard_normal() -> None:
     np.testing.assert_allclose(stage.design.mean(axis=0), 0.0, atol=0.1)
     np.testing.assert_allclose(stage.design.std(axis=0), 1.0, atol=0.15)
     for part in (air, rest):  # by how much each slope's variance grows because the columns are not orthogonal
-        assert np.linalg.inv(np.corrcoef(part, rowvar=False)).diagonal().max() < 2.0
+        draws, columns = np.unique(part, axis=0).shape
+        by_chance = (draws - 1) / (draws - columns - 1)  # of independent normal columns, the mean
+        assert np.linalg.inv(np.corrcoef(part, rowvar=False)).diagonal().max() < 1.5 * by_chance
     assert FARTHEST > 2.0
 
 
@@ -260,6 +262,7 @@ def test_a_faster_air_is_the_same_air_in_less_time() -> None:
     np.testing.assert_allclose(longer.k, 1.2)
     # eddies of one size turn over with k^1/2, and each lasts twice as long
     np.testing.assert_allclose(longer.k / longer.dissipation, 2.0 * (0.3 / 0.03) / 2.0)
+    np.testing.assert_allclose(varied(field, energy=4.0, entering=0.1).k, 0.2 + 4.0 * 0.1)  # a wake's own stays
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ dissipation) is weighted by a^2 and b^2.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -201,24 +202,38 @@ def cross_faded(field: FlowField, lead: int) -> FlowField:
 
 
 # -- The same airflow at another speed ---------------------------------------------------------------------------------
-def varied(field: FlowField, speed: float = 1.0, energy: float = 1.0, lifetime: float = 1.0) -> FlowField:
-    """``field`` with the factor ``speed`` on its velocity, ``energy`` on the kinetic energy of its turbulence beside
-    that, ``lifetime`` on that of the eddies k / dissipation beside both.
+def varied(
+    field: FlowField, speed: float = 1.0, energy: float = 1.0, lifetime: float = 1.0, *, entering: float = math.inf
+) -> FlowField:
+    """``field`` with the factor ``speed`` on its velocity, ``energy`` on the kinetic energy of its turbulence next to
+    that, as far as it is no more than what is ``entering`` (m2/s2): the rest is made by the bodies' wakes. ``lifetime``
+    is a factor on that of the eddies k / dissipation next to both.
 
     By similarity at an unchanged Reynolds number: pressure and k go with the speed's square, dissipation with its cube,
     times with its inverse, so that the Strouhal number stays; a length scale k^3/2 / dissipation stays where the energy
     changes. That the flow itself does not change with its Reynolds number holds for some per cent about the computed
     one. On a mesh that swings with the body the clock stays, which is the vibration's.
     """
+    grown = _grown(field, energy, entering)
     factors = {
         "velocity": speed,
         "pressure": speed**2,
         "given_gradient": speed**2,
-        "k": energy * speed**2,
-        "dissipation": energy**1.5 * speed**3 / lifetime,
+        "k": grown * speed**2,
+        "dissipation": grown**1.5 * speed**3 / lifetime,
     }
     made: dict[str, Any] = {name: factors[name] * values for name, values in nodal(field).items()}
     if field.times is not None and field.motion is None:
         made["times"] = field.times / speed
         made["period"] = None if field.period is None else field.period / speed
     return replace(field, **made)
+
+
+def _grown(field: FlowField, energy: float, entering: float) -> Array:
+    """The factor (N,) on k, the same at all times: ``energy`` on as much of its mean as is ``entering`` (m2/s2)."""
+    if field.k is None:
+        return np.asarray(energy)
+    steady = field.k.ndim == 1
+    mean = field.k if steady else field.k[0] if field.coefficients is not None else field.k.mean(axis=0)
+    brought = np.divide(entering, mean, out=np.full_like(mean, np.inf), where=mean > 0.0)
+    return np.asarray(1.0 + (energy - 1.0) * np.minimum(1.0, brought))

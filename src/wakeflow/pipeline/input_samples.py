@@ -6,6 +6,7 @@ so that what it moves is seen between the same granules: its error is that of th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -22,6 +23,7 @@ from ..core.process import cores
 from ..core.store import content_key
 from ..core.tables import AnyArray, Columns, save_arrays
 from ..laws.size import normal_points
+from ..laws.turbulence import entering_energy
 from ..planning.plan import INPUT_SAMPLES, REPLICATES, SAME_AIR, replicate_size
 from ..planning.unknowns import Unknown, unknown_kinds, unknowns, variation_at
 from ..planning.variation import AirVariation, Variation
@@ -29,6 +31,7 @@ from .cache import code_of
 
 if TYPE_CHECKING:
     from ..field import FlowField
+    from ..scene import Scene
     from .landings import Tracked
     from .realisations import Realisations
     from .track_stage import TrackStage
@@ -159,10 +162,18 @@ class DrawStage:
             strength = wake.strength.value if air.strength is None else air.strength
             found = self.tracks.realised(PerturbedRerun("draws", wake=(theta, strength)))
 
+        entering = _entering(self.tracks.scene)
+
         def change(field: FlowField) -> FlowField:
-            return varied(field, air.speed, air.energy, air.lifetime)
+            return varied(field, air.speed, air.energy, air.lifetime, entering=entering)
 
         return found.mapped(change)
+
+
+def _entering(scene: Scene) -> float:
+    """Energy (m2/s2) of the turbulence that the stream brings; infinite where a case of the user's does."""
+    air = scene.air
+    return math.inf if air is None or air.case is not None else entering_energy(air.turbulence, air.speed)
 
 
 def _part(size: int, number: int) -> slice:
