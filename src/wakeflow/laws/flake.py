@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +34,7 @@ BROADSIDE = 1.2  # drag coefficient of a plate across the stream
 CIRCULATION = 1.0  # C_R
 
 
-def flung(spin: Any, toss: Any, normal: Any, along: Any, freed: Any, xi: Any) -> Any:
+def flung(spin: Array, toss: Array, normal: Array, along: Array, freed: Array, xi: Array) -> Array:
     """Spin (rad/s) of a plate after a blow, from its ``spin`` before.
 
     ``toss`` = SPREAD / c (1/m), ``normal`` and ``along`` impulses per mass (m/s; along the tangent z x n), ``freed``

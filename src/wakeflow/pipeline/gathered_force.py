@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -168,7 +168,7 @@ class Gatherer:
         """Of a fraction, kg/s per metre across the plane."""
         return self.scene.feed.mass_flow / self.scene.feed.depth * self.scene.mass_shares()[name]
 
-    def _how(self, forces: Any) -> dict[str, Any]:
+    def _how(self, forces: Collection[str]) -> dict[str, Any]:
         return {"air_density": self.air.density, "forces": forces}
 
     def _both_images(self, density: Array, losses: Array, before: Array, *landed: Any) -> Gathered:
@@ -189,7 +189,7 @@ def _down_to(tracks: Tracks, level: float) -> Tracks:
     return replace(tracks, recorded=cut)
 
 
-def _lost(tracks: Tracks, grains: Granules, air_density: float, forces: Any) -> Array:
+def _lost(tracks: Tracks, grains: Granules, air_density: float, forces: Collection[str]) -> Array:
     """Velocity (n, 2) m/s that each granule gave to the air on its whole way: what gravity gave it less what all but
     walls and others did, derived from the ends of the tracks alone.
     """

@@ -19,9 +19,11 @@ NEAR = 0.1  # body widths by which a bin's ends, and the curtain's middle, may d
 SETTLING = 0.02  # of the air's speed, by which the terminal velocity may differ; chosen
 FACTORS = {"blockage": 1.2, "curtain": 1.2, "stokes": 1.2, "reynolds": 3.0}  # chosen; sharp edges separate at any Re
 
+Entry = dict[str, Any]  # keys as at the head of three_dimensions.toml
+
 
 @cache
-def span_shares() -> dict[str, dict[str, Any]]:
+def span_shares() -> dict[str, Entry]:
     """Every entry of three_dimensions.toml."""
     return tomllib.loads((Path(__file__).parent / "three_dimensions.toml").read_text(encoding="utf-8"))
 
@@ -46,7 +48,7 @@ def in_three_dimensions(scene: Scene, plan: Plan) -> dict[str, dict[str, Number]
     return found
 
 
-def _like(scene: Scene, how: FractionPlan) -> Iterator[dict[str, Any]]:
+def _like(scene: Scene, how: FractionPlan) -> Iterator[Entry]:
     """What was computed for the scene's body, of granules such as those of a fraction."""
     numbers = {
         "blockage": scene.width / scene.channel.width, "curtain": scene.feed.width / scene.width,
