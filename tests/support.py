@@ -64,7 +64,7 @@ def loaded_scene() -> Scene:
     """The shipped rhombus on a coarse mesh on which its air settles (in 260 iterations; 3000 with a scale of 2.5), with
     chaff alone, whose drag the air feels most for its mass; to a wide accuracy, so that few passes do.
     """
-    changes = {"numerics.rung": "draft", "numerics.mesh_scale": 3.0, "numerics.target_error": 0.05}
+    changes = {"numerics.rung": "draft", "numerics.mesh_scale": 3.0, "numerics.target_error": 0.02}
     tables = shipped("rhombus", {**changes, "feed.count": 512, "numerics.tolerance": 1e-3}).tables()
     tables["fraction"] = {"chaff": {**tables["fraction"]["chaff"], "mass_share": 1.0}}
     tables["feed"]["rate"] = 0.02  # kg/s
@@ -90,11 +90,15 @@ def field_of(flow: Flow, n: int = 10, low: float = -1.0, high: float = 1.0, **mo
     return FlowField.from_arrays(points, cells, flow(points), density=DENSITY, viscosity=VISCOSITY, **more)
 
 
+def without_slip(*arguments: Any, **more: Any) -> Granules:
+    """Granules with the plain law of drag, as closed forms have it: however small, they do not slip."""
+    return Granules(*arguments, **{"drag_scale": 1.0} | more)
+
+
 def with_tau(tau: float, position: Any, velocity: Any, **more: Any) -> Granules:
     """Granules whose Stokes relaxation time is ``tau`` (s) in the air of ``field_of``."""
     density = 1000.0
-    exact = {"drag_scale": 1.0} | more  # without slip, however small
-    return Granules(position, velocity, diameter=np.sqrt(18 * VISCOSITY * tau / density), density=density, **exact)
+    return without_slip(position, velocity, diameter=np.sqrt(18 * VISCOSITY * tau / density), density=density, **more)
 
 
 def landings_in(bins: Any, **columns: Any) -> Landings:

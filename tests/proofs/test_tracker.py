@@ -41,7 +41,8 @@ def _air(cells: int = 20) -> wf.FlowField:
 def _grains(count: int, *, spread: float = 0.16, **properties: float) -> wf.Granules:
     x = spread * (np.arange(count) * 0.6180339887498949 % 1.0 - 0.5)
     position = np.stack([x, np.full(count, 0.09)], axis=1)
-    return wf.Granules(position=position, velocity=np.tile([0.3, -1.0], (count, 1)), restitution=0.5, **properties)
+    return wf.Granules(position=position, velocity=np.tile([0.3, -1.0], (count, 1)), restitution=0.5,
+                       **{"drag_scale": 1.0} | properties)  # fmt: skip
 
 
 def _problem(field: wf.FlowField, *bodies: Array) -> TrackingProblem:

@@ -157,7 +157,7 @@ class AirLoading:
     def _among_others(self, last: Pass) -> Gathered:
         """What granules that meet in the slab exert on the air of the ``last`` pass."""
         stage, start_up = "slab-momentum", steady_after(self.plan, last.gathered.late.__getitem__)
-        made = content_key(stage, last.key, exerted_by(self.scene, self.plan), start_up, code_of(stage))
+        made = content_key(stage, last.key, exerted_by(self.scene, self.plan), start_up, code_of("slab-momentum"))
 
         def work(part: Path) -> None:
             self.compilation.finish_slab()

@@ -108,10 +108,7 @@ TYPICAL = 0.5  # mean shift over the bound, which holds for 95 % of the granules
 MAX_SIDES = 2  # a curtain falls on the left and the right of a body's top
 AIR = "air"  # left out as a whole: in a vacuum, and at rung none
 SWITCHED_OFF = "switched off by --force"
-IN_SLAB = (
-    "granules that meet have no record of their past, and what that changes is in the interval by granules alone; "
-    "--force basset-history=on computes it for those"
-)
+IN_SLAB = "granules that meet forget their past; the interval holds what that changes alone; --force basset-history=on"
 REMEMBERING = tuple(name for name in forces if forces[name].memory is not None)
 TOP = 1e-9  # body widths below the highest corner: corners within it make up the top of a body
 

@@ -96,8 +96,9 @@ def fed(machine: Machine, replicate: int) -> tuple[Granules, NDArray[np.bool_]]:
     """
     timing = {"begin": 0.0, "start_up": machine.start_up, "operation": machine.operation, "depth": machine.depth}
     stream = slab_stream(machine.scene, machine.plan, None, replicate, **timing, variation=Variation())
-    kept = _apart_earlier(stream.granules, machine.depth)
-    return stream.granules[kept], stream.counted[kept]
+    balls = stream.granules.replace(shape=1.0)  # as LIGGGHTS flies them
+    kept = _apart_earlier(balls, machine.depth)
+    return balls[kept], stream.counted[kept]
 
 
 def _apart_earlier(grains: Granules, depth: float) -> NDArray[np.intp]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from proofs.extremes.flying import TOLERANCE, against_answer, timed_flight
 from proofs.problems.exact import G, Setting, box, field_on, of_tau
 from proofs.problems.flights import two_modes
+from support import without_slip
 from wakeflow.tracking import Body, Fate, Granules, Motion
 from wakeflow.verify.extremes import Happened, add_row, what_happened
 
@@ -25,7 +26,7 @@ VACUUM: dict[str, Any] = {"forces": ("gravity",), "length": 1.0}
 
 
 def _point_masses(position: Any, velocity: Any, restitution: float, friction: float) -> Granules:
-    return Granules(position, velocity, 2 * RADIUS, 1000.0, restitution=restitution, friction=friction)
+    return without_slip(position, velocity, 2 * RADIUS, 1000.0, restitution=restitution, friction=friction)
 
 
 # -- vibration ---------------------------------------------------------------------------------------------------------

@@ -11,10 +11,10 @@ from proofs.extremes.flying import against_answer, falls_in_uniform_air, timed_f
 from proofs.problems.exact import DENSITY, VISCOSITY, G, Setting, box, field_on, of_tau
 from proofs.problems.flights import taylor_green, two_modes
 from proofs.problems.reference_all_terms import reference_end_states
+from support import without_slip
 from wakeflow.field import FlowField
 from wakeflow.laws.drag import slip_correction, terminal_velocity
 from wakeflow.laws.turbulence import brownian_diffusivity
-from wakeflow.tracking import Granules
 from wakeflow.verify.extremes import Happened, add_row, what_happened
 
 Array = NDArray[np.float64]
@@ -86,7 +86,7 @@ def _thrown(reynolds: float) -> Happened:
     """A sphere thrown into still air at a Reynolds number: of 20 mm, or finer, at 0.1 m/s; over its way."""
     diameter = min(0.02, reynolds * VISCOSITY / (DENSITY * 0.1))
     speed = reynolds * VISCOSITY / (DENSITY * diameter)
-    grains = Granules(np.array([[-0.9, 0.3]]), np.array([[speed, 0.0]]), diameter, 1300.0)
+    grains = without_slip(np.array([[-0.9, 0.3]]), np.array([[speed, 0.0]]), diameter, 1300.0)
     until = min(0.3, 1.5 / speed)
     end = falls_in_uniform_air(grains, until, (0.0, 0.0), AIR, LAW, submerged=False)
     way = float(np.linalg.norm(end - grains.position))
@@ -98,7 +98,7 @@ def _no_slip() -> Happened:
     air, until = np.array([0.7, -0.4]), 0.5
     diameter = np.array([1e-9, 1e-5, 1e-3, 5e-2])
     start = np.tile([-0.4, 0.3], (4, 1))
-    setting = Setting(uniform(air), Granules(start, np.tile(air, (4, 1)), diameter, 1000.0), until,
+    setting = Setting(uniform(air), without_slip(start, np.tile(air, (4, 1)), diameter, 1000.0), until,
                       {"forces": ("drag",)})  # fmt: skip
     return against_answer(setting, start + until * air)
 
@@ -106,7 +106,7 @@ def _no_slip() -> Happened:
 def _begins_to_slip() -> Happened:
     """Born with the air's velocity, and then it falls: the slip grows from nothing."""
     diameter, air = np.array([1e-6, 1e-4, 1e-3, 1e-2]), (0.5, 0.2)
-    grains = Granules(np.tile([-0.4, 0.3], (4, 1)), np.tile(air, (4, 1)), diameter, 1000.0)
+    grains = without_slip(np.tile([-0.4, 0.3], (4, 1)), np.tile(air, (4, 1)), diameter, 1000.0)
     end = falls_in_uniform_air(grains, 0.3, air, AIR, LAW, submerged=False)
     return against_answer(Setting(uniform(air), grains, 0.3), end)
 
@@ -123,7 +123,7 @@ for _reynolds in (1e-3, 1.0, 1e3, 1e5, 2e5):
 def _of_density(ratio: float, fluid: tuple[float, float], diameter: float) -> Happened:
     """Released at rest in a stream, with buoyancy and added mass."""
     stream, until = (0.3, 0.1), 0.3
-    grains = Granules(np.array([[-0.4, 0.1]]), np.zeros((1, 2)), diameter, ratio * fluid[0])
+    grains = without_slip(np.array([[-0.4, 0.1]]), np.zeros((1, 2)), diameter, ratio * fluid[0])
     end = falls_in_uniform_air(grains, until, stream, fluid, LAW, submerged=True)
     return against_answer(Setting(uniform(stream, fluid), grains, until, {"forces": SUBMERGED}), end)
 
@@ -139,8 +139,8 @@ for _ratio in (0.5, 1.0, 2.65, 11.3):
 
 def _of_shape(sphericity: float, law: str) -> Happened:
     """Flakes of three sizes thrown into still air."""
-    grains = Granules(np.tile([-0.6, 0.4], (3, 1)), np.tile([3.0, 1.0], (3, 1)), np.array([1e-4, 1e-3, 5e-3]), 800.0,
-                      sphericity=sphericity)  # fmt: skip
+    start, speed, diameter = np.tile([-0.6, 0.4], (3, 1)), np.tile([3.0, 1.0], (3, 1)), np.array([1e-4, 1e-3, 5e-3])
+    grains = without_slip(start, speed, diameter, 800.0, sphericity=sphericity)
     end = falls_in_uniform_air(grains, 0.2, (0.0, 0.0), AIR, law, submerged=False)
     return against_answer(Setting(uniform([0.0, 0.0]), grains, 0.2, {"drag": law}), end)
 
@@ -152,7 +152,7 @@ for _law in ("haider-levenspiel", "ganser"):
 def _four_decades() -> Happened:
     """1 um to 10 mm in one call, so that a block of granules holds stiff and heavy ones."""
     diameter = np.geomspace(1e-6, 1e-2, 9)
-    grains = Granules(np.tile(START, (9, 1)), np.tile(SPEED, (9, 1)), diameter, 1300.0)
+    grains = without_slip(np.tile(START, (9, 1)), np.tile(SPEED, (9, 1)), diameter, 1300.0)
     setting = Setting(field_on(box(12), taylor_green), grains, 0.05)
     fine = diameter < 3e-4
     end = np.empty((9, 2))
@@ -165,7 +165,7 @@ def _four_decades() -> Happened:
 def _settles(diameter: float) -> Happened:
     """Falls from rest in still air, relative to the way it falls; the finest with the slip of air past it."""
     slips = float(slip_correction(diameter))
-    grains = Granules(np.zeros((1, 2)), np.zeros((1, 2)), diameter, 1000.0, drag_scale=1.0 / slips)
+    grains = without_slip(np.zeros((1, 2)), np.zeros((1, 2)), diameter, 1000.0, drag_scale=1.0 / slips)
     way = min(float(terminal_velocity(diameter, 1000.0, *AIR, law=LAW, drag_scale=1.0 / slips)), 0.5 * G)
     end = falls_in_uniform_air(grains, 1.0, (0.0, 0.0), AIR, LAW, submerged=False)
     return against_answer(Setting(uniform([0.0, 0.0], half=10.0), grains, 1.0, {"length": way}), end)
@@ -177,7 +177,7 @@ def _kicked_by_molecules() -> Happened:
     slips = float(slip_correction(diameter))
     diffusivity = brownian_diffusivity(diameter, VISCOSITY, slip_correction=slips)
     still = np.zeros((SWARM, 2))
-    grains = Granules(still, still, diameter, 1000.0, drag_scale=1.0 / slips)
+    grains = without_slip(still, still, diameter, 1000.0, drag_scale=1.0 / slips)
     spread = float(np.sqrt(2.0 * diffusivity * until))
     tracks, seconds = timed_flight(
         uniform([0.0, 0.0]), grains, until=until, tolerance=1e-3, length=spread, forces=("drag", "brownian"),

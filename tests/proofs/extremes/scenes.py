@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofs.extremes.flying import timed_flight
+from support import without_slip
 from wakeflow.answer.result import Result
 from wakeflow.budget.slab import SlabStep
 from wakeflow.core.graded import Grade
@@ -26,7 +27,7 @@ from wakeflow.planning.make import make_plan
 from wakeflow.runs import run
 from wakeflow.runs.chain import chain
 from wakeflow.scene import Scene
-from wakeflow.tracking import Body, Granules, Tracks
+from wakeflow.tracking import Body, Tracks
 from wakeflow.verify.extreme_scenes import DENSE, OUT, Options, happened_in, run_in, shipped_scene
 from wakeflow.verify.extremes import Happened, add_row, what_happened
 from wakeflow.verify.reference import TrackingProblem, fly_reference
@@ -151,7 +152,7 @@ def _granules(name: str, speed: float, viscosity: float) -> Happened:
     body = Body(scene.first_outline)
     x = np.tile(np.linspace(0.1, 1.3, GRAINS // 2) * scene.width, 2)
     size = np.repeat([5e-5, 2e-3], GRAINS // 2)
-    grains = Granules(np.stack([x, np.full(GRAINS, 2.0 * scene.width)], axis=1), np.tile([0.0, -1.0], (GRAINS, 1)),
+    grains = without_slip(np.stack([x, np.full(GRAINS, 2.0 * scene.width)], axis=1), np.tile([0.0, -1.0], (GRAINS, 1)),
                       size, 1300.0, restitution=0.5, friction=0.3)  # fmt: skip
     problem = TrackingProblem(field, (body,), UNTIL, scene.width)
     reference = fly_reference(problem, grains, seconds=PATIENCE)

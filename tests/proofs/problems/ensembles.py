@@ -24,9 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofs.problems.exact import VISCOSITY, ExactNumber, G, box, exact_numbers, field_on, of_tau, ring
+from support import without_slip
 from wakeflow.field import FlowField
 from wakeflow.laws.turbulence import brownian_diffusivity, lifetime
-from wakeflow.tracking import Body, Fate, Granules, Motion, Tracks, track
+from wakeflow.tracking import Body, Fate, Motion, Tracks, track
 
 # -- ensembles ---------------------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
@@ -78,7 +79,7 @@ def impaction_on_a_cylinder(tolerance: float) -> Array:
         start = np.stack([np.full(height.size, -49.0), height.ravel()], axis=1)
         # points: their size must not count, only their relaxation time
         tau, diameter = np.repeat(INERTIA, rays), 1e-9
-        grains = Granules(start, past_a_cylinder(start), diameter, 18 * VISCOSITY * tau / diameter**2)
+        grains = without_slip(start, past_a_cylinder(start), diameter, 18 * VISCOSITY * tau / diameter**2)
         tracks = track(
             field, grains, until=400.0, tolerance=tolerance, length=1.0, forces=("drag",), drag="stokes", bodies=(body,)
         )
@@ -181,7 +182,7 @@ def spread_of_dust(t: float, tolerance: float) -> float:
     """Variance of dust of 10 um in still air after ``t`` (s) over 2 D t; its steps are as many as relaxation times."""
     diameter = 10e-6  # 1.7 % slip of the air on granules so fine is allowed for
     field, diffusivity = _still(1e-3), brownian_diffusivity(diameter, VISCOSITY)
-    grains = Granules(np.zeros((SWARM, 2)), np.zeros((SWARM, 2)), diameter, 100.0)
+    grains = without_slip(np.zeros((SWARM, 2)), np.zeros((SWARM, 2)), diameter, 100.0)
     tracks = track(
         field, grains, until=t, tolerance=tolerance, length=np.sqrt(diffusivity * t), forces=("drag", "brownian"),
         drag="stokes", seed=1,
@@ -233,7 +234,7 @@ def _flown(
     record: bool = False,
 ) -> Tracks:  # fmt: skip
     count = len(height)
-    grains = Granules(
+    grains = without_slip(
         np.stack([np.zeros(count), height], axis=1), np.stack([np.zeros(count), speed], axis=1), 2 * RADIUS, 1000.0,
         restitution=e, friction=0.0, time=born,
     )  # fmt: skip

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from support import without_slip
 from wakeflow.core.registry import Registry
 from wakeflow.field import FlowField
 from wakeflow.tracking import Granules, Tracks, track
@@ -130,7 +131,7 @@ def accepts(force: str) -> bool:
     """Whether the tracker computes a force."""
     from wakeflow.core.errors import SceneError
 
-    nobody = Granules(np.zeros((0, 2)), np.zeros((0, 2)), diameter=1.0, density=1.0)
+    nobody = without_slip(np.zeros((0, 2)), np.zeros((0, 2)), diameter=1.0, density=1.0)
     points, cells = box(1)
     air = FlowField.from_arrays(
         points, cells, 0 * points, pressure=points[:, 0], k=np.ones(len(points)), dissipation=np.ones(len(points))
@@ -148,7 +149,7 @@ def accepts(force: str) -> bool:
 def of_tau(tau: ArrayLike, position: ArrayLike, velocity: ArrayLike, density: float = 1000.0, **more: Any) -> Granules:
     """Granules whose Stokes relaxation time in the air of ``field_on`` is ``tau`` (s)."""
     diameter = np.sqrt(18 * VISCOSITY * np.asarray(tau, dtype=float) / density)
-    return Granules(position, velocity, diameter=diameter, density=density, **more)  # type: ignore[arg-type]
+    return without_slip(position, velocity, diameter=diameter, density=density, **more)  # type: ignore[arg-type]
 
 
 def box(

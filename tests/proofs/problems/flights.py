@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from proofs.problems.exact import DENSITY, Answer, G, Setting, box, field_on, of_tau, problem
 from proofs.problems.reference_all_terms import Plane, reference_end_states
+from support import without_slip
 from wakeflow.laws.drag import drag_table, table_factor
-from wakeflow.tracking import Body, Fate, Granules
+from wakeflow.tracking import Body, Fate
 
 Array = NDArray[np.float64]
 DRAG_ONLY = {"forces": ("drag",), "drag": "stokes"}
@@ -21,7 +22,7 @@ DRAG_ONLY = {"forces": ("drag",), "drag": "stokes"}
 def ballistic_flight(cells: int) -> tuple[Setting, Answer]:
     rng = np.random.default_rng(0)
     x, v, g, t = rng.normal(size=(20, 2)), rng.normal(size=(20, 2)), np.array([1.0, -G]), 0.7
-    grains = Granules(x, v, diameter=1e-3, density=1000)
+    grains = without_slip(x, v, diameter=1e-3, density=1000)
     setting = Setting(None, grains, t, {"gravity": tuple(g), "forces": ("gravity",)})
     return setting, Answer(x + t * v + 0.5 * t * t * g, v + t * g, np.full(20, t), Fate.AIRBORNE)
 
@@ -82,7 +83,7 @@ def quadratic_settling(cells: int) -> tuple[Setting, Answer]:
     start = np.array([[0.1, 0.6], [-3.0, 5.0]])
     diameter, density = _constant_drag(terminal)
     field = field_on(box(cells, (-10.0, -10.0), (10.0, 10.0)), np.zeros_like, viscosity=1e-10)
-    setting = Setting(field, Granules(start, 0 * start, diameter, density), t, {"drag": "putnam"})
+    setting = Setting(field, without_slip(start, 0 * start, diameter, density), t, {"drag": "putnam"})
     drop = terminal**2 / G * np.log(np.cosh(G * t / terminal))
     speed = terminal * np.tanh(G * t / terminal)
     return setting, Answer(start - np.outer(drop, [0, 1]), -np.outer(speed, [0, 1]))
@@ -97,7 +98,7 @@ def quadratic_throw(cells: int) -> tuple[Setting, Answer]:
     start = np.array([[0.1, -3.0], [-3.0, 2.0], [2.0, -5.0]])
     diameter, density = _constant_drag(terminal)
     field = field_on(box(cells, (-10.0, -10.0), (10.0, 10.0)), np.zeros_like, viscosity=1e-10)
-    grains = Granules(start, np.outer(w, [0, 1]), diameter, density)
+    grains = without_slip(start, np.outer(w, [0, 1]), diameter, density)
     late = G * (t - terminal / G * np.arctan(w / terminal)) / terminal
     height = terminal**2 / (2 * G) * np.log1p((w / terminal) ** 2) - terminal**2 / G * np.log(np.cosh(late))
     answer = Answer(start + np.outer(height, [0, 1]), np.outer(-terminal * np.tanh(late), [0, 1]))
@@ -255,7 +256,7 @@ def taylor_green(points: Array) -> Array:
 def nonlinear_drag_in_cells(cells: int) -> tuple[Setting, Answer]:
     diameter = np.array([4e-3, 1e-3, 3e-4])
     start, speed = np.array([[0.23, 0.71], [-0.31, 0.64], [0.6, 0.8]]), np.array([[0.8, -0.3], [1.0, 0.5], [-1.0, 0.0]])
-    setting = Setting(field_on(box(cells), taylor_green), Granules(start, speed, diameter, 900.0), 0.25)
+    setting = Setting(field_on(box(cells), taylor_green), without_slip(start, speed, diameter, 900.0), 0.25)
     end = reference_end_states(setting)
     return setting, Answer(end[:, :2], end[:, 2:4])
 
@@ -267,7 +268,7 @@ def nonlinear_drag_in_cells(cells: int) -> tuple[Setting, Answer]:
 def dust_in_cells(cells: int) -> tuple[Setting, Answer]:
     diameter = np.array([1e-4, 3e-5, 3e-6])
     start, speed = np.array([[0.23, 0.71], [-0.31, 0.64], [0.6, 0.8]]), np.array([[0.8, -0.3], [1.0, 0.5], [-1.0, 0.0]])
-    setting = Setting(field_on(box(cells), taylor_green), Granules(start, speed, diameter, 900.0), 0.1)
+    setting = Setting(field_on(box(cells), taylor_green), without_slip(start, speed, diameter, 900.0), 0.1)
     end = reference_end_states(setting, stiff=True, rtol=1e-10)
     return setting, Answer(end[:, :2], end[:, 2:4])
 
@@ -281,7 +282,7 @@ def snapshots_of_cells(cells: int) -> tuple[Setting, Answer]:
     values = np.stack([taylor_green(mesh[0]) * (1 + 0.5 * np.sin(40 * t)) for t in times])
     field = field_on(mesh, values, times=times, period=0.13)
     start, speed = np.array([[0.23, 0.71], [-0.31, 0.64]]), np.array([[0.8, -0.3], [1.0, 0.5]])
-    setting = Setting(field, Granules(start, speed, np.array([1e-3, 3e-4]), 900.0), 0.2)
+    setting = Setting(field, without_slip(start, speed, np.array([1e-3, 3e-4]), 900.0), 0.2)
     end = reference_end_states(setting)
     return setting, Answer(end[:, :2], end[:, 2:4])
 
@@ -300,7 +301,7 @@ def bounce_on_a_slope(cells: int) -> tuple[Setting, Answer]:
     foot = np.array([0.0, -0.9])
     slope = Body(np.stack([foot + 8 * along, foot - 8 * along]), open=True)  # solid on its left: below
     start, speed = np.array([[-0.31, 0.64], [0.1, 0.3], [-0.5, 0.2]]), np.array([[1.0, -4.0], [0.3, -5.0], [0.6, -3.0]])
-    grains = Granules(start, speed, np.array([1e-3, 2e-3, 4e-3]), 900.0, restitution=0.6, friction=0.2)
+    grains = without_slip(start, speed, np.array([1e-3, 2e-3, 4e-3]), 900.0, restitution=0.6, friction=0.2)
     field = field_on(box(cells, (-1.0, -1.5), (1.5, 1.0)), taylor_green)
     setting = Setting(field, grains, 0.6, {"bodies": (slope,), "length": 1.0})
     end = reference_end_states(setting, [Plane(tuple(foot), tuple(normal))])
@@ -315,7 +316,7 @@ def bouncing_ball(cells: int) -> tuple[Setting, Answer]:
     e, radius, h = np.array([0.0, 0.3, 0.5, 0.8, 0.9]), 0.01, 0.5
     x = np.linspace(-0.4, 0.4, 5)
     floor = Body(np.array([[0.5, 0.0], [-0.5, 0.0]]), open=True)  # solid below
-    grains = Granules(
+    grains = without_slip(
         np.stack([x, np.full(5, radius + h)], axis=1), np.zeros((5, 2)), 2 * radius, 1000.0, restitution=e
     )
     time = np.sqrt(2 * h / G) * (1 + e) / (1 - e)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from proofs.problems.ensembles import number
 from proofs.problems.exact import DENSITY, VISCOSITY, Answer, G, Setting, box, field_on, problem
+from support import without_slip
 from wakeflow.core.lazy import cached_property
 from wakeflow.laws.drag import drag_laws, terminal_velocity
 from wakeflow.laws.forces.history_force import MEMORIES, history_time, memories_of
@@ -84,7 +85,7 @@ def _heavy_and_light(start: tuple[float, float]) -> Granules:
     tau, ratio = np.array([5e-3, 0.02, 0.05, 0.1, 0.1]), np.array([1e-3, 1e-2, 0.2, 0.5, 2.0])
     places, speed, came = (np.tile(pair, (len(tau), 1)) for pair in (start, (0.8, -0.3), (0.2, -0.9)))
     density = DENSITY / ratio
-    return Granules(places, speed, np.sqrt(18 * VISCOSITY * tau / density), density, arrival=came)
+    return without_slip(places, speed, np.sqrt(18 * VISCOSITY * tau / density), density, arrival=came)
 
 
 def _linear(cells: int, strain: tuple[float, float], start: tuple[float, float]) -> tuple[Setting, Answer]:
@@ -125,7 +126,7 @@ def remembered_bounce(cells: int) -> tuple[Setting, Answer]:
 
     floor, t = -0.5, 0.3
     start, speed = np.tile([-0.3, -0.2], (3, 1)), np.array([[1.0, -3.0], [0.5, -2.0], [0.5, -3.0]])
-    grains = Granules(start, speed, np.array([4e-3, 1e-3, 8e-3]), np.array([200.0, 60.0, 20.0]), friction=0.0)
+    grains = without_slip(start, speed, np.array([4e-3, 1e-3, 8e-3]), np.array([200.0, 60.0, 20.0]), friction=0.0)
     ends = []
     for i, (across, down) in enumerate(_lines(grains, (0.0, 0.0))):
         (x, y), (v, w), radius = grains.position[i], grains.velocity[i], 0.5 * grains.diameter[i]
@@ -169,7 +170,7 @@ def basset_settling(tolerance: float) -> Array:
     density, diameter = DENSITY / LIGHT, 1e-5
     tau = density * diameter**2 / (18 * VISCOSITY)
     field = field_on(box(1, (-1e-3, -1e-3), (1e-3, 1e-3)), np.zeros_like)
-    grains = Granules(np.zeros((1, 2)), np.zeros((1, 2)), diameter, density)
+    grains = without_slip(np.zeros((1, 2)), np.zeros((1, 2)), diameter, density)
     ends = [
         track(
             field, grains, until=float(time * tau), forces=WITH_MEMORY, drag="stokes", tolerance=tolerance, length=1e-7
@@ -252,7 +253,7 @@ def memory_at_finite_reynolds_numbers(tolerance: float) -> Array:
             for kernel_speed in (settling, np.inf)
         ]  # fmt: skip
         field = field_on(box(1, (-2.0, -2.0), (2.0, 2.0)), np.tile([0.0, -wind], (4, 1)))
-        grains = Granules(
+        grains = without_slip(
             np.zeros((1, 2)), np.array([[0.0, -speeds[1]]]), diameter, density, arrival=np.array([[0.0, -speeds[0]]])
         )
         ends = [

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from proofs.problems.exact import DENSITY, VISCOSITY, Answer, G, Setting, box, field_on, problem
 from proofs.problems.flights import taylor_green
 from proofs.problems.reference_all_terms import reference_end_states
+from support import without_slip
 from wakeflow.laws.lift import magnus_factor
 from wakeflow.tracking import Granules
 
@@ -23,7 +24,7 @@ def _with(tau: Array, ratio: Array, start: Array, speed: Array, **more: Any) -> 
     density = DENSITY / np.asarray(ratio, dtype=float)
     count = len(density)
     diameter = np.sqrt(18 * VISCOSITY * np.asarray(tau, dtype=float) / density)
-    return Granules(np.tile(start, (count, 1)), np.tile(speed, (count, 1)), diameter, density, **more)
+    return without_slip(np.tile(start, (count, 1)), np.tile(speed, (count, 1)), diameter, density, **more)
 
 
 @problem(
@@ -35,7 +36,7 @@ def linear_pressure(cells: int) -> tuple[Setting, Answer]:
     density = np.array([2.4, 1.2, 0.8, 1000.0])
     start = np.tile([0.1, 0.2], (4, 1))
     field = field_on(mesh, np.zeros_like, pressure=mesh[0] @ slope)
-    grains = Granules(start, np.tile([0.3, 0.2], (4, 1)), 1e-3, density)
+    grains = without_slip(start, np.tile([0.3, 0.2], (4, 1)), 1e-3, density)
     pull = DOWN * (1 - DENSITY / density)[:, None] - slope / density[:, None]
     setting = Setting(field, grains, t, {"forces": ("gravity", "buoyancy", "pressure-gradient")})
     return setting, Answer(start + t * grains.velocity + 0.5 * t * t * pull, grains.velocity + t * pull)
@@ -166,7 +167,7 @@ def saffman_lift(cells: int) -> tuple[Setting, Answer]:
         system[3] = np.array([0, 0, 0, -1 / tau[k], -G]) + c * np.array([0, shear, -1, 0, 0])
         ends.append(expm(system * t) @ [*start, *speed, 1.0])
     field = field_on(box(cells), lambda p: np.stack([shear * p[:, 1], 0 * p[:, 1]], axis=1), viscosity=viscosity)
-    grains = Granules(np.tile(start, (3, 1)), np.tile(speed, (3, 1)), diameter, density)
+    grains = without_slip(np.tile(start, (3, 1)), np.tile(speed, (3, 1)), diameter, density)
     end = np.array(ends)
     return Setting(field, grains, t, {"forces": ("drag", "gravity", "lift"), "drag": "stokes"}), Answer(
         end[:, :2], end[:, 2:4]
@@ -185,7 +186,7 @@ def magnus_circle(cells: int) -> tuple[Setting, Answer]:
     rate = 0.75 * DENSITY / density * c * spin
     start = np.array([-0.5 + 0.0j, 0.4, -0.2 - 0.6j])
     end, after = start + speed * (np.exp(1j * rate * t) - 1) / (1j * rate), speed * np.exp(1j * rate * t)
-    grains = Granules(_plane(start), _plane(speed), diameter, density, spin=spin)  # a point mass keeps its spin
+    grains = without_slip(_plane(start), _plane(speed), diameter, density, spin=spin)  # a point mass keeps its spin
     setting = Setting(field_on(box(cells, (-2, -2), (2, 2)), np.zeros_like), grains, t, {"forces": ("magnus",)})
     return setting, Answer(_plane(end), _plane(after), spin=spin)
 
@@ -205,7 +206,7 @@ def spin_decay_problem(cells: int) -> tuple[Setting, Answer]:
     middle = np.zeros((4, 2))  # without slip nothing moves them
     field = field_on(box(cells), lambda p: omega * np.stack([-p[:, 1], p[:, 0]], axis=1))
     setting = Setting(
-        field, Granules(middle, middle, diameter, density, spin=spin, inertia=0.4), t, {"forces": ("magnus",)}
+        field, without_slip(middle, middle, diameter, density, spin=spin, inertia=0.4), t, {"forces": ("magnus",)}
     )
     return setting, Answer(middle, middle, spin=omega + (spin - omega) * decay)
 
@@ -217,7 +218,7 @@ def spin_decay_problem(cells: int) -> tuple[Setting, Answer]:
 def magnus_spin_down(cells: int) -> tuple[Setting, Answer]:
     diameter, density = np.array([1e-3, 3e-3, 3e-3]), np.array([3.0, 30.0, 10.0])
     start, speed = np.array([[-0.5, 0.0], [0.4, 0.1], [-0.2, -0.6]]), np.array([[1.0, 0.5], [-1.0, 0.0], [0.0, 1.0]])
-    grains = Granules(start, speed, diameter, density, spin=np.array([2000.0, -3000.0, 500.0]), inertia=0.4)
+    grains = without_slip(start, speed, diameter, density, spin=np.array([2000.0, -3000.0, 500.0]), inertia=0.4)
     setting = Setting(field_on(box(cells), np.zeros_like), grains, 0.4, {"forces": ("magnus",)})
     return setting, _referenced(setting)
 
@@ -230,7 +231,7 @@ def magnus_spin_down(cells: int) -> tuple[Setting, Answer]:
 def spinning_throw(cells: int) -> tuple[Setting, Answer]:
     diameter, density = np.array([4e-3, 1e-3, 3e-4]), np.array([60.0, 200.0, 900.0])
     start, speed = np.tile([-0.4, 0.2], (3, 1)), np.tile([2.0, 1.0], (3, 1))
-    grains = Granules(start, speed, diameter, density, spin=np.array([900.0, -3000.0, 2e4]), inertia=0.4)
+    grains = without_slip(start, speed, diameter, density, spin=np.array([900.0, -3000.0, 2e4]), inertia=0.4)
     field = field_on(box(cells), lambda p: np.stack([4 * p[:, 1], 0 * p[:, 1]], axis=1))
     setting = Setting(field, grains, 0.2, {"forces": ("drag", "gravity", "magnus")})
     return setting, _referenced(setting)
@@ -251,7 +252,7 @@ CELLS_SPEED = np.array([[0.8, -0.3], [1.0, 0.5], [-1.0, 0.0]])
     "curved nonlinear judged drag gravity lift", cells=8,
 )  # fmt: skip
 def lift_in_cells(cells: int) -> tuple[Setting, Answer]:
-    grains = Granules(CELLS_START, CELLS_SPEED, np.array([2e-3, 1e-3, 3e-4]), np.array([50.0, 100.0, 300.0]))
+    grains = without_slip(CELLS_START, CELLS_SPEED, np.array([2e-3, 1e-3, 3e-4]), np.array([50.0, 100.0, 300.0]))
     setting = Setting(field_on(box(cells), taylor_green), grains, 0.2, {"forces": ("drag", "gravity", "lift")})
     return setting, _referenced(setting)
 
@@ -266,7 +267,7 @@ def all_terms_in_cells(cells: int) -> tuple[Setting, Answer]:
     x, y = 2 * np.pi * mesh[0].T
     field = field_on(mesh, taylor_green, pressure=DENSITY * (np.cos(x) + np.cos(y)))
     density = np.array([0.6, 20.0, 600.0])
-    grains = Granules(
+    grains = without_slip(
         CELLS_START,
         CELLS_SPEED,
         np.array([3e-3, 1e-3, 3e-4]),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from cyclopts import App
 
-STUDIES = {  # module: its studies, each a function of its name, or of the name ``main``
+STUDIES = {  # module: its studies, each a function of its name, or of the name ``main`` where it is alone
     "bounds": ("gates", "impaction", "injection_or_resolved"),
     "collisions": ("crowd_draws", "crowd_speed", "crowding", "throughput"),
     "costs": ("mpi_ranks", "plan_times", "sweep_speed", "time_resolved_cost"),
@@ -18,7 +18,7 @@ STUDIES = {  # module: its studies, each a function of its name, or of the name 
 app = App(name="studies", help="Studies of wakeflow.", version_flags=[], result_action="return_value")
 for module, names in STUDIES.items():
     for name in names:
-        app.command(f"proofs.studies.{module}:{'main' if module == name else name}", name=name)
+        app.command(f"proofs.studies.{module}:{'main' if names == (module,) else name}", name=name)
 
 if __name__ == "__main__":
     sys.path[0] = str(Path(__file__).parents[2])  # where support and proofs are
