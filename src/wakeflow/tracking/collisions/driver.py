@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import SceneError, known
 from ...laws.forces import forces as all_forces
+from ...laws.forces.lift import SPIN_LIFT
 from ..frame import to_frame
 from ..granules import Granules
 from ..kernel import layout as at
@@ -285,7 +286,8 @@ def measured_step(slab: Slab, alone: Callable[[Index, Sequence[str]], Tracks]) -
     if not count:
         return 1.0, 0.0
     rows = np.unique(np.linspace(0, count - 1, min(SAMPLE, count)).round().astype(np.int64))
-    calm = [name for name in slab.forces if not all_forces[name].random]
+    by_chance = {SPIN_LIFT.name} if bool(slab.grains.flake.any()) else set()  # a flake's spin is drawn at each impact
+    calm = [name for name in slab.forces if not all_forces[name].random and name not in by_chance]
     right = alone(rows, calm)
     tolerance = slab.rules.allowance * slab.rules.extent / slab.rules.length
     step = first = _longest(slab, right)
