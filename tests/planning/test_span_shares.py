@@ -1,13 +1,16 @@
 """Shares of runs in three dimensions stand beside the answer of the machine that they were found in, and no other's."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from support import shipped
+from wakeflow.budget.source import budget_sources
+from wakeflow.core.number import Number
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.three_dimensions import FACTORS, in_three_dimensions, span_shares
-from wakeflow.scene import Scene
+from wakeflow.scene import RESERVED_BIN, Scene
 
 PRISM = {"body.rhombus.shape": "prism", "body.rhombus.slope_angle": "60 deg"}
 
@@ -62,4 +65,24 @@ def test_the_same_machine_at_another_size_has_the_same(rhombus: Scene) -> None:
 def test_every_entry_has_all_numbers() -> None:
     for name, one in span_shares().items():
         assert all(one[number] > 0.0 for number in FACTORS), name
-        assert 0.0 <= one["share"][0] < one["share"][1] <= 1.0
+        for share in (one["share"], one["plane"]):
+            assert 0.0 < share[0] < share[1] < 1.0
+
+
+def test_the_distance_from_the_plane_share_widens_the_interval() -> None:
+    """Of dust with 84.8 % in the plane air and 95 % in three dimensions; where 91 % land, 6 points are left."""
+    scene = shipped("rhombus")
+    places = [*scene.bin, RESERVED_BIN]
+    shares = {
+        place: Number(share, share, share) for place, share in zip(places, (0.91, 0.06, 0.03, 0, 0, 0), strict=True)
+    }
+    asked: Any = SimpleNamespace(
+        name="dust", shares=shares, pipeline=SimpleNamespace(scene=scene, plan=make_plan(scene))
+    )
+    found = {place: parts[0].error for place, parts in budget_sources["three-dimensions"].shares(asked).items()}
+    odds = 0.91 / 0.09 * (0.95 / 0.05) / (0.848 / 0.152)
+    assert found["middle"] == pytest.approx(odds / (1.0 + odds) - 0.91)
+    assert found["inner-left"] == pytest.approx(2.0 * found["inner-right"])
+    assert found["inner-left"] + found["inner-right"] == pytest.approx(found["middle"])
+    asked.name = "wheat"
+    assert budget_sources["three-dimensions"].shares(asked) == {}

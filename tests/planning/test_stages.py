@@ -87,9 +87,12 @@ def test_labels_are_as_they_are_read() -> None:
     assert str(AirLabel(neighbour=True)) == "neighbour "
 
 
-# Seconds of the stages of `wakeflow run cases/rhombus.toml` on two idle cores; loading: of all its passes.
-MEASURED = {"mesh": 3.3, "draft mesh": 1.9, "draft airflow": 23.0, "airflow": 101.4, "tracks": 17.6, "slab": 50.5,
-            "companion": 8.6, "draws": 31.1, "grid x 1.5 airflow": 33.2}  # fmt: skip
+# Seconds of the stages of `wakeflow run cases/rhombus.toml` on two idle cores. Slab and the airflows in time, which fly
+# other granules and feel them since, and the whole run were measured on a machine on which tracks take 8.4 s instead of
+# 17.6, and are given in seconds of the first: 12.5, 28.3, 9.8 and 166 s there.
+MEASURED = {"mesh": 3.3, "draft mesh": 1.9, "draft airflow": 23.0, "airflow": 59.0, "tracks": 17.6, "slab": 26.0,
+            "companion": 8.6, "draws": 31.1, "grid x 1.5 airflow": 20.5}  # fmt: skip
+WHOLE = 348.0
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +104,7 @@ def test_each_stage_is_expected_to_take_what_it_took(plan: Plan) -> None:
     expected = {stage.name: stage.whole for stage in plan.stages}
     off = {name: expected[name] / seconds for name, seconds in MEASURED.items()}
     assert not {name: ratio for name, ratio in off.items() if not 1 / 1.5 < ratio < 1.5}
-    assert 222.0 / 1.5 < plan.estimate["seconds"] < 222.0 * 1.5  # the whole run
+    assert WHOLE / 1.5 < plan.estimate["seconds"] < WHOLE * 1.5
 
 
 def test_what_needs_no_airflow_is_done_beside_it() -> None:

@@ -258,8 +258,8 @@ class LandingResults:
     )  # fmt: skip
     three_dimensions: dict[str, dict[str, Number]] | None = column(
         "1", "by fraction and bin, the share in a run in three dimensions of the same machine, each granule alone in "
-        "air that does not feel it; the answer is not moved by it; left out where there is none", absent=True,
-        default=None,
+        "air that does not feel it; how far it is from the plane air's is in the interval; left out where there is "
+        "none", absent=True, default=None,
     )  # fmt: skip
     inputs: dict[str, InputSummary] | None = column(
         "", "numbers of the scene that are not known exactly, by key; left out where all are", absent=True, default=None

@@ -14,7 +14,7 @@ from ..funnel import estimated_seconds
 from ..laws.forces import forces
 from ..scene import Scene
 from .airflow import AirflowPlan
-from .collisions import CollisionPlan
+from .collisions import CLOCK, CollisionPlan
 from .plan import AT_ONCE, COMPARED, GATHERED, REPLICATES, CostEstimate, FractionPlan, replicate_size
 from .stages import FLIGHTS, OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, error_sources, stages
 from .wake import SpanCost, cost_of
@@ -93,6 +93,7 @@ FILES = 1e6  # bytes: tables and report
 BYTES_A_CELL = 1500.0  # bytes of disk a cell: the mesh in text
 BYTES_A_SNAPSHOT = 80.0  # bytes of disk a cell and snapshot: its fields
 SNAPSHOTS = {"time-resolved": 150.0, "steady": 2.0}  # number kept of an airflow
+AIR_IN_TIME = 700.0  # granules whose steps take as long as bringing the changing air to a step of the slab's clock
 SLAB_IN_KNOWN_AIR = 0.25  # of its time in air on triangles
 BYTES_STORED = 80.0  # bytes of disk a granule and fraction: its row of landings, compressed
 
@@ -246,6 +247,8 @@ def _flying(work: Workload) -> Iterator[StageCost]:
 def _in_slab(work: Workload) -> Iterator[StageCost]:
     if work.crowd is not None:
         slower = SLAB_IN_KNOWN_AIR if work.airflow.kind == "analytic" else 1.0
+        if work.airflow.stepping == "time-resolved":
+            slower *= 1.0 + AIR_IN_TIME / (sum(work.crowd.in_flight.values()) + CLOCK)
         yield StageCost(StageKey(OWN, "slab"), work.crowd.seconds * slower, "after")
 
 

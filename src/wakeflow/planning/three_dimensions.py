@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -32,19 +33,49 @@ def in_three_dimensions(scene: Scene, plan: Plan) -> dict[str, dict[str, Number]
     """Shares by fraction and bin that were computed in three dimensions for a machine like the scene's; empty without,
     and where the wake is no best estimate.
     """
+    return {
+        name: {place: _interval(one["share"]) for place, one in places.items()}
+        for name, places in _known_shares(scene, plan).items()
+    }
+
+
+def farther_in_three_dimensions(scene: Scene, plan: Plan) -> dict[str, dict[str, float]]:
+    """How much larger ln(p / (1 - p)) of a share p is in three dimensions than in the best estimate's air, by fraction
+    and bin as :func:`in_three_dimensions` has them.
+    """
+    return {
+        name: {
+            place: log_odds(_interval(one["share"]).value) - log_odds(_interval(one["plane"]).value)
+            for place, one in places.items()
+        }
+        for name, places in _known_shares(scene, plan).items()
+    }
+
+
+def log_odds(share: float) -> float:
+    """ln(p / (1 - p)) of a share p above 0 and below 1: stays within them wherever it is added."""
+    return math.log(share / (1.0 - share))
+
+
+def _interval(ends: Sequence[float]) -> Number:
+    low, high = ends
+    return Number(0.5 * (low + high), low, high)
+
+
+def _known_shares(scene: Scene, plan: Plan) -> dict[str, dict[str, Entry]]:
+    """The entries for a machine like the scene's, by fraction and bin."""
     if plan.airflow.wake is None or scene.airstream.direction != "down":
         return {}
     body = next(iter(scene.body.values()))
     if abs(scene.feed.position - body.at[0]) > NEAR * scene.width:
         return {}
     ends = {place: (bin_.line(scene.channel) - body.at) / scene.width for place, bin_ in scene.bin.items()}
-    found: dict[str, dict[str, Number]] = {}
+    found: dict[str, dict[str, Entry]] = {}
     for name, how in plan.fractions.items():
         for one in _like(scene, how):
-            low, high = one["share"]
             for place, line in ends.items():
                 if line.shape == (2, 2) and np.abs(line - one["bin"]).max() <= NEAR:
-                    found.setdefault(name, {})[place] = Number(0.5 * (low + high), low, high)
+                    found.setdefault(name, {})[place] = one
     return found
 
 

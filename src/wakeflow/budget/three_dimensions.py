@@ -1,0 +1,41 @@
+"""The source that is the third dimension: how far a share in a run in three dimensions of such a machine is from the
+best estimate's in two.
+
+The difference is known in air that does not feel the granules, and not in the answer's: so it does not move the answer,
+and its whole size widens the interval (JCGM 100:2008, F.2.4.5). It is taken in ln(p / (1 - p)), which stays within 0
+and 1; what the bin gains the fraction's other bins lose in proportion.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+from ..answer.shares import CALIBRATED
+from ..planning.three_dimensions import farther_in_three_dimensions, log_odds
+from .source import FractionResults, Parts, Source, add
+
+
+class ThirdDimension(Source[None]):
+    """The wake's third dimension, where it was computed for a machine like the scene's."""
+
+    name, how, place = "three-dimensions", CALIBRATED, 51
+    of_inputs: ClassVar[bool] = True
+    if_large = "run rung 3d (--rung 3d)"
+
+    def shares(self, fraction: FractionResults) -> Parts:
+        pipeline = fraction.pipeline
+        farther = farther_in_three_dimensions(pipeline.scene, pipeline.plan).get(fraction.name, {})
+        found = dict.fromkeys(fraction.shares, 0.0)
+        for place, more in farther.items():
+            own = fraction.shares[place].value
+            if not 0.0 < own < 1.0:
+                continue
+            moved = 1.0 / (1.0 + math.exp(-log_odds(own) - more)) - own
+            for other, share in fraction.shares.items():
+                found[other] += moved if other == place else -moved * share.value / (1.0 - own)
+        note = "as far as its share in three dimensions is from the plane one, alone in air that does not feel it"
+        return {place: [self.part(abs(moved), note=note)] for place, moved in found.items()} if farther else {}
+
+
+add(ThirdDimension())
