@@ -58,4 +58,4 @@ class HistoryForce(Source["Tracked"]):
         }
 
 
-HISTORY = add(HistoryForce())
+add(HistoryForce())

@@ -93,7 +93,9 @@ FILES = 1e6  # bytes: tables and report
 BYTES_A_CELL = 1500.0  # bytes of disk a cell: the mesh in text
 BYTES_A_SNAPSHOT = 80.0  # bytes of disk a cell and snapshot: its fields
 SNAPSHOTS = {"time-resolved": 150.0, "steady": 2.0}  # number kept of an airflow
-AIR_IN_TIME = 700.0  # granules whose steps take as long as bringing the changing air to a step of the slab's clock
+# Granules whose steps take as long as bringing the changing air to a step of the slab's clock: between what two runs of
+# the shipped rhombus say, with 2400 and 500 granules in flight
+AIR_IN_TIME = 700.0
 SLAB_IN_KNOWN_AIR = 0.25  # of its time in air on triangles
 BYTES_STORED = 80.0  # bytes of disk a granule and fraction: its row of landings, compressed
 
