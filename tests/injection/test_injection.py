@@ -10,6 +10,7 @@ import pytest
 
 from support import G, distance, shipped
 from wakeflow import impact
+from wakeflow.core.errors import SceneError
 from wakeflow.injection.feed import contact_points, feedstock
 from wakeflow.injection.first_contact import first_contact
 from wakeflow.injection.stream import FALLEN, SlabFeed, slab_stream
@@ -142,6 +143,20 @@ def test_granules_draw_their_own_rebound_where_the_paper_s_are_alike(cases: Path
         np.testing.assert_array_equal(getattr(again, name), getattr(alike, name))
     direction = [np.arctan2(grains.velocity[:, 1], np.abs(grains.velocity[:, 0])) for grains in (own, alike)]
     assert direction[0].std() > 1.2 * direction[1].std()
+
+
+def test_what_may_stay_at_a_wall_meets_it_in_the_tracker(vacuum: Scene) -> None:
+    sticky = vacuum.replace({"fraction.soft.capture_speed": "0.4 m/s"})
+    modes = {name: how.mode for name, how in make_plan(sticky, rung="none").fractions.items()}
+    assert modes.pop("soft") == "resolved"
+    assert set(modes.values()) == {"injected"}
+    feed = feedstock(sticky, make_plan(sticky, rung="none"), "soft", None, [0])
+    assert not feed.injected.any()
+    assert np.all(feed.granules.capture_speed == 0.4)
+    lying = {"feed.start": "resting", "feed.height": None, "feed.speed": None}
+    for change, why in (({"feed.mode": "injected"}, "lets all rebound"), (lying, "none would leave it")):
+        with pytest.raises(SceneError, match=why):
+            sticky.replace(change)
 
 
 def test_carried_up_granules_are_not_injected(cases: Path) -> None:

@@ -399,6 +399,7 @@ def test_a_fraction_s_own_spread_goes_before_its_material_s(rhombus: Scene) -> N
         ({"friction": {"mean": 0.4, "sd": 0.1}}, "unknown key"),
         ({"rebound_scatter": "90 deg"}, "rebound_scatter"),
         ({"tangential_restitution": 0.3, "impact": "paper"}, "of granules that turn"),
+        ({"capture_speed": "-1 m/s"}, "capture_speed"),
     ],
 )
 def test_a_spread_that_cannot_be_is_refused(rhombus: Scene, change: dict, message: str) -> None:

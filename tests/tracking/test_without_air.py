@@ -55,6 +55,34 @@ def test_granules_born_inside_or_touching() -> None:
     assert caught.position[0, 1] == pytest.approx(1.001)
 
 
+@pytest.mark.parametrize("slab", [None, wf.Collisions(0.1, tracers=(0,))], ids=["alone", "in a slab"])
+@pytest.mark.parametrize("bounces", [0, 1, 3])
+def test_a_granule_stays_at_the_first_bounce_below_its_capture_speed(bounces: int, slab: wf.Collisions | None) -> None:
+    """It meets the floor at sqrt(2 g h), and after n bounces at e^n of it; a height 0.1 % larger gives one more."""
+    e, limit = 0.6, 1.5
+    height = (limit / e**bounces) ** 2 / (2 * G)
+    for part, impacts in ((0.999, bounces), (1.001, bounces + 1)):
+        ball = one(0.0, part * height + 1e-3, restitution=e, capture_speed=limit)
+        ended = fly(ball, until=9.0, bodies=[FLOOR], collisions=slab)
+        assert ended.fate[0] == Fate.CAPTURED
+        assert ended.impacts[0] == impacts
+        assert ended.position[0] == pytest.approx((0.0, 1e-3), abs=1e-6)
+
+
+def test_only_the_normal_speed_over_the_wall_counts() -> None:
+    """On a steep slope v cos b; on a table that comes towards it or goes away, what the two close in with."""
+    drop = one(0.5 * math.cos(STEEP) + 1e-3 * OUT[0], 0.0, 0.0, -1.0, capture_speed=0.7)
+    touch = -0.5 * math.sin(STEEP) + 1e-3 * OUT[1] + 1e-9
+    drop = drop.replace(position=np.array([(drop.position[0, 0], touch)]))
+    assert fly(drop, until=0.01, bodies=[slope(STEEP)]).fate[0] == Fate.CAPTURED  # cos 50 deg = 0.64
+    assert fly(drop.replace(capture_speed=0.6), until=0.01, bodies=[slope(STEEP)]).fate[0] != Fate.CAPTURED
+    speed = 0.5 * G / (2 * math.pi * 15.0)  # of the table, upwards at time 0
+    ball = one(0.0, 1e-3 + 1e-9, 0.0, -0.5, capture_speed=0.5 + speed)
+    for limit, stays in ((1.02, True), (0.98, False)):
+        ended = fly(ball.replace(capture_speed=limit * (0.5 + speed)), until=0.01, bodies=[shaken(FLOOR, 0.5)])
+        assert bool(ended.fate[0] == Fate.CAPTURED) is stays
+
+
 def maze(motion: Motion | None) -> tuple[list[Body], list[np.ndarray]]:
     """A rhombus, two prisms, a plate, walls, and two bins below."""
     bodies = [Body(shapes["rhombus"](width=D, slope_angle=math.pi / 4), motion=motion)]

@@ -59,6 +59,7 @@ def notices(
             *_passing(pipeline, tracked),
             *_out_of_the_top(scene, tracked),
             *_unlanded(tracked.fates if slab is None else slab.fates),
+            *_captured(tracked.fates if slab is None else slab.fates),
         ]
     return found
 
@@ -100,6 +101,13 @@ def _unlanded(ended: Mapping[str, Mapping[str, int]]) -> Iterator[Notice]:
             if fates.get(fate):
                 grade = void if fates[fate] > MAX_LOST_PART * total else less_sure
                 yield grade(f"{name}: {fates[fate]} of {total} granules {meaning}; they count as elsewhere{hint}")
+
+
+def _captured(ended: Mapping[str, Mapping[str, int]]) -> Iterator[Notice]:
+    for name, fates in ended.items():
+        if fates.get("captured"):
+            stay = f"{fates['captured']} of {sum(fates.values())} granules stay where they struck a wall"
+            yield information(f"{name}: {stay}, slower than its capture_speed; they count as elsewhere")
 
 
 def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iterator[Notice]:

@@ -189,6 +189,7 @@ def granules_of(
         inertia=fraction.inertia,
         scatter=properties.rebound_scatter,
         tangential_restitution=properties.tangential_restitution,
+        capture_speed=fraction.capture_speed or 0.0,
         shape=fraction.shape,
         flake=fraction.flake,
     )

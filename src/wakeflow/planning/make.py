@@ -204,7 +204,7 @@ def _decide(
     small = LOADING not in whole and turned is not None and turned.missed <= target and turned.shift <= gate.limit
     arrival = arrival_at_body(scene, name, known.law, known.scale)
     plan = FractionPlan(
-        mode=_mode(scene, clear=small),
+        mode=_mode(scene, name, clear=small),
         drag=known.law,
         drag_scale=known.scale,
         terminal_velocity=arrival.settling,
@@ -230,7 +230,7 @@ def _in_vacuum(
 ) -> _Decided:
     """Where no air is there is no choice of forces, but granules meet all the same; ``obstacle``: why not here."""
     weight = tuple(force for force in forces if forces[force].always and forces[force].needs == "nothing")
-    mode, limit = _mode(scene, clear=bool(scene.body)), limit_of(scene, target)
+    mode, limit = _mode(scene, name, clear=bool(scene.body)), limit_of(scene, target)
     shift = min(scene.channel.width / scene.width, shifted(scene, known.met, ()))
     plan = FractionPlan(
         mode, known.law, known.scale, None, math.inf, math.inf, scene.feed.fall_speed,
@@ -298,9 +298,11 @@ def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> tuple[l
 # -- one fraction ------------------------------------------------------------------------------------------------------
 
 
-def _mode(scene: Scene, *, clear: bool) -> str:
-    """Whether granules are injected at the first body's face or released above it; ``clear``: no air turns them."""
+def _mode(scene: Scene, name: str, *, clear: bool) -> str:
+    """Whether granules of a fraction are injected at the first body's face or released above it; ``clear``: no air
+    turns them. The first impact of those that may stay at a wall is the tracker's.
+    """
     wanted = scene.feed.mode if scene.feed.start == "falling" else "resolved"
     if wanted != "auto":
         return wanted
-    return "injected" if clear and not scene.obstacles else "resolved"
+    return "injected" if clear and not scene.obstacles and not scene.fraction[name].capture_speed else "resolved"

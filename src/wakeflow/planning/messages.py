@@ -157,6 +157,8 @@ def _rebound_words(scene: Scene, name: str) -> str:
         parts.append(f"scatter {fraction.properties.rebound_scatter:.2g} rad")
     if fraction.properties.tangential_restitution:
         parts.append(f"tangential restitution {fraction.properties.tangential_restitution:.2g}")
+    if fraction.capture_speed:
+        parts.append(f"stays at a wall below {fraction.capture_speed:.2g} m/s")
     turns = "does not turn" if fraction.inertia is None else f"turns with I / (m r^2) {fraction.inertia:.2g}"
     if fraction.flake:
         turns = "turns as a flake, by chance"

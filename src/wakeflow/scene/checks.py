@@ -95,6 +95,15 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
         yield f"feed.position = {metres(feed.position)}: the curtain falls past the body ({reach})"
 
 
+def _captured_fall(scene: SceneTables) -> Iterator[str]:
+    """Refuse a capture speed where the first impact is no tracked one."""
+    for name in (name for name, fraction in scene.fraction.items() if fraction.capture_speed):
+        if scene.feed.mode == "injected":
+            yield f"fraction.{name}.capture_speed: feed.mode = 'injected' lets all rebound; choose auto or resolved"
+        if scene.feed.start == "resting":
+            yield f"fraction.{name}.capture_speed: of granules that lie on the body none would leave it; leave it out"
+
+
 def _rate_can_fall(scene: SceneTables) -> Iterator[str]:
     """Refuse a curtain that would be denser than its granules: the rate of another unit than was meant."""
     feed, speed = scene.feed, scene.feed.fall_speed
@@ -255,6 +264,7 @@ CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _body_fits,
     _feed_fits,
     _rate_can_fall,
+    _captured_fall,
     _body_needed,
     _shares_add_up,
     _bins_exist,

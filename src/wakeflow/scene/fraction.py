@@ -147,6 +147,9 @@ class Fraction(Table):
     tangential_restitution: Annotated[float, Field(ge=0, le=1), SHARE] | None = Field(
         None, description="part of its slip that a contact which sticks gives back, of granules that turn"
     )
+    capture_speed: PositiveSpeed | None = Field(
+        None, description="granules that come to a wall with a slower normal velocity stay there; default: all rebound"
+    )
     impact: str | None = Field(
         None,
         description="how a blow turns it, one of: " + ", ".join(impact_models) + "; default that of its material, else "

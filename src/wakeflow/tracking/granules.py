@@ -23,6 +23,7 @@ SCALARS: dict[str, tuple[str, Callable[[Array], Any]]] = {  # name: (what it may
     "friction": ("not negative", lambda x: x >= 0),
     "scatter": ("0 to 1", lambda x: (x >= 0) & (x <= 1)),
     "tangential_restitution": ("0 to 1", lambda x: (x >= 0) & (x <= 1)),
+    "capture_speed": ("not negative", lambda x: x >= 0),
     "spin": ("finite", lambda x: x == x),
     "weight": ("not negative", lambda x: x >= 0),
     "drag_scale": ("positive", lambda x: x > 0),
@@ -60,6 +61,7 @@ class Granules:
     ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born;
     ``scatter`` rad, rms angle by which its shape turns the wall's normal at an impact (``laws.collision``);
     ``tangential_restitution`` part of its slip that a contact which sticks gives back (``laws.collision``);
+    ``capture_speed`` m/s, what comes to a wall with a slower normal velocity stays there, 0: nothing does;
     ``spin_lift`` factor on the coefficient of its spin lift; ``shape`` (n, 3) length, width and thickness over the
     diameter, by which granules meet each other, 1: a ball; ``flake`` (n,): it is such a plate (``laws.flake``);
     ``depth`` m, its place across the slab of a crowd, None: drawn evenly; ``arrival`` (n, 2) m/s, the velocity with
@@ -82,6 +84,7 @@ class Granules:
     time: Any = 0.0
     scatter: Any = 0.0
     tangential_restitution: Any = 0.0
+    capture_speed: Any = 0.0
     spin_lift: Any = 1.0
     shape: Any = 1.0
     flake: Any = False

@@ -77,6 +77,7 @@ def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[st
     area, perimeter = section(grains.shape, grains.flake)
     rows[:, at.SECTION], rows[:, at.GIRTH] = area * rows[:, at.RADIUS] ** 2, perimeter * rows[:, at.RADIUS]
     rows[:, at.SCATTER], rows[:, at.GIVES_BACK] = grains.scatter, grains.tangential_restitution
+    rows[:, at.CAPTURE] = grains.capture_speed
     acting = [
         all_forces[name] for name in all_forces if name in forces and (field is not None or all_forces[name].in_vacuum)
     ]

@@ -35,7 +35,7 @@ ADVICE = {
     Fate.BINNED: "crossed a line, or left the mesh on one",
     Fate.ESCAPED: "left the mesh, or was born outside it, where no line and no body is: add a bin there if it matters",
     Fate.RESTING: "lies still on a wall: a steeper slope or less friction would let it slide",
-    Fate.CAPTURED: "touched a body that captures",
+    Fate.CAPTURED: "touched a body that captures, or came to a wall slower than its capture speed",
     Fate.AIRBORNE: "was still moving at the end: give it more time, or look whether a vortex holds it",
     Fate.STOPPED: "was born inside a body, or took more steps or impacts than allowed: look at its start and its path",
 }

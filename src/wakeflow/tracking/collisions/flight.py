@@ -21,7 +21,7 @@ from ..kernel.dispersion import mirror
 from ..kernel.events import wall_displacement
 from ..kernel.jit import compiled, inlined
 from ..kernel.locate import barycentric
-from ..kernel.rebound import flake_spin, restitution_of, tilted
+from ..kernel.rebound import flake_spin, restitution_of, stays, tilted
 from ..kernel.walls import clearance, grasp, inside, overlap
 from . import layout as of
 from .air import GONE, aim, stir
@@ -71,10 +71,10 @@ def hit_wall(state, ints, own, grain, walls, rules, path, hold, h, kind, which):
     state[at.Y] -= off * ny
     ints[at.CONTACT] = at.FREE
     hold[at.KIND] = at.FREE
-    if walls.members[body, at.CAPTURES] == 1:
+    _, _, wx, wy, px, py = wall_displacement(walls.bodies, body, state[at.T])
+    if stays(state, grain, walls, body, nx, ny, wx, wy):
         ints[at.FATE] = at.CAPTURED
         return
-    _, _, wx, wy, px, py = wall_displacement(walls.bodies, body, state[at.T])
     e = restitution_of(state, grain, walls, body, nx, ny, wx, wy)
     if grain[at.NOISE] != 0.0:
         mirror(state, ints, nx, ny)
@@ -130,11 +130,11 @@ def press(state, ints, own, grain, walls, rules, hold, h, pull):
             if kind == at.FREE:
                 continue
             hit = touches = True
-            if walls.members[body, at.CAPTURES] == 1:
-                ints[at.FATE] = at.CAPTURED
-                return True
             _, off = grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
             nx, ny = hold[at.NX], hold[at.NY]
+            if stays(state, grain, walls, body, nx, ny, wx, wy):
+                ints[at.FATE] = at.CAPTURED
+                return True
             hold[at.KIND] = at.FREE
             vx, vy, vz = state[at.VX], state[at.VY], own[of.VZ]
             approach = -((vx - wx) * nx + (vy - wy) * ny)

@@ -15,7 +15,7 @@ from .dispersion import mirror
 from .events import first_below, wall_displacement
 from .forces import free_force
 from .jit import compiled, inlined
-from .rebound import flake_spin, restitution_of, tilted
+from .rebound import flake_spin, restitution_of, stays, tilted
 from .rest import STATIC, caught, held, hold_still, tangent, unwedge, wedge
 from .walls import constrain, grasp, inside
 
@@ -83,7 +83,8 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
     state[at.Y] -= off * my
     last, one = (ints[at.PAIR], ints[at.PAIRED]) if before == at.FREE and ints[at.STUCK] > 1 else (before, other)
     ints[at.CONTACT] = ints[at.PAIR] = at.FREE
-    if walls.members[body, at.CAPTURES] == 1:
+    _, _, wx, wy, _, _ = wall_displacement(walls.bodies, body, state[at.T])
+    if stays(state, grain, walls, body, nx, ny, wx, wy):
         ints[at.FATE] = at.CAPTURED
         hold[at.KIND] = at.FREE
         return

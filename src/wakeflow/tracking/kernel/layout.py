@@ -149,10 +149,11 @@ INTS = 26
     DIFFUSIVITY,  # m2/s, Brownian
     SCATTER,  # rad, rms angle by which its shape turns the wall's normal at an impact
     GIVES_BACK,  # tangential restitution
+    CAPTURE,  # m/s, a slower normal approach ends at the wall; 0: none does
     FORGET,  # 1/s, over its own time, which its memories of the slip are given in; 0: no history force
     RECALL_0, RECALL_1, RECALL_2, RECALL_3, RECALL_4, RECALL_5, RECALL_6,  # 1/s, weights of the memories
-) = range(33)  # fmt: skip
-CONSTANTS = 33
+) = range(34)  # fmt: skip
+CONSTANTS = 34
 
 # -- The path of a step, see ``dense_output`` --------------------------------------------------------------------------
 (

@@ -16,6 +16,17 @@ SLOWEST = 1e-300  # m/s: has a logarithm
 
 
 @compiled
+def stays(state, grain, walls, body, nx, ny, wx, wy):
+    """Whether a granule ends at ``body``, whose surface moves with w and has the normal n there: the body captures what
+    touches it, or it comes slower than its capture speed.
+    """
+    if walls.members[body, at.CAPTURES] == 1:
+        return True
+    approach = -((state[at.VX] - wx) * nx + (state[at.VY] - wy) * ny)
+    return 0.0 <= approach < grain[at.CAPTURE]
+
+
+@compiled
 def restitution_of(state, grain, walls, body, nx, ny, wx, wy):
     """e of the collision with ``body``, whose surface moves with w and has the normal n there."""
     own = walls.bodies[body, at.BODY_RESTITUTION]
