@@ -17,7 +17,7 @@ from wakeflow.answer.table import DONE, FAILED, Difference, Entry, ResultTable, 
 from wakeflow.batch.sensitivity import COLUMNS
 from wakeflow.cli import main
 from wakeflow.cli.show_many import show_table
-from wakeflow.core.errors import SceneError
+from wakeflow.core.errors import SceneError, known
 from wakeflow.report import many
 from wakeflow.report.many import draw_lines
 from wakeflow.report.words import holds, percent
@@ -285,6 +285,27 @@ def test_half_the_uncertainty_moves_a_share_half_as_far(folder: Path, tmp_path: 
     assert a.value == b.value
     assert a.numerical == b.numerical
     assert a.high - a.low < b.high - b.low
+    [left] = wf.sensitivity(wide).remaining({key: 0.05})["hard"]
+    assert (left.now, left.measured, left.alone) == (pytest.approx(0.1), 0.05, left.together)
+    assert left.alone == pytest.approx(known(narrow.landings.separation.recovery["hard"]).half, rel=0.1)
+
+
+def test_what_inputs_leave_of_a_recovery_once_they_are_known(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = wf.sensitivity(folder)
+    every = found.remaining()["hard"]
+    half = known(known(found.result.landings).separation.recovery["hard"]).half
+    assert [one.measured for one in every] == [0.0] * len(every)
+    taken = [half**2 - one.alone**2 for one in every]
+    assert taken == sorted(taken, reverse=True)
+    assert every[-1].together ** 2 == pytest.approx(half**2 - sum(taken), rel=1e-6)
+    same = found.remaining({"fraction.hard.restitution": 9.0, "feed.width": "0 mm"})["hard"]
+    assert {one.key: one.alone for one in same}["fraction.hard.restitution"] == half
+    assert {one.key: one.alone for one in every}["feed.width"] == same[-1].alone
+    for wrong in ({"feed.wdth": "1 mm"}, {"feed.width": "1 s"}, {"feed.width": -1.0}, {"feed.width": math.nan}):
+        with pytest.raises(SceneError, match=r"--known feed\.w"):
+            found.remaining(wrong)
+    assert main(["sensitivity", str(folder), "--known", "feed.width=1 mm"]) == 0
+    assert "recovery.hard" in capsys.readouterr().out
 
 
 def test_the_figure_and_the_terminal_name_the_number(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

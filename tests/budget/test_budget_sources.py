@@ -265,6 +265,8 @@ def test_how_granules_rebound_from_each_other_is_no_part_of_computing() -> None:
     scene = shipped("rhombus", {"collisions.restitution": 0.8})
     met = CollisionRerun("again", restitution=0.3, friction=0.3).applied(scene).collisions
     assert (met.restitution, met.friction) == (1.0, pytest.approx(scene.collisions.friction + 0.3))
+    met = CollisionRerun("below", restitution=-0.9, friction=-0.1).applied(scene).collisions
+    assert (met.restitution, met.friction) == (0.0, pytest.approx(scene.collisions.friction - 0.1))
     parts = [part("collisions.friction", 0.04), part("sampling", 0.03)]
     assert numerical(parts) == pytest.approx(0.03)
     total = combine(0.5, parts, 0.0)
@@ -283,6 +285,8 @@ def test_of_two_slabs_what_chance_makes_is_taken_off(paired: bool) -> None:
     assert np.sqrt(np.mean(found[0.05])) == pytest.approx(0.05, rel=0.05)
     assert np.median(found[0.0]) == 0.0
     assert beyond_chance(np.array([0.5]), np.array([0.4]), 1.0, paired=True) == (pytest.approx(0.1), 1.0, None)
+    between = beyond_chance(own, changed, 1.0, paired=paired, part=0.5)  # the two ends of an interval
+    assert between[0] == 0.5 * beyond_chance(own, changed, 1.0, paired=paired)[0]
 
 
 def part(source: str, error: float | None, kind: str | None = None, **more: float) -> BudgetPart:

@@ -7,6 +7,7 @@ other to both of its ends and flies again: bent answers, purities, geometry, vib
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -15,10 +16,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..answer.result import Result
+from ..answer.shares import InputSummary
 from ..answer.table import Difference, differences_of
 from ..core.errors import SceneError
 from ..core.files import path_of
 from ..core.lazy import cached_property
+from ..core.quantities import quantity, split_quantity
 from ..core.registry import did_you_mean
 from ..core.tables import CellTable
 from ..pipeline.cache import Listener
@@ -26,7 +29,7 @@ from ..runs import run
 from ..scene import Scene
 from ..scene.messages import unit_of
 from ..scene.whole import States
-from ..statistics.inputs import SWEEP, InputMove, grouped, least_sure, regressed_moves
+from ..statistics.inputs import SWEEP, InputMove, Remaining, grouped, least_sure, regressed_moves, remaining
 from .axis import Axis, axes_of, axis_of_text
 from .compute import Sweep, sweep
 from .variant import Variant, variants
@@ -88,6 +91,19 @@ class Sensitivity:
         """
         indices = [one.index for one in self.by_quantity[quantity] if one.index is not None]
         return 1.0 - sum(indices) if indices and sum(indices) < EXPLAINED else None
+
+    def remaining(self, known: Mapping[str, float | str] | None = None) -> dict[str, list[Remaining]]:
+        """By fraction what measuring inputs would leave of the interval of its recovery, the largest first: each
+        exactly, or, of ``known``, each to half of a 95 % interval (a number in SI units, or a text with its unit).
+
+        Raises SceneError for a key that is no unknown of the run, or a half that is none.
+        """
+        landings, inputs = self.result.landings, {} if self.result.landings is None else self.result.landings.inputs
+        halves = {key: _half(key, half, inputs or {}) for key, half in (known or {}).items()}
+        if landings is None:
+            return {}
+        names = [name for name in landings.separation.fractions if self.result.targets(name)]
+        return {name: remaining(landings, name, self.result.targets(name), halves) for name in names}
 
     def frame(self) -> Any:
         """A row a move: a pandas DataFrame where pandas is installed, else a dict of numpy arrays, by column."""
@@ -188,6 +204,20 @@ def _own_interval(key: str, result: Result) -> Axis:
             f"ends, --over KEY=LOW,HIGH{did_you_mean(key, list(known))}"
         )
     return Axis(key, (known[key].low, known[key].high))
+
+
+def _half(key: str, half: float | str, known: Mapping[str, InputSummary]) -> float:
+    """Half of the interval (SI) to which an input is to be known."""
+    if key not in known:
+        raise SceneError(f"--known {key}: no number that this run draws{did_you_mean(key, list(known))}")
+    try:
+        plain = split_quantity(half) if isinstance(half, str) else (half, "")
+        value = plain[0] if plain and not plain[1] else quantity(str(half), known[key].unit, "0.03")
+    except ValueError as problem:
+        raise SceneError(f"--known {key}={half}: {problem}") from None
+    if not 0.0 <= value < math.inf:
+        raise SceneError(f"--known {key}={half}: half of a 95 % interval is not negative")
+    return value
 
 
 def _ends(axes: Sequence[Axis], scene: Scene) -> tuple[list[Variant], dict[str, tuple[End, End]]]:

@@ -31,36 +31,43 @@ COARSER = 2.0  # step of the companion over the answer's: changes more than the 
 THINNER = 0.5  # depth of the companion's slab over the answer's
 
 
-class _SlabAgain(Source[SlabFound]):
-    """Some replicates of the slab under a companion's change."""
+class _SlabAgain(Source[tuple[SlabFound, ...]]):
+    """Some replicates of the slab under a companion's change, compared with the slab or with others."""
 
     how = PERTURBED_RERUN
     companion: ClassVar[CollisionRerun]
     part_of_slab: ClassVar[float]  # its run time over the slab's
     same_feed: ClassVar[bool] = False  # whether the same granules come, so that replicates are compared one by one
+    of_apart: ClassVar[float] = 1.0  # of the difference of what is compared, that is the error
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
-        return slab_again(work, self.companion.name, self.part_of_slab)
+        return (cost for name in self.flown for cost in slab_again(work, name, self.part_of_slab))
 
-    def fly(self, pipeline: Pipeline, tracked: Tracked) -> SlabFound | None:
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> tuple[SlabFound, ...] | None:
         del tracked
-        return pipeline.crowd(self.companion)
+        again = pipeline.crowd(self.companion)
+        return None if again is None else (again,)
 
     def shares(self, fraction: FractionResults) -> Parts:
-        again = fraction.flights.of(self)
-        if again is None or fraction.flights.crowd is None:
+        found, slab = fraction.flights.of(self), fraction.flights.crowd
+        if found is None or slab is None:
             return {}
+        both = (*found, slab)[:2]
         bins, images = len(fraction.shares) - 1, fraction.pipeline.scene.images
-        changed = again.landings[fraction.name].counts(bins, images)
-        own = fraction.landings.counts(bins, images)
-        paired = self.same_feed and all(_apart(found, fraction) for found in (again, fraction.flights.crowd))
+        changed, own = (found.landings[fraction.name].counts(bins, images) for found in both)
+        paired = self.same_feed and all(_apart(found, fraction) for found in both)
         if paired:
             own = own[: len(changed)]
-        seconds = fraction.pipeline.spent(self.companion.name)
+        seconds = sum(map(fraction.pipeline.spent, self.flown))
         return {
-            place: [self.part(*beyond_chance(changed[:, i], own[:, i], seconds, paired=paired))]
+            place: [self.part(*beyond_chance(changed[:, i], own[:, i], seconds, paired=paired, part=self.of_apart))]
             for i, place in enumerate(fraction.shares)
         }
+
+    @property
+    def flown(self) -> tuple[str, ...]:
+        """The stages in which replicates fly again."""
+        return (self.companion.name,)
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         """A difference of replicates that go apart: sampling in all but the name."""
@@ -75,17 +82,29 @@ class SlabStep(_SlabAgain):
 
 
 class _BetweenGranules(_SlabAgain):
-    """How granules rebound from each other: part of the replicates with the number at the upper end of its interval."""
+    """How granules rebound from each other: part of the replicates with the number at either end of its interval, the
+    same feed at both; half of their difference.
+    """
 
-    of_inputs, part_of_slab, same_feed = True, 0.25, True
+    beyond_computing, part_of_slab, same_feed, of_apart = True, 0.25, True, 0.5
     number: ClassVar[str]
+    below: ClassVar[CollisionRerun]
 
-    def fly(self, pipeline: Pipeline, tracked: Tracked) -> SlabFound | None:
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> tuple[SlabFound, ...] | None:
         del tracked
         scene, key = pipeline.scene, f"collisions.{self.number}"
         half = half_of(scene, key, "collisions", getattr(scene.collisions, self.number))
-        changed: dict[str, Any] = {self.number: half}
-        return pipeline.crowd(replace(self.companion, **changed)) if half > 0.0 else None
+        changes: list[dict[str, Any]] = [{self.number: half}, {self.number: -half}]
+        ends = [
+            pipeline.crowd(replace(one, **change))
+            for one, change in zip((self.companion, self.below), changes, strict=True)
+            if half
+        ]
+        return tuple(one for one in ends if one is not None) or None
+
+    @property
+    def flown(self) -> tuple[str, ...]:
+        return self.companion.name, self.below.name
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         """No setting makes a number of the scene better known."""
@@ -97,14 +116,14 @@ class BetweenGranulesRestitution(_BetweenGranules):
     """The restitution of one granule on another."""
 
     name, place, number = "collisions.restitution", 16, "restitution"
-    companion = CollisionRerun("livelier meetings")
+    companion, below = CollisionRerun("livelier meetings"), CollisionRerun("duller meetings")
 
 
 class BetweenGranulesFriction(_BetweenGranules):
     """The friction of one granule on another."""
 
     name, place, number = "collisions.friction", 17, "friction"
-    companion = CollisionRerun("rougher meetings")
+    companion, below = CollisionRerun("rougher meetings"), CollisionRerun("smoother meetings")
 
 
 class SlabDepth(_SlabAgain):
@@ -124,25 +143,25 @@ def _apart(found: SlabFound, fraction: FractionResults) -> bool:
 
 
 def beyond_chance(
-    changed: np.ndarray, own: np.ndarray, seconds: float, *, paired: bool
+    changed: np.ndarray, own: np.ndarray, seconds: float, *, paired: bool, part: float = 1.0
 ) -> tuple[float, float, str | None]:
-    """Of the difference of two means the part beyond chance, the ``seconds``, and what was compared in words; the whole
-    difference where too few replicates show no chance.
+    """Of the difference of two means, of which a ``part`` is the error, what is beyond chance, the ``seconds``, and
+    what was compared in words; the whole difference where too few replicates show no chance.
     """
     apart = float(changed.mean() - own.mean())
     if min(len(changed), len(own)) < 2:
-        return abs(apart), seconds, None
+        return part * abs(apart), seconds, None
     if paired:
-        told, variance = f"between the same {len(own)} replicates", (changed - own).var(ddof=1) / len(own)
+        which, variance = f"between the same {len(own)} replicates", (changed - own).var(ddof=1) / len(own)
     else:
-        told = f"of {len(changed)} replicates from {len(own)}"
+        which = f"of {len(changed)} replicates from {len(own)}"
         variance = changed.var(ddof=1) / len(changed) + own.var(ddof=1) / len(own)
-    half = student(len(changed) - 1) * sqrt(variance)
-    note = f"a difference {told} of {100 * apart:+.2g} points, of which chance alone may make {100 * half:.2g}"
-    return sqrt(max(0.0, apart**2 - variance)), seconds, note
+    of, chance = "" if part == 1.0 else "half of ", 100 * student(len(changed) - 1) * sqrt(variance)
+    note = f"{of}a difference {which} of {100 * apart:+.2g} points, of which chance alone may make {chance:.2g}"
+    return part * sqrt(max(0.0, apart**2 - variance)), seconds, note
 
 
 for _source in (SlabStep(), SlabDepth(), BetweenGranulesRestitution(), BetweenGranulesFriction()):
     add(_source)
-    _stage = Stage(_source.companion.name, work="slab", scaling=Scaling.SLAB, heading="slab")
-    stages.add(_stage.name, _stage)
+    for _name in _source.flown:
+        stages.add(_name, Stage(_name, work="slab", scaling=Scaling.SLAB, heading="slab"))

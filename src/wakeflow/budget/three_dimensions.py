@@ -20,7 +20,7 @@ class ThirdDimension(Source[None]):
     """The wake's third dimension, where it was computed for a machine like the scene's."""
 
     name, how, place = "three-dimensions", CALIBRATED, 51
-    of_inputs: ClassVar[bool] = True
+    beyond_computing: ClassVar[bool] = True
     if_large = "run rung 3d (--rung 3d)"
 
     def shares(self, fraction: FractionResults) -> Parts:

@@ -36,13 +36,13 @@ def remedies(names: Iterable[str]) -> list[str]:
 
 def numerical(parts: Iterable[BudgetPart]) -> float:
     """Half of the 95 % interval by computing alone (granules, cycles, steps, mesh): neither inputs nor bounds."""
-    computed = (part for part in parts if part.kind is None and not _of_inputs(part.source))
+    computed = (part for part in parts if part.kind is None and not _beyond_computing(part.source))
     return math.sqrt(sum((part.error or 0.0) ** 2 for part in computed))
 
 
-def _of_inputs(name: str) -> bool:
-    """Whether a source is of numbers of the scene."""
-    return name == INPUTS or (name in budget_sources and budget_sources[name].of_inputs)
+def _beyond_computing(name: str) -> bool:
+    """Whether no finer computing makes a source's error smaller."""
+    return name == INPUTS or (name in budget_sources and budget_sources[name].beyond_computing)
 
 
 def _half(part: BudgetPart) -> float:
@@ -165,7 +165,9 @@ def _ranged(found: Number, beside: Mapping[tuple[str, bool], float], inputs: Inp
     """
     below, above = (0.0, 0.0) if inputs is None else (max(0.0, -inputs.low), max(0.0, inputs.high))
     own = 0.5 * (found.high - found.low)
-    computed = math.hypot(*(error for (name, bound), error in beside.items() if not bound and not _of_inputs(name)))
+    computed = math.hypot(
+        *(error for (name, bound), error in beside.items() if not bound and not _beyond_computing(name))
+    )
     rest = math.hypot(*beside.values())
     low = found.value - math.hypot(found.value - found.low, rest, below)
     high = found.value + math.hypot(found.high - found.value, rest, above)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from ..core.errors import SceneError
-from ..scene.overrides import changes_of, share_of
+from ..scene.overrides import changes_of, setting, share_of
 from .options import (
     ACCURACY,
     GATE,
@@ -18,6 +18,7 @@ from .options import (
     Folder,
     Gate,
     Held,
+    Known,
     Processes,
     Quiet,
     Scheduler,
@@ -202,6 +203,7 @@ def sensitivity(
     *,
     over: BothEnds = (),
     of: Shown = (),
+    known: Known = (),
     out: Folder = None,
     settings: Settings = (),
     gate: Gate = GATE,
@@ -221,7 +223,7 @@ def sensitivity(
     """
     from ..batch.sensitivity import sensitivity as find
     from ..runs.progress import live
-    from .show_many import show_sensitivity
+    from .show_many import show_remaining, show_sensitivity
 
     asked: Scene | Path = scene
     if not scene.is_dir():
@@ -230,9 +232,10 @@ def sensitivity(
         raise SceneError("a finished run has its numbers; give its scene file to change them with --set")
     with live(enabled=not quiet) as listener:
         found = find(asked, out, over=over, workers=workers, listener=listener, planned=listener.planned, **gate.how)
-    figure = found.plot(of)
+    figure, left = found.plot(of), found.remaining(dict(setting(one, "--known", "KEY=HALF") for one in known))
     if not quiet:
         show_sensitivity(found, of)
+        show_remaining(found.result, left)
         print(f"{figure}\n{found.folder / 'sensitivity.csv'}")
 
 

@@ -73,6 +73,14 @@ BothEnds = Annotated[
         "its own interval. Repeatable.",
     ),
 ]
+Known = Annotated[
+    tuple[str, ...],
+    Parameter(
+        negative="",
+        help="Say what knowing an input to so much leaves of the recoveries' intervals, instead of each exactly: "
+        "fraction.wheat.restitution=0.03, half of a 95 % interval. Repeatable.",
+    ),
+]
 Shown = Annotated[
     tuple[str, ...], Parameter(negative="", help="Quantities to show: recovery.wheat, share.dust.middle. Repeatable.")
 ]

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from ..answer.result import VOID
+from ..answer.result import VOID, Result
 from ..answer.table import DONE, Difference, Entry, ResultTable, TableQuantity
 from ..batch.comparison import RunComparison
 from ..batch.compute import Sweep, SweepEstimate
 from ..batch.designs import FoundDesign, Search
 from ..batch.sensitivity import Sensitivity
+from ..core.errors import known
 from ..core.quantities import duration, say, speaking, split_quantity
 from ..report.many import input_words, main_quantities
 from ..report.sketch import UNITS
 from ..report.words import NO_VALUE, difference_text, percent
-from ..statistics.inputs import InputMove
+from ..statistics.inputs import InputMove, Remaining
 from .screen import print_lines, screen_table
 from .show_result import measure_next
 
@@ -223,6 +224,24 @@ def show_sensitivity(found: Sensitivity, quantities: Sequence[str] = ()) -> None
     lines = [f"! {name}: {reason}" for name, reason in found.failed.items()]
     lines += [_advice(name, left, shown[name]) for name in shown if (left := found.unexplained(name)) is not None]
     print_lines(lines)
+
+
+def show_remaining(result: Result, left: Mapping[str, Sequence[Remaining]]) -> None:
+    """Print what measuring inputs would leave of the interval of each recovery."""
+    from rich.console import Console
+
+    for name, rows in left.items():
+        value = known(known(result.landings).separation.recovery[name])
+        title = f"recovery.{name}, {percent(value)} %; half of its 95 % interval, points, with inputs known better"
+        heads = ("input", "now ±", "known to ±", "alone", "with those above")
+        if rows:
+            Console().print(screen_table(heads, map(_left, rows[:MAX_INPUTS]), title))
+
+
+def _left(one: Remaining) -> list[str]:
+    with speaking(UNITS):
+        halves = [say(half, one.unit or "1", 2) for half in (one.now, one.measured)]
+    return [one.key, *halves, *(f"{100 * half:.1f}" for half in (one.alone, one.together))]
 
 
 def _moves_table(name: str, moves: Sequence[InputMove]) -> Table:

@@ -59,7 +59,8 @@ class CollisionRerun:
     def applied(self, scene: Scene) -> Scene:
         """The scene whose granules meet under this change."""
         own = scene.collisions
-        met = {"restitution": min(1.0, own.restitution + self.restitution), "friction": own.friction + self.friction}
+        restitution = min(1.0, max(0.0, own.restitution + self.restitution))
+        met = {"restitution": restitution, "friction": max(0.0, own.friction + self.friction)}
         return scene.model_copy(update={"collisions": own.model_copy(update=met)})
 
 

@@ -374,3 +374,46 @@ def least_sure(moves: Mapping[str, Sequence[InputMove]]) -> list[str]:
             if moved > worst.get(fraction, (-1.0, ""))[0]:
                 worst[fraction] = moved, name
     return [name for _, name in worst.values()]
+
+
+# -- What measuring an input would leave of an interval ----------------------------------------------------------------
+@dataclass(frozen=True)
+class Remaining:
+    """What is left of the 95 % interval of a fraction's recovery once an input is known better: of the input's ``key``
+    in ``unit``, half of the interval ``now`` and as it is to be ``measured``; half of the recovery's interval then,
+    ``alone`` and ``together`` with all inputs before it.
+    """
+
+    key: str
+    unit: str
+    now: float
+    measured: float
+    alone: float
+    together: float
+
+
+def remaining(
+    landings: LandingResults, fraction: str, targets: Sequence[str], measured: Mapping[str, float]
+) -> list[Remaining]:
+    """What measuring leaves of the recovery of a ``fraction`` in its ``targets``, the input that moves it most first.
+
+    ``measured``: half of the 95 % interval of an input (SI) as it is to be known; empty: each in turn exactly. By the
+    regression on the draws: an input whose interval shrinks to the part f takes 1 - f^2 of its own variance away, at
+    most all of it. Empty where no recovery is known or nothing told how it is moved.
+    """
+    found, known = landings.separation.recovery.get(fraction), landings.inputs or {}
+    if found is None or not landings.measure_next:
+        return []
+    places = [landings.measure_next.get(fraction, {}).get(one, {}) for one in targets]
+    moved = {key: sum(part.rise or 0.0 for place in places if (part := place.get(key))) for key in known}
+    rows, half, left = [], found.half, found.half**2
+    for key in sorted((key for key in known if moved[key]), key=lambda one: -abs(moved[one])):
+        if measured and key not in measured:
+            continue
+        own = 0.5 * (known[key].high - known[key].low)
+        then = min(own, measured.get(key, 0.0))
+        less = moved[key] ** 2 * (1.0 - (then / own) ** 2)
+        left -= less
+        alone, together = (math.sqrt(max(0.0, one)) for one in (half**2 - less, left))
+        rows.append(Remaining(key, known[key].unit, own, then, alone, together))
+    return rows
