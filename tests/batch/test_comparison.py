@@ -287,7 +287,8 @@ def test_half_the_uncertainty_moves_a_share_half_as_far(folder: Path, tmp_path: 
     assert a.high - a.low < b.high - b.low
     [left] = wf.sensitivity(wide).remaining({key: 0.05})["hard"]
     assert (left.now, left.measured, left.alone) == (pytest.approx(0.1), 0.05, left.together)
-    assert left.alone == pytest.approx(known(narrow.landings.separation.recovery["hard"]).half, rel=0.1)
+    there, here = (known(one.landings.separation.recovery["hard"]).half for one in (narrow, wide))  # type: ignore[union-attr]
+    assert abs(left.alone - there) < 0.5 * (here - there)  # as the narrower run says, to the noise of 64 draws
 
 
 def test_what_inputs_leave_of_a_recovery_once_they_are_known(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
