@@ -161,9 +161,9 @@ def sensitivity(
             f"{result.folder}: no share depends on what is unknown; name what to change with --over KEY=LOW,HIGH, "
             "give [uncertainty], or run it anew and to its end"
         )
-    told = Sensitivity(folder, result, tuple(moves), failed)
-    CellTable.of(told.moves, COLUMNS).write_csv(folder / TABLE)
-    return told
+    answer = Sensitivity(folder, result, tuple(moves), failed)
+    CellTable.of(answer.moves, COLUMNS).write_csv(folder / TABLE)
+    return answer
 
 
 def _finished(

@@ -57,14 +57,14 @@ def combine(value: float, parts: Sequence[BudgetPart], seconds: float) -> Budget
     inputs = next((part for part in parts if part.source == INPUTS), None)
     below, above = _ends(inputs)
     low, high = max(0.0, value - math.hypot(below, beside)), min(1.0, value + math.hypot(above, beside))
-    error, told = max(value - low, high - value), []
+    error, notes = max(value - low, high - value), []
     missing = [part.source for part in parts if part.error is None]
     if missing:
-        told.append(f"not known: {', '.join(missing)}; {'; '.join(remedies(missing))}".rstrip("; "))
+        notes.append(f"not known: {', '.join(missing)}; {'; '.join(remedies(missing))}".rstrip("; "))
     large = [part.source for part in parts if part.kind in BOUNDS and (part.error or 0.0) > WEIGHS * max(error, 1e-12)]
     if large:
-        told.append(f"mostly a bound on what is not computed: {', '.join(large)}")
-    return BudgetTotal(None if missing else error, seconds, low, high, numerical(parts), "; ".join(told) or None)
+        notes.append(f"mostly a bound on what is not computed: {', '.join(large)}")
+    return BudgetTotal(None if missing else error, seconds, low, high, numerical(parts), "; ".join(notes) or None)
 
 
 def _ends(inputs: BudgetPart | None) -> tuple[float, float]:

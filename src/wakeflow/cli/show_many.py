@@ -137,12 +137,12 @@ def show_comparison(found: RunComparison) -> None:
     first, names = found.table.entries[0].name, set(main_quantities(found.table))
     names |= {"airflow.cd", "airflow.cp_base", "airflow.pressure_drop"}
     others = [entry.name for entry in found.table.entries[1:]]
-    told: dict[str, dict[str, Difference]] = {}
+    by_quantity: dict[str, dict[str, Difference]] = {}
     for one in found.differences:
-        told.setdefault(one.quantity, {})[one.scene] = one
+        by_quantity.setdefault(one.quantity, {})[one.scene] = one
     rows = [
         [quantity, *(_difference(row[name]) if name in row else NO_VALUE for name in others)]
-        for quantity, row in told.items()
+        for quantity, row in by_quantity.items()
         if quantity in names
     ]
     table = screen_table(["less " + first, *others], rows, "differences", DIFFERENCES_HOLD)
@@ -215,11 +215,11 @@ def show_sensitivity(found: Sensitivity, quantities: Sequence[str] = ()) -> None
 
     console, shown = Console(), found.of(quantities)
     for name, moves in shown.items():
-        told = [one for one in moves if one.error is None or one.error < one.reach]
-        if told:
-            console.print(_moves_table(name, told[:MAX_INPUTS]))
-        if rest := len(moves) - len(told):
-            which = f"{rest} other input{'s' if rest > 1 else ''}" if told else "any input"
+        sure = [one for one in moves if one.error is None or one.error < one.reach]
+        if sure:
+            console.print(_moves_table(name, sure[:MAX_INPUTS]))
+        if rest := len(moves) - len(sure):
+            which = f"{rest} other input{'s' if rest > 1 else ''}" if sure else "any input"
             console.print(f"{name}: what {which} may change is within its own error", soft_wrap=True)
     lines = [f"! {name}: {reason}" for name, reason in found.failed.items()]
     lines += [_advice(name, left, shown[name]) for name in shown if (left := found.unexplained(name)) is not None]

@@ -80,7 +80,7 @@ def make_plan(
     fractions = {name: one.plan for name, one in decided.items()}
     gates = {name: one.gate for name, one in decided.items() if one.gate is not None}
     validity = _validity(flown, decided, known, target)
-    without_air, told = _without_air(given, fractions) if chain else ([], [])
+    without_air, warned = _without_air(given, fractions) if chain else ([], [])
     strained = warning_lines(flown, airflow, fractions, validity, target, rest[0])
     stages = expected_stages(flown, airflow, fractions, crowd)
     return Plan(
@@ -92,7 +92,7 @@ def make_plan(
         left_out=tuple(_left_out(flown, decided, without_air, chain=chain)),
         estimate=estimate_cost(flown, airflow, fractions, stages),
         stages=stages,
-        notices=gravest_first((*strained, *told, *missing_lines(gates, flown.unit))),
+        notices=gravest_first((*strained, *warned, *missing_lines(gates, flown.unit))),
         validity=validity,
         unit=flown.unit,
         crowd=crowd,
@@ -274,7 +274,7 @@ def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> tuple[l
     """
     air, widest = scene.airstream, scene.channel.width / scene.width
     left_out: list[LeftOut] = []
-    told: list[Notice] = []
+    warned: list[Notice] = []
     for name, fraction in fractions.items():
         law = fraction.drag, fraction.drag_scale
         scales = flights(scene, name, *law, NONE_MET, straight=False, turbulent=True)
@@ -287,12 +287,12 @@ def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> tuple[l
         left_out.append(LeftOut(AIR, shift, why, name))
         if carried or shift > MATTERS:
             grade = void if carried else less_sure
-            told.append(grade(
+            warned.append(grade(
                 f"{name}: rung none leaves the air out, which could move it by {shift:.2g} {scene.unit} (terminal "
                 f"velocity {middle.settling:.2g} m/s, air {air.speed:.2g} m/s {air.direction}); {fate}; numerics.rung "
                 "= 'draft' computes it"
             ))  # fmt: skip
-    return left_out, told
+    return left_out, warned
 
 
 # -- one fraction ------------------------------------------------------------------------------------------------------

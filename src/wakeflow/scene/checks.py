@@ -315,13 +315,13 @@ def doubts(data: Mapping[str, object], among: Iterable[Place] = ((),)) -> str:
     if not found:
         return ""
     usual = units_in(data).get("m", "m")
-    told = [f"{dotted(place)} = {length:g} m" for place, length, _ in found[:MAX_DOUBTS]]
+    lengths = [f"{dotted(place)} = {length:g} m" for place, length, _ in found[:MAX_DOUBTS]]
     more = f" and {len(found) - MAX_DOUBTS} more" if len(found) > MAX_DOUBTS else ""
     _, length, scale = found[0]
     with speaking({"m": usual}):
         usually = f"lengths of this scene are about {metres(scale, 2)}"
     meant = f"'{length:g} {'mm' if usual == 'm' else usual}', or '{length:g} m' if that is meant"
-    return f"{', '.join(told)}{more}: unit forgotten? Other {usually}; write {meant}"
+    return f"{', '.join(lengths)}{more}: unit forgotten? Other {usually}; write {meant}"
 
 
 def with_units(data: Mapping[str, object]) -> dict[str, object]:

@@ -34,9 +34,10 @@ from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.impaction import deflection, front_of
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.terms import bounds
+from wakeflow.report.words import percent
 from wakeflow.tracking import Fate, track
 
-from .common import BARE, COARSE, Pipeline, Row, make_plan, percent, piped, separation, show
+from .common import BARE, COARSE, Pipeline, Row, make_plan, piped, separation, show
 
 # -- gates -------------------------------------------------------------------------------------------------------------
 SCENES: dict[str, tuple[str, dict[str, Any]]] = {

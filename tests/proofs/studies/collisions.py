@@ -47,9 +47,10 @@ from wakeflow.planning.plan import INPUT_SAMPLES, SAME_AIR
 from wakeflow.planning.terms import COLLISIONS, LOADING, limit_of
 from wakeflow.planning.variation import Variation
 from wakeflow.report.canvas import fraction_colours
+from wakeflow.report.words import percent
 from wakeflow.statistics.separation import separate
 
-from .common import COARSE, HOUR, MEET, Row, collisions_of, percent, picture, piped, separation, show
+from .common import COARSE, HOUR, MEET, Row, collisions_of, picture, piped, separation, show
 
 # -- crowd_draws -------------------------------------------------------------------------------------------------------
 SCENES = ("rhombus", "labyrinth", "vacuum")

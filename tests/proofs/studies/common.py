@@ -17,7 +17,6 @@ import numpy as np
 import wakeflow as wf
 from proofs.report import Column, Row, cell
 from wakeflow.core.files import write_json
-from wakeflow.core.number import Number
 from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.prepare import prepare_case
 from wakeflow.pipeline.compilation import compile_slab, compile_tracker
@@ -79,11 +78,6 @@ def show(columns: Mapping[str, Column] | Sequence[str], rows: Iterable[Row], tit
         found.append(row)
         print(f"| {' | '.join(cell(column, row) for column in made.values())} |", flush=True)
     return found
-
-
-def percent(share: Number) -> str:
-    """A share with half of its interval, %."""
-    return f"{100 * share.value:.1f} ± {100 * share.half:.1f}"
 
 
 def mean_and_error(values: Any, digits: int = 3, sign: str = "") -> str:
