@@ -331,6 +331,10 @@ def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: 
     sources = {part.source for row in result.budget for part in row.parts}
     assert {"sampling", "slab-time-step", "slab-depth", "collisions.restitution", "collisions.friction"} <= sources
     assert COLLISIONS not in sources
+    ends = {"livelier meetings", "duller meetings", "rougher meetings", "smoother meetings"}
+    assert ends <= set(result.seconds)
+    between = next(part for row in result.budget for part in row.parts if part.source == "collisions.restitution")
+    assert (between.note or "half of a difference").startswith("half of a difference")
     assert "share without collisions (%)" in (tmp_path / "separation.csv").read_text().splitlines()[0]
     assert "What collisions cost" in (tmp_path / "report.html").read_text()
     show_result(result)
