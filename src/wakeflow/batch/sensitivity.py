@@ -212,7 +212,8 @@ def _half(key: str, half: float | str, known: Mapping[str, InputSummary]) -> flo
         raise SceneError(f"--known {key}: no number that this run draws{did_you_mean(key, list(known))}")
     try:
         plain = split_quantity(half) if isinstance(half, str) else (half, "")
-        value = plain[0] if plain and not plain[1] else quantity(str(half), known[key].unit, "0.03")
+        unit = known[key].unit
+        value = plain[0] if plain and not plain[1] else quantity(str(half), unit, f"0.03 {unit}".removesuffix(" 1"))
     except ValueError as problem:
         raise SceneError(f"--known {key}={half}: {problem}") from None
     if not 0.0 <= value < math.inf:
