@@ -62,6 +62,6 @@ if [ -z "$have" ]; then
   echo "$level $want" >"$venv/.wakeflow"
 fi
 
-# The tests compile into a cache of their own (tests/run.sh).
+# The tests compile beside the linters (tests/run.sh).
 [ "$extra" = test ] || "$venv/bin/python" -c "from wakeflow.pipeline import compilation; compilation.compile_ahead()" ||
   say "the tracker could not be compiled now; the first run will do it"

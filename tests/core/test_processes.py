@@ -83,14 +83,6 @@ class TestStore:
         assert not cached
         assert (folder / "x").read_text() == "good"
 
-    def test_clean_removes_what_is_unfinished(self, tmp_path: Path) -> None:
-        store = Store(tmp_path)
-        store.make("stage", "whole", lambda part: (part / "x").write_text("1"))
-        (tmp_path / "stage" / "b.part").mkdir()
-        assert store.clean()[0] == 1
-        assert (tmp_path / "stage" / "whole").exists()
-        assert store.clean(everything=True)[0] == 1
-
 
 def test_lines_arrive_and_the_log_is_whole(tmp_path: Path) -> None:
     lines: list[str] = []

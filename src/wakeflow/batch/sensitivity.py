@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..answer.result import Result
 from ..answer.table import Difference, differences_of
+from ..core import sums
 from ..core.errors import SceneError
 from ..core.files import path_of
 from ..core.lazy import cached_property
@@ -101,7 +102,10 @@ class Sensitivity:
         from ..report.figures.budget import draw_tornado
 
         target = self.folder / FIGURE if path is None else Path(path)
+        own = [target] if path is None else []
+        sums.claim(self.folder, own)
         draw_tornado(target, self.of(quantities))
+        sums.note(self.folder, own)
         return target
 
 
@@ -146,7 +150,9 @@ def sensitivity(
             "give [uncertainty], or run it anew and to its end"
         )
     told = Sensitivity(folder, result, tuple(moves), failed)
+    sums.claim(folder, [folder / TABLE])
     CellTable.of(told.moves, COLUMNS).write_csv(folder / TABLE)
+    sums.note(folder, [folder / TABLE])
     return told
 
 

@@ -132,6 +132,7 @@ def animate(
     size
         Dots of its longer side.
     """
+    from ..core import sums
     from ..core.store import bytes_of
     from ..report.film import show_film, write_film
     from ..runs import film_of
@@ -140,6 +141,8 @@ def animate(
     path = out or run_folder / "figures" / f"film.{format_}"
     if path.suffix != f".{format_}":
         raise SceneError(f"--out {path}: name it *.{format_}, or ask for another --format")
+    if out is None:
+        sums.claim(run_folder, [path])
     lasting, bytes_ = None if span is None else _seconds(span), bytes_of(most)
     with live(enabled=not quiet) as listener:
         scene, air, film = film_of(run_folder, lasting, fractions, listener)
@@ -148,6 +151,7 @@ def animate(
         listener("film", "done")
     if out is None:
         show_film(run_folder, path)
+        sums.note(run_folder, [path, run_folder / "report.html"])
     if not quiet:
         print(f"{path}, {path.stat().st_size / 1e6:.2g} MB")
 
