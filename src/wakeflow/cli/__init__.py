@@ -62,28 +62,39 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _prepare()
     try:
         code = app(arguments, exit_on_error=False, print_error=False)
-    except CycloptsError as problem:
-        words = sys.argv[1:] if arguments is None else arguments
-        parted = unquoted(words) if isinstance(problem, UnusedCliTokensError) else None
-        _complain(parted or str(problem).strip().splitlines()[-1])
-        return SceneError.exit_code
-    except WakeflowError as problem:
-        _complain(str(problem))
-        if isinstance(problem, ProgramError):
-            _details(problem)
-        return problem.exit_code
     except BrokenPipeError:
         sys.stderr.close()  # the reader left; nothing more can be said
         return 0
-    except OSError as problem:
-        return _of_the_system(problem)
-    except MemoryError:
-        _complain("the memory is full; what is finished is kept: close other programs or lower feed.count")
-        return ProgramError.exit_code
+    except (CycloptsError, WakeflowError, OSError, MemoryError, RecursionError) as problem:
+        return _told(problem, sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt as problem:
         _complain("interrupted; what is finished is kept, the same command goes on")
         return ENDED + problem.args[0] if isinstance(problem, _Ended) else INTERRUPTED
     return code if isinstance(code, int) else 0
+
+
+def _told(problem: Exception, words: Sequence[str]) -> int:
+    """Say in one line what a command line of these ``words`` ended with; the exit code. Raises what is nobody's input
+    and no program's failure.
+    """
+    if isinstance(problem, CycloptsError):
+        parted = unquoted(words) if isinstance(problem, UnusedCliTokensError) else None
+        _complain(parted or str(problem).strip().splitlines()[-1])
+    elif isinstance(problem, WakeflowError):
+        _complain(str(problem))
+        if isinstance(problem, ProgramError):
+            _details(problem)
+        return problem.exit_code
+    elif isinstance(problem, OSError):
+        return _of_the_system(problem)
+    elif isinstance(problem, MemoryError):
+        _complain("the memory is full; what is finished is kept: close other programs or lower feed.count")
+        return ProgramError.exit_code
+    elif any(word.startswith(("[", "{")) for word in words):
+        _complain("lists in each other deeper than the command line takes them; name plain files and values")
+    else:
+        raise problem
+    return SceneError.exit_code
 
 
 def _prepare() -> None:

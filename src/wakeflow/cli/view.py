@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ..scene import Scene
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")  # variables that name a screen
+MAX_SPAN = 3600.0  # s of the machine's time in a film
 PLAIN = re.compile(r"[0-9.]+(e-?[0-9]+)?")  # a number alone
 Picture = Annotated[Path | None, Parameter(help="Where to draw it: PNG, SVG or PDF.")]
 
@@ -190,8 +191,8 @@ def _seconds(span: str) -> float:
         found = float(span) if PLAIN.fullmatch(span) else quantity(span, "s", "0.2 s")
     except ValueError as problem:
         raise SceneError(f"--span {span!r}: {problem}") from None
-    if not found > 0.0:
-        raise SceneError(f"--span {span!r}: must be positive")
+    if not 0.0 < found <= MAX_SPAN:
+        raise SceneError(f"--span {span!r}: must be positive, and an hour at most")
     return found
 
 

@@ -18,6 +18,7 @@ from ..pipeline.cache import Listener, null_listener
 from ..planning.machine_rates import learn
 from ..planning.make import make_plan
 from ..scene import Scene
+from ..scene.changes import stem_name
 from ..scene.whole import States
 from .answer import OneRun
 from .folder import LOCK, refuse_foreign, written_files
@@ -61,7 +62,7 @@ def run(
     ``redraw`` draws a finished report anew; without ``report`` none is drawn, and a later call without that draws it.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
-    name = Path(scene).stem if isinstance(scene, Path | str) else "scene"
+    name = stem_name(Path(scene).stem) if isinstance(scene, Path | str) else "scene"
     asked, folder = Scene.of(scene), Path("runs", name) if out is None else path_of(out, "out")
     request = Request.asked(until, rung, force, target_error, near)
     listener, planned = as_listener(listener, planned)
