@@ -23,6 +23,12 @@ if [ "$extra" = test ] && [ "${2:-}" = --slow ] && [ "$(id -u)" = 0 ]; then pack
 say() { echo "setup: $*" >&2; }
 fail() { say "$*"; exit 3; }
 
+# One set-up at a time: a second one waits, and then finds everything in place.
+if command -v flock >/dev/null && touch "$root/.setup.lock" 2>/dev/null; then
+  exec 9>>"$root/.setup.lock"
+  flock -n 9 || { say "another set-up is at work here; waiting for it to end"; flock 9; }
+fi
+
 missing=
 for package in $packages; do
   dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing="$missing $package"

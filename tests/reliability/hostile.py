@@ -124,7 +124,7 @@ def _scale(tables: Tables, place: tuple[Any, ...], chance: random.Random) -> Non
     parent, key = _parent(tables, place), place[-1]
     factor = chance.choice([0.0, -1.0, 0.5, 0.9, 1.1, 2.0, 10.0, 1e-3, 1e3, 1e-9, 1e9])
     if isinstance(parent[key], int | float) and not isinstance(parent[key], bool):
-        parent[key] = parent[key] * factor
+        parent[key] = min(parent[key], 10**300) * factor
     elif isinstance(parent[key], str) and parent[key].split(" ")[0].replace(".", "").isdigit():
         number, _, unit = parent[key].partition(" ")
         parent[key] = f"{float(number) * factor:g} {unit}"
