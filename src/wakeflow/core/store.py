@@ -16,6 +16,7 @@ from typing import Any
 
 from .errors import SceneError
 from .files import atomic_write, read_json, write_json
+from .process import wait_for_orphans
 
 # -- The cache of finished stages --------------------------------------------------------------------------------------
 MANIFEST = "manifest.json"
@@ -196,6 +197,7 @@ class Store:
                 return final, True
             _remove(final)
             part.mkdir(exist_ok=True)
+            wait_for_orphans(part)
             work(part)
             write_json(part / MANIFEST, {name: _digest(part / name) for name in _members(part)})
             os.replace(part, final)
