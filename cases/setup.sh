@@ -52,7 +52,7 @@ python=${PYTHON:-/usr/bin/python3}
 [ -x "$venv/bin/python" ] && "$venv/bin/python" -c '' 2>/dev/null || { rm -rf "$venv"; "$python" -m venv "$venv"; }
 
 # Installed again only when pyproject.toml, the place of this folder or the wish for the test tools has changed.
-want="$(sha256sum <"$root/pyproject.toml") $root"
+want="$(cat "$root/pyproject.toml" "$root/requirements.lock" | sha256sum) $root"
 have=$(cat "$venv/.wakeflow" 2>/dev/null || true)
 case "$have" in
   "test $want") ;;
@@ -63,7 +63,10 @@ if [ -z "$have" ]; then
   target=$root; level=run
   [ "$extra" = test ] && { target="$root[test]"; level=test; }
   say "installing Python packages into .venv (a few minutes the first time)"
-  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-warn-script-location -e "$target" ||
+  install() { "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-warn-script-location "$@"; }
+  # The versions that the tests passed with; others within pyproject's bounds where these cannot be had
+  install --constraint "$root/requirements.lock" -e "$target" ||
+    { say "the versions of requirements.lock cannot be had here; taking others"; install -e "$target"; } ||
     fail "pip failed (is there a network?); try again: sh cases/setup.sh $extra"
   echo "$level $want" >"$venv/.wakeflow"
 fi

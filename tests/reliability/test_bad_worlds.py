@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -101,13 +101,13 @@ def test_a_run_that_is_told_to_end_says_that_the_same_command_goes_on(
 
 
 @pytest.fixture
-def programs(tmp_path: Path) -> Iterator[Path]:
+def programs(tmp_path: Path) -> Path:
     """A folder of programs, instead of all others."""
     (tmp_path / "bin").mkdir()
     for name in ("sh", "setpriv", "env"):
         if found := shutil.which(name):
             (tmp_path / "bin" / name).symlink_to(found)
-    yield tmp_path / "bin"
+    return tmp_path / "bin"
 
 
 OTHERS = {
