@@ -86,6 +86,7 @@ def kill_and_go_on(words: list[str], table: str, folder: Path, whole: bytes, sec
         if child.returncode == 0:  # it was quicker: what is there is compared, and it begins anew
             assert (folder / "o" / table).read_bytes() == whole, (number, how, moment)
             shutil.rmtree(folder)
+    folder.mkdir(exist_ok=True)
     assert ended(begin([*words, "--out", str(folder / "o")], folder / "cache", cwd=folder))[0] == 0
     assert (folder / "o" / table).read_bytes() == whole
     assert not [*folder.rglob("*.part"), *folder.rglob(".*.tmp")]

@@ -211,8 +211,8 @@ def start_in_group(
 
 
 def wait_for_orphans(folder: Path) -> None:
-    """Wait until no program works in ``folder`` or in one in it that a killed run started: on a busy machine it writes on
-    for a moment after the run. Raises ProgramError where one lives on.
+    """Wait until no program works in ``folder`` or in one in it that a killed run started: on a busy machine it writes
+    on for a moment after the run. Raises ProgramError where one lives on.
     """
     deadline = time.monotonic() + ORPHANED
     for place in (folder, *(path for path in folder.iterdir() if path.is_dir())):
