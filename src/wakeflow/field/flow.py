@@ -280,7 +280,7 @@ class FlowField(Triangles):
             raise SceneError(f"{path}: is damaged ({problem}); {AGAIN}") from None
 
 
-AGAIN = "the run that wrote it writes it anew"
+AGAIN = "it cannot be read as a flow field; the run that wrote it writes it anew"
 
 
 def nodal(field: FlowField) -> dict[str, Any]:

@@ -104,7 +104,7 @@ class Plot:
         file = folder / "figures" / f"{name}.png"
         if file.exists():
             anew = f"wakeflow report {folder} draws it anew"
-            return f"{name} shows more of the solved airflow than {folder} keeps: see {file}; {anew}"
+            return f"{name} shows more of the solved airflow than the run keeps: see {file}; {anew}"
         return f"{folder} has nothing to draw as {name}; it has {', '.join(self._there())}"
 
 
