@@ -23,6 +23,12 @@ if [ "$extra" = test ] && [ "${2:-}" = --slow ] && [ "$(id -u)" = 0 ]; then pack
 say() { echo "setup: $*" >&2; }
 fail() { say "$*"; exit 3; }
 
+# One set-up at a time: a second one waits, and then finds everything in place.
+if command -v flock >/dev/null && touch "$root/.setup.lock" 2>/dev/null; then
+  exec 9>>"$root/.setup.lock"
+  flock -n 9 || { say "another set-up is at work here; waiting for it to end"; flock 9; }
+fi
+
 missing=
 for package in $packages; do
   dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing="$missing $package"
@@ -46,7 +52,7 @@ python=${PYTHON:-/usr/bin/python3}
 [ -x "$venv/bin/python" ] && "$venv/bin/python" -c '' 2>/dev/null || { rm -rf "$venv"; "$python" -m venv "$venv"; }
 
 # Installed again only when pyproject.toml, the place of this folder or the wish for the test tools has changed.
-want="$(sha256sum <"$root/pyproject.toml") $root"
+want="$(cat "$root/pyproject.toml" "$root/requirements.lock" | sha256sum) $root"
 have=$(cat "$venv/.wakeflow" 2>/dev/null || true)
 case "$have" in
   "test $want") ;;
@@ -57,11 +63,14 @@ if [ -z "$have" ]; then
   target=$root; level=run
   [ "$extra" = test ] && { target="$root[test]"; level=test; }
   say "installing Python packages into .venv (a few minutes the first time)"
-  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-warn-script-location -e "$target" ||
+  install() { "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-warn-script-location "$@"; }
+  # The versions that the tests passed with; others within pyproject's bounds where these cannot be had
+  install --constraint "$root/requirements.lock" -e "$target" ||
+    { say "the versions of requirements.lock cannot be had here; taking others"; install -e "$target"; } ||
     fail "pip failed (is there a network?); try again: sh cases/setup.sh $extra"
   echo "$level $want" >"$venv/.wakeflow"
 fi
 
-# The tests compile into a cache of their own (tests/run.sh).
+# The tests compile beside the linters (tests/run.sh).
 [ "$extra" = test ] || "$venv/bin/python" -c "from wakeflow.pipeline import compilation; compilation.compile_ahead()" ||
   say "the tracker could not be compiled now; the first run will do it"

@@ -7,13 +7,12 @@ for option; do if [ "$option" = --slow ]; then slow=--slow; fi; done
 sh "$root/cases/setup.sh" test $slow
 cd "$root"
 bin=$root/.venv/bin
-# Compiled once, beside the linters, for both workers: each would compile them for itself
 export WAKEFLOW_TEST_CACHE="${WAKEFLOW_TEST_CACHE:-$root/runs/.test-cache}"
+# Compiled once, beside the linters, for both workers: each would compile them for itself
 compiling=
 trap 'test -z "$compiling" || kill $compiling 2>/dev/null' EXIT
 for kernel in tracker slab; do
-    WAKEFLOW_CACHE=$WAKEFLOW_TEST_CACHE "$bin/python" -c \
-        "from wakeflow.pipeline import compilation; compilation.compile_$kernel()" &
+    "$bin/python" -c "from wakeflow.pipeline import compilation; compilation.compile_$kernel()" &
     compiling="$compiling $!"
 done
 "$bin/python" -m compileall -q src  # many tests start Python, perhaps where it is told to write no bytecode

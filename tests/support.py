@@ -139,15 +139,6 @@ def kept_airflow(spec: FlowSpec) -> tuple[Path, AirflowResult]:
     return folder, load(AirflowResult, folder / "case" / "airflow.json")
 
 
-def cache_with_kernels(folder: Path) -> Path:
-    """``folder`` as a cache that holds the session's compiled kernels alone: what others have flown is flown again."""
-    kernels = cache_root() / "numba"
-    kernels.mkdir(parents=True, exist_ok=True)
-    folder.mkdir(parents=True)
-    (folder / "numba").symlink_to(kernels.resolve())
-    return folder
-
-
 def working_in(folder: Path) -> dict[int, str]:
     """Process id and command of running processes whose working folder is ``folder`` or below it."""
     found = {}

@@ -7,7 +7,7 @@ from threading import Thread
 import pytest
 
 import wakeflow as wf
-from support import CASES, LoopbackCluster, cache_with_kernels, shipped
+from support import CASES, LoopbackCluster, shipped
 from wakeflow.answer.result import Request
 from wakeflow.batch.agenda import make_agenda
 from wakeflow.cli import main
@@ -33,7 +33,7 @@ def local(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("WAKEFLOW_CACHE", str(cache_with_kernels(tmp_path / "cache")))
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "cache"))
 
 
 @pytest.mark.usefixtures("_own_cache")

@@ -19,7 +19,7 @@ from wakeflow.core.errors import FoamError, MeshError, ProgramError, SceneError
 from wakeflow.core.executor import Cluster, TaskPlace, Workers
 from wakeflow.core.files import atomic_write, write_json
 from wakeflow.core.lazy import cached_property
-from wakeflow.core.process import background, call_in_child, check_cancelled, run_program, tail
+from wakeflow.core.process import background, call_in_child, check_cancelled, run_program, start_in_group, tail
 from wakeflow.core.store import Store, content_key
 
 
@@ -83,14 +83,6 @@ class TestStore:
         assert not cached
         assert (folder / "x").read_text() == "good"
 
-    def test_clean_removes_what_is_unfinished(self, tmp_path: Path) -> None:
-        store = Store(tmp_path)
-        store.make("stage", "whole", lambda part: (part / "x").write_text("1"))
-        (tmp_path / "stage" / "b.part").mkdir()
-        assert store.clean()[0] == 1
-        assert (tmp_path / "stage" / "whole").exists()
-        assert store.clean(everything=True)[0] == 1
-
 
 def test_lines_arrive_and_the_log_is_whole(tmp_path: Path) -> None:
     lines: list[str] = []
@@ -123,11 +115,12 @@ def test_timeout_ends_the_whole_group(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_children_die_with_their_parent(tmp_path: Path, number: int) -> None:
+@pytest.mark.parametrize("deaf", ["", 'trap "" TERM INT; '])
+def test_children_die_with_their_parent(tmp_path: Path, number: int, deaf: str) -> None:
     code = (
         "import sys; from pathlib import Path; from wakeflow.core.process import run_program\n"
         f"here = Path({str(tmp_path)!r})\n"
-        "run_program(['sh', '-c', 'echo $$ > pid; exec sleep 60'], cwd=here, log=here / 'log')"
+        f"run_program(['sh', '-c', {f'{deaf}echo $$ > pid; exec sleep 60'!r}], cwd=here, log=here / 'log')"
     )
     parent = subprocess.Popen([sys.executable, "-c", code])
     pid_file = tmp_path / "pid"
@@ -137,6 +130,18 @@ def test_children_die_with_their_parent(tmp_path: Path, number: int) -> None:
     parent.send_signal(number)
     parent.wait()
     assert _gone(int(pid_file.read_text()))
+
+
+def test_a_killed_runs_program_is_waited_for_before_its_folder_is_worked_in(tmp_path: Path) -> None:
+    """On a busy machine it writes on for a moment after the run that started it is gone."""
+    store, seen = Store(tmp_path), []
+    part = tmp_path / "stage" / ("a" * 64 + ".part")
+    part.mkdir(parents=True)
+    with (tmp_path / "log").open("wb") as sink:
+        child = start_in_group(["sh", "-c", "sleep 1; echo late > late"], part, os.environ, sink)
+    threading.Thread(target=child.wait, daemon=True).start()
+    store.make("stage", "a" * 64, lambda folder: seen.append((folder / "late").read_text()))
+    assert seen == ["late\n"]
 
 
 def _gone(pid: int) -> bool:

@@ -19,12 +19,23 @@ from wakeflow.cli.show_stored import MAX_ROWS, show_stages
 from wakeflow.core import sources
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import link_or_copy, write_json
-from wakeflow.core.store import KeptStage, Store, bytes_of, kept_stages, oldest_beyond, remove_stages
+from wakeflow.core.store import (
+    TAG,
+    KeptStage,
+    Store,
+    bytes_of,
+    cache_in_use,
+    kept_stages,
+    oldest_beyond,
+    remove_stages,
+)
 from wakeflow.pipeline.analytic import duct_field
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.stages import stages
+
+KEYS = [f"{number}" * 64 for number in range(5)]
 
 
 @pytest.fixture
@@ -37,32 +48,32 @@ def store(tmp_path: Path) -> Store:
             (part / "data").write_bytes(bytes(1_000_000))
             write_json(part / "seconds.json", 10.0 * number)
 
-        folder, _ = store.make("airflow", f"key{number}", work)
+        folder, _ = store.make("airflow", KEYS[number], work)
         os.utime(folder / "manifest.json", (1e9 + number, 1e9 + number))
-    link_or_copy(tmp_path / "cache" / "airflow" / "key1" / "data", tmp_path / "run" / "data")
+    link_or_copy(tmp_path / "cache" / "airflow" / KEYS[1] / "data", tmp_path / "run" / "data")
     return store
 
 
 def test_stages_are_listed_by_age_with_what_they_cost(store: Store) -> None:
     stages = kept_stages(store.root)
-    assert [one.folder.name for one in stages] == ["key0", "key1", "key2", "key3"]
+    assert [one.folder.name for one in stages] == KEYS[:4]
     assert [one.seconds for one in stages] == [0.0, 10.0, 20.0, 30.0]
     assert stages[0].size > 1_000_000 > stages[1].size  # a shared file stays on the disk
 
 
 def test_the_oldest_go_until_little_enough_is_left(store: Store, tmp_path: Path) -> None:
-    gone = remove_stages(oldest_beyond(kept_stages(store.root), 2.1e6))
-    assert [one.folder.name for one in gone] == ["key0"]
-    gone = remove_stages(oldest_beyond(kept_stages(store.root), 1.1e6))
-    assert [one.folder.name for one in gone] == ["key1", "key2"]
+    gone = remove_stages(store.root, oldest_beyond(kept_stages(store.root), 2.1e6))
+    assert [one.folder.name for one in gone] == KEYS[:1]
+    gone = remove_stages(store.root, oldest_beyond(kept_stages(store.root), 1.1e6))
+    assert [one.folder.name for one in gone] == KEYS[1:3]
     assert (tmp_path / "run" / "data").stat().st_size == 1_000_000
-    assert [one.folder.name for one in kept_stages(store.root)] == ["key3"]
+    assert [one.folder.name for one in kept_stages(store.root)] == KEYS[3:4]
 
 
 def test_what_was_used_last_stays_longest(store: Store) -> None:
     """On file systems too that note no reading."""
-    store.make("airflow", "key0", lambda part: None)
-    assert [one.folder.name for one in kept_stages(store.root)] == ["key1", "key2", "key3", "key0"]
+    store.make("airflow", KEYS[0], lambda part: None)
+    assert [one.folder.name for one in kept_stages(store.root)] == [*KEYS[1:4], KEYS[0]]
 
 
 def test_a_long_list_ends_in_what_it_leaves_out(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -76,9 +87,9 @@ def test_a_long_list_ends_in_what_it_leaves_out(capsys: pytest.CaptureFixture[st
 def test_a_stage_that_is_worked_on_stays(store: Store) -> None:
     from filelock import FileLock
 
-    with FileLock(store.root / "airflow" / "key0.lock"):
-        gone = remove_stages(kept_stages(store.root))
-    assert [one.folder.name for one in gone] == ["key1", "key2", "key3"]
+    with FileLock(store.root / "airflow" / f"{KEYS[0]}.lock"):
+        gone = remove_stages(store.root, kept_stages(store.root))
+    assert [one.folder.name for one in gone] == KEYS[1:4]
 
 
 def test_clean_prints_and_keeps(
@@ -99,6 +110,103 @@ def test_clean_prints_and_keeps(
     assert main(["clean", "--keep", "much"]) == 2
 
 
+def test_what_is_read_stays(store: Store) -> None:
+    (store.root / "airflow" / f"{KEYS[4]}.part").mkdir()
+    with cache_in_use(store.root):
+        gone = remove_stages(store.root, kept_stages(store.root))
+    assert [one.folder.name for one in gone] == [f"{KEYS[4]}.part"]
+    assert len(kept_stages(store.root)) == 4
+
+
+def a_home(folder: Path) -> dict[Path, bytes]:
+    """A folder that holds what people have; every file with what is in it."""
+    manifest = '{"name": "webapp", "version": "1"}'
+    texts = {
+        "Documents/thesis/thesis.tex": "years", "Downloads/film.part/film": "half", "photos/2020/a.jpg": "a",
+        "projects/webapp/manifest.json": manifest, f"store/{KEYS[0]}/data": "theirs", f"store/{KEYS[1]}.part/x": "x",
+        f"mesh/{KEYS[2]}/manifest.json": manifest, f"mesh/{KEYS[2]}/data": "theirs", "mesh/notes.txt": "mine",
+    }  # fmt: skip
+    for name, text in texts.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    return {folder / name: text.encode() for name, text in texts.items()}
+
+
+CLEANING = (["clean"], ["clean", "--everything"], ["clean", "--keep", "0"], ["clean", "--everything", "--yes"])
+
+
+@pytest.mark.parametrize("words", CLEANING)
+def test_a_folder_with_other_things_is_never_cleaned(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = a_home(tmp_path)
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path))
+    assert main(words) == 2
+    assert "has no mark of wakeflow's cache" in capsys.readouterr().err
+    Store(tmp_path).make("tracks", KEYS[3], lambda part: write_json(part / "seconds.json", 1.0))  # a run works there
+    assert main(words) == 2
+    assert before.items() <= {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}.items()
+    assert Store(tmp_path).holds("tracks", KEYS[3])
+
+
+@pytest.mark.parametrize("words", CLEANING)
+def test_what_others_put_into_the_cache_and_what_links_lead_to_stays(
+    words: list[str], store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = a_home(store.root) | a_home(tmp_path / "outside")
+    (store.root / "link").symlink_to(tmp_path / "outside")
+    (store.root / "tracks").symlink_to(tmp_path / "outside" / "store")
+    (store.root / "airflow" / KEYS[4]).symlink_to(tmp_path / "outside" / "store" / KEYS[0])
+    (store.root / "airflow" / f"{KEYS[4]}.part").symlink_to(tmp_path / "outside" / "photos")
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(store.root))
+    assert main(words) == 0
+    assert before == {path: path.read_bytes() for path in before}
+    assert len(kept_stages(store.root)) == (4 if words == ["clean"] else 0)
+
+
+def test_the_cache_carries_the_mark_that_backups_heed(store: Store) -> None:
+    text = (store.root / TAG).read_text()
+    assert text.startswith("Signature: 8a477f597d28d172789f06886806bc55\n")
+    (store.root / TAG).unlink()  # as caches of earlier versions are: nothing else is in them
+    assert len(kept_stages(store.root)) == 4
+    assert (store.root / TAG).read_text() == text
+
+
+@pytest.mark.parametrize(("answer", "left"), [("", 4), ("n", 4), ("y", 0)])
+def test_on_a_terminal_the_user_is_asked(
+    answer: str, left: int, store: Store, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(store.root))
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", lambda prompt: answer)
+    assert main(["clean", "--everything"]) == 0
+    assert len(kept_stages(store.root)) == left
+    assert KEYS[0][:12] in capsys.readouterr().out
+
+
+MANIFESTS = {
+    "empty table": b"{}", "not UTF-8": b"\xff\xfe{", "list": b"[]", "number": b"1", "null": b"null", "text": b'"s"',
+    "deep": b"[" * 100_000, "long": b"9" * 5000, "empty": b"", "half": b'{"data": "ab', "numbers": b'{"data": 1}',
+    "wrong": b'{"data": "%s", "seconds.json": "%s"}' % (b"0" * 64, b"0" * 64), "infinite": b'{"data": Infinity}',
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MANIFESTS)
+def test_a_damaged_manifest_vouches_for_nothing(name: str, store: Store) -> None:
+    folder = store.root / "airflow" / KEYS[0]
+    (folder / "manifest.json").write_bytes(MANIFESTS[name])
+    (folder / "data").write_text("changed")
+    made, cached = store.make("airflow", KEYS[0], lambda part: (part / "data").write_text("anew"))
+    assert not cached
+    assert (made / "data").read_text() == "anew"
+
+
+def test_a_file_that_the_manifest_does_not_list_is_noticed(store: Store) -> None:
+    (store.root / "airflow" / KEYS[0] / "more").write_text("?")
+    assert not store.holds("airflow", KEYS[0])
+    assert store.holds("airflow", KEYS[1])
+
+
 @pytest.mark.parametrize(
     ("text", "size"), [("10GB", 1e10), ("500 MB", 5e8), ("12 B", 12.0), ("1.5k", 1500.0), ("0", 0.0)]
 )
@@ -109,7 +217,7 @@ def test_sizes(text: str, size: float) -> None:
 
 
 def test_a_damaged_note_of_the_cost_stops_nothing(store: Store) -> None:
-    (store.root / "airflow" / "key1" / "seconds.json").write_text("")
+    (store.root / "airflow" / KEYS[1] / "seconds.json").write_text("")
     assert [one.seconds for one in kept_stages(store.root)] == [0.0, None, 20.0, 30.0]
 
 

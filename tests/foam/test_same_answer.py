@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from support import RHOMBUS, ROOT, WIDTH, cache_with_kernels, kept_airflow, rhombus_spec, working_in
+from support import RHOMBUS, ROOT, WIDTH, kept_airflow, rhombus_spec, working_in
 from wakeflow.foam import watch
 from wakeflow.foam.airflow import solve_airflow
 from wakeflow.foam.case import FlowSpec
@@ -133,7 +133,7 @@ def test_a_run_that_is_killed_lands_its_granules_in_the_same_places(changes: dic
     found = []
     for name, delays in (("quiet", []), ("killed", [3.0, 6.0, 5.0] if changes else [30.0, 70.0, 50.0, 40.0])):
         folder = tmp_path / name
-        cache = cache_with_kernels(folder / "cache")
+        cache = folder / "cache"
         scene = str(ROOT / "cases" / "rhombus.toml")
         start = "import sys; from wakeflow.cli import main; sys.exit(main(sys.argv[1:]))"
         one_core = ["taskset", "-c", "0"] if delays else []

@@ -11,6 +11,7 @@ import pytest
 from support import CASES, shipped
 from wakeflow.answer.provenance import RefinedSettings
 from wakeflow.cli.show_plan import show_plan
+from wakeflow.core.files import write_json
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store
 from wakeflow.pipeline.cache import StageCache, StageTime, code_of
@@ -181,9 +182,12 @@ def test_a_machine_keeps_its_last_runs(plan: Plan, tmp_path: Path) -> None:
     assert noted == sorted(noted)
 
 
-def test_the_compilation_is_expected_until_it_is_done(plan: Plan, tmp_path: Path) -> None:
+def test_the_compilation_is_expected_until_it_is_done(
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wakeflow.planning.machine_rates.kernel_folder", lambda module: tmp_path / "kernels")
     assert [stage.when for stage in on_this_machine(plan, tmp_path)[0] if stage.name == COMPILE.name] == ["beside"]
-    (tmp_path / "numba" / "586f" / "kernel").mkdir(parents=True)
+    write_json(tmp_path / "kernels" / "loop" / "fly_block.nbi", None)
     assert not [stage for stage in on_this_machine(plan, tmp_path)[0] if stage.name == COMPILE.name]
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
-from support import ALONE, cache_with_kernels, shipped, working_in
+from support import ALONE, shipped, working_in
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.pipeline.pipeline import Pipeline
@@ -222,7 +222,7 @@ def test_until_mesh_stops_there(cases: Path, tmp_path: Path) -> None:
 def test_missing_openfoam_is_code_3_with_the_cure(
     cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("WAKEFLOW_CACHE", str(cache_with_kernels(tmp_path / "cache")))
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "cache"))
     monkeypatch.setenv("PATH", str(tmp_path))
     assert main(["run", str(cases / "rhombus.toml"), "--out", str(tmp_path / "out"), "--quiet"]) == 3
     assert "cases/setup.sh" in capsys.readouterr().err
@@ -236,7 +236,7 @@ def test_an_interrupted_run_goes_on_and_leaves_no_solver(cases: Path, tmp_path: 
         sys.executable, "-m", "wakeflow.cli", "run", str(cases / "rhombus.toml"), "--out", str(tmp_path / "out"),
         "--rung", "draft", "--set", "feed.count=64", "--until", "airflow", "--set", "numerics.mesh_scale=1.5",
     ]  # fmt: skip
-    cache = cache_with_kernels(tmp_path / "cache")  # whoever has none compiles them beside the airflow
+    cache = tmp_path / "cache"
     env = {**os.environ, "WAKEFLOW_CACHE": str(cache)}
     case = cache / "airflow"
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs are deaf to Ctrl-C
@@ -367,7 +367,7 @@ def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, mon
     monkeypatch.setattr("wakeflow.pipeline.blended_air.BestEstimateAir.residence", None)  # of tracers, flown too
     found, order = {}, {}
     for cores in (1, 2):
-        cache = cache_with_kernels(tmp_path / f"cache-{cores}")
+        cache = tmp_path / f"cache-{cores}"
         monkeypatch.setenv("WAKEFLOW_CACHE", str(cache))
         monkeypatch.setattr("os.sched_getaffinity", lambda _, cores=cores: set(range(cores)))
         told: list[str] = []

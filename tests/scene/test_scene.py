@@ -59,7 +59,7 @@ def test_gamma_gives_the_amplitude(rhombus: Scene) -> None:
             "air.speed = -1: too small (allowed: >= 1e-06 m/s and <= 100 m/s); which way it blows is said",
         ),
         ({"fraction.wheat.friction": "40 %"}, "needs a number (allowed: >= 0 and <= 10)"),
-        ({"channel.width": "40 mm"}, " and 4 more"),
+        ({"channel.width": "40 mm"}, " and 5 more"),
         ({"air.speed": math.nan}, "air.speed"),
         ({"body.rhombus.slope_angle": 60}, "unit forgotten: a number alone is in rad? Write '60 deg'"),
         ({"body.rhombus.slope_angle": None}, "body.rhombus"),

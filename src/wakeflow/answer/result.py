@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,14 +9,16 @@ from typing import Any, Self
 
 import numpy as np
 
+from ..core import sums
 from ..core.errors import SceneError
-from ..core.files import path_of, write_json
+from ..core.files import MAX_RECORD, check_tables, path_of, read_json, write_json
 from ..core.graded import GRADES, Grade
 from ..core.lazy import cached_property
 from ..core.number import Number
 from ..core.record import JsonTable, column, columns, from_json, to_json
 from ..core.registry import Registry
-from ..core.tables import Columns, frame_of
+from ..core.store import content_key
+from ..core.tables import Columns, frame_of, load_arrays
 from ..funnel.rate import FunnelSummary
 from ..injection.impact_loads import ImpactSummary
 from ..pipeline.airflow import Airflow, MeshReport
@@ -28,12 +28,14 @@ from ..planning.terms import AIR
 from ..scene.overrides import share_in
 from ..scene.rungs import check_rung
 from ..scene.whole import States, switched
+from .checks import mistakes_in
 from .provenance import Provenance, Refinement
 from .shares import SHARE_UNIT, BudgetRow, LandingResults, Separation
 from .upgrade import upgraded
 
 SCHEMA = 2
 FILE = "result.json"
+CHECKSUM = "sha256"  # key of result.json: of all that is beside it there
 GRANULES = "granules.npz"
 VOID = "void"  # the caveat of an answer that is worth nothing
 WIDE = 1.0  # body widths: an air that is left out and could move a fraction so far carries it past the bins' ends
@@ -132,7 +134,11 @@ class Result:
             for name, kind in FLAT.items():
                 inside = {one.key: table.pop(one.key) for one in columns(kind) if one.key in table}
                 table |= {name: inside or None}
-        return replace(from_json(cls, table, str(Path(folder) / FILE)), folder=Path(folder))
+        found = replace(from_json(cls, table, str(Path(folder) / FILE)), folder=Path(folder))
+        both = () if found.landings is None else ("separation", "without_collisions")
+        if wrong := next(mistakes_in(found, {name: getattr(found.landings, name) for name in both}), None):
+            raise SceneError(f"{Path(folder) / FILE}: {wrong}; {_cure(folder)}")
+        return found
 
     def to_json(self) -> JsonTable:
         """What result.json holds."""
@@ -143,8 +149,9 @@ class Result:
         return table
 
     def save(self) -> None:
-        """Write result.json into the folder."""
-        write_json(self.folder / FILE, self.to_json())
+        """Write result.json into the folder: what :meth:`to_json` makes, and the checksum of it."""
+        table = self.to_json()
+        write_json(self.folder / FILE, table | {CHECKSUM: content_key(table)})
 
     @cached_property
     def table(self) -> JsonTable:
@@ -277,14 +284,27 @@ def _in_percent(name: str, one: Number) -> str:
 accessors: Registry[Callable[[Result], Any]] = Registry("view of a result", home="wakeflow.report.views")
 
 
-def _read(folder: Path | str) -> Any:
+def _read(folder: Path | str) -> JsonTable:
+    """The table of result.json without its checksum. Raises SceneError where there is none, or it is damaged."""
+    path = path_of(folder, "folder of a run") / FILE
     try:
-        return json.loads((path_of(folder, "folder of a run") / FILE).read_text())
+        table: JsonTable = read_json(path)
     except (FileNotFoundError, NotADirectoryError):
         raise _unfinished(folder) from None
-    except json.JSONDecodeError:
-        damaged = f"{Path(folder) / FILE} is damaged"
-        raise SceneError(f"{damaged}; make it again with: wakeflow run SCENE --out {folder}") from None
+    except SceneError as problem:
+        raise SceneError(f"{problem}; {_cure(folder)}") from None
+    try:
+        check_tables(table, str(path), MAX_RECORD)
+        noted, found = table.pop(CHECKSUM, None), content_key(table)
+    except (SceneError, AttributeError, TypeError, ValueError):  # deep, no table, a number beyond all numbers
+        raise SceneError(f"{path} is damaged; {_cure(folder)}") from None
+    if noted not in (None, found):  # results of earlier versions have none
+        raise SceneError(f"{path} is damaged: its checksum is another; {_cure(folder)}")
+    return table
+
+
+def _cure(folder: Path | str) -> str:
+    return f"make it again with: wakeflow run SCENE --out {folder}"
 
 
 def _unfinished(folder: Path | str) -> SceneError:
@@ -346,8 +366,25 @@ def kept_granules(folder: Path) -> Columns:
     file = folder / GRANULES
     if not file.exists():
         raise SceneError(f"{folder} holds no {GRANULES}: the run ended before its tracks")
-    try:
-        with np.load(file) as data:
-            return {name: data[name] for name in data.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
-        raise SceneError(f"{file} is damaged; wakeflow report {folder} writes it anew") from None
+    cure = f"wakeflow report {folder} writes it anew"
+    sums.check(folder, GRANULES, cure)
+    table = load_arrays(file, cure)
+    if set(table) != {"names", *KEPT} or len({len(table[name]) for name in KEPT}) != 1 or not _plausible(table):
+        raise SceneError(f"{file} is damaged; {cure}")
+    return table
+
+
+# of granules.npz: a row for each granule that is kept
+KEPT = ("fraction", "weight", "position", "bin", "diameter", "fate", "time", "impacts")
+
+
+def _plausible(table: Columns) -> bool:
+    """Whether granules are of a fraction there is, somewhere, with a size and a mass."""
+    numbers = all(table[name].dtype.kind in "iuf" and np.isfinite(table[name]).all() for name in KEPT)
+    return bool(
+        numbers
+        and table["position"].shape[1:] == (2,)
+        and ((table["fraction"] >= 0) & (table["fraction"] < len(table["names"]))).all()
+        and (table["diameter"] > 0).all()
+        and (table["weight"] >= 0).all()
+    )

@@ -9,7 +9,9 @@ from typing import Any
 
 from ..answer.result import Result
 from ..answer.table import DONE, RUNG, SWITCHED, Difference, Entry, ResultTable, differences_of, quantities_of
+from ..core import sums
 from ..core.errors import SceneError
+from ..core.files import made_folder
 from ..core.tables import CellTable
 from ..scene import Scene
 from ..scene.changes import differing
@@ -50,10 +52,13 @@ class RunComparison:
         from ..report.html.comparison import write_comparison
         from ..report.many import draw_table_figures
 
-        self.table.tidy().write_csv(folder / "compare.csv")
-        CellTable.of(self.differences, DIFFERENCES).write_csv(folder / "differences.csv")
-        draw_table_figures(folder / "figures", self.table)
-        write_comparison(folder / "compare.html", self.table, self.differences, self.runs)
+        files = page, whole, apart = [folder / name for name in ("compare.html", "compare.csv", "differences.csv")]
+        sums.refuse_foreign(made_folder(folder), files)
+        self.table.tidy().write_csv(whole)
+        CellTable.of(self.differences, DIFFERENCES).write_csv(apart)
+        draw_table_figures(folder, self.table)
+        write_comparison(page, self.table, self.differences, self.runs)
+        sums.note(folder, files)
 
 
 def compare(runs: Sequence[Result | Path | str]) -> RunComparison:

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 from ..answer.result import Request, Result
 from ..answer.table import DONE, FAILED, OPEN, Entry, ResultTable, quantities_of
+from ..core import sums
 from ..core.errors import SceneError
 from ..core.executor import Cluster, TaskPlace, Workers
-from ..core.files import made_folder, path_of
+from ..core.files import made_folder, path_of, remove_drafts
 from ..core.process import check_workers, cores
 from ..core.store import cache_root
 from ..pipeline.cache import Listener, null_listener
@@ -156,8 +157,11 @@ def sweep(
         raise SceneError(f"workers = {workers}: of this machine; those of a scheduler are its own")
     count, request = workers or cores(), Request.asked(None, rung, force, target_error)
     made_folder(folder)
+    if not (folder / ".lock").exists():
+        sums.refuse_foreign(folder, [folder / name for name in (TABLE, WIDE, PARQUET)])
     try:
         with FileLock(folder / ".lock", timeout=0):
+            remove_drafts(folder)
             listener("sweep", "planning")
             with executor_on(scheduler, count, folder) as executor:
                 agenda = make_agenda(
@@ -265,11 +269,11 @@ class _Rows:
         from ..report.many import draw_table_figures
 
         table = self.table
-        before = (self.folder / TABLE).read_text() if (self.folder / WIDE).exists() else None
+        known, drawn = sums.listed(self.folder), [*(self.folder / "figures").glob("*.png")]
         table.tidy().write_csv(self.folder / TABLE)
         table.wide().write_csv(self.folder / WIDE)
         table.write_parquet(self.folder / PARQUET)
-        drawn = any((self.folder / "figures").glob("*.png"))
-        if figures and (not drawn or before != (self.folder / TABLE).read_text()):
-            draw_table_figures(self.folder / "figures", table)
+        if figures and (not drawn or known.get(TABLE) != sums.digest_of(self.folder / TABLE)):
+            draw_table_figures(self.folder, table)
+        sums.note(self.folder, [self.folder / name for name in (TABLE, WIDE, PARQUET)])
         return Sweep(self.folder, table)

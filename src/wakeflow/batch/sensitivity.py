@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from ..answer.result import Result
 from ..answer.shares import InputSummary
 from ..answer.table import Difference, differences_of
+from ..core import sums
 from ..core.errors import SceneError
 from ..core.files import path_of
 from ..core.lazy import cached_property
@@ -117,7 +118,10 @@ class Sensitivity:
         from ..report.figures.budget import draw_tornado
 
         target = self.folder / FIGURE if path is None else Path(path)
+        own = [target] if path is None else []
+        sums.claim(self.folder, own)
         draw_tornado(target, self.of(quantities))
+        sums.note(self.folder, own)
         return target
 
 
@@ -162,7 +166,9 @@ def sensitivity(
             "give [uncertainty], or run it anew and to its end"
         )
     answer = Sensitivity(folder, result, tuple(moves), failed)
+    sums.claim(folder, [folder / TABLE])
     CellTable.of(answer.moves, COLUMNS).write_csv(folder / TABLE)
+    sums.note(folder, [folder / TABLE])
     return answer
 
 

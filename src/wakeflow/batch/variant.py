@@ -14,7 +14,7 @@ from ..core.record import JsonMapping, JsonTable
 from ..core.registry import did_you_mean
 from ..pipeline.cache import Listener, null_listener
 from ..scene import Scene
-from ..scene.changes import differing, flat, folder_name
+from ..scene.changes import differing, flat, folder_name, stem_name
 from ..scene.overrides import changes_of
 from ..scene.schema import refuse_unknown
 from .axis import DIGITS, Axis, axes_of, axis_of_text, designs
@@ -164,7 +164,7 @@ def asked_for(
         found = read_sweep_file(file, changes_of(settings), listener)
     else:
         found = _distinct(variants(file, settings, design=design, count=count, seed=seed, listener=listener))
-    return found, "+".join((file.stem, *keys))
+    return found, "+".join((stem_name(file.stem), *keys))
 
 
 def _variant(
@@ -227,7 +227,7 @@ def of_scenes(scenes: Iterable[Scene | Path | str | Variant] | Mapping[str, Scen
             return named(made)
         if made:
             raise SceneError("a sweep takes scenes, or what wf.variants made, not both together")
-        names = [Path(one).stem if isinstance(one, Path | str) else "" for one in given]
+        names = [stem_name(Path(one).stem) if isinstance(one, Path | str) else "" for one in given]
         members = [Scene.of(one) for one in given if not isinstance(one, Variant)]
     if not members:
         raise SceneError("a sweep needs at least one scene")

@@ -5,15 +5,14 @@ Nothing is raised for a scene that fails: what is returned says why, nothing whe
 
 from __future__ import annotations
 
-import json
 import traceback
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..answer.result import FILE, Request, Result
-from ..core.errors import ProgramError, WakeflowError
-from ..core.files import atomic_write, write_json
+from ..core.errors import ProgramError, SceneError, WakeflowError
+from ..core.files import atomic_write, read_json, write_json
 from ..core.record import JsonMapping
 from ..pipeline.compilation import compile_tracker
 from ..planning.plan import Plan
@@ -49,10 +48,10 @@ class Job:
 def finished(folder: Path, stamp: str) -> Result | None:
     """The result in a folder, where it was made for the same ``stamp``; None where it was not, or is not there."""
     try:
-        noted = json.loads((folder / STAMP).read_text())
-    except (FileNotFoundError, NotADirectoryError, json.JSONDecodeError):
+        noted = read_json(folder / STAMP)
+    except (FileNotFoundError, NotADirectoryError, SceneError):
         return None
-    if noted.get("stamp") != stamp:
+    if not isinstance(noted, dict) or noted.get("stamp") != stamp:
         return None
     try:
         return Result.load(folder)

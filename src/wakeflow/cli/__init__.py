@@ -3,18 +3,34 @@
 from __future__ import annotations
 
 import errno
+import signal
 import sys
 from collections.abc import Sequence
+from io import TextIOWrapper
+from types import FrameType
 
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
-from ..core.errors import ProgramError, SceneError, WakeflowError
+from ..core.errors import ProgramError, SceneError, WakeflowError, one_line
+from ..core.files import FULL
 from ..scene.overrides import unquoted
 from . import batch, run, view
 
 __all__ = ["app", "main"]
 
 INTERRUPTED = 130  # exit code, as a shell gives it for Ctrl-C
+ENDED = 128  # with the number of the signal added: that of a run which somebody ended
+
+
+class _Ended(KeyboardInterrupt):
+    """A signal asked the program to end: it does what it does for Ctrl-C."""
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    del frame
+    signal.signal(number, signal.SIG_IGN)  # once: what is told to end has its time to
+    raise _Ended(number)
+
 
 app = App(
     name="wakeflow",
@@ -42,36 +58,70 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns the exit code: 0 done, 2 wrong input, 3 an outside program failed, 130 interrupted.
     """
+    if arguments is None:
+        _prepare()
     try:
         code = app(arguments, exit_on_error=False, print_error=False)
-    except CycloptsError as problem:
-        words = sys.argv[1:] if arguments is None else arguments
+    except BrokenPipeError:
+        sys.stderr.close()  # the reader left; nothing more can be said
+        return 0
+    except (CycloptsError, WakeflowError, OSError, MemoryError, RecursionError) as problem:
+        return _told(problem, sys.argv[1:] if arguments is None else arguments)
+    except KeyboardInterrupt as problem:
+        _complain("interrupted; what is finished is kept, the same command goes on")
+        return ENDED + problem.args[0] if isinstance(problem, _Ended) else INTERRUPTED
+    return code if isinstance(code, int) else 0
+
+
+def _told(problem: Exception, words: Sequence[str]) -> int:
+    """Say in one line what a command line of these ``words`` ended with; the exit code. Raises what is nobody's input
+    and no program's failure.
+    """
+    if isinstance(problem, CycloptsError):
         parted = unquoted(words) if isinstance(problem, UnusedCliTokensError) else None
         _complain(parted or str(problem).strip().splitlines()[-1])
-        return SceneError.exit_code
-    except WakeflowError as problem:
+    elif isinstance(problem, WakeflowError):
         _complain(str(problem))
         if isinstance(problem, ProgramError):
             _details(problem)
         return problem.exit_code
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader left; nothing more can be said
-        return 0
-    except OSError as problem:
-        full = problem.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-        place = f"{problem.filename}: " if problem.filename else ""
-        _complain(
-            f"{place}{problem.strerror}; {'free some space or ' if full else ''}choose another --out and WAKEFLOW_CACHE"
-        )
-        return ProgramError.exit_code if full else SceneError.exit_code
-    except KeyboardInterrupt:
-        _complain("interrupted; what is finished is kept, the same command goes on")
-        return INTERRUPTED
-    return code if isinstance(code, int) else 0
+    elif isinstance(problem, OSError):
+        return _of_the_system(problem)
+    elif isinstance(problem, MemoryError):
+        _complain("the memory is full; what is finished is kept: close other programs or lower feed.count")
+        return ProgramError.exit_code
+    elif any(word.startswith(("[", "{")) for word in words):
+        _complain("lists in each other deeper than the command line takes them; name plain files and values")
+    else:
+        raise problem
+    return SceneError.exit_code
+
+
+def _prepare() -> None:
+    """Set up a process of its own: letters that the terminal has not are shown as ?, and who ends it is heard."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:  # nohup ignores the second
+            signal.signal(number, _end)
+
+
+def _of_the_system(problem: OSError) -> int:
+    """Say what the operating system refused, and what to do about it; the exit code."""
+    place, said = f"{problem.filename}: " if problem.filename else "", problem.strerror or str(problem)
+    if problem.errno in FULL:
+        _complain(f"{place}{said}; free some space, what is finished is kept, the same command goes on")
+    elif problem.errno in (errno.EMFILE, errno.ENFILE):
+        _complain(f"{place}{said}; allow more with: ulimit -n 1024")
+    else:
+        _complain(f"{place}{said}; choose another --out and WAKEFLOW_CACHE")
+        return SceneError.exit_code
+    return ProgramError.exit_code
 
 
 def _complain(text: str) -> None:
-    print(f"wakeflow: {text}", file=sys.stderr)
+    print(f"wakeflow: {one_line(text)}", file=sys.stderr)
 
 
 def _details(problem: ProgramError) -> None:

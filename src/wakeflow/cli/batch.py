@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -173,6 +174,7 @@ def bins(
     on
         The line: floor, top, left, right, or a bin of the scene.
     """
+    from ..core import sums
     from ..statistics.dividers import dividers, purities, trade_off
     from .show_result import show_dividers
 
@@ -186,8 +188,10 @@ def bins(
     curve = trade_off(run_folder, fraction, levels, stretches=stretches, on=on)
     show_dividers(curve, on)
     figure, table = run_folder / "figures" / f"bins-{fraction}-{on}.png", run_folder / f"bins-{fraction}-{on}.csv"
+    sums.claim(run_folder, [figure, table])
     draw_dividers(figure, curve)
     write_dividers(table, curve)
+    sums.note(run_folder, [figure, table])
     print(f"{figure}\n{table}")
 
 
@@ -244,30 +248,43 @@ def clean(
     everything: bool = False,
     keep: Annotated[str | None, Parameter(help="Remove what was used longest ago until this is left: 10GB.")] = None,
     dry_run: bool = False,
+    yes: Annotated[bool, Parameter(negative="", help="Do not ask; without a terminal nothing is asked.")] = False,
 ) -> None:
     """Remove unfinished stages from the cache, and say what the others take on disk and would take to make again.
+
+    Nothing else is ever removed: what has not the cache's mark, no folder of a stage, and what a link leads to stays;
+    finished stages stay while a run reads them. What goes is listed before, and on a terminal you are asked.
 
     Parameters
     ----------
     everything
         Remove finished stages as well.
     dry_run
-        Remove nothing; only say what is there, and what --keep would remove.
+        Remove nothing; only say what is there, and what would be removed.
     """
-    from ..core.store import Store, bytes_of, cache_root, kept_stages, oldest_beyond, remove_stages
+    from ..core.store import bytes_of, cache_root, kept_stages, oldest_beyond, remove_stages
     from .show_stored import show_removed, show_stages
 
     most, root = None if keep is None else bytes_of(keep), cache_root()
-    if not dry_run:
-        removed, size = Store(root).clean(everything=everything)
-        print(f"{removed} folders removed from {root}, {size / 1e6:.1f} MB freed")
     stages = kept_stages(root)
-    if most is not None:
-        old = oldest_beyond(stages, most)
-        gone = old if dry_run else remove_stages(old)
-        show_removed(gone, done=not dry_run)
-        stages = [one for one in stages if one not in gone]
-    show_stages(stages)
+    finished = [one for one in stages if one.finished]
+    old = finished if everything else [] if most is None else oldest_beyond(finished, most)
+    gone = [one for one in stages if not one.finished] + old
+    print(f"cache: {root}")
+    if gone:
+        show_stages(gone, "to be removed")
+        if dry_run or not (yes or _agreed()):
+            show_removed(gone, done=False)
+            gone = []
+        else:
+            gone = remove_stages(root, gone)
+            show_removed(gone, done=True)
+    show_stages([one for one in finished if one not in gone])
+
+
+def _agreed() -> bool:
+    """What the user answers on a terminal; without one nobody is there to be asked."""
+    return not sys.stdin.isatty() or input("Remove them? [y/N] ").strip().lower() in ("y", "yes")
 
 
 COMMANDS = (sweep, search, compare, bins, sensitivity, clean)

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 from ..core.errors import ProgramError
 from ..core.process import capture, cores
+from ..core.sources import kernel_root
 from ..core.store import cache_root
 from ..funnel import engine
 from ..planning.machine_rates import is_compiled
@@ -289,8 +290,8 @@ def _cache() -> Finding:
 def _kernels() -> Finding:
     """The tracker's kernels: set-up compiles them, else the first run does."""
     use = "flights at once; else the first run waits half a minute for them"
-    if is_compiled(cache_root()):
-        return Finding("compiled tracker", "in the cache", True, use, optional=True)
+    if is_compiled():
+        return Finding("compiled tracker", f"in {kernel_root()}", True, use, optional=True)
     return Finding("compiled tracker", None, False, use, SETUP, optional=True)
 
 

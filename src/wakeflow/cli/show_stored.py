@@ -92,8 +92,8 @@ def show_removed(stages: Sequence[KeptStage], *, done: bool) -> None:
     print(f"{len(stages)} stages {verb}, {size:.1f} MB {frees}, {duration(spent)} to make again")
 
 
-def show_stages(stages: Sequence[KeptStage]) -> None:
-    """Print what the cache holds, the one that was used longest ago first: size, time to make it again."""
+def show_stages(stages: Sequence[KeptStage], title: str = "in the cache") -> None:
+    """Print stages of the cache, the one that was used longest ago first: size, time to make it again."""
     from rich.console import Console
 
     def sums(used: str, what: str, part: Sequence[KeptStage]) -> list[str]:
@@ -104,8 +104,9 @@ def show_stages(stages: Sequence[KeptStage]) -> None:
     for one in stages[:MAX_ROWS]:
         used = datetime.fromtimestamp(one.used, UTC).astimezone().strftime("%Y-%m-%d %H:%M")
         again = NONE if one.seconds is None else duration(one.seconds)
-        rows.append([used, one.stage, one.folder.name[:12], f"{one.size / 1e6:.1f}", again])
+        key = one.folder.name[:12] + ("" if one.finished else " unfinished")
+        rows.append([used, one.stage, key, f"{one.size / 1e6:.1f}", again])
     if len(stages) > MAX_ROWS:
         rows.append(sums("later", "more", stages[MAX_ROWS:]))
     heads = ("used", "stage", "key", "MB", "to make again")
-    Console().print(screen_table(heads, [*rows, None, sums("all", "stages", stages)], "in the cache", left=3))
+    Console().print(screen_table(heads, [*rows, None, sums("all", "stages", stages)], title, left=3))

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ..scene import Scene
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")  # variables that name a screen
+MAX_SPAN = 3600.0  # s of the machine's time in a film
 PLAIN = re.compile(r"[0-9.]+(e-?[0-9]+)?")  # a number alone
 Picture = Annotated[Path | None, Parameter(help="Where to draw it: PNG, SVG or PDF.")]
 
@@ -132,6 +133,7 @@ def animate(
     size
         Dots of its longer side.
     """
+    from ..core import sums
     from ..core.store import bytes_of
     from ..report.film import show_film, write_film
     from ..runs import film_of
@@ -140,6 +142,8 @@ def animate(
     path = out or run_folder / "figures" / f"film.{format_}"
     if path.suffix != f".{format_}":
         raise SceneError(f"--out {path}: name it *.{format_}, or ask for another --format")
+    if out is None:
+        sums.claim(run_folder, [path])
     lasting, bytes_ = None if span is None else _seconds(span), bytes_of(most)
     with live(enabled=not quiet) as listener:
         scene, air, film = film_of(run_folder, lasting, fractions, listener)
@@ -148,6 +152,7 @@ def animate(
         listener("film", "done")
     if out is None:
         show_film(run_folder, path)
+        sums.note(run_folder, [path, run_folder / "report.html"])
     if not quiet:
         print(f"{path}, {path.stat().st_size / 1e6:.2g} MB")
 
@@ -186,8 +191,8 @@ def _seconds(span: str) -> float:
         found = float(span) if PLAIN.fullmatch(span) else quantity(span, "s", "0.2 s")
     except ValueError as problem:
         raise SceneError(f"--span {span!r}: {problem}") from None
-    if not found > 0.0:
-        raise SceneError(f"--span {span!r}: must be positive")
+    if not 0.0 < found <= MAX_SPAN:
+        raise SceneError(f"--span {span!r}: must be positive, and an hour at most")
     return found
 
 

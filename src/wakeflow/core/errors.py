@@ -15,10 +15,28 @@ def known(value: Kind | None, what: str = "a number") -> Kind:
     return value
 
 
+LONGEST, HEAD = 300, 190  # letters of a message, and of its beginning where its middle is left out
+
+
+def one_line(text: str) -> str:
+    """A message as a screen may show it: control characters as Python writes them, not longer than 300 letters.
+
+    What is left out is in the middle: a message ends in what to do.
+    """
+    line = "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)
+    if len(line) <= LONGEST:
+        return line
+    mark = f" [... {len(line) - LONGEST + 24} letters ...] "
+    return f"{line[:HEAD]}{mark}{line[HEAD + len(mark) - LONGEST :]}"
+
+
 class WakeflowError(Exception):
     """Base of every error that this package raises on purpose; its message is one line that says what to do."""
 
     exit_code = 1
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(one_line(str(message)))
 
 
 class SceneError(WakeflowError, ValueError):

@@ -1,14 +1,17 @@
-"""Files: whole or absent, shown elsewhere by links, TOML of the user's, and those that are shipped with the code."""
+"""Files: whole or absent, linked, read with bounds, TOML of the user's, and those that are shipped with the code."""
 
 from __future__ import annotations
 
 import errno
+import gzip
 import json
 import os
 import re
+import secrets
 import shutil
-import tempfile
+import stat
 import tomllib
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,7 +21,9 @@ from .errors import SceneError
 from .quantities import QUANTITY
 
 # -- Files that are whole or absent ------------------------------------------------------------------------------------
-FULL = errno.ENOSPC, errno.EDQUOT
+FULL = errno.ENOSPC, errno.EDQUOT, errno.EFBIG
+SHORTENED = 60  # letters of a file's name in that of its draft, which may have 255 bytes
+DRAFT = re.compile(r"\..+\.[0-9a-f]{8}\.tmp")
 
 
 def path_of(given: Path | str, name: str) -> Path:
@@ -29,13 +34,18 @@ def path_of(given: Path | str, name: str) -> Path:
 
 
 def made_folder(folder: Path) -> Path:
-    """The folder for results, made where it is not there. Raises SceneError where it cannot be."""
+    """The folder for results, made where it is not there. Raises SceneError where it cannot be, and where a folder in
+    it is a link: what it leads to is not the program's.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        linked = sorted(path for path in folder.iterdir() if path.is_symlink() and path.is_dir())
     except OSError as problem:
         if problem.errno in FULL:  # no mistake of the caller's
             raise
         raise SceneError(f"{folder}: cannot be made, {problem.strerror}; choose another --out") from None
+    if linked:
+        raise SceneError(f"{folder}: {linked[0].name} is a link to a folder; remove the link or choose another --out")
     return folder
 
 
@@ -44,17 +54,24 @@ def atomic_write(path: Path | str, mode: str = "w") -> Iterator[IO[Any]]:
     """Open a temporary neighbour of ``path`` for writing; it takes the name ``path`` only when all went well."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
+    draft = path.with_name(f".{path.name[:SHORTENED]}.{secrets.token_hex(4)}.tmp")
+    handle = os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o666)  # less the user's umask
     try:
         with os.fdopen(handle, mode, encoding=None if "b" in mode else "utf-8") as stream:
             yield stream
             stream.flush()
             os.fsync(stream.fileno())
-        os.chmod(name, 0o644)
-        os.replace(name, path)
+        os.replace(draft, path)
     except BaseException:
-        Path(name).unlink(missing_ok=True)
+        draft.unlink(missing_ok=True)
         raise
+
+
+def remove_drafts(folder: Path) -> None:
+    """Remove what a killed :func:`atomic_write` left in a folder where nobody else writes at this moment."""
+    for path in folder.iterdir() if folder.is_dir() else ():
+        if DRAFT.fullmatch(path.name) and path.is_file() and not path.is_symlink():
+            path.unlink(missing_ok=True)
 
 
 def write_json(path: Path | str, value: Any) -> None:
@@ -89,6 +106,66 @@ def link_or_copy(source: Path, target: Path) -> None:
         draft.unlink(missing_ok=True)
 
 
+# -- Files that are read: none is trusted to be what it should be ------------------------------------------------------
+MAX_INPUT = 16_000_000  # bytes of a text that a person writes
+MAX_RECORD = 1_000_000_000  # bytes of a file that the program writes
+PIECE = 1 << 20  # bytes that are read at a time
+MAX_DEPTH = 32  # tables in tables; a scene has six
+MAX_KEYS = 80_000  # of all tables together; 300 fractions and 10 000 bins have fewer
+
+
+def read_whole(path: Path, most: int = MAX_INPUT) -> bytes:
+    """The bytes of a file. Raises SceneError, at once, for a device, a pipe and what has more bytes than ``most``;
+    OSError where it cannot be read.
+    """
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
+    try:
+        about = os.fstat(handle)
+        if stat.S_ISDIR(about.st_mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        if not stat.S_ISREG(about.st_mode):
+            raise SceneError(f"{path}: is a device or a pipe; name a file")
+        found = bytearray()
+        while len(found) <= most and (part := os.read(handle, PIECE)):
+            found += part
+    finally:
+        os.close(handle)
+    if len(found) > most:
+        raise SceneError(
+            f"{path}: has more than {most / 1e6:g} MB, which nothing of its kind has; is it the right file?"
+        )
+    return bytes(found)
+
+
+def read_packed(path: Path, most: int = MAX_RECORD) -> bytes:
+    """What a file holds that gzip packed. Raises SceneError where it is damaged, or holds more bytes than ``most``."""
+    try:
+        with gzip.open(path) as stream:
+            found = stream.read(most + 1)
+    except (EOFError, zlib.error, gzip.BadGzipFile):
+        raise SceneError(f"{path} is damaged") from None
+    if len(found) > most:
+        raise SceneError(f"{path}: unpacks to more than {most / 1e6:g} MB")
+    return found
+
+
+def read_json(path: Path, most: int = MAX_RECORD) -> Any:
+    """What a JSON file holds. Raises SceneError where it is damaged, OSError where it cannot be read."""
+    return json_of(read_whole(path, most), str(path))
+
+
+def json_of(content: bytes | str, where: str) -> Any:
+    """What a text of JSON holds. Raises SceneError, naming ``where`` it is from, where it is none, or not finite."""
+    try:
+        return json.loads(content, parse_constant=_refused)
+    except (ValueError, RecursionError):  # not UTF-8, no JSON, a number of too many digits; tables in tables
+        raise SceneError(f"{where} is damaged") from None
+
+
+def _refused(constant: str) -> None:
+    raise ValueError(constant)
+
+
 # -- TOML files of the user's ------------------------------------------------------------------------------------------
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file, in UTF-8 with or without a mark of the byte order at its head.
@@ -96,15 +173,49 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises SceneError, one line that says how to mend it, where it is no such text; OSError where it cannot be read.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_whole(path).decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError:
         text = "\0"
     if "\0" in text:  # as half of the bytes of UTF-16 are
         raise SceneError(f"{path}: not UTF-8; save it as UTF-8 in your editor")
+    return toml_of(text, str(path))
+
+
+def toml_of(text: str, where: str) -> dict[str, Any]:
+    """The tables of a text of TOML. Raises SceneError, naming ``where`` it is from, where it is none."""
     try:
-        return tomllib.loads(text)
+        found = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
-        raise SceneError(f"{path}: not valid TOML: {problem}{_hint(text, str(problem))}") from None
+        raise SceneError(f"{where}: not valid TOML: {problem}{_hint(text, str(problem))}") from None
+    except ValueError as problem:  # a number of thousands of digits, a day that there is not
+        raise SceneError(f"{where}: not valid TOML: {str(problem).partition(';')[0]}") from None
+    except RecursionError:
+        raise SceneError(f"{where}: {DEEP}") from None
+    check_tables(found, where)
+    return found
+
+
+def check_tables(tables: object, where: str, most: float = MAX_KEYS) -> None:
+    """Raise SceneError where tables are deeper in each other than any that mean something, have more keys than any, or
+    hold a whole number that TOML does not know: one of more than 64 bits.
+    """
+    depth, keys, inside = 0, 0, [tables]
+    while inside:
+        keys += sum(len(one) for one in inside if isinstance(one, dict))
+        if keys > most:
+            raise SceneError(f"{where}: has more than {most} keys; is it the right file?")
+        depth, inside = depth + 1, [part for one in inside for part in _inside(one)]
+        if depth > MAX_DEPTH + 1:
+            raise SceneError(f"{where}: {DEEP}")
+        if long := next((one for one in inside if isinstance(one, int) and one.bit_length() > 63), None):
+            raise SceneError(f"{where}: holds a whole number of {long.bit_length()} bits; TOML has 64")
+
+
+DEEP = f"tables or lists in each other more than {MAX_DEPTH} deep; a scene has six"
+
+
+def _inside(value: object) -> list[object]:
+    return list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else []
 
 
 def _hint(text: str, problem: str) -> str:

@@ -7,6 +7,7 @@ Every child runs in a process group of its own, writes to a log file, and dies w
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import importlib
 import json
 import os
@@ -92,6 +93,9 @@ def _ends_with(event: threading.Event) -> Iterator[None]:
 
 # -- The only module that starts outside programs ----------------------------------------------------------------------
 POLL = 0.05  # s between looks at the log
+ORPHANED = 60.0  # s that a program may take to end after the run that started it was killed
+STARTED = 'test "$PPID" = "$0" && exec "$@"'  # unless the run ended before it could be noted whose end to follow
+MAX_LINE = 1 << 20  # bytes of a line of a log; what is longer is none, and only its end is kept
 GRACE = 3.0  # s between asking a group to end and killing it
 
 
@@ -159,7 +163,8 @@ def run_program(
     started = time.monotonic()
     with log.open("ab" if append else "wb") as sink, log.open("rb") as source:
         source.seek(0, os.SEEK_END)
-        child = start_in_group(words, cwd, os.environ if env is None else env, sink)
+        death = "TERM" if words[0] == "mpirun" else "KILL"  # mpirun has ranks to end; nobody else has
+        child = start_in_group(words, cwd, os.environ if env is None else env, sink, death=death)
         try:
             _follow(child, source, on_line, on_idle, None if timeout is None else started + timeout)
         except subprocess.TimeoutExpired:
@@ -181,19 +186,57 @@ def start_in_group(
     *,
     stdin: int = subprocess.DEVNULL,
     pass_fds: Sequence[int] = (),
+    death: str = "TERM",
 ) -> subprocess.Popen[bytes]:
-    """The program in a process group of its own, which ends with the thread that started it; it prints to ``sink``."""
-    guard = ["setpriv", "--pdeathsig", "TERM", "--"] if shutil.which("setpriv") else []
-    return subprocess.Popen(
-        [*guard, *words],
-        cwd=cwd,
-        env={**env, "PWD": str(cwd)},  # some programs believe PWD, not the folder
-        stdin=stdin,
-        stdout=sink,
-        stderr=subprocess.STDOUT,
-        pass_fds=pass_fds,
-        start_new_session=True,
-    )
+    """The program in a process group of its own, which gets the signal ``death`` when the thread that started it ends;
+    it prints to ``sink``. As long as it lives it holds a lock on its folder ``cwd``: :func:`wait_for_orphans`.
+    """
+    guard = ["setpriv", "--pdeathsig", death, "--", "sh", "-c", STARTED, str(os.getpid())]
+    held = os.open(cwd, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        with contextlib.suppress(OSError):  # a file system without locks
+            fcntl.flock(held, fcntl.LOCK_SH)
+        return subprocess.Popen(
+            [*guard, *words] if shutil.which("setpriv") else list(words),
+            cwd=cwd,
+            env={**env, "PWD": str(cwd)},  # some programs believe PWD, not the folder
+            stdin=stdin,
+            stdout=sink,
+            stderr=subprocess.STDOUT,
+            pass_fds=(*pass_fds, held),
+            start_new_session=True,
+        )
+    finally:
+        os.close(held)
+
+
+def wait_for_orphans(folder: Path) -> None:
+    """Wait until no program works in ``folder`` or in one in it that a killed run started: on a busy machine it writes
+    on for a moment after the run. Raises ProgramError where one lives on.
+    """
+    deadline = time.monotonic() + ORPHANED
+    for place in (folder, *(path for path in folder.iterdir() if path.is_dir())):
+        held = os.open(place, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            while not _locked(held):
+                check_cancelled()
+                if time.monotonic() > deadline:
+                    raise ProgramError(f"a program of a killed run still works in {place}; end it and start again")
+                time.sleep(POLL)
+        finally:
+            os.close(held)
+
+
+def _locked(held: int) -> bool:
+    """Whether the open folder could be locked alone, for a moment; true of one on a file system without locks."""
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(held, fcntl.LOCK_UN)
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass
+    return True
 
 
 def _follow(
@@ -212,7 +255,7 @@ def _follow(
         if new:
             heard = time.monotonic()
         if on_line is not None:
-            *lines, rest = (rest + new).split(b"\n")
+            *lines, rest = (rest[-MAX_LINE:] + new).split(b"\n")
             for line in lines:
                 on_line(line.decode(errors="replace"))
         if ended:

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from .errors import SceneError
-from .files import write_json
+from .files import atomic_write, read_json, write_json
+from .process import wait_for_orphans
 
 # -- The cache of finished stages --------------------------------------------------------------------------------------
 MANIFEST = "manifest.json"
+DIGEST = re.compile(r"[0-9a-f]{64}")
 
 
 def cache_root() -> Path:
@@ -44,6 +47,121 @@ def digest_files(paths: Iterable[Path]) -> str:
     return total.hexdigest()
 
 
+# -- What is the cache's own -------------------------------------------------------------------------------------------
+TAG = "CACHEDIR.TAG"  # bford.info/cachedir: programs for backups leave such folders out
+MARK = (
+    "Signature: 8a477f597d28d172789f06886806bc55\n"
+    "# This folder is a cache of wakeflow. Where this file is, wakeflow clean may remove finished stages.\n"
+)
+USERS = ".users"  # locked, with others, by all who read finished stages; alone by who removes them
+OWN = re.compile(r"CACHEDIR\.TAG|\.users|machine-rates\.json|numba|(compile-.*\.|\.)lock|log\..*")  # beside the stages
+OF_STAGE = re.compile(r"(CACHEDIR\.TAG|[0-9a-f]{64}(\.part|\.lock)?)")  # all that is in the folder of a stage
+
+
+def is_marked(folder: Path) -> bool:
+    """Whether the store has marked a folder as its own: the cache, or all there is of one stage."""
+    tag = folder / TAG
+    with suppress(OSError, UnicodeDecodeError):
+        return not folder.is_symlink() and not tag.is_symlink() and tag.read_text()[: len(MARK)] == MARK
+    return False
+
+
+def mark(root: Path, stage: str) -> None:
+    """Mark the cache, and the folder of a stage in it, as the store's own where they are new or empty. A folder that
+    other things are in stays without a mark, and is never cleaned.
+    """
+    folder = root / stage
+    folder.mkdir(parents=True, exist_ok=True)
+    if _adopt(root) and not any(folder.iterdir()):
+        _write_mark(folder)
+
+
+def _adopt(root: Path) -> bool:
+    """Whether the cache has its mark: one of an earlier version, with nothing else in it, gets it here."""
+    if is_marked(root):
+        return True
+    if aliens_in(root) or not os.access(root, os.W_OK):
+        return False
+    for folder in [path for path in root.iterdir() if path.is_dir() and not OWN.fullmatch(path.name)]:
+        _write_mark(folder)
+    _write_mark(root)
+    return True
+
+
+def _write_mark(folder: Path) -> None:
+    with atomic_write(folder / TAG) as stream:
+        stream.write(MARK)
+
+
+def aliens_in(root: Path) -> list[Path]:
+    """What is in the cache's folder that the store does not write."""
+    return [
+        path for path in sorted(root.iterdir())
+        if not OWN.fullmatch(path.name) and (path.is_symlink() or not path.is_dir() or _aliens_in_stage(path))
+    ]  # fmt: skip
+
+
+def _aliens_in_stage(folder: Path) -> list[Path]:
+    return [path for path in folder.iterdir() if path.is_symlink() or not OF_STAGE.fullmatch(path.name)]
+
+
+def stage_folders(root: Path) -> list[Path]:
+    """The folders of stages in the cache, finished ones and unfinished ones (.part), that its marks vouch for; those of
+    other names, and what a link leads to, are nobody's here.
+
+    Raises SceneError where the cache itself has no mark.
+    """
+    if not root.is_dir():
+        return []
+    if not _adopt(root):
+        alien = next(iter(aliens_in(root)), root).name
+        raise SceneError(
+            f"{root}: has no mark of wakeflow's cache ({TAG}) and holds {alien}, which is not the cache's; nothing is "
+            "removed there; give the cache a folder of its own: WAKEFLOW_CACHE"
+        )
+    stages = [folder for folder in sorted(root.iterdir()) if folder.is_dir() and is_marked(folder)]
+    return [path for stage in stages for path in sorted(stage.iterdir()) if _is_stage(path)]
+
+
+def _is_stage(path: Path) -> bool:
+    if path.is_symlink() or not path.is_dir() or not DIGEST.fullmatch(path.name.removesuffix(".part")):
+        return False
+    return path.suffix == ".part" or listed_in(path) is not None
+
+
+def listed_in(folder: Path) -> Mapping[str, str] | None:
+    """The files of a stage and their checksums, as its manifest has them; None where it has none that can be used."""
+    try:
+        found = read_json(folder / MANIFEST)
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, SceneError):
+        return None
+    if not isinstance(found, dict) or not found:
+        return None
+    return found if all(isinstance(one, str) and DIGEST.fullmatch(one) for one in found.values()) else None
+
+
+@contextmanager
+def cache_in_use(root: Path, *, alone: bool = False) -> Iterator[bool]:
+    """While the block runs nobody removes finished stages of the cache; or ``alone``: nobody reads any, and whether
+    that is so; the block runs either way.
+    """
+    root.mkdir(parents=True, exist_ok=True)
+    try:
+        handle = os.open(root / USERS, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    except OSError:  # a cache that others own and share for reading alone
+        yield not alone
+        return
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB if alone else fcntl.LOCK_SH)
+        except BlockingIOError:
+            yield False
+            return
+        yield True
+    finally:
+        os.close(handle)
+
+
 @dataclass(frozen=True)
 class Store:
     """Finished stages on disk, ``root/stage/key/``.
@@ -65,8 +183,8 @@ class Store:
         if self._whole(final):
             _note_use(final)
             return final, True
+        mark(self.root, stage)
         part = final.with_name(f"{key}.part")
-        part.mkdir(parents=True, exist_ok=True)
         lock = FileLock(final.with_name(f"{key}.lock"))
         try:
             lock.acquire(timeout=0)
@@ -77,9 +195,9 @@ class Store:
         try:
             if self._whole(final):  # another process finished it while this one waited
                 return final, True
-            if final.exists():
-                shutil.rmtree(final)
+            _remove(final)
             part.mkdir(exist_ok=True)
+            wait_for_orphans(part)
             work(part)
             write_json(part / MANIFEST, {name: _digest(part / name) for name in _members(part)})
             os.replace(part, final)
@@ -91,31 +209,22 @@ class Store:
         """Whether a finished stage is there, whole."""
         return self._whole(self.root / stage / key)
 
-    def clean(self, *, everything: bool = False) -> tuple[int, int]:
-        """Remove unfinished stages that no process works on (with ``everything`` all stages). Returns the number of
-        folders and bytes that were freed.
-        """
-        from filelock import FileLock, Timeout
-
-        removed = freed = 0
-        for folder in sorted(self.root.glob("*/*")):
-            if not folder.is_dir() or not (everything or folder.suffix == ".part"):
-                continue
-            try:
-                with FileLock(folder.with_name(f"{folder.stem}.lock"), timeout=0):
-                    freed += sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
-                    shutil.rmtree(folder)
-                    removed += 1
-            except Timeout:
-                continue
-        return removed, freed
-
     def _whole(self, folder: Path) -> bool:
+        listed = listed_in(folder)
         try:
-            listed = json.loads((folder / MANIFEST).read_text())
-            return all(_digest(folder / name) == digest for name, digest in listed.items())
-        except (FileNotFoundError, NotADirectoryError, json.JSONDecodeError):
+            return listed is not None and _members(folder) == sorted(listed) and all(
+                _digest(folder / name) == digest for name, digest in listed.items()
+            )  # fmt: skip
+        except (FileNotFoundError, NotADirectoryError):  # removed meanwhile
             return False
+
+
+def _remove(folder: Path) -> None:
+    """Remove what is at the place of a stage's folder, a link itself and not what it leads to."""
+    if folder.is_symlink() or folder.is_file():
+        folder.unlink()
+    elif folder.exists():
+        shutil.rmtree(folder)
 
 
 def _members(folder: Path) -> list[str]:
@@ -142,8 +251,8 @@ PREFIX = {"": 1.0, "b": 1.0, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}
 
 @dataclass(frozen=True)
 class KeptStage:
-    """A finished stage: what it is, where, ``size`` (bytes) that removing it frees, the ``seconds`` it took, None where
-    nobody noted them, and when it was last ``used`` (s since 1970).
+    """A stage in the cache: what it is, where, ``size`` (bytes) that removing it frees, the ``seconds`` it took, None
+    where nobody noted them, and when it was last ``used`` (s since 1970); ``finished``, or left by an interrupted run.
     """
 
     stage: str
@@ -151,25 +260,32 @@ class KeptStage:
     size: int
     seconds: float | None
     used: float
+    finished: bool = True
 
 
 def kept_stages(root: Path) -> list[KeptStage]:
-    """The finished stages below the cache's ``root``, the one that was used longest ago first.
+    """The stages below the cache's ``root``, unfinished ones first, then the one that was used longest ago.
 
-    A file that a run's folder shares (a hard link) counts nothing: it stays on the disk.
+    A file that a run's folder shares (a hard link) counts nothing: it stays on the disk. Raises SceneError where the
+    folder is not the cache's own.
     """
-    folders = [path.parent for path in root.glob("*/*/manifest.json") if path.parent.suffix != ".part"]
     found = []
-    for folder in folders:
-        files = [path.stat() for path in folder.rglob("*") if path.is_file()]
-        try:
-            seconds = float(json.loads((folder / "seconds.json").read_text()))
-        except (OSError, ValueError, TypeError):  # nobody noted them, or a damaged disk did
-            seconds = None
-        manifest = (folder / "manifest.json").stat()
-        size = sum(file.st_size for file in files if file.st_nlink == 1)
-        found.append(KeptStage(folder.parent.name, folder, size, seconds, manifest.st_mtime))
-    return sorted(found, key=lambda one: one.used)
+    for folder in stage_folders(root):
+        with suppress(FileNotFoundError):  # a run that ends at this moment gives it its final name
+            found.append(_kept(folder))
+    return sorted(found, key=lambda one: (one.finished, one.used))
+
+
+def _kept(folder: Path) -> KeptStage:
+    files = [path.lstat() for path in folder.rglob("*") if path.is_file() or path.is_symlink()]
+    finished = folder.suffix != ".part"
+    try:
+        seconds = float(read_json(folder / "seconds.json"))
+    except (OSError, ValueError, TypeError):  # nobody noted them, or a damaged disk did
+        seconds = None
+    size = sum(file.st_size for file in files if file.st_nlink == 1)
+    used = (folder / MANIFEST if finished else folder).stat().st_mtime
+    return KeptStage(folder.parent.name, folder, size, seconds, used, finished)
 
 
 def oldest_beyond(stages: Sequence[KeptStage], keep: float) -> list[KeptStage]:
@@ -183,18 +299,25 @@ def oldest_beyond(stages: Sequence[KeptStage], keep: float) -> list[KeptStage]:
     return gone
 
 
-def remove_stages(stages: Sequence[KeptStage]) -> list[KeptStage]:
-    """Remove stages; those that were removed. One that a process works on at this moment stays."""
+def remove_stages(root: Path, stages: Sequence[KeptStage]) -> list[KeptStage]:
+    """Remove stages of the cache's ``root``; those that were removed. One that a process works on at this moment stays,
+    and while a run reads the cache every finished one.
+    """
     from filelock import FileLock, Timeout
 
-    removed = []
-    for one in stages:
-        try:
-            with FileLock(one.folder.with_name(f"{one.folder.name}.lock"), timeout=0):
-                shutil.rmtree(one.folder)
-        except Timeout:
-            continue
-        removed.append(one)
+    removed: list[KeptStage] = []
+    if not stages:
+        return removed
+    with cache_in_use(root, alone=True) as alone:
+        for one in stages:
+            if one.finished and not alone:
+                continue
+            try:
+                with FileLock(one.folder.with_name(f"{one.folder.name.removesuffix('.part')}.lock"), timeout=0):
+                    _remove(one.folder)
+            except Timeout:
+                continue
+            removed.append(one)
     return removed
 
 

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import csv
+import re
+import struct
+import zipfile
+import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -13,8 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .files import atomic_write
+from .errors import SceneError
+from .files import MAX_RECORD, atomic_write
 
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # with which a cell begins that spreadsheets take for a formula
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 Cell = str | float | bool | None
 AnyArray = NDArray[Any]  # of numbers of any kind
 Columns = dict[str, AnyArray]  # arrays of one length by their names
@@ -36,8 +43,8 @@ class CellTable:
         """Write the table; empty where nothing is known, ``digits`` a number."""
         with atomic_write(path) as stream:
             writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(self.heads)
-            writer.writerows([_text(cell, digits) for cell in row] for row in self.rows)
+            writer.writerow(map(_shown, self.heads))
+            writer.writerows([_shown(cell, digits) for cell in row] for row in self.rows)
 
     def columns(self) -> Columns:
         """Arrays by their heads: of float with nan where nothing is known, or of text."""
@@ -63,10 +70,45 @@ def save_arrays(path: Path | str, arrays: Mapping[str, ArrayLike]) -> None:
         np.savez(stream, **arrays)  # type: ignore[arg-type]
 
 
+def load_arrays(path: Path, cure: str) -> Columns:
+    """What :func:`save_arrays` wrote, or numpy's compressed form of it; code in a file is never run.
+
+    Raises SceneError, with the ``cure``, where the file is damaged or, before anything is unpacked, where it claims to
+    hold more than it may.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            inside = archive.infolist()
+        packed = any(one.compress_type != zipfile.ZIP_STORED for one in inside)
+        if sum(one.file_size for one in inside) > (MAX_RECORD if packed else path.stat().st_size):
+            raise SceneError(f"{path} claims to hold more than it may; {cure}")
+        with np.load(path, allow_pickle=False) as data:
+            return {name: data[name] for name in data.files}
+    except (FileNotFoundError, IsADirectoryError, PermissionError):
+        raise
+    except SceneError:
+        raise
+    except DAMAGES:
+        raise SceneError(f"{path} is damaged; {cure}") from None
+
+
+# what zipfile and numpy say of archives that are none, cut short, encrypted, of unknown kinds or with other heads
+DAMAGES = (
+    OSError, ValueError, EOFError, LookupError, NotImplementedError, RuntimeError, MemoryError, OverflowError,
+    SyntaxError, TypeError, AttributeError, zipfile.BadZipFile, zlib.error, struct.error,
+)  # fmt: skip
+
+
 def _array(cells: Sequence[Cell]) -> AnyArray:
     if any(isinstance(cell, str) for cell in cells):
         return np.array([_text(cell) for cell in cells], dtype=object)
     return np.array([np.nan if cell is None else cell for cell in cells], dtype=float)
+
+
+def _shown(cell: Cell, digits: int = 10) -> str:
+    """A cell of a CSV file: text that a spreadsheet would take for a formula begins with an apostrophe there."""
+    text = _text(cell, digits)
+    return f"'{text}" if isinstance(cell, str) and text.startswith(FORMULA) and not NUMBER.fullmatch(text) else text
 
 
 def _text(cell: Cell, digits: int = 10) -> str:

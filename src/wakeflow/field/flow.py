@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core import sums
 from ..core.errors import SceneError
 from ..core.lazy import cached_property
-from ..core.tables import save_arrays
+from ..core.tables import load_arrays, save_arrays
 from . import checks
 from .mirror import MeshOscillation, mirrored, reflected
 from .modes import TimeAxis, Truncation, compress, design
@@ -263,16 +264,23 @@ class FlowField(Triangles):
     @classmethod
     def load(cls, path: Path | str) -> FlowField:
         """Read what :meth:`save` wrote. Raises SceneError when the file is missing or is no field."""
+        file = Path(path)
         try:
-            with np.load(path, allow_pickle=False) as data:
-                content: dict[str, Any] = {name: data[name] for name in data.files}
-        except (OSError, ValueError) as error:
-            raise SceneError(f"{path}: cannot be read as a flow field ({error})") from None
+            content: dict[str, Any] = load_arrays(file, AGAIN)
+        except OSError as problem:
+            raise SceneError(f"{path}: cannot be read as a flow field ({problem.strerror})") from None
         if not {"points", "triangles", "velocity"} <= set(content) <= set(cls.__dataclass_fields__):
             raise SceneError(f"{path}: is not a flow field written by wakeflow")
-        scalars = {n: float(content.pop(n)) for n in ("period", "density", "viscosity") if n in content}
-        gradient = content.pop("given_gradient", None)
-        return cls.from_arrays(**content, pressure_gradient=gradient, **scalars)
+        sums.check(file.parent, file.name, AGAIN)
+        try:
+            scalars = {n: float(content.pop(n)) for n in ("period", "density", "viscosity") if n in content}
+            gradient = content.pop("given_gradient", None)
+            return cls.from_arrays(**content, pressure_gradient=gradient, **scalars)
+        except (TypeError, IndexError, ValueError) as problem:
+            raise SceneError(f"{path}: is damaged ({problem}); {AGAIN}") from None
+
+
+AGAIN = "it cannot be read as a flow field; the run that wrote it writes it anew"
 
 
 def nodal(field: FlowField) -> dict[str, Any]:

@@ -5,7 +5,6 @@ Own few lines instead of foamlib's: foamlib 1.7.10 and 1.9.0 misread large binar
 
 from __future__ import annotations
 
-import gzip
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FoamError
+from ..core.files import read_packed
 from .reconstruction import PlaneMesh
 
 Index = NDArray[np.intp]
@@ -139,7 +139,7 @@ def _cross(corner: NDArray[np.float64]) -> NDArray[np.float64]:
 def _open(folder: Path, name: str) -> tuple[bytes, bool, str]:
     """Contents after the header, whether they are binary, and the numpy type of a label."""
     path = folder / name
-    raw = path.read_bytes() if path.exists() else gzip.decompress(path.with_name(name + ".gz").read_bytes())
+    raw = path.read_bytes() if path.exists() else read_packed(path.with_name(name + ".gz"))
     header = re.search(rb"FoamFile\s*\{(.*?)\}", raw, re.S)
     if header is None:
         raise FoamError(f"{path} has no FoamFile header")

@@ -9,7 +9,7 @@ from ..core.errors import FoamError, MeshError
 from ..core.process import tail
 from ..core.record import load, save
 from .airflow_result import CheckMesh
-from .case import FlowSpec, set_patch_types, write_case, write_inlets
+from .case import INSTALL, FlowSpec, set_patch_types, write_case, write_inlets
 from .programs import call
 
 CHECKED = "mesh_check.json"  # in the case: what checkMesh found
@@ -29,7 +29,10 @@ def prepare_case(spec: FlowSpec, msh: Path, folder: Path) -> CheckMesh:
     done = folder / CHECKED
     if done.exists():
         return load(CheckMesh, done)
-    call(folder, ["gmshToFoam", str(msh.resolve())])
+    made = call(folder, ["gmshToFoam", str(msh.resolve())])
+    if not (folder / "constant" / "polyMesh" / "boundary").exists():
+        said = f"gmshToFoam ended well and wrote no mesh; is it OpenFOAM's? {INSTALL}; log: {made.log}"
+        raise FoamError(said, command="gmshToFoam", log=made.log, tail=tail(made.log))
     set_patch_types(folder, walls=spec.mesh.walls)
     write_inlets(spec, folder)
     log = folder / "log.checkMesh"

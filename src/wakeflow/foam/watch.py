@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.errors import known
+from ..core.errors import FoamError, known
 from ..core.process import tail
 from .case import read_parameters
 from .failure import AirflowFailure, Cause
@@ -89,6 +89,16 @@ class Watch:
 
     def __call__(self, line: str) -> None:
         """Take in one line of the log. Raises AirflowFailure where the run can no longer end well."""
+        try:
+            self._take_in(line)
+        except ValueError:  # of a number that is none
+            log = self._log()
+            raise FoamError(
+                f"the solver printed {line[:60]!r}, which holds no number; is it OpenFOAM's? log: {log}",
+                log=log, tail=tail(log) if log else "",
+            ) from None  # fmt: skip
+
+    def _take_in(self, line: str) -> None:
         if "Initial residual" in line:
             match = re.search(r"Solving for (\w+), Initial residual = ([^,]+).*No Iterations (\d+)", line)
             if match:
@@ -151,9 +161,12 @@ class Watch:
         self._raise(cause, why)
 
     def _raise(self, cause: Cause, why: str) -> None:
-        self.failed = True
-        log = next(iter(sorted(self.folder.glob("log.*Foam"), key=lambda p: -p.stat().st_mtime)), None)
+        self.failed, log = True, self._log()
         raise AirflowFailure(cause, f"the airflow {why}; log: {log}", log=log, tail=tail(log) if log else "")
+
+    def _log(self) -> Path | None:
+        """The solver's log, the newest of the folder."""
+        return max(self.folder.glob("log.*Foam"), key=lambda path: path.stat().st_mtime, default=None)
 
 
 def _reynolds(folder: Path) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from .. import tracking
 from ..core.errors import ProgramError
 from ..core.process import call_in_child, cores
-from ..core.store import cache_root
+from ..core.sources import kernel_root
 from ..planning.machine_rates import is_compiled
 from ..planning.stages import OWN, StageKey
 from .cache import StageCache, StageTime
@@ -35,8 +35,8 @@ def compile_slab(_: None = None) -> None:
 
 def compile_ahead() -> None:
     """Have both kernels compiled side by side, where the cache has not got them yet: for set-up."""
-    if not is_compiled(cache_root()):
-        children = [_in_child(function, cache_root() / f"log.{function}") for function in (TRACKER, SLAB)]
+    if not is_compiled():
+        children = [_in_child(function, kernel_root() / f"log.{function}") for function in (TRACKER, SLAB)]
         for child in children:
             child.join()
 
@@ -47,7 +47,7 @@ def _fly_once(kernel: str, collisions: tracking.Collisions | None) -> None:
 
     place, speed = np.array([[0.0, 0.0], [0.0, 1.0]]), np.zeros((2, 2))
     still = tracking.Granules(position=place, velocity=speed, diameter=1e-3, density=1e3)
-    root = cache_root()
+    root = kernel_root()
     root.mkdir(parents=True, exist_ok=True)
     with FileLock(root / f"compile-{kernel}.lock"):
         tracking.track(None, still, until=1e-3, length=1.0, forces=("gravity",), collisions=collisions)
@@ -78,7 +78,7 @@ class Compilation:
     def finish(self, cache: StageCache) -> None:
         """Have it compiled here, or read from the cache, before the time of the tracks is taken."""
         started = time.monotonic()
-        known = "read from the cache" if is_compiled(cache_root()) else "compiled: half a minute, once for each version"
+        known = "read from the cache" if is_compiled() else "compiled: half a minute, once for each version"
         cache.tell("compile", f"the tracker is {known}")
         for child in self.children:
             child.join()

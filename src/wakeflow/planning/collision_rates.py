@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +40,7 @@ SIZES = (1 / 6, 1 / 2, 5 / 6)  # mass quantiles whose falls represent a fraction
 RARE = 0.05  # of the granules rebound beyond what a throw is taken for
 SLOWEST = 0.1  # m/s: the slowest fall that is believed of a curtain, which would be infinitely dense at rest; chosen
 LEVEL = 1e-9  # upward part of a unit normal below which a face does not look up: round-off
+MAX_STREAMS = 25  # fractions whose meetings are estimated pair by pair: of 25 they take half a second
 STEPS = 400  # of a fall in a vacuum
 ENTRIES, PLACES = 24, 96  # on a slope, of the sums over where granules came down and where they meet
 SHELTER = 3.0  # body widths from y = 0: a closed wake is at least as long; chosen
@@ -107,22 +109,43 @@ class _Stream:
 def encounters(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> dict[str, Encounters]:
     """The meetings of every fraction at the scene's feed rate; ``laws``: its drag law and the factor on it.
 
-    They grow in proportion to the rate. Granules fall alone, one-dimensional, through the channel's uniform air.
+    They grow in proportion to the rate. Granules fall alone, one-dimensional, through the channel's uniform air. Of
+    more than MAX_STREAMS fractions those that come down alike meet others alike: one of them tells for all.
     """
     streams = {name: _stream(scene, name, *laws[name]) for name in scene.fraction}
+    told_by = _told_by(streams)
+    pairs = product(dict.fromkeys(told_by.values()), repeat=2)
+    ways = {(one, two): tuple(_ways(streams[one], streams[two])) for one, two in pairs}
     bounce = 1.0 + scene.collisions.restitution
     found = {}
     for name, own in streams.items():
         by, heavier, knocks = dict.fromkeys(streams, 0.0), 0.0, 0.0
         for partner, other in streams.items():
             share = other.mass / (own.mass + other.mass)
-            for meetings, closing in _ways(own, other):
-                by[partner] += meetings
-                weighed = meetings * min(1.0, 2.0 * share)
+            alike = told_by[partner]
+            part = 1.0 if alike == partner else other.flux / streams[alike].flux
+            for meetings, closing in ways[told_by[name], alike]:
+                by[partner] += part * meetings
+                weighed = part * meetings * min(1.0, 2.0 * share)
                 heavier += weighed
                 knocks += weighed * bounce * share * closing
         found[name] = Encounters(by, heavier, knocks / heavier if heavier > 0.0 else 0.0)
     return found
+
+
+def _told_by(streams: Mapping[str, _Stream]) -> dict[str, str]:
+    """The fraction that tells for each: itself, or of more than MAX_STREAMS one that is like it, first by how fast it
+    comes down, then by its size.
+    """
+    if len(streams) <= MAX_STREAMS:
+        return {name: name for name in streams}
+    side = math.isqrt(MAX_STREAMS)
+    told_by: dict[str, str] = {}
+    for rows in np.array_split(sorted(streams, key=lambda name: float(streams[name].falls[-1].speed[-1])), side):
+        for group in np.array_split(sorted(rows.tolist(), key=lambda name: streams[name].diameter), side):
+            if len(group):
+                told_by |= dict.fromkeys(group.tolist(), str(group[len(group) // 2]))
+    return told_by
 
 
 def shifted(scene: Scene, met: Encounters, scales: Sequence[FlightScales]) -> float:

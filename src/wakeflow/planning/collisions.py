@@ -71,8 +71,8 @@ def too_many_to_collide(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> 
     """
     stays = {name: _stay(scene, fraction, *laws[name]) for name, fraction in scene.fraction.items()}
     depth = _depth(scene, stays)
-    heaviest = max(scene.fraction, key=lambda name: float(np.median(granule_masses(scene, name))))
-    if _simulated(scene, heaviest, depth, stays[heaviest])[1]:
+    heaviest, mass = _heaviest(scene)
+    if _simulated(scene, heaviest, depth, stays[heaviest], mass)[1]:
         return None
     number = float(number_rates(scene, heaviest).sum()) * depth / scene.feed.depth * stays[heaviest]
     enough = MAX_IN_FLIGHT / number
@@ -97,9 +97,9 @@ def plan_collisions(
         raise SceneError(f"collisions: {obstacle}")
     stays = {name: _stay(scene, fraction, *laws[name]) for name, fraction in scene.fraction.items()}
     depth = _depth(scene, stays)
-    tracers, rates = {}, {}
+    tracers, rates, (_, mass) = {}, {}, _heaviest(scene)
     for name in scene.fraction:
-        tracers[name], rates[name] = _simulated(scene, name, depth, stays[name])
+        tracers[name], rates[name] = _simulated(scene, name, depth, stays[name], mass)
     in_flight = {name: rate * stays[name] for name, rate in rates.items()}
     start_up = max(stays[name] for name in scene.fraction if rates[name] or not any(rates.values()))
     count = scene.collisions.count or min(scene.feed.count, math.ceil((0.98 / target) ** 2))
@@ -117,7 +117,8 @@ def _depth(scene: Scene, stays: Mapping[str, float]) -> float:
     depth = scene.collisions.depth
     if depth is None:
         depth = DIAMETERS * coarsest
-        flying = sum(_simulated(scene, name, depth, stay)[1] * stay for name, stay in stays.items())
+        _, mass = _heaviest(scene)
+        flying = sum(_simulated(scene, name, depth, stay, mass)[1] * stay for name, stay in stays.items())
         depth *= max(1.0, MANY_IN_FLIGHT / flying) if flying else 1.0
     return min(depth, scene.feed.depth)
 
@@ -151,14 +152,22 @@ def number_rates(scene: Scene, name: str) -> Array:
     return scene.feed.mass_flow * scene.mass_shares()[name] / MASS_LEVELS / granule_masses(scene, name)
 
 
-def _simulated(scene: Scene, name: str, depth: float, stay: float) -> tuple[float, float]:
-    """Share of a fraction's mass that is too fine for a slab to simulate one by one; granules (1/s) of the rest."""
+def _heaviest(scene: Scene) -> tuple[str, float]:
+    """The fraction with the heaviest median granule, and the mass (kg) of that."""
+    middle = {name: float(np.median(granule_masses(scene, name))) for name in scene.fraction}
+    name = max(middle, key=lambda one: middle[one])
+    return name, middle[name]
+
+
+def _simulated(scene: Scene, name: str, depth: float, stay: float, heaviest: float) -> tuple[float, float]:
+    """Share of a fraction's mass that is too fine for a slab to simulate one by one; granules (1/s) of the rest.
+    ``heaviest``: mass (kg) as of :func:`_heaviest`.
+    """
     rates = number_rates(scene, name) * depth / scene.feed.depth
     alike = np.searchsorted(
         rates[::-1], rates, side="right"
     )  # parts that are as coarse or coarser: rates fall with size
     coarser = np.cumsum(rates[::-1])[alike - 1]
-    heaviest = max(float(np.median(granule_masses(scene, other))) for other in scene.fraction)
     fits = (coarser * stay <= MAX_IN_FLIGHT) & (granule_masses(scene, name) >= LIGHT * heaviest)
     fine = 1.0 - float(np.count_nonzero(fits)) / MASS_LEVELS
     if fine > 1.0 - WORTHWHILE:

@@ -7,15 +7,15 @@ compare with what was expected of them.
 
 from __future__ import annotations
 
-import json
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import accumulate
 from pathlib import Path
 
-from ..core.files import write_json
-from ..core.sources import PACKAGE
+from ..core.errors import SceneError
+from ..core.files import read_json, write_json
+from ..core.sources import kernel_folder
 from .cost import COMPILE
 from .plan import Plan
 from .stages import OWN, StageCost, StageKey
@@ -23,6 +23,7 @@ from .stages import OWN, StageCost, StageKey
 FILE = "machine-rates.json"  # by kind of work: (seconds, those expected), of the last runs
 KEPT = 9  # runs that a rate is the median of, weighted by the seconds that were expected of each
 STARTS = 20.0  # s added to both: a run of seconds tells how long programs take to start, not how fast they compute
+MAX_SECONDS = 1e8  # three years: no stage took them
 COMPILED = 45.0  # s: the tracker's compilation
 
 
@@ -54,7 +55,7 @@ def on_this_machine(plan: Plan, root: Path) -> tuple[tuple[StageCost, ...], int]
     known = _read(root)
     rates = {work: _rate(runs) for work, runs in known.items()}
     here = [replace(one, seconds=one.seconds * rates.get(one.key.stage.work, 1.0)) for one in plan.stages]
-    if not is_compiled(root):
+    if not is_compiled():
         waits = any(one.when == "answer" for one in here)
         here.insert(0, StageCost(StageKey(OWN, COMPILE.name), COMPILED, "beside" if waits else "first"))
     return tuple(here), max(map(len, known.values()), default=0)
@@ -67,19 +68,17 @@ def _rate(runs: Sequence[tuple[float, float]]) -> float:
     return rates[bisect_left(below, 0.5 * below[-1])][0]
 
 
-def is_compiled(root: Path) -> bool:
-    """Whether the cache holds a compiled tracker that is newer than its sources: derived from the times of files, since
-    numba's own cache knows it for certain, but not at once.
-    """
-    made = [path.stat().st_mtime for path in (root / "numba").glob("*/*")]
-    changed = [path.stat().st_mtime for part in ("tracking", "laws") for path in (PACKAGE / part).rglob("*.py")]
-    return bool(made) and max(made) > max(changed)
+def is_compiled() -> bool:
+    """Whether the tracker of these sources has been compiled on this machine."""
+    return any(kernel_folder("wakeflow.tracking.kernel.loop").glob("**/*.nbi"))
 
 
 def _read(root: Path) -> dict[str, list[tuple[float, float]]]:
     """What is known; nothing where no run has noted any, and where the file is not whole or of another version."""
     try:
-        found = json.loads((root / FILE).read_text())
-        return {work: [(float(took), float(meant)) for took, meant in runs] for work, runs in found.items() if runs}
-    except (FileNotFoundError, json.JSONDecodeError, TypeError, ValueError, AttributeError):
+        found = read_json(root / FILE)
+        known = {work: [(float(took), float(meant)) for took, meant in runs] for work, runs in found.items() if runs}
+    except (OSError, SceneError, TypeError, ValueError, AttributeError, OverflowError):
         return {}
+    pairs = [pair for runs in known.values() for pair in runs]
+    return known if all(0.0 <= seconds < MAX_SECONDS for pair in pairs for seconds in pair) else {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from textwrap import shorten
@@ -12,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..answer.table import Entry, ResultTable, TableQuantity
+from ..core import sums
 from ..core.errors import SceneError
-from .canvas import INK, fraction_colours, new_figure, save, text_width
+from .canvas import INK, fraction_colours, new_figure, save, saved, text_width
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 _Lines = Mapping[str, list[tuple[float, TableQuantity]]]  # by what else varies: values of an input, quantities there
+OF_TABLE = re.compile(r"figures/((lines|map)-.*|trade-off)\.[a-z]+")  # the figures that a table had
 STYLES: Sequence[LineStyleType] = ("-", "--", ":", "-.")
 MAX_LINES = len(STYLES)  # values of the other inputs that are told apart by the style of a line; else points
 LONGEST = 60  # letters of what tells a line from the others
@@ -51,12 +54,19 @@ def numeric_inputs(table: ResultTable) -> list[str]:
 
 
 def draw_table_figures(folder: Path, table: ResultTable) -> list[Path]:
-    """Draw what suits the inputs of a table: a figure of lines for each, a map for each two that form a grid, and
-    purity against recovery. Returns the files; those of an earlier table are removed.
+    """Draw what suits the inputs of a table into figures/ of its ``folder``: a figure of lines for each, a map for each
+    two that form a grid, and purity against recovery. Returns the files; those of an earlier table are removed, and
+    nothing else: SHA256SUMS says which they are.
     """
-    for pattern in ("lines-*.png", "map-*.png", "trade-off.png"):
-        for old in folder.glob(pattern):
-            old.unlink()
+    for name in sums.listed(folder):
+        if OF_TABLE.fullmatch(name):
+            (folder / name).unlink(missing_ok=True)
+    files = _drawn(folder / "figures", table)
+    sums.note(folder, [file for png in files for file in saved(png)])
+    return files
+
+
+def _drawn(folder: Path, table: ResultTable) -> list[Path]:
     names, keys = main_quantities(table), numeric_inputs(table)
     files: list[Path] = []
     if not names or not table.done:

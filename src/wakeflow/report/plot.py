@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -13,6 +12,7 @@ from ..answer.result import kept_granules
 from ..core.errors import SceneError
 from ..core.lazy import cached_property
 from ..core.registry import did_you_mean
+from ..core.tables import load_arrays
 from ..scene import Scene
 from ..scene.pictures import STANDARD_FIGURES
 from .outcome import Landed, Outcome, Track
@@ -104,7 +104,7 @@ class Plot:
         file = folder / "figures" / f"{name}.png"
         if file.exists():
             anew = f"wakeflow report {folder} draws it anew"
-            return f"{name} shows more of the solved airflow than {folder} keeps: see {file}; {anew}"
+            return f"{name} shows more of the solved airflow than the run keeps: see {file}; {anew}"
         return f"{folder} has nothing to draw as {name}; it has {', '.join(self._there())}"
 
 
@@ -135,12 +135,13 @@ def cells_left(file: Path) -> PlaneCells | None:
     """The cells that the mesh's picture left beside itself; None where there is none."""
     if not file.exists():
         return None
+    cure = f"wakeflow report {file.parent.parent} writes it anew"
+    data = load_arrays(file, cure)
     try:
-        with np.load(file) as data:
-            points = np.stack([data["x (m)"], data["y (m)"]], axis=1)
-            return PlaneCells(points, np.split(data["cell corners"], data["cell ends"][:-1]))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-        raise SceneError(f"{file} is damaged; wakeflow report {file.parent.parent} writes it anew") from None
+        points = np.stack([data["x (m)"], data["y (m)"]], axis=1)
+        return PlaneCells(points, np.split(data["cell corners"], data["cell ends"][:-1]))
+    except (ValueError, KeyError, IndexError, TypeError):
+        raise SceneError(f"{file} is damaged; {cure}") from None
 
 
 def _tracks(path: Path) -> dict[str, list[Track]]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from ..answer.result import asked_in, refinement_in
 from ..core.errors import SceneError
 from ..core.registry import did_you_mean
+from ..core.store import cache_in_use, cache_root
 from ..pipeline.cache import Listener, null_listener
 from ..scene import Scene
 from .one_run import run_once
@@ -48,7 +49,7 @@ def film_of(
         if name not in tables["fraction"]:
             known = list(tables["fraction"])
             raise SceneError(f"unknown fraction {name!r}{did_you_mean(name, known)} (known: {', '.join(known)})")
-    with one_thread_of_blas():
+    with cache_in_use(cache_root()), one_thread_of_blas():
         pipeline, _ = stages_of(Scene.parse(tables), asked, None, listener)
         air = None if pipeline.scene.air is None else pipeline.field[1]
         film = pipeline.film(span)

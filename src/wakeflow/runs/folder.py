@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..answer.result import FILE, GRANULES, Request, Result, key_in
-from ..core.errors import SceneError
+from ..core import sums
 from ..core.record import to_json
 from ..core.sources import PACKAGE, code_key
 from ..core.store import content_key, digest_files
@@ -63,16 +63,17 @@ LOCK = ".lock"  # is in every folder that a run was begun in
 
 def refuse_foreign(folder: Path) -> None:
     """Raise SceneError where a run in ``folder`` would replace files that no run wrote."""
-    from ..report import report_files
+    if not (folder / LOCK).exists() and key_in(folder) is None:
+        sums.refuse_foreign(folder, written_files(folder))
 
-    if (folder / LOCK).exists() or key_in(folder) is not None:
-        return
-    found = [*report_files(folder), *(path for name in (FILE, GRANULES) if (path := folder / name).exists())]
-    if found:
-        raise SceneError(
-            f"--out {folder}: holds {found[0].relative_to(folder)}, which no run of wakeflow wrote and this one would "
-            "replace; name another folder"
-        )
+
+def written_files(folder: Path) -> list[Path]:
+    """What is in ``folder`` of all that a run leaves there: files, and folders of its own."""
+    from ..report import pictures_of, report_files
+
+    drawn = (folder / "figures" / file for picture in pictures_of(folder).values() for file in picture.files)
+    own = [folder / FILE, folder / GRANULES, folder / "figures" / "pictures.json", *drawn]
+    return [*report_files(folder), *(path for path in own if path.exists())]
 
 
 def report_into(

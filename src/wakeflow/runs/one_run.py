@@ -9,16 +9,19 @@ from typing import TYPE_CHECKING
 
 from ..answer.provenance import Refinement
 from ..answer.result import Request, Result
+from ..core import sums
 from ..core.errors import SceneError
-from ..core.files import made_folder, path_of
+from ..core.files import made_folder, path_of, remove_drafts
 from ..core.process import check_workers
+from ..core.store import cache_in_use, cache_root
 from ..pipeline.cache import Listener, null_listener
 from ..planning.machine_rates import learn
 from ..planning.make import make_plan
 from ..scene import Scene
+from ..scene.changes import stem_name
 from ..scene.whole import States
 from .answer import OneRun
-from .folder import LOCK, refuse_foreign
+from .folder import LOCK, refuse_foreign, written_files
 from .progress import as_listener, ignore
 from .refine import refined
 from .stages import one_thread_of_blas, stages_of
@@ -59,7 +62,7 @@ def run(
     ``redraw`` draws a finished report anew; without ``report`` none is drawn, and a later call without that draws it.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
-    name = Path(scene).stem if isinstance(scene, Path | str) else "scene"
+    name = stem_name(Path(scene).stem) if isinstance(scene, Path | str) else "scene"
     asked, folder = Scene.of(scene), Path("runs", name) if out is None else path_of(out, "out")
     request = Request.asked(until, rung, force, target_error, near)
     listener, planned = as_listener(listener, planned)
@@ -94,9 +97,12 @@ def run_once(
     _check(scene, folder, request, workers)
     made_folder(folder)
     try:
-        with FileLock(folder / LOCK, timeout=0), one_thread_of_blas():
+        with FileLock(folder / LOCK, timeout=0), cache_in_use(cache_root()), one_thread_of_blas():
+            remove_drafts(folder)
+            remove_drafts(folder / "figures")
             pipeline, poured = stages_of(scene, request, workers, listener, planned, made)
             result = OneRun(scene, pipeline, poured, folder, request, redraw, report, refinement, pdf).result()
+            sums.note(folder, written_files(folder))
             if workers is None and request.near is None:  # all cores, from rest: as the plan expects it
                 spent = {stage: one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
                 learn(pipeline.store.root, pipeline.plan.stages, spent)

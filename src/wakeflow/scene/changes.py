@@ -67,7 +67,16 @@ def run_folder(stem: str, scene: Scene, changed: Iterable[str], options: Mapping
     tables = flat(scene.tables())
     values = {key: value for key, value in tables.items() if any(f"{key}.".startswith(f"{one}.") for one in changed)}
     given = {name: value for name, value in options.items() if value is not None}
-    return PARTS.join(filter(None, (stem, folder_name({**values, **given}))))
+    return PARTS.join(filter(None, (stem_name(stem), folder_name({**values, **given}))))
+
+
+def stem_name(stem: str) -> str:
+    """The name of a file without its ending as that of a folder: one that leads nowhere else, as ".." would.
+
+    >>> stem_name("rhombus"), stem_name("..")
+    ('rhombus', 'scene')
+    """
+    return stem.lstrip(". ") or "scene"
 
 
 def _text(value: object) -> str:

@@ -4,6 +4,7 @@ the user wrote.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 
@@ -34,6 +35,7 @@ SIZES = {"too_short": ("least", "min_length"), "too_long": ("most", "max_length"
 TOO_LARGE = ("less_than", "less_than_equal")
 TOO_SMALL = ("greater_than", "greater_than_equal")
 BELOW = {"air.speed": "; which way it blows is said by air.direction, and a scene without [air] has none"}
+PYDANTIC = re.compile(r"[a-z-]*\[.*\]")  # what it says of kinds of values, among the keys: list[str]
 TABLE = ("model_type", "dict_type", "model_attributes_type")
 
 
@@ -91,7 +93,8 @@ def dotted(place: Place) -> str:
 
 def _place(error: ErrorDetails) -> Place:
     """Where the mistake is, without pydantic's words for itself, and without the kind of a picture after its name."""
-    inner = [part for part in error["loc"] if "[" not in str(part)]
+    first, *rest = error["loc"]  # the user's own key, whatever is in it
+    inner = [first, *(part for part in rest if not PYDANTIC.fullmatch(str(part)))]
     if inner[0] == "picture" and len(inner) > 2:
         del inner[2]
     return tuple(inner)

@@ -9,6 +9,7 @@ from itertools import takewhile
 from numbers import Real
 
 from ..core.errors import SceneError
+from ..core.files import check_tables
 from ..core.quantities import quantity
 from ..core.record import JsonMapping, JsonTable
 from ..core.registry import did_you_mean
@@ -118,6 +119,8 @@ def _refuse_misspelt(place: tuple[str, ...], table: str, key: str, data: JsonTab
 def _value(text: str) -> object:
     """A TOML value where the text is one (number, list, true, quoted string), else the text itself."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        found = tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):  # no TOML, or nothing that any key takes
         return text
+    check_tables(found, "--set")
+    return found

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import csv
-import gzip
 import re
 from collections.abc import Mapping
 from pathlib import Path
 
 from ..core.errors import SceneError, known
-from ..core.files import read_toml
+from ..core.files import MAX_RECORD, read_packed, read_toml, read_whole
 from ..core.record import JsonMapping, JsonTable
 from ..laws.constants import STANDARD_AIR
 from ..laws.material import Material, materials, read_material
+from .case_code import refuse_code
 
 # -- Materials of the user's own ---------------------------------------------------------------------------------------
 SHAPED = ("rebound_scatter", "tangential_restitution")  # of granules whose shape is known, where they are not 0
@@ -110,7 +110,7 @@ def read_samples(given: str, base: Path) -> dict[str, list[float]]:
     """
     path = base / Path(given).expanduser()
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = read_whole(path).decode("utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as problem:
         why = problem.strerror if isinstance(problem, OSError) else "not a text file"
         raise SceneError(f"vibration.samples = {given!r}: cannot read {path}: {why}") from None
@@ -148,8 +148,10 @@ def find_case(given: str, base: Path) -> Path:
     boundary = case / "constant" / "polyMesh" / "boundary"
     if not any(path.exists() for path in (boundary, boundary.with_name("boundary.gz"))):
         raise SceneError(f"air.case = {given!r}: no OpenFOAM mesh (constant/polyMesh) in {case}")
-    if _latest(case) is None:
+    latest = _latest(case)
+    if latest is None:
         raise SceneError(f"air.case = {given!r}: no solved time in {case}; run its solver (and reconstructPar) first")
+    refuse_code(case, latest)
     return case
 
 
@@ -164,8 +166,8 @@ def _text(path: Path) -> str:
     """A file's text, decompressed where it is packed, with binary parts as they are; empty where there is no file."""
     packed = path.with_name(path.name + ".gz")
     if path.exists():
-        return path.read_bytes().decode("latin-1")
-    return gzip.decompress(packed.read_bytes()).decode("latin-1") if packed.exists() else ""
+        return read_whole(path, MAX_RECORD).decode("latin-1")
+    return read_packed(packed).decode("latin-1") if packed.exists() else ""
 
 
 def air_of(case: Path) -> JsonTable:

@@ -11,14 +11,15 @@ import shlex
 from collections.abc import Mapping
 from html import escape
 from inspect import Parameter, Signature
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from ..core.errors import SceneError
-from ..core.files import atomic_write, path_of, read_toml
+from ..core.errors import LONGEST, SceneError
+from ..core.files import atomic_write, check_tables, path_of, read_toml
 from ..core.quantities import say, speaking
 from ..core.record import JsonTable
 from .checks import CHECKS, OVER_THE_TOP, doubts, with_units
@@ -66,6 +67,7 @@ class Scene(SceneTables):
         """
         if not isinstance(data, Mapping):
             raise SceneError(f"{name}: needs tables, not {type(data).__name__}")
+        check_tables(data, name)
         folder, data = base or Path(), present_keys(data)
         try:
             data = with_own_files(with_uncertainty_table(with_own_materials(data, folder)), folder)
@@ -75,11 +77,11 @@ class Scene(SceneTables):
             try:
                 scene = cls.model_validate(data)
             except ValidationError as problem:
-                raise SceneError(f"{name}: {'; '.join(explain(problem, data))}") from None
+                told, count = islice(explain(problem, data), MAX_MISTAKES), problem.error_count()
+                raise SceneError(f"{name}: {_joined(list(told), count)}") from None
             mistakes = [message for check in CHECKS for message in check(scene)]
         if mistakes:
-            more = f"; and {len(mistakes) - MAX_MISTAKES} more" if len(mistakes) > MAX_MISTAKES else ""
-            raise SceneError(f"{name}: {'; '.join(mistakes[:MAX_MISTAKES])}{more}")
+            raise SceneError(f"{name}: {_joined(mistakes[:MAX_MISTAKES], len(mistakes))}")
         return scene
 
     @classmethod
@@ -156,6 +158,16 @@ class Scene(SceneTables):
 
 # That of pydantic shows every validator inside, two screens long; what a scene may hold is in docs/scenes.md.
 Scene.__signature__ = Signature([Parameter("tables", Parameter.VAR_KEYWORD)])
+
+
+def _joined(told: list[str], count: int) -> str:
+    """The mistakes that a line has room for, the first whole, and how many more there are."""
+    room, shown = LONGEST - 60, told[:1]
+    for one in told[1:]:
+        if sum(map(len, shown)) + len(one) > room:
+            break
+        shown.append(one)
+    return "; ".join(shown) + (f"; and {count - len(shown)} more" if count > len(shown) else "")
 
 
 def units_written(path: Path | str) -> dict[str, str]:

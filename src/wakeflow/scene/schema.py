@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any
@@ -124,9 +125,9 @@ def at(data: object, place: Place) -> Any:
 
 def values_in(data: object) -> Iterator[tuple[Place, object, Node]]:
     """Every value that a scene's ``data`` gives: its place, itself, and what the schema says of it."""
-    ahead: list[tuple[Place, object, Node]] = [((), data, _schema())]
+    ahead: deque[tuple[Place, object, Node]] = deque([((), data, _schema())])
     while ahead:
-        place, value, node = ahead.pop(0)
+        place, value, node = ahead.popleft()
         if isinstance(value, Mapping):
             inner: list[tuple[str | int, object]] = list(value.items())
         elif isinstance(value, list):

@@ -32,7 +32,6 @@ import numpy as np
 import wakeflow as wf
 from support import CASES, shipped
 from wakeflow.core.process import cores
-from wakeflow.core.store import cache_root
 from wakeflow.foam.case import FlowSpec, write_parameters
 from wakeflow.foam.history import Tail
 from wakeflow.foam.programs import call, scatter
@@ -47,7 +46,7 @@ from .common import Row, cache_at, compile_slab, compile_tracker, fresh_case, ma
 
 # -- plan_times --------------------------------------------------------------------------------------------------------
 SCENES = ("vacuum", "aspirator", "wheat-straw-dust", "rhombus", "labyrinth", "prism")
-RATES, KERNELS = "machine-rates.json", "numba"
+RATES = "machine-rates.json"
 PLAN_COLUMNS = {
     "scene": "{scene}", "new, s": "{new:.0f}", "learned, s": "{learned:.0f}", "took, s": "{took:.0f}",
     "new / took": "{by_new:.2f}", "learned / took": "{by_learned:.2f}",
@@ -62,8 +61,6 @@ def run_of(name: str, scratch: Path, rung: str | None, count: int | None) -> Row
     """What one scene is expected to take, and takes; the cache of ``scratch`` learns from it."""
     cache, out = scratch / f"cache-{name}", scratch / name
     cache.mkdir()
-    if (cache_root() / KERNELS).is_dir():
-        shutil.copytree(cache_root() / KERNELS, cache / KERNELS)
     scene = shipped(name, {} if count is None else {"feed.count": count})
     plan = make_plan(scene, rung=rung)
     new = wall_seconds(on_this_machine(plan, cache)[0], cores())
@@ -127,10 +124,7 @@ NEIGHBOURS = {
 
 def swept(scene: wf.Scene, over: Mapping[str, Any], workers: int) -> tuple[float, wf.Sweep]:
     """Seconds of a sweep, and the sweep."""
-    compiled, folder = cache_root() / "numba", Path(tempfile.mkdtemp(prefix="sweep-speed-"))
-    compiled.mkdir(parents=True, exist_ok=True)
-    (folder / "cache").mkdir()
-    (folder / "cache" / "numba").symlink_to(compiled)
+    folder = Path(tempfile.mkdtemp(prefix="sweep-speed-"))
     allowed, rung = os.sched_getaffinity(0), "draft" if "air.speed" in over else None
     os.sched_setaffinity(0, sorted(allowed)[:workers])
     try:

@@ -5,12 +5,12 @@ A kind is one function here, registered under the name of its table in ``scene.p
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...answer.result import PictureSummary
-from ...core.files import write_json
+from ...core.errors import SceneError
+from ...core.files import read_json, write_json
 from ...core.record import from_json, to_json
 from ..canvas import SUFFIXES
 from .animation import draw_animation
@@ -74,7 +74,9 @@ def clear_pictures(folder: Path) -> None:
 
 def _listed(folder: Path) -> dict[str, PictureSummary]:
     try:
-        table = json.loads((folder / LIST).read_text())
-    except (FileNotFoundError, json.JSONDecodeError):
+        table = read_json(folder / LIST)
+        told = {name: from_json(PictureSummary, picture, LIST) for name, picture in table.items()}
+    except (OSError, SceneError, AttributeError):  # none were drawn, or the list is damaged: they are drawn again
         return {}
-    return {name: from_json(PictureSummary, picture, LIST) for name, picture in table.items()}
+    inside = all(file == Path(file).name for picture in told.values() for file in picture.files)
+    return told if inside else {}

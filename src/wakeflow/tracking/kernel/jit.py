@@ -1,34 +1,18 @@
-"""Where compiled kernels are kept: numba's cache does not notice edits in other files, so its folder is named by a
-hash over everything that the kernel's entry imports. An edit there means another folder.
+"""How kernels are compiled: numba's cache does not notice edits in other files, so its folder is named by a hash over
+everything that the kernel's entry imports. An edit there means another folder.
 """
 
 from __future__ import annotations
 
-import os
-import tempfile
-from pathlib import Path
 from types import FunctionType
 from typing import Any
 
 import numba
 
-from ...core.sources import code_key
-from ...core.store import cache_root
+from ...core.sources import kernel_folder
 
 # No reference counts: the kernel makes no arrays, and counting them at every call would take most of its time.
 OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False}
-
-
-def _folder(module: str) -> Path:
-    """A writable folder for this version of ``module``; a temporary one where the cache is not writable."""
-    folder = cache_root() / "numba" / code_key(module)[:20]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            return folder
-    except OSError:
-        pass  # a read-only cache costs a compilation a process, nothing else
-    return Path(tempfile.mkdtemp(prefix="wakeflow-numba-"))
 
 
 def compiled(function: Any) -> Any:
@@ -56,7 +40,7 @@ def merged(function: Any) -> Any:
 def entry(function: Any) -> Any:
     """The kernel's entry: compiled once per machine and version of the sources, then read from the cache."""
     before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_folder(function.__module__))
+    numba.config.CACHE_DIR = str(kernel_folder(function.__module__))
     try:
         return numba.njit(cache=True, **OPTIONS)(function)
     finally:

@@ -1,0 +1,86 @@
+"""Every package that wakeflow and its tests need, as installed here: ``python tests/dependencies.py`` writes
+requirements.lock, which set-up installs, and the table of licences in docs/reliability.md.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from pathlib import Path
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).parents[1]
+LOCK, PAGE = ROOT / "requirements.lock", ROOT / "docs" / "reliability.md"
+BEGIN, END = "<!-- licences -->", "<!-- /licences -->"
+# GPL-3.0-or-later is this program's: what is linked or imported must allow to be passed on under it
+COMPATIBLE = re.compile(
+    r"\b(MIT|BSD|0BSD|ISC|Apache|PSF|Python|MPL|Mozilla|Zlib|HPND|CC0|Unlicense|LGPL|GPL-3|GPLv3|GPLv2\+|PIL|Boost|WTFPL|"
+    r"GPL-2.0-or-later|GPL|GNU)\b", re.I,
+)  # fmt: skip
+HEAD = "# Written by tests/dependencies.py on Python {python}: the versions that the tests passed with.\n"
+
+
+def needed(name: str = "wakeflow", extras: frozenset[str] = frozenset({"test"})) -> dict[str, Distribution]:
+    """The distributions of a package with ``extras`` and of all that these need here, by their names."""
+    found: dict[str, Distribution] = {}
+    ahead, seen = [(name, extras)], set()
+    while ahead:
+        one, wanted = ahead.pop()
+        if (one, wanted) in seen:
+            continue
+        seen.add((one, wanted))
+        try:
+            made = distribution(one)
+        except PackageNotFoundError:  # of an extra that is not installed
+            continue
+        found[canonicalize_name(made.name)] = made
+        ahead += [(canonicalize_name(part.name), frozenset(part.extras)) for part in _asked(made, wanted)]
+    return dict(sorted(found.items()))
+
+
+def _asked(made: Distribution, extras: frozenset[str]) -> Iterator[Requirement]:
+    for text in made.requires or ():
+        part = Requirement(text)
+        if part.marker is None or any(part.marker.evaluate({"extra": extra}) for extra in (*extras, "")):
+            yield part
+
+
+def licence_of(made: Distribution) -> str:
+    """What a distribution says of its licence, in a few words."""
+    about = made.metadata
+    classified = [one.rpartition(":: ")[2] for one in about.get_all("Classifier") or () if one.startswith("License ::")]
+    said = about.get("License-Expression") or "; ".join(classified) or (about.get("License") or "").strip()
+    return said.splitlines()[0][:60] if said else "not said"
+
+
+def lock_text(packages: dict[str, Distribution]) -> str:
+    """The lines of requirements.lock."""
+    lines = (f"{name}=={made.version}\n" for name, made in packages.items() if name != "wakeflow")
+    return HEAD.format(python=".".join(map(str, sys.version_info[:2]))) + "".join(lines)
+
+
+def licence_rows(packages: dict[str, Distribution]) -> list[str]:
+    """The rows of the page's table: the packages of each licence."""
+    by: dict[str, list[str]] = {}
+    for name, made in packages.items():
+        if name != "wakeflow":
+            by.setdefault(licence_of(made), []).append(name)
+    return [
+        f"| {licence} | {', '.join(names)} |" for licence, names in sorted(by.items(), key=lambda row: row[0].lower())
+    ]
+
+
+def main() -> None:
+    packages = needed()
+    LOCK.write_text(lock_text(packages))
+    table = "\n".join(["| licence | packages |", "|---|---|", *licence_rows(packages)])
+    page = PAGE.read_text()
+    PAGE.write_text(re.sub(f"{BEGIN}.*{END}", lambda _: f"{BEGIN}\n{table}\n{END}", page, flags=re.DOTALL))
+
+
+if __name__ == "__main__":
+    main()

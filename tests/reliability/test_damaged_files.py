@@ -1,0 +1,213 @@
+"""What is read from disk is checked: damage is one line that names the file, never a traceback or another number."""
+
+import json
+import os
+import random
+import shutil
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hostile import damaged
+
+import wakeflow as wf
+from wakeflow.answer.result import Result, kept_granules
+from wakeflow.batch.work import finished
+from wakeflow.core.errors import LONGEST, SceneError
+from wakeflow.core.store import Store
+from wakeflow.field import FlowField
+from wakeflow.scene import Scene
+
+SEED = 31
+Read = Callable[[Path], Any]
+
+
+def _granules(path: Path) -> Any:
+    return {name: values.tolist() for name, values in kept_granules(path.parent).items()}
+
+
+def _field(path: Path) -> Any:
+    field = FlowField.load(path)
+    return {name: np.asarray(getattr(field, name)).tolist() for name in ("points", "triangles", "velocity", "pressure")}
+
+
+def _scene(path: Path) -> Any:
+    return Scene.load(path).tables()
+
+
+def _stage(path: Path) -> Any:
+    """Of the cache: a damaged stage is made anew, and so what is in it is what was."""
+    folder, _ = Store(path.parents[2]).make(path.parents[1].name, path.parent.name, _work)
+    return (folder / "data").read_text()
+
+
+def _work(part: Path) -> None:
+    (part / "data").write_text("0.656 of the dust")
+
+
+READERS: dict[str, Read] = {
+    "result.json": lambda path: Result.load(path.parent).table,
+    "granules.npz": _granules,
+    "field.npz": _field,
+    "point.json": lambda path: getattr(finished(path.parent, "stamp"), "table", None),
+    "manifest.json": _stage,
+    "data": _stage,
+}
+
+
+@pytest.fixture(scope="module")
+def originals(small_run: Any, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A folder with each of the files, whole."""
+    run = tmp_path_factory.mktemp("damage") / "run"
+    run.mkdir()
+    for name in ("result.json", "granules.npz", "SHA256SUMS"):
+        shutil.copy(small_run.folder / name, run / name)
+    (run / "point.json").write_text(json.dumps({"stamp": "stamp"}))
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+    air = FlowField.from_arrays(points, [[0, 1, 2], [1, 3, 2]], 3.0 * points, np.arange(4.0))
+    air.save(run / "field.npz")
+    stage, _ = Store(run / "cache").make("tracks", "a" * 64, _work)
+    files = {name: run / name for name in ("result.json", "granules.npz", "field.npz", "point.json")}
+    return files | {name: stage / name for name in ("manifest.json", "data")}
+
+
+def says_it(problem: SceneError, name: str) -> bool:
+    """Whether the line of error names the file, in the room that a line has."""
+    assert name in str(problem)
+    assert len(str(problem)) <= LONGEST
+    return True
+
+
+def damage(originals: dict[str, Path], name: str, count: int, first: int = 0) -> None:
+    """Damage a file ``count`` times: what is read is one line of error or what was written."""
+    path, read = originals[name], READERS[name]
+    whole, kept, said = path.read_bytes(), read(path), 0
+    for number in range(first, first + count):
+        content = damaged(whole, random.Random(f"{SEED} {name} {number}"))
+        path.write_bytes(content)
+        try:
+            found = read(path)
+        except SceneError as problem:
+            said += says_it(problem, path.name)
+        except Exception as problem:
+            raise AssertionError(f"{name} {number} of seed {SEED}: {type(problem).__name__}: {problem}") from problem
+        else:
+            assert found == kept or (name == "point.json" and found is None), f"{name} {number}: another content"
+        finally:
+            path.write_bytes(whole)
+    print(f"seed {SEED}: {name}: {said} of {count} refused, the others unchanged in what they say")
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_damaged_file_is_one_line_or_what_was_written(originals: dict[str, Path], name: str) -> None:
+    damage(originals, name, 60)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", READERS)
+def test_ten_thousand_damaged_files(originals: dict[str, Path], name: str) -> None:
+    damage(originals, name, 1700, first=60)
+
+
+def test_a_folder_with_a_damaged_result_is_written_anew(small_run: Any, cases: Path, tmp_path: Path) -> None:
+    """By the same command, without anything that has to be removed by hand."""
+    run = shutil.copytree(small_run.folder, tmp_path / "run")
+    for content in (b"\xff\xfe", b"[" * 100_000, b""):
+        (run / "result.json").write_bytes(content)
+        scene = Scene.parse(dict(small_run.scene))
+        assert wf.run(scene, run, report=False).separation == small_run.separation
+
+
+WRONG = {
+    "no share": ("fractions.soft.near", {"value": 1.3, "low": 0.9, "high": 1.4}, "is no share, 0 to 1"),
+    "sum": ("fractions.soft.near", {"value": 0.5, "low": 0.4, "high": 0.6}, "sum to"),
+    "interval": ("fractions.hard.near", {"value": 0.375, "low": 0.4, "high": 0.6}, "is outside of its interval"),
+    "rate": ("throughput.near", -1.0, "is no rate"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_numbers_that_cannot_be_are_refused_without_a_checksum_too(name: str, small_run: Any, tmp_path: Path) -> None:
+    place, value, words = WRONG[name]
+    table = json.loads((small_run.folder / "result.json").read_text())
+    del table["sha256"]
+    node = table["separation"]
+    *above, last = place.split(".")
+    for key in above:
+        node = node[key]
+    node[last] = value
+    (tmp_path / "result.json").write_text(json.dumps(table))
+    with pytest.raises(SceneError, match=words):
+        Result.load(tmp_path)
+
+
+def test_an_archive_that_claims_more_than_it_holds_is_not_unpacked(small_run: Any, tmp_path: Path) -> None:
+    shutil.copy(small_run.folder / "result.json", tmp_path)
+    for packed in (zipfile.ZIP_DEFLATED, zipfile.ZIP_STORED):
+        with zipfile.ZipFile(tmp_path / "granules.npz", "w", packed) as archive:
+            for name in ("fraction", "weight", "position"):
+                with archive.open(f"{name}.npy", "w", force_zip64=True) as stream:
+                    size = 4 * 1024**3 if packed == zipfile.ZIP_STORED else 500_000_000
+                    np.lib.format.write_array_header_1_0(
+                        stream, {"descr": "<f8", "fortran_order": False, "shape": (size // 8,)}
+                    )
+                    for _ in range(500 if packed == zipfile.ZIP_DEFLATED else 0):
+                        stream.write(bytes(1_000_000))
+        with pytest.raises(SceneError, match=r"granules.npz (claims to hold more than it may|is damaged)"):
+            kept_granules(tmp_path)
+
+
+def test_a_pickle_in_an_array_is_never_run(small_run: Any, tmp_path: Path) -> None:
+    class Bomb:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return os.mkdir, (str(tmp_path / "ran"),)
+
+    shutil.copy(small_run.folder / "result.json", tmp_path)
+    np.savez(tmp_path / "granules.npz", names=np.array([Bomb()], dtype=object))
+    with pytest.raises(SceneError, match="is damaged"):
+        kept_granules(tmp_path)
+    with pytest.raises(SceneError, match="is damaged"):
+        FlowField.load(tmp_path / "granules.npz")
+    assert not (tmp_path / "ran").exists()
+
+
+TOML = {
+    "digits": ("x = " + "9" * 5000, "not valid TOML"),
+    "number": ("x = " + "9" * 400, "TOML has 64"),
+    "lists": ("x = " + "[" * 3000, "in each other"),
+    "tables": ("x = " + "{a=" * 1500 + "1" + "}" * 1500, "in each other"),
+    "keys": ("[" + "a." * 3000 + "a]", "in each other"),
+    "bracket": ('"[x]" = 1', r"\[x\]: unknown key"),
+    "break": ('"con\\n" = 1', r"con\\n: unknown key"),
+    "escape": ('"\\u001b[31m" = 1', r"\\x1b\[31m: unknown key"),
+    "nothing": ("\x00", "not UTF-8"),
+    "many": ("\n".join(f"k{n} = 1" for n in range(100_000)), "more than 80000 keys"),
+}
+
+
+@pytest.mark.parametrize("name", TOML)
+def test_a_text_that_is_no_scene_is_one_line(name: str, cases: Path, tmp_path: Path) -> None:
+    text, words = TOML[name]
+    (tmp_path / "scene.toml").write_text(f"{text}\n{(cases / 'rhombus.toml').read_text()}")
+    with pytest.raises(SceneError, match=words) as caught:
+        Scene.load(tmp_path / "scene.toml")
+    assert len(str(caught.value)) <= LONGEST
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("key", ["scene", "materials", "vibration.samples"])
+def test_a_pipe_a_device_and_a_large_file_are_refused_at_once(key: str, cases: Path, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with (tmp_path / "large").open("wb") as stream:
+        stream.truncate(17_000_000)
+    for name, words in {
+        "pipe": "is a device or a pipe",
+        "/dev/zero": "is a device or a pipe",
+        "large": "16 MB",
+    }.items():
+        path = tmp_path / name  # an absolute name is itself
+        with pytest.raises(SceneError, match=words):
+            Scene.load(path) if key == "scene" else Scene.load(cases / "rhombus.toml", {key: str(path)})

@@ -1,0 +1,127 @@
+"""Mutated scenes and command lines: an answer whose shares sum to one, or one line that says what to do."""
+
+import io
+import random
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hostile import as_toml, command_line, mutated
+
+import wakeflow as wf
+from wakeflow.cli import main
+from wakeflow.core.errors import LONGEST, WakeflowError
+from wakeflow.planning.make import make_plan
+from wakeflow.scene import Scene
+
+SEED = 31
+HEAD = len("wakeflow: ")
+
+
+def is_one_line(text: str) -> bool:
+    return 0 < len(text) <= LONGEST and text.isprintable()
+
+
+def refused(problem: WakeflowError, number: int) -> bool:
+    """That mutant ``number`` was refused as it should be: False, it was not accepted."""
+    assert is_one_line(str(problem)), (number, str(problem))
+    return False
+
+
+def check_scene(number: int, folder: Path) -> bool:
+    """Load and plan mutant ``number``; whether it was accepted."""
+    tables = mutated(random.Random(f"{SEED} {number}"))
+    path = folder / "mutant.toml"
+    try:
+        path.write_text(as_toml(tables), encoding="utf-8")
+    except Exception:  # what TOML cannot say at all, of the writer: not this program's
+        return False
+    try:
+        make_plan(Scene.load(path))
+    except WakeflowError as problem:
+        return refused(problem, number)
+    return True
+
+
+@pytest.mark.parametrize("first", [0, pytest.param(100, marks=pytest.mark.slow)])
+def test_a_mutated_scene_is_planned_or_refused_in_one_line(first: int, tmp_path: Path) -> None:
+    """100 in the quick suite, 10 000 with --slow; the seed of each is its number."""
+    count = 100 if first == 0 else 9900
+    accepted = 0
+    for number in range(first, first + count):
+        try:
+            accepted += check_scene(number, tmp_path)
+        except Exception as problem:
+            raise AssertionError(
+                f"mutant {number} of seed {SEED}: {type(problem).__name__}: {problem!s:.300}"
+            ) from problem
+    print(f"seed {SEED}: {accepted} of {count} accepted")
+    assert accepted > 0.02 * count
+
+
+def check_words(number: int, scene: Path, run: Path, out: Path) -> int:
+    """The exit code of command line ``number``; one line of error and no traceback."""
+    words = command_line(random.Random(f"{SEED} {number}"), scene, run, out)
+    said, told = io.StringIO(), io.StringIO()
+    with redirect_stderr(said), redirect_stdout(told):
+        try:
+            code = main(words)
+        except SystemExit as ended:
+            code = int(ended.code or 0)
+    first = said.getvalue().splitlines()[:1]
+    assert code in (0, 1, 2, 3), (number, words, code)
+    if code in (2, 3) and first:
+        assert is_one_line(first[0][HEAD:]), (number, words, first)
+    assert "Traceback" not in said.getvalue()
+    if code == 2:
+        assert len(said.getvalue().splitlines()) == 1, (number, words, said.getvalue())
+    return code
+
+
+@pytest.mark.parametrize("first", [0, pytest.param(60, marks=pytest.mark.slow)])
+def test_a_mutated_command_line_is_obeyed_or_refused_in_one_line(
+    first: int, cases: Path, small_run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """60 in the quick suite, 2000 with --slow."""
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "cache"))
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    codes = []
+    for number in range(first, 60 if first == 0 else 2000):
+        try:
+            codes.append(check_words(number, cases / "vacuum.toml", small_run.folder, tmp_path))
+        except Exception as problem:
+            raise AssertionError(
+                f"command {number} of seed {SEED}: {type(problem).__name__}: {problem!s:.500}"
+            ) from problem
+    print(f"seed {SEED}: exit codes {sorted((code, codes.count(code)) for code in set(codes))}")
+
+
+@pytest.mark.slow
+@pytest.mark.openfoam
+def test_mutated_scenes_that_run_give_shares_that_sum_to_one(tmp_path: Path) -> None:
+    """300 mutants that are accepted, in a vacuum or in the coarsest draft."""
+    done = number = 0
+    while done < 300:
+        number += 1
+        tables = mutated(random.Random(f"run {SEED} {number}"))
+        chance = random.Random(number)
+        try:
+            scene = Scene.parse(tables)
+            small = {"feed.count": 16, "numerics.mesh_scale": 4.0, "numerics.tolerance": 1e-3}
+            rung = "draft" if scene.air is not None and scene.body and chance.random() < 0.1 else "none"
+            scene = scene.replace({**small, "numerics.rung": rung} if scene.body else small)
+            result = wf.run(scene, tmp_path / f"run-{number}", report=False, force={"collisions": False})
+        except WakeflowError as problem:
+            refused(problem, number)
+            continue
+        except Exception as problem:
+            raise AssertionError(
+                f"run {number} of seed {SEED}: {type(problem).__name__}: {problem!s:.300}"
+            ) from problem
+        for shares in result.separation["fractions"].values():
+            assert sum(one["value"] for one in shares.values()) == pytest.approx(1.0, abs=1e-9), number
+        done += 1

@@ -1,0 +1,137 @@
+"""What a run leaves is its own: no file of others is replaced or removed, no link is followed, nothing is left over."""
+
+import csv
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wakeflow as wf
+from support import shipped
+from wakeflow.cli import main
+from wakeflow.core import sums
+from wakeflow.core.errors import SceneError
+from wakeflow.core.files import atomic_write, write_json
+from wakeflow.core.tables import CellTable
+from wakeflow.scene import Scene
+from wakeflow.scene.changes import run_folder
+
+
+@pytest.fixture
+def run(small_run: Any, tmp_path: Path) -> Path:
+    """A finished run's folder that may be changed."""
+    return shutil.copytree(small_run.folder, tmp_path / "run", symlinks=True)
+
+
+@pytest.fixture
+def theirs(tmp_path: Path) -> Path:
+    """A folder of somebody's with a picture of the name that a report gives one."""
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "landing.png").write_text("a photo")
+    return tmp_path / "mine"
+
+
+@pytest.mark.parametrize("command", ["run", "report", "animate", "bins", "sensitivity", "sweep"])
+def test_a_link_in_the_folder_of_results_is_not_followed(
+    command: str, run: Path, theirs: Path, cases: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.rmtree(run / "figures")
+    (run / "figures").symlink_to(theirs)
+    words = {
+        "run": ["run", str(cases / "vacuum.toml"), "--set", "feed.count=16", "--out", str(run)],
+        "report": ["report", str(run)],
+        "animate": ["animate", str(run)],
+        "bins": ["bins", str(run), "--purity", "soft"],
+        "sensitivity": ["sensitivity", str(run)],
+        "sweep": ["sweep", str(cases / "vacuum.toml"), "--set", "feed.count=16", "--out", str(run)],
+    }
+    assert main(words[command]) == 2
+    assert "figures is a link to a folder; remove the link" in capsys.readouterr().err
+    assert [path.name for path in theirs.iterdir()] == ["landing.png"]
+    assert (theirs / "landing.png").read_text() == "a photo"
+
+
+def test_every_file_of_a_run_is_listed_with_its_checksum(small_run: Any) -> None:
+    folder = small_run.folder
+    found = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    assert found - set(sums.listed(folder)) == {".lock", "SHA256SUMS"}
+    done = subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=folder, check=False)
+    assert done.returncode == 0
+
+
+@pytest.mark.parametrize("name", ["separation.csv", "figures/landing.png", "granules.npz", "machine/notes.txt"])
+def test_a_file_that_no_run_wrote_is_not_replaced(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "out" / name
+    path.parent.mkdir(parents=True)
+    path.write_text("mine")
+    with pytest.raises(SceneError, match=r"holds .*, which no run of wakeflow wrote"):
+        wf.run(shipped("vacuum", {"feed.count": 16}), tmp_path / "out")
+    assert path.read_text() == "mine"
+
+
+def test_tables_of_others_are_not_replaced_and_their_pictures_stay(run: Path, small_run: Any, tmp_path: Path) -> None:
+    both = wf.compare([small_run, run])
+    for name in ("sweep.csv", "compare.csv"):
+        (tmp_path / name).write_text("mine")
+    with pytest.raises(SceneError, match=r"holds sweep.csv, which no run of wakeflow wrote"):
+        wf.sweep([shipped("vacuum")], tmp_path)
+    with pytest.raises(SceneError, match=r"holds compare.csv, which no run of wakeflow wrote"):
+        both.write(tmp_path)
+    (tmp_path / "compare.csv").unlink()
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "lines-of-a-poem.png").write_text("mine")
+    for _ in range(2):
+        both.write(tmp_path)
+    assert (tmp_path / "figures" / "lines-of-a-poem.png").read_text() == "mine"
+    assert (tmp_path / "sweep.csv").read_text() == "mine"
+
+
+def test_a_list_of_pictures_leads_nowhere_else(run: Path, theirs: Path) -> None:
+    """It is read to know what an earlier report left, which is removed."""
+    picture = {"kind": "curves", "files": ["../../mine/landing.png"], "text": "", "numbers": {}}
+    write_json(run / "figures" / "pictures.json", {"tracks": picture})
+    main(["report", str(run)])
+    assert (theirs / "landing.png").read_text() == "a photo"
+
+
+def test_what_a_killed_write_left_is_removed_by_the_next_run(run: Path, small_run: Any) -> None:
+    for left in (run / ".result.json.0123abcd.tmp", run / "figures" / ".landing.png.0123abcd.tmp"):
+        left.write_text("half")
+    (run / ".notes.tmp").write_text("mine")
+    wf.run(Scene.parse(dict(small_run.scene)), run, report=False)
+    assert sorted(path.name for path in run.rglob(".*")) == [".lock", ".notes.tmp"]
+
+
+@pytest.fixture
+def _private() -> Iterator[None]:
+    before = os.umask(0o077)
+    yield
+    os.umask(before)
+
+
+@pytest.mark.usefixtures("_private")
+def test_the_umask_is_heeded(tmp_path: Path) -> None:
+    with atomic_write(tmp_path / "a") as stream:
+        stream.write("mine")
+    assert (tmp_path / "a").stat().st_mode & 0o777 == 0o600
+
+
+def test_no_cell_of_a_csv_file_is_a_formula(tmp_path: Path) -> None:
+    texts = ["=cmd|calc!A0", "+1+1", "-2+3", "@SUM(A1)", "\t=1", "-0.5", "+1e-3", "plain"]
+    CellTable(["=head", "number"], [[text, -1.5] for text in texts]).write_csv(tmp_path / "a.csv")
+    with (tmp_path / "a.csv").open() as stream:
+        head, *rows = csv.reader(stream)
+    assert head == ["'=head", "number"]
+    assert [row[0] for row in rows] == [*(f"'{text}" for text in texts[:5]), *texts[5:]]
+    assert {row[1] for row in rows} == {"-1.5"}
+
+
+@pytest.mark.parametrize("name", ["...", "..", ".", " ", "....x"])
+def test_a_name_of_dots_leads_into_no_other_folder(name: str) -> None:
+    made = Path("runs", run_folder(Path(f"{name}.toml").stem, shipped("vacuum"), [], {}))
+    assert re.fullmatch(r"runs/[^/.]+[^/]*", str(Path(os.path.normpath(made))))
