@@ -110,7 +110,7 @@ def test_a_search_sweeps_its_levels_and_goes_on_where_it_ended(
 ) -> None:
     """The second call computes nothing and finds the same. Figures are drawn as in any sweep."""
     monkeypatch.setattr("wakeflow.report.many.draw_table_figures", lambda folder, table: None)
-    scene, here = shipped("rhombus", {"numerics.rung": "none"}), Here()
+    scene, here = shipped("rhombus", {"numerics.rung": "none"}).without_air(), Here()
     tied = "bin.middle.to = bin.inner-right.from = -bin.middle.from = -bin.inner-left.to"
     axes = (axis_of_text("feed.height=60:140:2 mm"), Axis(tied, ("60 mm", "100 mm"), (60.0, 100.0), "mm"))
     levels = ({"feed.count": 16}, {"feed.count": 32})

@@ -223,8 +223,9 @@ class InputPart:
 
     @property
     def points(self) -> str:
-        """The half with its own uncertainty, in points."""
-        return f"{100 * self.half:.2g} ± {100 * self.uncertainty:.1g}"
+        """The half with its own 95 % interval, in points."""
+        low, high = max(0.0, self.half - self.uncertainty), self.half + self.uncertainty
+        return f"{100 * self.half:.2g} ({100 * low:.2g} to {100 * high:.2g})"
 
 
 @dataclass(frozen=True, kw_only=True)

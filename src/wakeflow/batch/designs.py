@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..answer.result import Result
+from ..answer.result import VOID, Result
 from ..answer.table import Entry, TableQuantity
 from ..core.errors import SceneError
 from ..core.files import made_folder, path_of
@@ -158,7 +158,7 @@ def search(
         history = explore(asked, scenes.evaluate, tell=partial(listener, "search"))
         best = history.recommended()
         if best is None:
-            raise SceneError(f"no design could be computed; the first: {next(iter(scenes.problems.values()))}")
+            raise SceneError(_nothing_found(history, scenes))
         for level, made in enumerate(history.found):  # the tables and figures of all designs, nothing is computed
             scenes.compute([scenes.variant(level, place) for place in made], scenes.folder(level))
     known = history.known()
@@ -223,7 +223,19 @@ class _Scenes:
         spent = {(stage, time.seconds) for stage, time in found.result(entry.name).seconds.items()}
         new = spent - self.counted  # a stage that took the very same time is the same one, from the cache
         self.counted |= new
-        return Evaluation(max(MIN_DESIGN_TIME, sum(seconds for _, seconds in new)), _with_fan(entry.by_name))
+        spent_here = max(MIN_DESIGN_TIME, sum(seconds for _, seconds in new))
+        return Evaluation(spent_here, _with_fan(entry.by_name), void=entry.reason == VOID)
+
+
+def _nothing_found(history: History, scenes: _Scenes) -> str:
+    """Why a search recommends nothing."""
+    void = [place for place, one in history.found[-1].items() if one.void]
+    if not void:
+        return f"no design could be computed; the first: {next(iter(scenes.problems.values()))}"
+    last = len(history.task.levels) - 1
+    folder = scenes.folder(last) / scenes.variant(last, void[0]).name
+    why = Result.load(folder).why_void
+    return f"every answer of the finest level is void, so that no design can be recommended; the first: {why}"
 
 
 def _with_fan(quantities: Mapping[str, TableQuantity]) -> Mapping[str, TableQuantity]:

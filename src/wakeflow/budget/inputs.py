@@ -24,7 +24,7 @@ SAMPLE_SECONDS = 0.05  # s: to draw the granules of a fraction anew, and its air
 class UnknownInputs(Source["InputSamples"]):
     """The numbers of the scene that are not known exactly: the range of the share over draws of them all."""
 
-    name, how, place, fills = INPUTS, PERTURBED_RERUN, 15, True
+    name, how, place = INPUTS, PERTURBED_RERUN, 15
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         """As many granules fly as the answer has."""

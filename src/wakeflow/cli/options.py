@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -111,11 +112,16 @@ GATE, ACCURACY = Gate(), Accuracy()
 
 
 def scene_and_folder(file: Path, settings: tuple[str, ...], gate: Gate, out: Path | None) -> tuple[Scene, Path]:
-    """The scene of a file with its ``settings``, and the folder for its results, by default below runs/."""
+    """The scene of a file with its ``settings``, and the folder for its results, by default below runs/; says on
+    stderr which of the settings nothing feels.
+    """
+    from ..planning.messages import unfelt, unfelt_line
     from ..scene import Scene
     from ..scene.changes import run_folder
 
     changes, how = changes_of(settings), gate.how
     scene = Scene.load(file, changes)
+    if deaf := unfelt(changes, scene, how["rung"] or scene.numerics.rung):
+        print(f"! {unfelt_line(deaf)}", file=sys.stderr)
     named = {"rung": how["rung"], **how["force"], "target-error": how.get("target_error")}
     return scene, out or Path("runs", run_folder(file.stem, scene, changes, named))

@@ -14,7 +14,7 @@ from ..batch.sensitivity import Sensitivity
 from ..core.quantities import duration, say, speaking, split_quantity
 from ..report.many import input_words, main_quantities
 from ..report.sketch import UNITS
-from ..report.words import NO_VALUE, difference_text, percent
+from ..report.words import NO_VALUE, difference_text, part_text
 from ..statistics.inputs import InputMove
 from .screen import print_lines, screen_table
 from .show_result import measure_next
@@ -61,7 +61,7 @@ def show_sweep(found: Sweep) -> None:
 
 
 def show_table(table: ResultTable) -> None:
-    """Print a row a scene: its inputs and the quantities that it is made for, with half their 95 % intervals; where not
+    """Print a row a scene: its inputs and the quantities that it is made for, with their 95 % intervals; where not
     all columns fit beside each other, in several tables.
     """
     from rich.console import Console
@@ -101,7 +101,9 @@ def _inputs(table: ResultTable, entry: Entry) -> list[str]:
 
 
 def _cells(names: Sequence[str], entry: Entry) -> list[str]:
-    return [percent(entry.by_name.get(name)) if entry.state == DONE else entry.state for name in names]
+    void = entry.reason == VOID
+    return [part_text(name, entry.by_name.get(name), void=void) if entry.state == DONE else entry.state
+            for name in names]  # fmt: skip
 
 
 def _fitting(inputs: list[Column], numbers: list[Column], room: int) -> Iterator[list[Column]]:
@@ -163,7 +165,7 @@ def show_search(found: Search) -> None:
         [
             label,
             *(_value(design.changes[key]) for key in keys),
-            *(_quantity(design.quantities.get(name)) for name in task.asked),
+            *(_quantity(name, design.quantities.get(name)) for name in task.asked),
         ]
         for label, design in _labelled(found)
     ]
@@ -195,8 +197,8 @@ def _verdict(found: Search, best: FoundDesign) -> Sequence[str]:
     return lines
 
 
-def _quantity(one: TableQuantity | None) -> str:
-    return percent(one) if one is None or one.unit == "1" else f"{one.value:.4g} {one.unit}"
+def _quantity(name: str, one: TableQuantity | None) -> str:
+    return part_text(name, one) if one is None or one.unit == "1" else f"{one.value:.4g} {one.unit}"
 
 
 def _value(value: object) -> str:

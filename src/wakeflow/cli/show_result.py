@@ -70,7 +70,7 @@ def _air(airflow: Airflow) -> str:
     drop, cd, base = airflow.pressure_drop, airflow.cd, airflow.cp_base
     if cd is None or base is None:
         return f"airflow: {airflow.verdict}, {airflow.flow_rate:.3g} m²/s, pressure drop {drop:.2g} Pa"
-    interval = f" [{cd.low:.3f}, {cd.high:.3f}]" if cd.known else ""  # none of a given case
+    interval = f" ({cd.low:.3f} to {cd.high:.3f})" if cd.known else ""  # none of a given case
     return (
         f"airflow: {airflow.verdict}, Cd {cd.value:.3f}{interval}, "
         f"base pressure coefficient {base.value:.2f}, pressure drop {drop:.1f} Pa"
@@ -102,13 +102,13 @@ def _poured(funnel: FunnelSummary) -> str:
         return f"funnel: {funnel.verdict} with {funnel.left} of {funnel.beads} beads inside"
     found = f"funnel: {1e3 * rate.value:.3g} g/s"
     if rate.known:
-        found += f" [{1e3 * rate.low:.3g}, {1e3 * rate.high:.3g}]"
+        found += f" ({1e3 * rate.low:.3g} to {1e3 * rate.high:.3g})"
     empty = "" if funnel.time_to_empty is None else f", empty after {funnel.time_to_empty:.3g} s"
     return found + empty + ("" if law is None else f"; Beverloo's law with cone factor, at rest: {1e3 * law:.3g} g/s")
 
 
 def separation_table(result: Result, separation: Separation) -> Table:
-    """Bins by fractions: shares in percent with half their 95 % interval; throughput, purity, recovery."""
+    """Bins by fractions: shares in percent with their 95 % interval; throughput, purity, recovery."""
     from rich.text import Text
 
     met = result.landings is not None and result.landings.slab is not None
@@ -125,8 +125,8 @@ def separation_table(result: Result, separation: Separation) -> Table:
 
 
 def _parted(text: str) -> str:
-    """A percentage with its two arms below it, so that columns stay narrow."""
-    return text if "±" in text else text.replace(" ", "\n", 1)
+    """A percentage with its interval below it, so that columns stay narrow."""
+    return text.replace(" ", "\n", 1)
 
 
 def measure_next(result: Result) -> list[str]:
@@ -210,7 +210,7 @@ def show_dividers(found: Sequence[Dividers], on: str) -> None:
         places = ", ".join(f"{1e3 * (start + low):.1f} to {1e3 * (start + high):.1f}" for low, high in one.stretches)
         judged = [percent(one.purity), percent(one.recovery)] if one.possible else [NO_VALUE, NO_VALUE]
         rows.append([f"{100 * one.asked:.4g}", *judged, places or "no stretch reaches it"])
-    title = f"{fraction} on {on}, percent; judged on granules that had no part in the choice, ± of their number alone"
+    title = f"{fraction} on {on}, percent; judged on granules that had no part in the choice; interval: of their number"
     heads = ("purity asked", "purity", "recovery", f"stretches ({'x in mm' if level else 'mm along the line'})")
     Console().print(screen_table(heads, rows, title, left=0))
     if len(found) > 1 or not found[0].possible:

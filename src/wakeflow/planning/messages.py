@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -74,6 +75,24 @@ def magnitude_lines(scene: Scene) -> Iterator[Notice]:
             continue
         meant = f" ('{density:.3g} g/cm3' if that was meant)" if density < LIGHTEST else ""
         yield less_sure(f"{name}: {density:.3g} kg/m3, {why}; check fraction.{name}.density{meant}")
+
+
+# -- Inputs that nothing feels -----------------------------------------------------------------------------------------
+OF_THE_AIR = re.compile(
+    r"air\..*|channel\.inlet\..*|numerics\.(mesh_scale|averaging|snapshots|span\..*)"
+    r"|fraction\.[^.]+\.(terminal_velocity|sphericity|drag)(\..*)?"
+)
+
+
+def unfelt(keys: Iterable[str], scene: Scene, rung: str) -> list[str]:
+    """Those of the ``keys`` of a scene with air that change no answer on a ``rung``: none, which leaves the air out."""
+    return [key for key in keys if scene.air is not None and rung == "none" and OF_THE_AIR.fullmatch(key)]
+
+
+def unfelt_line(keys: Sequence[str]) -> str:
+    """What to say of ``keys`` that nothing feels."""
+    verb = "changes" if len(keys) == 1 else "change"
+    return f"{', '.join(keys)} {verb} nothing at rung none, which leaves the air out; --rung draft computes it"
 
 
 # -- The plan in words -------------------------------------------------------------------------------------------------

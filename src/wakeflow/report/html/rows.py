@@ -244,7 +244,7 @@ def _interval(found: Number, scale: float) -> str:
     text = number(found.value * scale) if math.isfinite(found.value) else NO_VALUE
     if not found.known:
         return text
-    return f"{text} [{number(found.low * scale)}, {number(found.high * scale)}]"
+    return f"{text} ({number(found.low * scale)} to {number(found.high * scale)})"
 
 
 def number(value: float | None) -> str:
