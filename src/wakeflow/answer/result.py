@@ -233,7 +233,7 @@ class Result:
 
     @property
     def why_void(self) -> str:
-        """The gravest warning, which says why the answer is worth nothing; empty of an answer that is worth something."""
+        """The gravest warning, which says why the answer is void; empty where it is not."""
         return self.warnings[self.grades.index(Grade.VOID.value)] if self.void else ""
 
     @property

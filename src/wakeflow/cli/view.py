@@ -152,7 +152,7 @@ def animate(
         print(f"{path}, {path.stat().st_size / 1e6:.2g} MB")
 
 
-def materials(name: str | None = None, *, file: Path | None = None) -> None:
+def materials(name: str | None = None, *, file: Path | None = None, new: Path | None = None) -> None:
     """List the materials of granules; of one NAME every value with its range, source and how far to trust it.
 
     A file of your own, written alike, is named in a scene: materials = "mine.toml".
@@ -163,19 +163,25 @@ def materials(name: str | None = None, *, file: Path | None = None) -> None:
         A material; default all.
     file
         List those of your own in this file.
+    new
+        Write a commented file with a material of your own there, to fill in.
     """
-    from ..core.registry import did_you_mean
     from ..laws.material import materials as shipped
+    from ..laws.material import near_material, write_own_material
     from ..scene.own_files import read_materials
     from .show_stored import show_material, show_materials
 
+    if new is not None:
+        write_own_material(new)
+        print(f'{new} written; fill it in, and name it in a scene: materials = "{new.name}"')
+        return
     known = {one: shipped[one] for one in shipped} if file is None else read_materials(file)
     if name is None:
         show_materials(known)
     elif name in known:
         show_material(name, known[name])
     else:
-        raise SceneError(f"unknown material {name!r}{did_you_mean(name, list(known))} (known: {', '.join(known)})")
+        raise SceneError(f"unknown material {name!r}{near_material(name, list(known))} (known: {', '.join(known)})")
 
 
 def _seconds(span: str) -> float:

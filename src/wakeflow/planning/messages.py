@@ -17,6 +17,7 @@ from .airflow import AirflowPlan
 from .collisions import CollisionPlan, collision_lines
 from .cost import ranks_for, span_cost, typical_cells
 from .coupling import COUPLING, INDEPENDENT, Limit, strained
+from .lifting import floor_notices, lifting_line, lifting_notices
 from .lock_in import AirMotion
 from .plan import COMPARED, REPLICATES, FractionPlan
 from .terms import COLLISIONS, LOADING, TermSelection
@@ -127,6 +128,8 @@ def used_lines(
         brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
         share = brought / (scene.air.speed * scene.channel.width)
         yield f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air"
+    if lifted := lifting_line(scene, fractions):
+        yield f"lifting: {lifted}"
     for name, fraction in fractions.items():
         yield _fraction_line(scene, name, fraction)
     numbers = ", ".join(f"{limit.name} {limit.value:.2g}" for limit in validity if limit.limit is not None)
@@ -272,6 +275,8 @@ def warning_lines(
                 f"{name}: falls faster than a sphere of its size and density; check fraction.{name}.terminal_velocity"
             )
         yield from _injected_beyond(name, plan, target)
+    yield from lifting_notices(scene, fractions)
+    yield from floor_notices(scene)
     yield from body_checks(scene)
     if scene.feed.rate is not None:  # without one there is a rate only to give throughputs a scale
         yield from strained(validity, {LIFTED[term] for term in whole if term in LIFTED})

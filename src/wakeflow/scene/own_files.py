@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..core.errors import SceneError, known
 from ..core.files import read_toml
+from ..core.quantities import quantity
 from ..core.record import JsonMapping, JsonTable
 from ..laws.constants import STANDARD_AIR
 from ..laws.material import Material, materials, read_material
@@ -54,7 +55,13 @@ def with_own_materials(data: JsonMapping, base: Path) -> JsonMapping:
 
 
 def _as_fraction(material: Material, table: Mapping[str, object]) -> dict[str, object]:
-    """The keys of a fraction of a ``material``, those in its own ``table`` first."""
+    """The keys of a fraction of a ``material``, those in its own ``table`` first; at its ``moisture`` where it has one.
+
+    Raises SceneError as :meth:`Material.at_moisture` does.
+    """
+    if "moisture" in table:
+        material = material.at_moisture(_share_of(table["moisture"]))
+        table = {key: value for key, value in table.items() if key != "moisture"}
     values: dict[str, object] = {
         "size": material.diameter, "density": material.density, "impact": material.impact,
         "restitution": _spread(material.restitution, material.restitution_std),
@@ -68,6 +75,14 @@ def _as_fraction(material: Material, table: Mapping[str, object]) -> dict[str, o
     if "inertia" in table:
         del values["impact"]
     return {**values, **{key: value for key, value in table.items() if key != "material"}}
+
+
+def _share_of(given: object) -> float:
+    """A share of water as a scene writes it."""
+    try:
+        return quantity(given, "1", "14 %") if isinstance(given, str) else float(str(given))
+    except ValueError as problem:
+        raise SceneError(f"moisture = {given!r}: {problem}") from None
 
 
 def _spread(mean: object, std: float) -> object:
