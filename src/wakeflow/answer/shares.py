@@ -268,6 +268,10 @@ class LandingResults:
     measure_next: dict[str, dict[str, dict[str, InputPart]]] | None = column(
         "", "by fraction and bin, what each of them does to the share, the largest first", absent=True, default=None
     )
+    of_targets: dict[str, dict[str, InputPart]] | None = column(
+        "", "by recovery.FRACTION and purity.BIN.FRACTION of targets, what each of them does to it, the largest first",
+        absent=True, default=None,
+    )  # fmt: skip
 
 
 WEIGHTY, MAX_NAMED = 0.1, 3  # part of the variance from which an unknown is named, and how many are

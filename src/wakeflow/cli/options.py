@@ -40,6 +40,12 @@ Target = Annotated[
 ]
 
 
+Budget = Annotated[
+    str | None,
+    Parameter(help="Run time that may be spent, '3 min': the finest settings that are expected to fit are chosen."),
+]
+
+
 def _at_least_one(_: object, count: int | None) -> None:
     if count is not None and count < 1:
         raise ValueError("Must be at least 1.")
@@ -108,7 +114,18 @@ class Accuracy(Gate):
         return {**super().how, "target_error": self.target_error}
 
 
-GATE, ACCURACY = Gate(), Accuracy()
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Effort(Accuracy):
+    """What overrides a scene's own choices, and how long it may take."""
+
+    quick: Annotated[
+        bool,
+        Parameter(negative="", help="Answer in half a minute: coarse settings, no time-resolved wake, wide intervals."),
+    ] = False
+
+
+GATE, ACCURACY, EFFORT = Gate(), Accuracy(), Effort()
 
 
 def scene_and_folder(file: Path, settings: tuple[str, ...], gate: Gate, out: Path | None) -> tuple[Scene, Path]:
@@ -123,5 +140,6 @@ def scene_and_folder(file: Path, settings: tuple[str, ...], gate: Gate, out: Pat
     scene = Scene.load(file, changes)
     if deaf := unfelt(changes, scene, how["rung"] or scene.numerics.rung):
         print(f"! {unfelt_line(deaf)}", file=sys.stderr)
-    named = {"rung": how["rung"], **how["force"], "target-error": how.get("target_error")}
+    quick = isinstance(gate, Effort) and gate.quick
+    named = {"rung": how["rung"], **how["force"], "target-error": how.get("target_error"), "quick": quick or None}
     return scene, out or Path("runs", run_folder(file.stem, scene, changes, named))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING
 
+from ..answer.measurements import PAGE
 from ..answer.shares import SHARE_UNIT, BudgetRow, Separation, least_certain, weightiest
 from ..core.errors import known
 from ..core.number import Number
@@ -18,6 +19,7 @@ from ..report.words import (
     error_text,
     holds,
     in_three_dimensions,
+    measurement_lines,
     percent,
     source_seconds,
 )
@@ -32,8 +34,7 @@ if TYPE_CHECKING:
     from ..pipeline.airflow import Airflow
 
 
-NEXT = "Measure these, and write them as { value = ..., uncertainty = ... }"
-NEXT_OF_WAKE = "of wake.*: numerics.rung = '3d'"
+HOW_TO_MEASURE = f"How to measure: {PAGE}. Write what you find as {{ value = ..., uncertainty = ... }}."
 WEIGHS, MAX_PARTS = 0.1, 4  # of the largest error of a quantity, and how many errors are reported on screen
 SHORTEST = 0.5  # s: shorter run times are not worth a word
 LEVEL = ("floor", "top")  # lines along x
@@ -130,14 +131,17 @@ def _parted(text: str) -> str:
 
 
 def measure_next(result: Result) -> list[str]:
-    """For each fraction the numbers of the scene that make most of its least certain share uncertain."""
-    told, wake = [], False
+    """What a measurement would make of each recovery and each purity of a target; without targets, on which numbers
+    each fraction's least certain share depends most.
+    """
+    if told := measurement_lines(result.landings):
+        return [*told, HOW_TO_MEASURE]
+    told = []
     for name, (place, parts) in ({} if result.landings is None else least_certain(result.landings)).items():
         if known := weightiest(parts):
             inputs = ", ".join(f"{key} {part.points}" for key, part in known)
             told.append(f"{name} in {place} depends most on (points each): {inputs}")
-            wake |= any(key.startswith("wake.") for key, _ in known)
-    return [*told, f"{NEXT}; {NEXT_OF_WAKE}." if wake else f"{NEXT}."] if told else []
+    return [*told, HOW_TO_MEASURE] if told else []
 
 
 def alone_table(separation: Separation, alone: Separation) -> Table:

@@ -13,7 +13,7 @@ from cyclopts.validators import Number
 
 from ..core.errors import SceneError
 from ..scene.overrides import changes_of
-from .options import ACCURACY, Accuracy, AsJson, Quiet, Settings, Stage, Threads, scene_and_folder
+from .options import EFFORT, AsJson, Effort, Quiet, Settings, Stage, Threads, scene_and_folder
 
 if TYPE_CHECKING:
     from ..scene import Scene
@@ -33,7 +33,7 @@ def plan(
     until: Stage | None = None,
     workers: Threads = None,
     settings: Settings = (),
-    gate: Accuracy = ACCURACY,
+    gate: Effort = EFFORT,
     as_json: AsJson = False,
 ) -> None:
     """Say in ten lines what is flown, left out and doubtful and what it costs, and draw the machine with its measures.
@@ -59,7 +59,12 @@ def plan(
     from .show_plan import show_plan, show_whole_plan
 
     asked, folder = scene_and_folder(scene, settings, gate, out)
-    made = make_plan(asked, **gate.how)
+    how = gate.how
+    if gate.quick:
+        from ..runs.effort import quick_settings
+
+        asked, how = quick_settings(asked, how)
+    made = make_plan(asked, **how)
     if as_json:
         print(json.dumps(made.summary(), indent=2))
     elif everything:

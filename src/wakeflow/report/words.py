@@ -11,10 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from ..answer.measurements import Purchase, worth_measuring
 from ..answer.result import VOID
 from ..answer.shares import LEFT_OUT, NOT_COMPUTED, SHARE_UNIT, BudgetPart, BudgetRow
 from ..budget.total import remedies
 from ..core.number import Number
+from ..core.quantities import say, speaking
 from ..core.tables import Cell, CellTable
 
 if TYPE_CHECKING:
@@ -95,6 +97,28 @@ def in_three_dimensions(landings: LandingResults | None) -> str:
     ]
     about = "this body at this Stokes number, each granule alone in air that does not feel it; in the interval"
     return f"Three dimensions: {', '.join(told)} ({about})" if told else ""
+
+
+def measurement_lines(landings: LandingResults | None) -> list[str]:
+    """A line for each recovery and purity that a measurement would narrow: the best one, and what it leaves."""
+    lines = []
+    for name, number, bought in worth_measuring(landings):
+        kind, *of = name.split(".")
+        what = f"recovery of {of[0]}" if kind == "recovery" else f"purity of {of[1]} in {of[0]}"
+        best = bought[0]
+        lines.append(
+            f"{what}, now {percent(number)} %: measure {measured_words(best)} and it becomes {percent(best.number)} %"
+        )
+    return lines
+
+
+def measured_words(bought: Purchase) -> str:
+    """``"the restitution of wheat to +- 0.03 (a drop test)"``."""
+    parts = bought.key.split(".")
+    what = f"the {parts[2]} of {parts[1]}" if parts[0] == "fraction" else bought.key
+    with speaking({"m": "mm", "rad": "deg"}):
+        half = say(bought.half, bought.unit, 2)
+    return f"{what.replace('_', ' ')} to +- {half} ({bought.method.how})"
 
 
 def change_of(before: Number | None, after: Number | None) -> str:
