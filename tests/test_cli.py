@@ -174,4 +174,4 @@ def test_a_vacuum_is_not_told_to_resolve_a_wake(small_run: wf.Result, capsys: py
 
 def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0
-    assert capsys.readouterr().out.strip() == wf.__version__ == version("wakeflow")
+    assert capsys.readouterr().out.strip() == wf.__version__ == version("wakeflow-separation")

@@ -209,7 +209,7 @@ def by_estimator(history: History, count: int) -> list[DesignPoint]:
     try:
         import optuna
     except ModuleNotFoundError:
-        raise SceneError("a search needs optuna: pip install 'wakeflow[search]'") from None
+        raise SceneError("a search needs optuna: pip install optuna") from None
     task = history.task
     if len(history.found[0]) < max(task.at_a_time, FIRST * len(task.within)):
         return at_random(history, count)

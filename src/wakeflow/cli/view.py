@@ -129,7 +129,7 @@ def animate(
     run_folder
         A folder that ``wakeflow run`` wrote.
     format_
-        gif, or mp4: smaller and smoother, with the extra wakeflow[mp4].
+        gif, or mp4: smaller and smoother, with imageio-ffmpeg installed.
     fractions
         Show this one alone; repeatable.
     seconds
