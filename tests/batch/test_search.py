@@ -111,11 +111,12 @@ def test_a_search_sweeps_its_levels_and_goes_on_where_it_ended(
 ) -> None:
     """The second call computes nothing and finds the same. Figures are drawn as in any sweep."""
     monkeypatch.setattr("wakeflow.report.many.draw_table_figures", lambda folder, table: None)
+    monkeypatch.setattr("wakeflow.batch.designs._expected_price", lambda scene: 1.0)
     scene, here = shipped("rhombus", {"numerics.rung": "none"}).without_air(), Here()
     tied = "bin.middle.to = bin.inner-right.from = -bin.middle.from = -bin.inner-left.to"
     axes = (axis_of_text("feed.height=60:140:2 mm"), Axis(tied, ("60 mm", "100 mm"), (60.0, 100.0), "mm"))
     levels = ({"feed.count": 16}, {"feed.count": 32})
-    task = SearchTask(scene, axes, (Goal("recovery.wheat"),), budget=12.0, levels=levels, at_a_time=2)
+    task = SearchTask(scene, axes, (Goal("recovery.wheat"),), budget=3.0, levels=levels, at_a_time=2)
     found = wf.search(task, tmp_path, scheduler=here)
     assert min(found.tried) >= 1
     best = found.recommended

@@ -88,6 +88,13 @@ class PartitionCurve:
         "", "why there is no cut, or between which values no granules are; else left out", absent=True, default=None
     )
 
+    @property
+    def overlaps(self) -> bool:
+        """Whether granules of several fractions are alike in the property, so that the curve tells of a cut by it and
+        not of a gap between two fractions.
+        """
+        return self.why is None or "no granules between" not in self.why
+
 
 @dataclass(frozen=True)
 class Separation:

@@ -116,7 +116,7 @@ class Accuracy(Gate):
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Effort(Accuracy):
+class Pace(Accuracy):
     """What overrides a scene's own choices, and how long it may take."""
 
     quick: Annotated[
@@ -125,7 +125,7 @@ class Effort(Accuracy):
     ] = False
 
 
-GATE, ACCURACY, EFFORT = Gate(), Accuracy(), Effort()
+GATE, ACCURACY, PACE = Gate(), Accuracy(), Pace()
 
 
 def scene_and_folder(file: Path, settings: tuple[str, ...], gate: Gate, out: Path | None) -> tuple[Scene, Path]:
@@ -140,6 +140,6 @@ def scene_and_folder(file: Path, settings: tuple[str, ...], gate: Gate, out: Pat
     scene = Scene.load(file, changes)
     if deaf := unfelt(changes, scene, how["rung"] or scene.numerics.rung):
         print(f"! {unfelt_line(deaf)}", file=sys.stderr)
-    quick = isinstance(gate, Effort) and gate.quick
+    quick = isinstance(gate, Pace) and gate.quick
     named = {"rung": how["rung"], **how["force"], "target-error": how.get("target_error"), "quick": quick or None}
     return scene, out or Path("runs", run_folder(file.stem, scene, changes, named))

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import EFFORT, AsJson, Budget, Effort, Folder, Quiet, Settings, Stage, Threads, scene_and_folder
+from .options import PACE, AsJson, Budget, Folder, Pace, Quiet, Settings, Stage, Threads, scene_and_folder
 
 
 def run(
@@ -18,7 +18,7 @@ def run(
     out: Folder = None,
     until: Stage | None = None,
     settings: Settings = (),
-    gate: Effort = EFFORT,
+    gate: Pace = PACE,
     budget: Budget = None,
     near: Path | None = None,
     workers: Threads = None,

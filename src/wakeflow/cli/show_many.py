@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from textwrap import shorten
 from typing import TYPE_CHECKING
 
 from ..answer.result import VOID
@@ -27,6 +29,8 @@ MAX_NAMED_SCENES = 5  # scenes that are named in a line
 MAX_ROWS = 50  # of a table on a terminal; all are in the file
 MAX_INPUTS = 8  # told of a quantity; all are in the file
 GAP = 2  # letters between columns
+MAX_KEYS = 6  # in which compared scenes differ: more have a line each
+LONGEST_VALUE = 30  # letters of a value in such a line
 AS_IT_STANDS = "the scene as it is"
 DIFFERENCES_HOLD = (
     "bold: zero lies outside of the interval, of what computing adds; of all that is not known where rungs or terms "
@@ -131,10 +135,23 @@ def _heads(table: ResultTable) -> Sequence[str]:
 
 
 def show_comparison(found: RunComparison) -> None:
-    """Print what differs in the scenes, the answers, and the differences from the first run."""
+    """Print what differs in the scenes, the answers, and the differences from the first run; of runs that are the same
+    computation that alone.
+    """
     from rich.console import Console
 
-    show_table(found.table)
+    keys = [run.key for run in found.runs]
+    if len(set(keys)) == 1:
+        print_lines([f"{' and '.join(entry.name for entry in found.table.entries)} are the same computation"])
+        return
+    if len(found.table.inputs) > MAX_KEYS:
+        _show_keys(found.table)
+        show_table(replace(found.table, entries=[replace(one, inputs={}) for one in found.table.entries]))
+    else:
+        show_table(found.table)
+    for entry, key in list(zip(found.table.entries, keys, strict=True))[1:]:
+        if key == keys[0]:
+            print_lines([f"{entry.name} is the same computation as {found.table.entries[0].name}"])
     first, names = found.table.entries[0].name, set(main_quantities(found.table))
     names |= {"airflow.cd", "airflow.cp_base", "airflow.pressure_drop"}
     others = [entry.name for entry in found.table.entries[1:]]
@@ -148,6 +165,21 @@ def show_comparison(found: RunComparison) -> None:
     ]
     table = screen_table(["less " + first, *others], rows, "differences", DIFFERENCES_HOLD)
     Console().print(table if rows else f"no number of {first} is in another of these runs")
+
+
+def _show_keys(table: ResultTable) -> None:
+    """Print the keys in which scenes differ, a line each: of machines that have little in common."""
+    from rich.console import Console
+
+    rows = [
+        [f"{key} ({unit})" if unit else key, *(_input_cell(entry.inputs.get(key)) for entry in table.entries)]
+        for key, unit in table.inputs.items()
+    ]
+    Console().print(screen_table(["key", *(entry.name for entry in table.entries)], rows, "what differs"))
+
+
+def _input_cell(value: object) -> str:
+    return NO_VALUE if value is None else shorten(input_words(value), LONGEST_VALUE, placeholder=" ...")
 
 
 def _difference(one: Difference) -> str:

@@ -13,7 +13,7 @@ from cyclopts.validators import Number
 
 from ..core.errors import SceneError
 from ..scene.overrides import changes_of
-from .options import EFFORT, AsJson, Effort, Quiet, Settings, Stage, Threads, scene_and_folder
+from .options import PACE, AsJson, Pace, Quiet, Settings, Stage, Threads, scene_and_folder
 
 if TYPE_CHECKING:
     from ..scene import Scene
@@ -33,7 +33,7 @@ def plan(
     until: Stage | None = None,
     workers: Threads = None,
     settings: Settings = (),
-    gate: Effort = EFFORT,
+    gate: Pace = PACE,
     as_json: AsJson = False,
 ) -> None:
     """Say in ten lines what is flown, left out and doubtful and what it costs, and draw the machine with its measures.

@@ -121,6 +121,33 @@ def measured_words(bought: Purchase) -> str:
     return f"{what.replace('_', ' ')} to +- {half} ({bought.method.how})"
 
 
+def headline(result: Result) -> list[str]:
+    """The answer in plain words, a sentence for each fraction that has a target."""
+    if result.landings is None:
+        return []
+    if result.void:
+        return [f"This answer is void: {result.why_void}."]
+    told, shares = [], result.landings.separation
+    for name, number in shares.recovery.items():
+        if number is None:
+            continue
+        places = result.targets(name)
+        pure = [(place, (shares.purity.get(place) or {}).get(name)) for place in places]
+        known = [f"{purity(one)} % in {place}" for place, one in pure if one is not None]
+        least = dict.fromkeys(text.partition(" in ")[0] for text in known)
+        where = f"{' or '.join(least)} of what lies there" if len(least) == 1 else ", ".join(known)
+        of_bin = f"; it makes up {where}" if known else ""
+        told.append(f"Of the {name}, {percent(number)} % lands in {' or '.join(places)}{of_bin}.")
+    return told
+
+
+def split_cure(line: str) -> tuple[str, str]:
+    """A warning in two: what is the matter, and the keys and switches that change it, empty where it names none."""
+    what, sign, cure = line.rpartition("; ")
+    named = sign and any(mark in cure for mark in ("=", "--", ".", "[", "_"))
+    return (what, cure) if named else (line, "")
+
+
 def change_of(before: Number | None, after: Number | None) -> str:
     """``"-17.2"``: what a share in 0..1 changes by, in percentage points; a dash where either is not known."""
     if before is None or after is None:

@@ -186,6 +186,29 @@ class Within:
         return scene, request
 
 
+def affordable(
+    scene: Scene,
+    request: Request,
+    compute: Callable[..., Result],
+    listener: Listener,
+    *,
+    quick: bool,
+    budget: float | str | None,
+) -> tuple[Scene, Request]:
+    """The settings of a ``quick`` answer, or the finest that a ``budget`` pays for, which are then computed: by
+    ``compute(scene, request=..., listener=...)``. Raises SceneError where both are asked for, and as :class:`Within`.
+    """
+    if quick and budget is not None:
+        raise SceneError("quick and budget: give one of them")
+    if budget is None:
+        return QUICK.of(scene, request)
+
+    def computed(asked: Scene, how: Request, heard: Listener) -> Result:
+        return compute(asked, request=how, listener=heard)
+
+    return Within(seconds_of(budget), scene, request, computed, listener).best()
+
+
 def quick_settings(scene: Scene, how: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
     """The scene of a quick answer and how to ask for it: ``rung``, ``force`` and ``target_error`` as of a plan."""
     request = Request.asked(None, how.get("rung"), how.get("force"), how.get("target_error"), None)

@@ -18,7 +18,7 @@ from ..planning.make import make_plan
 from ..scene import Scene
 from ..scene.whole import States
 from .answer import OneRun
-from .effort import QUICK, Within, seconds_of
+from .effort import affordable
 from .folder import LOCK, refuse_foreign
 from .progress import as_listener, ignore
 from .refine import refined
@@ -72,16 +72,7 @@ def run(
         run_once, folder=folder, request=request, workers=workers, listener=listener, planned=planned, redraw=redraw
     )
     if quick or budget is not None:
-        if quick and budget is not None:
-            raise SceneError("quick and budget: give one of them")
-        if quick:
-            asked, request = QUICK.of(asked, request)
-        else:
-
-            def compute(scene: Scene, how: Request, heard: Listener) -> Result:
-                return run_once(scene, folder, how, workers=workers, listener=heard, planned=planned, report=False)
-
-            asked, request = Within(seconds_of(budget or 0.0), asked, request, compute, listener).best()
+        asked, request = affordable(asked, request, partial(once, report=False), listener, quick=quick, budget=budget)
         return once(asked, request=request, report=report)
     if request.target_error is None or until is not None or not refine:
         return once(asked, report=report)

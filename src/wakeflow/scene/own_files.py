@@ -97,12 +97,27 @@ def with_own_files(data: JsonMapping, base: Path) -> JsonMapping:
 
     Raises SceneError as :func:`read_samples` and :func:`find_case` do.
     """
-    air, vibration = data.get("air"), data.get("vibration")
+    air, vibration, report = data.get("air"), data.get("vibration"), data.get("report")
+    if isinstance(report, Mapping) and isinstance(report.get("logo"), str):
+        data = {**data, "report": {**report, "logo": str(_logo(report["logo"], base))}}
     if isinstance(air, Mapping) and isinstance(air.get("case"), str):
         data = {**data, "air": _of_case(air, base)}
     if isinstance(vibration, Mapping) and isinstance(vibration.get("samples"), str):
         data = {**data, "vibration": {**vibration, "samples": read_samples(vibration["samples"], base)}}
     return data
+
+
+LOGOS = {".png": "image/png", ".svg": "image/svg+xml", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
+
+
+def _logo(given: str, base: Path) -> Path:
+    """The file of a logo, absolute. Raises SceneError where it is none."""
+    path = (base / Path(given).expanduser()).resolve()
+    if path.suffix.lower() not in LOGOS:
+        raise SceneError(f"report.logo = {given!r}: needs a file that ends in {', '.join(LOGOS)}")
+    if not path.is_file():
+        raise SceneError(f"report.logo = {given!r}: no file {path}")
+    return path
 
 
 def _of_case(air: JsonMapping, base: Path) -> JsonTable:

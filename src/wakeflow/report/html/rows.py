@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from ...funnel.rate import FunnelSummary
     from ...pipeline.airflow import Airflow, MeshReport
 
-ELSEWHERE = ("fraction", "numerics", "picture", "uncertainty", "force")  # tables that the page tells in other places
+# tables that the page tells in other places
+ELSEWHERE = ("fraction", "numerics", "picture", "uncertainty", "force", "report")
 QUANTITIES = {  # of a material: name, unit
     "diameter": ("diameter of the equal sphere", "m"),
     "density": ("density", "kg/m^3"),
