@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 HOW_TO_MEASURE = f"How to measure: {PAGE}. Write what you find as {{ value = ..., uncertainty = ... }}."
 WEIGHS, MAX_PARTS = 0.1, 4  # of the largest error of a quantity, and how many errors are reported on screen
 SHORTEST = 0.5  # s: shorter run times are not worth a word
+MANY = 3  # fractions: from as many on an interval is below its number, so that the table fits 80 letters
 LEVEL = ("floor", "top")  # lines along x
 
 
@@ -115,8 +116,10 @@ def separation_table(result: Result, separation: Separation) -> Table:
     met = result.landings is not None and result.landings.slab is not None
     title = f"{'VOID: ' if result.void else ''}share of each fraction's mass, %{', granules colliding' if met else ''}"
     rows: list[list[str | Text] | None] = []
+    few = len(separation.fractions) < MANY
     for one in bins_in_words(result, separation):
-        shares = [Text(share, style="bold green" if wanted else "") for share, wanted in one.shares]
+        told = [(share if few else _parted(share), wanted) for share, wanted in one.shares]
+        shares = [Text(share, style="bold green" if wanted else "") for share, wanted in told]
         purest = "\n".join(f"{name} {_parted(share)}".strip() for name, share in one.purities)
         rows.append([one.place, *shares, one.flow, purest])
     below = [] if result.void else measure_next(result)  # more exact numbers mend no answer that is worth nothing

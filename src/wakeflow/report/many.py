@@ -58,7 +58,7 @@ def draw_table_figures(folder: Path, table: ResultTable) -> list[Path]:
     for pattern in ("lines-*.png", "map-*.png", "trade-off.png"):
         for old in folder.glob(pattern):
             old.unlink()
-    table = ResultTable([one for one in table.entries if one.reason != VOID], table.targets)  # those are no answers
+    table = of_worth(table)
     names, keys = main_quantities(table), numeric_inputs(table)
     files: list[Path] = []
     if not names or not table.done:
@@ -74,6 +74,11 @@ def draw_table_figures(folder: Path, table: ResultTable) -> list[Path]:
         files.append(folder / "trade-off.png")
         draw_trade_off(files[-1], table)
     return files
+
+
+def of_worth(table: ResultTable) -> ResultTable:
+    """The table without void answers, which say nothing."""
+    return ResultTable([one for one in table.entries if one.reason != VOID], table.targets)
 
 
 def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -> None:
