@@ -43,7 +43,7 @@ def test_no_search_recommends_a_void_answer(tmp_path: Path) -> None:
     (tmp_path / "rhombus.toml").write_text((Path(__file__).parents[2] / "cases" / "rhombus.toml").read_text())
     file = tmp_path / "search.toml"
     file.write_text(
-        '[search]\nscene = "rhombus.toml"\nmaximise = "recovery.wheat"\nbudget = "1 s"\nat_a_time = 2\n'
+        '[search]\nscene = "rhombus.toml"\nmaximise = "recovery.wheat"\nbudget = "5 s"\nat_a_time = 2\n'
         '[search.within]\nfeed.height = { from = "60 mm", to = "120 mm" }\n'
         '[search.set]\nnumerics.rung = "none"\nfeed.count = 16\n'
     )

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 DONE, FROM_CACHE = "done", "done (from the cache)"  # how the text of a stage begins that is done
 TRUSTED = 20.0  # s: until about as much of a kind of work is done its expected time is trusted more than its pace
-GROWS = 1.25  # times what was told before: the time left never grows by more
+GROWS = 1.25  # times the one reported before: the time left never grows by more
 OVERDUE = 0.95  # of a stage's expected time: no more counts as done before the stage says so
 
 
@@ -47,7 +47,7 @@ class RunProgress:
     under_way: dict[str, float] = field(default_factory=dict)  # by stage: since when
     took: dict[str, float] = field(default_factory=dict)  # by stage: s, each time it was done now
     cached: set[str] = field(default_factory=set)  # stages that came from the cache
-    least: float = math.inf  # s: the shortest time left that was told
+    least: float = math.inf  # s: the shortest time left that was reported
 
     def begin(self, expected: Sequence[StageCost], cores: int) -> None:
         """Start anew, with these stages."""
@@ -119,8 +119,8 @@ class RunProgress:
         return found
 
     def __str__(self) -> str:
-        """Stage n of m, and the time left; empty where nothing is known. What was told before grows by a quarter at
-        most: beyond that it is told as "at least".
+        """Stage n of m, and the time left; empty where nothing is known. The time reported before grows by a quarter
+        at most: beyond that it is reported as "at least".
         """
         left = self.left
         if left is None:
