@@ -743,6 +743,8 @@ def test_a_table_changes_its_own_keys_and_keeps_the_others(rhombus: Scene) -> No
     wider = up.replace({"body": {"rhombus": {"width": "60 mm"}}, "numerics": {"span": {"layers": 8}}})
     assert wider.body["rhombus"].slope_angle == up.body["rhombus"].slope_angle
     assert wider.fraction == up.fraction
+    cut = rhombus.replace({"body.rhombus": {"shape": "circle", "width": "50 mm"}})  # another shape comes whole
+    assert cut.body["rhombus"].slope_angle is None
     sized = rhombus.replace({"fraction.wheat.size": {"distribution": "normal", "mean": "3 mm", "std": "0.2 mm"}})
     other = sized.replace({"fraction": {"wheat": {"size": {"distribution": "single", "diameter": "3 mm"}}}})
     assert other.fraction["wheat"].size.std is None  # a value is swapped

@@ -16,6 +16,7 @@ from ..core.registry import did_you_mean
 from .table import present_key, present_keys
 from .whole import ON_OFF
 
+KINDS = {"shape", "kind"}  # keys whose value decides which other keys a table has: one with them comes whole
 NAMED = ("body", "fraction", "bin", "picture")  # tables of tables, whose names are the user's
 
 
@@ -97,6 +98,8 @@ def changed(data: JsonMapping, changes: JsonMapping, name: str = "scene") -> Jso
 def _merged(place: Sequence[str], before: Any, value: Any) -> Any:
     """The ``value`` at a ``place`` of a scene, or what was there ``before`` with the value's keys changed in it."""
     if not isinstance(before, dict) or not isinstance(value, dict) or not value or not _keeps_keys(place):
+        return value
+    if KINDS & value.keys():  # another shape has other keys
         return value
     return {**before, **{key: _merged([*place, key], before.get(key), one) for key, one in value.items()}}
 
