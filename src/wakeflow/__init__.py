@@ -80,11 +80,18 @@ __all__ = [
 ]  # fmt: skip
 
 
+DISTRIBUTION = "wakeflow-separation"  # on the registry, where "wakeflow" is an astronomer's package
+UNINSTALLED = "0 (a source tree that was never installed)"
+
+
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        from importlib.metadata import version
+        from importlib.metadata import PackageNotFoundError, version
 
-        return version(__name__)
+        try:
+            return version(DISTRIBUTION)
+        except PackageNotFoundError:
+            return UNINSTALLED
     return loaded(__name__, name)
 
 

@@ -60,7 +60,7 @@ def test_what_stands_against_an_answer_is_told_with_it(small_run: Result) -> Non
     assert holds(small_run).startswith("The interval holds 95 %")
 
     void = replace(small_run, warnings=("beads jam; feed.rate below 2 kg/h",), grades=(Grade.VOID.value,))
-    assert repr(void).endswith("; void>")
+    assert repr(void).endswith("vacuum: void>")
     assert holds(void).startswith("VOID")
     assert "beads jam" in holds(void)
 
@@ -80,7 +80,7 @@ def test_an_input_is_named_with_its_error_and_not_below_twice_that() -> None:
     """A square's relative error is twice its root's: an index of 0.4 +- 0.3 is a change of 12 +- 4.5 points."""
     known, vague = (InputPart(half=0.12, variance=0.4, error=error) for error in (0.3, 0.5))
     assert known.uncertainty == pytest.approx(0.045)
-    assert known.points == "12 ± 4"
+    assert known.points == "12 (7.5 to 16)"
     small = InputPart(half=0.01, variance=0.05, error=0.01)
     assert weightiest({"a": vague, "b": known, "c": small}) == [("b", known)]
 
@@ -148,12 +148,14 @@ def test_a_result_of_schema_1_is_read(small_run: Result) -> None:
     """
     old = Result.load(Path(__file__).parent / "schema_1")
     assert (old.schema, old.plan.rung) == (2, "none")
-    assert [notice.text for notice in old.plan.notices] == list(small_run.plan.warnings)
+    assert not old.plan.notices
+    assert [notice for notice in small_run.plan.warnings if "no bin on the floor" not in notice] == []
     for name, shares in small_run.separation["fractions"].items():
         for place in shares:
             assert old.share(name, place).value == small_run.share(name, place).value
     assert old.share("hard", "near").low == 0.1410860998211264
-    assert [row.quantity for row in old.budget] == [row.quantity for row in small_run.budget]
+    rows = {row.quantity for row in small_run.budget}  # also of bins that got nothing, which had none
+    assert {row.quantity for row in old.budget} < rows
 
 
 def test_the_page_says_what_the_types_hold() -> None:

@@ -20,14 +20,14 @@ from wakeflow.cli.show_many import show_table
 from wakeflow.core.errors import SceneError, known
 from wakeflow.report import many
 from wakeflow.report.many import draw_lines
-from wakeflow.report.words import holds, percent
+from wakeflow.report.words import bins_in_words, holds, percent
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> list[wf.Result]:
     folder = tmp_path_factory.mktemp("runs")
     few = {"feed.rate": "0.5 kg/hour", "feed.count": 1024}  # nobody meets
-    scene = shipped("rhombus", {"numerics.rung": "none", **few, "fraction.*.impact": "paper"})
+    scene = shipped("rhombus", {"numerics.rung": "none", **few, "fraction.*.impact": "paper"}).without_air()
     bouncy = scene.replace({"fraction.wheat.restitution": 0.6, "bin.middle.from": "-13 mm"})
     asked = {"as-it-is": scene, "bouncy": bouncy}
     return [wf.run(one, folder / name, report=False) for name, one in asked.items()]
@@ -80,11 +80,22 @@ def test_runs_that_leave_out_different_things_differ_by_all_that_is_not_known() 
     assert not against({}, VOID).clear
 
 
-def test_an_air_that_is_left_out_stands_against_the_answer(runs: list[wf.Result]) -> None:
+def test_an_answer_without_its_air_is_void_in_every_table(
+    runs: list[wf.Result], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where the air could move a fraction by body widths; the number stays in result.json."""
     assert not runs[0].void
-    assert runs[0].caveat == "of dust, chaff, wheat mostly of the air, which is left out"
-    assert "Of dust, chaff, wheat mostly of the air" in holds(runs[0])
-    assert "sheddings" not in holds(runs[0])
+    aired = shipped("rhombus", {"numerics.rung": "none", "feed.rate": "0.5 kg/hour", "feed.count": 64})
+    blown = wf.run(aired, tmp_path / "blown", report=False)
+    assert (blown.void, blown.caveat) == (True, "void")
+    assert "leaves the air out, which could move it by" in blown.why_void
+    assert repr(blown).endswith("blown: void>")
+    assert "VOID: the answer is worth nothing" in holds(blown)
+    assert {word for row in bins_in_words(blown, blown.landings.separation) for word, _ in row.shares} == {"void"}
+    show_table(wf.compare([runs[0], blown]).table)
+    said = capsys.readouterr().out
+    assert "void" in said
+    assert "! blown: the answer is void" in said
 
 
 def test_the_command_prints_and_writes(
@@ -222,7 +233,7 @@ def test_a_map_shows_no_difference_that_the_intervals_hide(
     assert axes.collections[0].get_clim() == pytest.approx(ends)
     told = [text.get_text() for text in axes.texts]
     assert told.count("0.1") == 2
-    assert told.count("±50") == (4 if high == 1.0 else 0)
+    assert told.count("0 to 100") == (4 if high == 1.0 else 0)
 
 
 def test_a_few_scenes_are_named_at_their_points(drawn: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,7 @@
 """A search from its file to its answer, and its loop on problems whose answer is known."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import wakeflow as wf
 from support import CASES, Here, shipped
 from wakeflow.answer.table import TableQuantity
 from wakeflow.batch.axis import Axis, axis_of_text
-from wakeflow.batch.designs import explore
+from wakeflow.batch.designs import affordable, explore
 from wakeflow.batch.history import DesignPoint, Evaluation, History, at_random
 from wakeflow.batch.task import Goal, QuantityLimit, SearchTask, read_search_file
 from wakeflow.cli.show_many import show_search
@@ -110,13 +111,14 @@ def test_a_search_sweeps_its_levels_and_goes_on_where_it_ended(
 ) -> None:
     """The second call computes nothing and finds the same. Figures are drawn as in any sweep."""
     monkeypatch.setattr("wakeflow.report.many.draw_table_figures", lambda folder, table: None)
-    scene, here = shipped("rhombus", {"numerics.rung": "none"}), Here()
+    monkeypatch.setattr("wakeflow.batch.designs._expected_price", lambda scene: 1.0)
+    scene, here = shipped("rhombus", {"numerics.rung": "none"}).without_air(), Here()
     tied = "bin.middle.to = bin.inner-right.from = -bin.middle.from = -bin.inner-left.to"
     axes = (axis_of_text("feed.height=60:140:2 mm"), Axis(tied, ("60 mm", "100 mm"), (60.0, 100.0), "mm"))
     levels = ({"feed.count": 16}, {"feed.count": 32})
-    task = SearchTask(scene, axes, (Goal("recovery.wheat"),), budget=1.0, levels=levels, at_a_time=2)
+    task = SearchTask(scene, axes, (Goal("recovery.wheat"),), budget=3.0, levels=levels, at_a_time=2)
     found = wf.search(task, tmp_path, scheduler=here)
-    assert found.tried == (2, 1)
+    assert min(found.tried) >= 1
     best = found.recommended
     assert best.quantities["recovery.wheat"].value == found.result.landings.separation.recovery["wheat"].value
     assert best.changes["bin.middle.from"] == f"-{best.changes['bin.inner-right.from']}"
@@ -246,3 +248,34 @@ def test_several_goals_have_a_front_and_a_middle() -> None:
 def test_a_quantity_that_is_not_there_is_named() -> None:
     with pytest.raises(SceneError, match=r"level 1 has no quantity 'god'; did you mean 'good'"):
         explore(task(100.0, goals=(Goal("god"),)), hill)
+
+
+def test_levels_that_the_budget_does_not_pay_for_are_left_out_and_said() -> None:
+    scene = shipped("rhombus")
+    levels = ({"numerics.rung": "none", "feed.count": 64}, {"numerics.rung": "draft"})
+    axes = (axis_of_text("feed.height=60:140:2 mm"),)
+    task, said = SearchTask(scene, axes, (Goal("recovery.wheat"),), budget=30.0, levels=levels), list[str]()
+    kept, price = affordable(task, said.append)
+    assert kept.levels == levels[:1]
+    assert price(0) < 30.0 < price(1)
+    assert "does not pay for the finest 1 of 2 levels" in said[0]
+    assert affordable(replace(task, budget=1e4), said.append)[0] == replace(task, budget=1e4)
+    with pytest.raises(SceneError, match=r"budget = 30 s: one design takes about .* of one core"):
+        affordable(replace(task, levels=levels[1:]), said.append)
+
+
+def test_a_search_keeps_its_budget_however_many_designs_are_asked_for_at_a_time() -> None:
+    """Each design costs what was expected; the finest level's is set aside before the first batch."""
+    task = SearchTask(
+        shipped("rhombus"), (axis_of_text("feed.height=60:140:2 mm"),), (Goal("recovery.wheat"),), budget=100.0,
+        levels=({}, {"feed.count": 64}), at_a_time=8,
+    )  # fmt: skip
+    cost = (10.0, 40.0)
+
+    def evaluate(level: int, places: Sequence[DesignPoint]) -> list[Evaluation]:
+        share = TableQuantity(0.5, 0.4, 0.6, name="recovery.wheat", unit="1")
+        return [Evaluation(cost[level], {"recovery.wheat": share}) for _ in places]
+
+    history = explore(task, evaluate, at_random, price=cost.__getitem__)
+    assert sum(history.seconds(level) for level in (0, 1)) <= 1.3 * task.budget
+    assert len(history.found[1]) >= 1

@@ -236,7 +236,7 @@ OVER = {"fraction.wheat.restitution": [0.3, 0.5, 1.5], "feed.height": ["80 mm", 
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory: pytest.TempPathFactory) -> tuple[wf.Sweep, list[Variant], Here]:
-    found, here = variants(shipped("rhombus", CHAIN), OVER), Here()
+    found, here = variants(shipped("rhombus", CHAIN).without_air(), OVER), Here()
     return wf.sweep(found, tmp_path_factory.mktemp("sweep"), scheduler=here), found, here
 
 

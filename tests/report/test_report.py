@@ -37,7 +37,7 @@ from wakeflow.report.figures.air import draw_pressure, draw_surface, draw_vortic
 from wakeflow.report.figures.flights import draw_residence, draw_tracks
 from wakeflow.report.figures.shares import draw_landing, draw_partition
 from wakeflow.report.html.live import live_data
-from wakeflow.report.words import in_three_dimensions, percent
+from wakeflow.report.words import in_three_dimensions, percent, purity
 from wakeflow.scene import Scene
 from wakeflow.scene.pictures import STANDARD_FIGURES
 
@@ -355,7 +355,7 @@ def test_zones_are_named_where_they_are(name: str, cases: Path, drawn: list[Any]
     assert suction[0] == pytest.approx(0.0, abs=12.0)
     assert -110.0 < down * suction[1] < -30.0  # mm
     title = drawn[0].axes[0].get_title(loc="left")
-    assert all(text in title for text in ("draft", "16493", "1.234 [1.210, 1.260]"))
+    assert all(text in title for text in ("draft", "16493", "1.234 (1.210 to 1.260)"))
 
 
 def test_pressure_is_drawn_as_a_coefficient_from_the_inlet(
@@ -504,13 +504,14 @@ def test_a_bin_on_a_line_has_its_own_panel(rhombus: Scene, drawn: list[Any]) -> 
 @pytest.mark.parametrize(
     ("number", "text"),
     [
-        (Number(0.621, 0.613, 0.629), "62.1 ± 0.8"),
-        (Number(0.62144, 0.62104, 0.62184), "62.14 ± 0.04"),
-        (Number(1.0, 0.99998, 1.0), "100.000 -0.002"),
-        (Number(0.982, 0.951, 0.991), "98.2 -3.1 +0.9"),
-        (Number(0.0, 0.0, 0.004), "0.0 +0.4"),
-        (Number(0.756, 0.637, 0.875), "76 ± 12"),
-        (Number(0.25, 0.25, 0.25), "25.0 ± 0.0"),
+        (Number(0.621, 0.613, 0.629), "62.1 (61.3 to 62.9)"),
+        (Number(0.62144, 0.62104, 0.62184), "62.14 (62.10 to 62.18)"),
+        (Number(1.0, 0.99998, 1.0), "100 (99.9980 to 100)"),
+        (Number(0.982, 0.951, 0.991), "98.2 (95.1 to 99.1)"),
+        (Number(0.0, 0.0, 0.004), "0 (0 to 0.4)"),
+        (Number(0.756, 0.637, 0.875), "76 (64 to 88)"),
+        (Number(0.25, 0.25, 0.25), "25.0 (25.0 to 25.0)"),
+        (Number(0.4406, 0.0, 1.0), "44 (0 to 100)"),  # a symmetric half would leave it
         (Number(0.5), "50.0"),
         (Number(math.inf), "–"),
         (None, "–"),
@@ -518,6 +519,12 @@ def test_a_bin_on_a_line_has_its_own_panel(rhombus: Scene, drawn: list[Any]) -> 
 )
 def test_digits_follow_the_interval(number: Number | None, text: str) -> None:
     assert percent(number) == text
+
+
+def test_a_purity_of_which_nothing_is_known_says_so() -> None:
+    assert purity(Number(0.21, 0.0, 0.5)) == "unknown (0 to 50)"
+    assert purity(Number(0.21, 0.1, 0.5)) == "21 (10 to 50)"
+    assert purity(Number(0.21, 0.0, 0.5), void=True) == "void"
 
 
 def _rows(path: Path) -> list[dict[str, str]]:
@@ -568,7 +575,9 @@ def test_terminal_tables_hold_the_numbers(scene: Scene) -> None:
     text = _printed(separation_table(result, _separation(result)))
     for places in _separation(result).fractions.values():
         for share in places.values():
-            assert percent(share) in text
+            value, interval = percent(share).split(" ", 1)  # of many fractions the one below the other
+            assert value in text
+            assert interval in text
     assert "11.5" in text
     budget = _printed(budget_table(result.budget))
     assert "0.43" in budget  # percentage points
@@ -590,14 +599,13 @@ def test_the_page_says_what_the_result_says(scene: Scene, page: Path) -> None:
         assert row == [name, *(percent(places[b]) for b in bins), percent(separation.recovery[name])]
     assert rows[-1][1:-1] == [f"{separation.throughput[b]:.4g}" for b in bins]
     assert rows[-2][1 + bins.index(separation.bins[0])] == "–"
-    told = {row[0]: row[1:4] for row in tables["recovery"][1:]}
+    told = {row[0]: row[1:3] for row in tables["recovery"][1:]}
     for name, fraction in scene.fraction.items():
         found = separation.recovery[name]
-        ends = f"{100 * found.low:.3g} to {100 * found.high:.3g}"
-        assert told[name] == [" or ".join(fraction.targets), f"{100 * found.value:.1f}", ends]
+        assert told[name] == [" or ".join(fraction.targets), percent(found)]
     if scene.air is not None:
         air = {row[0]: row[1:] for row in tables["airflow"]}
-        assert air[CD][0] == "1.234 [1.21, 1.26]"
+        assert air[CD][0] == "1.234 (1.21 to 1.26)"
         assert air[LENGTH] == ["83", "mm"]
         assert air["suction zone, area: of both sides together"] == ["41", "cm²"]
         assert not any(name.startswith("strouhal") for name in air)
@@ -635,7 +643,7 @@ def test_a_share_in_three_dimensions_stands_beside_the_answer(rhombus: Scene) ->
     result = _result(rhombus, AIRFLOW)
     without = html.render(_read(result), {})
     result["three_dimensions"] = {"dust": {"middle": {"value": 0.95, "low": 0.945, "high": 0.955}}}
-    said = "Three dimensions: dust in middle 95.0 ± 0.5 % (this body at this Stokes number"
+    said = "Three dimensions: dust in middle 95.0 (94.5 to 95.5) % (this body at this Stokes number"
     assert said in html.render(_read(result), {})
     assert said not in without
     assert said in in_three_dimensions(_read(result).landings)
@@ -655,7 +663,7 @@ def test_a_best_estimate_stands_between_its_ends(rhombus: Scene) -> None:
     assert "two measurements" in page.text
     rows = page.tables["ends"]
     assert rows[0] == ["quantity", "steady", "best estimate", "time-resolved", "unit"]
-    assert rows[1] == [CD, "1 [0.99, 1.01]", "1.5 [1.49, 1.51]", "2 [1.99, 2.01]", ""]
+    assert rows[1] == [CD, "1 (0.99 to 1.01)", "1.5 (1.49 to 1.51)", "2 (1.99 to 2.01)", ""]
     assert [LENGTH, "100", "200", "300", "mm"] in rows
     assert not any("lift" in row[0] for row in rows)  # the ends here do not tell it
     plain = Page(html.render(_read(_result(rhombus, AIRFLOW)), {}))
@@ -696,7 +704,7 @@ def test_the_page_needs_no_other_file(scene: Scene, page: Path) -> None:
     text = page.read_text()
     made = Page(text).every("img", "link", "script")
     inlined = list(filter(None, (given.get("src") or given.get("href") for given in made)))
-    names = ["sketch", "pressure", "vorticity", "tracks", "residence", "landing"]
+    names = ["sketch", "landing", "pressure", "vorticity", "tracks", "residence"]  # the first two beside the answer
     shown = names if scene.air else [name for name in names if name in ("sketch", "tracks", "landing")]
     for source, name in zip(inlined, shown, strict=True):
         prefix, data = source.split(",")

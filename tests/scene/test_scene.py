@@ -17,10 +17,12 @@ from support import CASES, shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.collision import impact_models
-from wakeflow.laws.material import materials
+from wakeflow.laws.material import materials, near_material
 from wakeflow.laws.shape import shapes
+from wakeflow.report.html.rows import material_rows
 from wakeflow.scene import Scene
 from wakeflow.scene.messages import unit_of
+from wakeflow.scene.own_files import read_materials
 from wakeflow.scene.schema import refuse_unknown, scene_schema
 
 INLET = {"side": "left", "position": 0.0, "width": "20 mm", "velocity": 2.0}
@@ -622,10 +624,11 @@ def test_a_result_tells_the_values_and_not_the_file(tmp_path: Path) -> None:
     ("old", "new", "message"),
     [
         ("density = 1100.0", "", "scene.toml: mine.toml: peas: lacks density"),
-        ("density = 1100.0", "densty = 1100.0\ndensity = 1.0", "peas.densty: unknown; did you mean 'density'?"),
-        ("density = 1100.0", 'density = "1100 kg/m3"', "needs a number in SI units"),
+        ("density = 1100.0", "densty = 1100.0\ndensity = 1.0", "densty: unknown; did you mean 'density'?"),
+        ("density = 1100.0", 'density = "1100 kg"', "needs a number in kg/m^3 or a string such as '1.3 g/cm^3'"),
+        ("diameter = 4.1e-3", 'dimeter = "2.4 mm"', "dimeter: unknown; did you mean 'diameter'?"),
         ("diameter = 4.1e-3", "diameter = 4.1", "peas.diameter = 4.1: needs a number in SI units from 0 to 0.1"),
-        ("std = 0.3\n", "", "peas.terminal_velocity: lacks std"),
+        ("std = 0.3\n", "", "peas: lacks terminal_velocity.std"),
         ('confidence = "measured"', 'confidence = "sure"', "write measured, typical, low"),
         ("[peas", "[wheat", "wheat: is a built-in material; give yours another name"),
         ("[peas]", "[peas", "not valid TOML"),
@@ -665,3 +668,93 @@ def test_a_material_tells_ranges_sources_and_trust(tmp_path: Path, capsys: pytes
     assert "our own lot, 2026" in capsys.readouterr().out
     assert main(["materials", "wheet"]) == 2
     assert "did you mean 'wheat'?" in capsys.readouterr().err
+
+
+def test_all_that_a_material_lacks_is_said_at_once(tmp_path: Path) -> None:
+    with pytest.raises(SceneError) as problem:
+        _scene(tmp_path, '[peas]\ndimeter = "2.4 mm"\n[peas.restitution]\nvalue = 0.5\n')
+    said = str(problem.value)
+    wanted = "lacks diameter, density, confidence, source, friction, impact, restitution.std"
+    assert wanted in said
+    assert "dimeter: unknown; did you mean 'diameter'?" in said
+    assert "wakeflow materials --new" in said
+
+
+def test_a_material_may_have_units_and_a_grade_for_its_density(tmp_path: Path) -> None:
+    text = PEAS.replace("diameter = 4.1e-3", 'diameter = "4.1 mm"').replace("value = 0.2", 'value = "10 deg"')
+    text = text.replace("density = 1100.0\n", "")
+    text += '[peas.density]\nvalue = "1.1 g/cm^3"\nconfidence = "typical"\nsource = "a handbook"\n'
+    own = read_materials(_written(tmp_path / "mine.toml", text))["peas"]
+    assert (own.diameter, own.density) == pytest.approx((4.1e-3, 1100.0))
+    assert own.rebound_scatter == pytest.approx(math.radians(10.0))
+    assert own.evidence["density"].confidence == "typical"
+
+
+def _written(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def test_a_new_material_file_is_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "mine.toml"
+    assert main(["materials", "--new", str(path)]) == 0
+    assert f"{path} written" in capsys.readouterr().out
+    assert read_materials(path)["peas"].diameter == pytest.approx(7.1e-3)
+    assert main(["materials", "--new", str(path)]) == 2
+    assert "exists; choose another name" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("name", "hint"), [("weat", "wheat"), ("barely", "barley"), ("broken-rice", ""), ("rye", "")])
+def test_a_hint_is_never_another_substance(name: str, hint: str) -> None:
+    said = near_material(name, list(materials))
+    assert said == (f"; did you mean {hint!r}?" if hint else "")
+
+
+def test_a_grade_is_that_of_the_number_beside_it() -> None:
+    rows = {row.quantity: row for row in material_rows(shipped("prism", {"fraction.wheat.material": "barley"}))
+            if row.fraction == "wheat"}  # fmt: skip
+    assert rows["density"].confidence == "typical"
+    assert rows["diameter of the equal sphere"].confidence == "measured"
+
+
+def test_moisture_moves_what_was_measured_by_it(rhombus: Scene) -> None:
+    """Wheat of 20 % falls at the 8.63 m/s that were measured there over the 7.72 m/s in the middle."""
+    wet = rhombus.replace({"fraction.wheat.moisture": "20 %"}).fraction["wheat"].properties
+    dry = materials["wheat"]
+    assert wet.terminal_velocity == pytest.approx(dry.terminal_velocity * 8.63 / 7.72)
+    assert wet.friction == pytest.approx(dry.friction * 0.335 / 0.292)
+    assert wet.restitution == dry.restitution
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"fraction.wheat.moisture": "32 %"}, "moisture = 32 %: measured from 7 % to 20 % of water"),
+        ({"fraction.dust.moisture": "12 %"}, "no data say what water does to this material"),
+    ],
+)
+def test_moisture_without_data_is_refused(rhombus: Scene, changes: dict[str, object], said: str) -> None:
+    with pytest.raises(SceneError, match=re.escape(said)):
+        rhombus.replace(changes)
+
+
+def test_a_table_changes_its_own_keys_and_keeps_the_others(rhombus: Scene) -> None:
+    up = rhombus.replace({"air.direction": "up"})
+    assert up.replace({"air": {"speed": "7 m/s"}}).air.direction == "up"
+    wider = up.replace({"body": {"rhombus": {"width": "60 mm"}}, "numerics": {"span": {"layers": 8}}})
+    assert wider.body["rhombus"].slope_angle == up.body["rhombus"].slope_angle
+    assert wider.fraction == up.fraction
+    cut = rhombus.replace({"body.rhombus": {"shape": "circle", "width": "50 mm"}})  # another shape comes whole
+    assert cut.body["rhombus"].slope_angle is None
+    sized = rhombus.replace({"fraction.wheat.size": {"distribution": "normal", "mean": "3 mm", "std": "0.2 mm"}})
+    other = sized.replace({"fraction": {"wheat": {"size": {"distribution": "single", "diameter": "3 mm"}}}})
+    assert other.fraction["wheat"].size.std is None  # a value is swapped
+    assert other.fraction["wheat"].material == "wheat"
+
+
+@pytest.mark.parametrize("text", ["2 ton/hour", "2 tons/hour", "40 cwt/hour"])
+def test_a_unit_of_two_meanings_is_refused_with_both(rhombus: Scene, text: str) -> None:
+    with pytest.raises(SceneError, match=r"may be .* or "):
+        rhombus.replace({"feed.rate": text})
+    metric = rhombus.replace({"feed.rate": "2 t/hour"}).feed.rate
+    assert rhombus.replace({"feed.rate": "2 short_ton/hour"}).feed.rate == pytest.approx(0.907 * metric, rel=1e-3)

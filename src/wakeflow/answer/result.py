@@ -24,7 +24,6 @@ from ..injection.impact_loads import ImpactSummary
 from ..pipeline.airflow import Airflow, MeshReport
 from ..pipeline.cache import StageTime
 from ..planning.plan import Plan
-from ..planning.terms import AIR
 from ..scene.overrides import share_in
 from ..scene.rungs import check_rung
 from ..scene.whole import States, switched
@@ -38,7 +37,6 @@ FILE = "result.json"
 CHECKSUM = "sha256"  # key of result.json: of all that is beside it there
 GRANULES = "granules.npz"
 VOID = "void"  # the caveat of an answer that is worth nothing
-WIDE = 1.0  # body widths: an air that is left out and could move a fraction so far carries it past the bins' ends
 
 
 @dataclass(frozen=True)
@@ -241,6 +239,11 @@ class Result:
         return Grade.VOID.value in self.grades
 
     @property
+    def why_void(self) -> str:
+        """The gravest warning, which says why the answer is void; empty where it is not."""
+        return self.warnings[self.grades.index(Grade.VOID.value)] if self.void else ""
+
+    @property
     def lacking(self) -> tuple[str, ...]:
         """The parts of the error of any share whose size nobody knows: no interval holds them."""
         rows = (row for row in self.budget if row.measure == SHARE_UNIT)
@@ -248,21 +251,20 @@ class Result:
 
     @property
     def caveat(self) -> str:
-        """What is against the intervals in a word: that the answer is void, what they lack, or an air that was left
-        out and fills them; empty without.
-        """
-        if self.void or self.lacking:
-            return VOID if self.void else f"without {', '.join(self.lacking)}"
-        blown = [one.fraction for one in self.plan.left_out if one.name == AIR and (one.bound or 0.0) > WIDE]
-        return f"of {', '.join(map(str, blown))} mostly of the air, which is left out" if blown else ""
+        """What is against the intervals in a word: that the answer is void, or what they lack; empty without."""
+        if self.void:
+            return VOID
+        return f"without {', '.join(self.lacking)}" if self.lacking else ""
 
     def __repr__(self) -> str:
         """The folder, and what is recovered of each fraction, with its 95 % interval, and what is wrong with that."""
         if self.landings is None:
             return f"<Result {self.folder}: ended after {self.options.until}>"
         shares = self.landings.separation
-        told = [_in_percent(name, one) for name, one in shares.recovery.items() if one is not None]
+        told = [_in_percent(name, one) for name, one in shares.recovery.items() if one is not None and not self.void]
         flaw = f"; {self.caveat}" if self.caveat else ""
+        if self.void:
+            return f"<Result {self.folder}: {VOID}>"
         return f"<Result {self.folder}: recovery {', '.join(told) or 'of nothing: no fraction has a target'}{flaw}>"
 
     def _repr_html_(self) -> str:
@@ -277,7 +279,7 @@ class Result:
 
 
 def _in_percent(name: str, one: Number) -> str:
-    ends = f" [{100 * one.low:.1f}, {100 * one.high:.1f}]" if one.known else ""
+    ends = f" ({100 * one.low:.1f} to {100 * one.high:.1f})" if one.known else ""
     return f"{name} {100 * one.value:.1f}{ends} %"
 
 

@@ -88,6 +88,13 @@ class PartitionCurve:
         "", "why there is no cut, or between which values no granules are; else left out", absent=True, default=None
     )
 
+    @property
+    def overlaps(self) -> bool:
+        """Whether granules of several fractions are alike in the property, so that the curve tells of a cut by it and
+        not of a gap between two fractions.
+        """
+        return self.why is None or "no granules between" not in self.why
+
 
 @dataclass(frozen=True)
 class Separation:
@@ -223,8 +230,9 @@ class InputPart:
 
     @property
     def points(self) -> str:
-        """The half with its own uncertainty, in points."""
-        return f"{100 * self.half:.2g} ± {100 * self.uncertainty:.1g}"
+        """The half with its own 95 % interval, in points."""
+        low, high = max(0.0, self.half - self.uncertainty), self.half + self.uncertainty
+        return f"{100 * self.half:.2g} ({100 * low:.2g} to {100 * high:.2g})"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -267,6 +275,10 @@ class LandingResults:
     measure_next: dict[str, dict[str, dict[str, InputPart]]] | None = column(
         "", "by fraction and bin, what each of them does to the share, the largest first", absent=True, default=None
     )
+    of_targets: dict[str, dict[str, InputPart]] | None = column(
+        "", "by recovery.FRACTION and purity.BIN.FRACTION of targets, what each of them does to it, the largest first",
+        absent=True, default=None,
+    )  # fmt: skip
 
 
 WEIGHTY, MAX_NAMED = 0.1, 3  # part of the variance from which an unknown is named, and how many are

@@ -32,6 +32,7 @@ from ..pipeline.pipeline import Pipeline
 from ..pipeline.track_stage import unweighed
 from ..planning.cost import airflow_cost, ranks_for, typical_cells
 from ..planning.make import make_plan
+from ..planning.messages import unfelt, unfelt_line
 from ..planning.plan import Plan
 from ..runs import answer_key
 from ..scene import Scene
@@ -191,12 +192,26 @@ def make_agenda(
             problems[variant.name] = str(problem)
             continue
         planned.append(_Planned(variant, variant.scene, plan, request))
+    if deaf := _unfelt(planned):
+        listener("sweep", unfelt_line(deaf))
     planned = _started(planned, out) if neighbours else planned
     stamps = {one.variant.name: one.stamp for one in planned}
     open_ones = [one for one in planned if finished(out / one.variant.name, one.stamp) is None]
     count = threads(len(open_ones))
     steps = *_airflow_steps(open_ones, out, count), *_flight_steps(open_ones, out, count, report=report)
     return Agenda(steps, stamps, problems)
+
+
+def _unfelt(planned: Sequence[_Planned]) -> list[str]:
+    """The inputs in which scenes differ and which none of them feels. Raises SceneError where there are no others: all
+    answers would be the same.
+    """
+    keys = list(dict.fromkeys(key for one in planned for key in one.variant.inputs))
+    varied = [key for key in keys if len({repr(one.variant.inputs.get(key)) for one in planned}) > 1]
+    deaf = [key for key in varied if all(unfelt([key], one.scene, one.plan.rung) for one in planned)]
+    if varied and deaf == varied:
+        raise SceneError(unfelt_line(deaf))
+    return deaf
 
 
 def _started(planned: Sequence[_Planned], out: Path) -> list[_Planned]:

@@ -9,19 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..answer.result import Result
+from ..answer.result import VOID, Result
 from ..answer.table import Entry, TableQuantity
 from ..core.errors import SceneError
 from ..core.files import made_folder, path_of
 from ..core.process import check_workers, cores
+from ..core.quantities import duration
 from ..core.record import JsonMapping, JsonTable
 from ..pipeline.cache import Listener
+from ..planning.make import make_plan
 from ..runs.progress import as_listener
+from ..scene import Scene
 from .compute import Sweep, executor_on, sweep
 from .history import DesignPoint, Evaluation, Expected, History, Proposer, by_estimator
 from .task import FAN, SearchTask, read_search_file
@@ -32,6 +35,8 @@ if TYPE_CHECKING:
 
 
 # -- search() ----------------------------------------------------------------------------------------------------------
+Price = Callable[[int], float]  # of a design of a level, core-seconds
+FIRST_LOOK = 0.5  # of what is left of the budget: what a first batch of a level may take as expected; chosen
 # (level, places) to what was found at each of them
 Evaluator = Callable[[int, Sequence[DesignPoint]], Sequence[Evaluation]]
 
@@ -41,9 +46,11 @@ def explore(
     evaluate: Evaluator,
     propose: Proposer = by_estimator,
     tell: Callable[[str], None] = lambda _: None,
+    price: Price = lambda _: 0.0,
 ) -> History:
     """Search as :class:`SearchTask` says. The next step follows from what was found alone, so that a search whose
-    evaluations are kept goes on where it was ended.
+    evaluations are kept goes on where it was ended. ``price``: what one design of a level is expected to cost before
+    any is computed there.
 
     Raises SceneError as ``evaluate`` and :meth:`History.add` do.
     """
@@ -56,24 +63,27 @@ def explore(
         )
         history.add(level, dict(zip(places, evaluate(level, places), strict=True)))
 
-    while (batch := _next(history, propose)) is not None:
+    while (batch := _next(history, propose, price)) is not None:
         compute(*batch)
-    for level in range(1, len(task.levels)):  # an answer is of the finest level, at whatever cost
+    for level in range(1, len(task.levels)):  # an answer is of the finest level: its price was set aside
         if not history.found[level]:
             compute(level, history.contenders(level)[:1])
     return history
 
 
-def _next(history: History, propose: Proposer) -> tuple[int, Sequence[DesignPoint]] | None:
+def _next(history: History, propose: Proposer, price: Price) -> tuple[int, Sequence[DesignPoint]] | None:
     """The level that is furthest behind its part of the budget and has something to compute, with designs for it; None
-    where what is left of the budget would not pay for them.
+    where what is left of the budget would not pay for them, with one design of each level that has none set aside.
     """
     task, levels = history.task, range(len(history.task.levels))
     left = task.budget - sum(history.seconds(level) for level in levels)
     for level in sorted(levels, key=history.seconds):
         made = history.found[level]
-        each = history.seconds(level) / len(made) if made else 0.0
-        most = task.at_a_time if each == 0.0 else min(task.at_a_time, int(left / each))
+        free = left - sum(price(other) for other in levels if other != level and not history.found[other])
+        each = history.seconds(level) / len(made) if made else price(level)
+        most = task.at_a_time if each == 0.0 else min(task.at_a_time, int(free / each))
+        if not made and each > 0.0:  # a first look at what it costs
+            most = max(1, min(most, int(FIRST_LOOK * free / each)))
         if level == 0:
             return (0, propose(history, most)) if most > 0 and left > 0.0 else None
         few = max(1, min(most, task.at_a_time // 4))
@@ -92,6 +102,7 @@ def _ahead(history: History, level: int, few: int) -> list[DesignPoint]:
 
 
 # -- A search carried out ----------------------------------------------------------------------------------------------
+OVERSPENT = 1.3  # times the budget, at most
 MIN_DESIGN_TIME = 1.0  # s that a design costs, at least: planning, reading, writing
 
 
@@ -153,12 +164,13 @@ def search(
     asked = task if isinstance(task, SearchTask) else read_search_file(task)
     check_workers(workers)
     folder, (listener, _) = made_folder(path_of(out, "out")), as_listener(listener)
+    asked, price = affordable(asked, partial(listener, "search"))
     with executor_on(scheduler, workers or cores(), folder) as executor:
         scenes = _Scenes(asked, folder, partial(sweep, scheduler=executor, listener=listener))
-        history = explore(asked, scenes.evaluate, tell=partial(listener, "search"))
+        history = explore(asked, scenes.evaluate, tell=partial(listener, "search"), price=price)
         best = history.recommended()
         if best is None:
-            raise SceneError(f"no design could be computed; the first: {next(iter(scenes.problems.values()))}")
+            raise SceneError(_nothing_found(history, scenes))
         for level, made in enumerate(history.found):  # the tables and figures of all designs, nothing is computed
             scenes.compute([scenes.variant(level, place) for place in made], scenes.folder(level))
     known = history.known()
@@ -169,6 +181,35 @@ def search(
     own = asked.as_it_stands
     stands = None if own is None or own not in history.found[-1] or own not in known else design(own)
     return Search(asked, folder, design(best), front, rivals, tried, seconds, stands)
+
+
+def affordable(task: SearchTask, tell: Callable[[str], None]) -> tuple[SearchTask, Price]:
+    """The task without the finest levels of which the budget does not pay for one design, and what a design of each
+    level is expected to cost; says what is left out.
+
+    Raises SceneError where the budget does not pay for a single design.
+    """
+    levels = range(len(task.levels))
+    prices = [_expected_price(task.scene.replace(task.levels[level])) for level in levels]
+    kept = max((n for n in levels if sum(prices[: n + 1]) <= task.budget), default=None)
+    if kept is None and prices[0] <= OVERSPENT * task.budget:
+        kept = 0
+    if kept is None:
+        raise SceneError(
+            f"search.budget = {duration(task.budget)}: one design takes about {duration(prices[0])} of one core; give "
+            "more, or coarser settings in [[search.level]]"
+        )
+    if left_out := len(task.levels) - kept - 1:
+        tell(
+            f"done the budget of {duration(task.budget)} does not pay for the finest {left_out} of {len(task.levels)} "
+            f"levels, where a design takes about {duration(prices[-1])}: the answer is of level {kept + 1}"
+        )
+    return replace(task, levels=task.levels[: kept + 1]), prices.__getitem__
+
+
+def _expected_price(scene: Scene) -> float:
+    """Core-seconds of a scene alone, on hardware as a plan takes it."""
+    return max(MIN_DESIGN_TIME, sum(one.whole for one in make_plan(scene).stages if one.name != "report"))
 
 
 @dataclass
@@ -223,7 +264,19 @@ class _Scenes:
         spent = {(stage, time.seconds) for stage, time in found.result(entry.name).seconds.items()}
         new = spent - self.counted  # a stage that took the very same time is the same one, from the cache
         self.counted |= new
-        return Evaluation(max(MIN_DESIGN_TIME, sum(seconds for _, seconds in new)), _with_fan(entry.by_name))
+        spent_here = max(MIN_DESIGN_TIME, sum(seconds for _, seconds in new))
+        return Evaluation(spent_here, _with_fan(entry.by_name), void=entry.reason == VOID)
+
+
+def _nothing_found(history: History, scenes: _Scenes) -> str:
+    """Why a search recommends nothing."""
+    void = [place for place, one in history.found[-1].items() if one.void]
+    if not void:
+        return f"no design could be computed; the first: {next(iter(scenes.problems.values()))}"
+    last = len(history.task.levels) - 1
+    folder = scenes.folder(last) / scenes.variant(last, void[0]).name
+    why = Result.load(folder).why_void
+    return f"every answer of the finest level is void, so that no design can be recommended; the first: {why}"
 
 
 def _with_fan(quantities: Mapping[str, TableQuantity]) -> Mapping[str, TableQuantity]:

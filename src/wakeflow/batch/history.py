@@ -28,12 +28,14 @@ TWO_SIGMA = 2.0
 @dataclass(frozen=True)
 class Evaluation:
     """One design at one level: its ``quantities`` by name, or the ``problem`` for which it has none; the core-seconds
-    that it cost, stages that others had made before not counted.
+    that it cost, stages that others had made before not counted. ``void``: the answer is worth nothing; such numbers
+    order designs for a finer level, and none of them is recommended.
     """
 
     seconds: float
     quantities: Mapping[str, TableQuantity] = field(default_factory=dict)
     problem: str = ""
+    void: bool = False
 
 
 class Expected(NamedTuple):
@@ -101,7 +103,8 @@ class History:
         one that comes nearest to that.
         """
         known = self.known()
-        made = {place: known[place] for place in self.found[level] if place in known}
+        worth = [place for place, one in self.found[level].items() if not one.void]
+        made = {place: known[place] for place in worth if place in known}
         kept = {place: one for place, one in made.items() if np.all(one.excess <= 0.0)}
         if not kept:
             nearest = sorted(made, key=lambda place: float(np.maximum(made[place].excess, 0.0).sum()))
@@ -126,7 +129,7 @@ class History:
         best, known = self.recommended(), self.known()
         if best is None:
             return []
-        others = [place for place in self.found[-1] if place in known and place != best]
+        others = [place for place, one in self.found[-1].items() if place in known and place != best and not one.void]
         return [place for place in others if not _dominates(known[best].high, known[place].low)]
 
     def _rank(self, one: Expected, others: Sequence[Expected]) -> tuple[float, int, float]:
@@ -146,6 +149,8 @@ class History:
         ends = [[-sign * (one.value if end is None else end) for end in one.ends] for sign, one in found]
         (best, worst), middle = np.sort(ends, axis=1).T, own + losses
         low, high = middle - np.hypot(own - best, spread), middle + np.hypot(worst - own, spread)
+        if evaluation.void:  # as good or as bad as anything
+            low, high = np.full_like(low, -np.inf), np.full_like(high, np.inf)
         return Expected(middle, low, high, broken + excess)
 
     def _shift(self, level: int) -> tuple[Array, Array, Array]:
@@ -204,7 +209,7 @@ def by_estimator(history: History, count: int) -> list[DesignPoint]:
     try:
         import optuna
     except ModuleNotFoundError:
-        raise SceneError("a search needs optuna: pip install 'wakeflow[search]'") from None
+        raise SceneError("a search needs optuna: pip install optuna") from None
     task = history.task
     if len(history.found[0]) < max(task.at_a_time, FIRST * len(task.within)):
         return at_random(history, count)

@@ -30,7 +30,7 @@ def flights_ahead(pipeline: Pipeline) -> list[Callable[[], object]]:
 
 
 def make_budget(flights: Flights, separation: Separation) -> tuple[BudgetRow, ...]:
-    """Rows for the share of every fraction in every bin that got any, then for its landing place.
+    """Rows for the share of every fraction in every bin, also in one that got none, then for its landing place.
 
     Errors of shares are absolute; a row with a unit states its errors in that unit. The error of a landing place is
     the 95th percentile over the granules of how far the companion run moves them. A part that represents a left-out
@@ -52,14 +52,11 @@ def make_budget(flights: Flights, separation: Separation) -> tuple[BudgetRow, ..
 
 
 def _share_rows(fraction: FractionResults, seconds: float) -> list[BudgetRow]:
-    """A row for each bin that got any of the fraction, or could have by a source that fills empty bins."""
-    found = [(source, source.shares(fraction)) for source in in_order()]
+    """A row for each bin: where nothing landed, what was left out or not computed could still have brought some."""
+    found = [source.shares(fraction) for source in in_order()]
     rows = []
     for place, share in fraction.shares.items():
-        filling = (part for source, parts in found if source.fills for part in parts.get(place, ()))
-        if share.value == 0.0 and not any(part.error for part in filling):
-            continue
-        parts = tuple(part for _, parts in found for part in parts.get(place, ()))
+        parts = tuple(part for parts in found for part in parts.get(place, ()))
         total = combine(share.value, parts, seconds)
         rows.append(BudgetRow(f"share.{fraction.name}.{place}", None, parts, total))
     return rows

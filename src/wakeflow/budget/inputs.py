@@ -18,17 +18,18 @@ if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
 
 STAGE = "draws"
-SAMPLE_SECONDS = 0.05  # s: to draw the granules of a fraction anew, and its air
+SAMPLE_SECONDS = {"steady": 0.01, "time-resolved": 0.05}  # s: to draw the granules of a fraction anew, and its air
 
 
 class UnknownInputs(Source["InputSamples"]):
     """The numbers of the scene that are not known exactly: the range of the share over draws of them all."""
 
-    name, how, place, fills = INPUTS, PERTURBED_RERUN, 15, True
+    name, how, place = INPUTS, PERTURBED_RERUN, 15
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         """As many granules fly as the answer has."""
-        drawn = 0.0 if work.airflow.rung == "none" else INPUT_SAMPLES * SAMPLE_SECONDS * work.fractions
+        each = SAMPLE_SECONDS.get(work.airflow.stepping or "steady", 0.0)
+        drawn = 0.0 if work.airflow.rung == "none" else INPUT_SAMPLES * each * work.fractions
         return [flown_again(work, STAGE, REPLICATES / COMPARED, more=drawn)]
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> InputSamples | None:

@@ -43,7 +43,7 @@ class Grid(NamedTuple):
 class Mesh(Source[Comparison[Grid]]):
     """The cells of the airflow's mesh: the same granules in the airflow on other grids."""
 
-    name, how, place, fills = "mesh", PERTURBED_RERUN, 40, True
+    name, how, place = "mesh", PERTURBED_RERUN, 40
     if_unknown = "numerics.rung = 'reference'"
     if_large = "run rung reference (--rung reference)"
 

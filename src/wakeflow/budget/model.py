@@ -23,7 +23,7 @@ class AirflowModel(Source[Comparison[Wake]]):
     fluctuation. The two numbers of a best estimate are unknowns among the others; the ends are flown for comparison.
     """
 
-    name, how, place, fills = "airflow-model", PERTURBED_RERUN, 50, True
+    name, how, place = "airflow-model", PERTURBED_RERUN, 50
     if_unknown = "numerics.rung = 'standard', or in a duct air.case, a solved OpenFOAM case of yours"
     if_large = "run rung 3d (--rung 3d)"
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..answer.shares import LEFT_OUT, MEASURED, NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal, Separation
 from ..core.number import Number
@@ -82,8 +82,9 @@ def totalled(separation: Separation, budget: Sequence[BudgetRow], inputs: Inputs
     uncertain.
     """
     rows = {row.quantity: row for row in budget}
+    mirror = _Mirror(list(separation.bins), scene.images)
     fractions = {
-        name: {place: _with_total(share, rows.get(f"share.{name}.{place}")) for place, share in shares.items()}
+        name: mirror.pooled({p: _with_total(share, rows.get(f"share.{name}.{p}")) for p, share in shares.items()})
         for name, shares in separation.fractions.items()
     }
     parts = {
@@ -101,7 +102,35 @@ def totalled(separation: Separation, budget: Sequence[BudgetRow], inputs: Inputs
         place: found and {name: made.purity(name, place, pure) for name, pure in found.items()}
         for place, found in separation.purity.items()
     }
-    return replace(separation, fractions=fractions, recovery=recovery, purity=purity)
+    return replace(separation, fractions=fractions, recovery=recovery, purity=mirror.pooled(purity))
+
+
+@dataclass(frozen=True)
+class _Mirror:
+    """Pools what two bins hold that are each other's image in a machine with two equal sides; ``images`` by place, None
+    where the sides differ.
+    """
+
+    bins: Sequence[str]
+    images: Sequence[int] | None
+
+    def pooled(self, found: Mapping[str, Any]) -> dict[str, Any]:
+        """The numbers, or tables of numbers, by bin; a bin and its image have the mean of both."""
+        if self.images is None:
+            return dict(found)
+        image = {place: self.bins[other] for place, other in zip(self.bins, self.images, strict=True)}
+        return {place: _mean(one, found[image[place]]) for place, one in found.items()}
+
+
+def _mean(one: Any, other: Any) -> Any:
+    """The mean of two numbers with their intervals, or of two tables of them; None where one is none."""
+    if one is None or other is None:
+        return None
+    if isinstance(one, Mapping):
+        return {key: _mean(found, other[key]) for key, found in one.items()}
+    value, low, high = (0.5 * (a + b) for a, b in zip(one, other, strict=True))
+    sure = one.numerical is not None and other.numerical is not None
+    return Number(value, low, high, 0.5 * (one.numerical + other.numerical) if sure else None)
 
 
 def _as_share(found: Number, share: Number) -> Number:

@@ -41,6 +41,7 @@ app = App(
 )
 for _command in (*run.COMMANDS, *view.COMMANDS, *batch.COMMANDS):
     app.command(_command)
+app.command(batch.operator_map, name="map")
 
 
 def _version() -> str:

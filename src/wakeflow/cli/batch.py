@@ -13,6 +13,7 @@ from ..scene.overrides import changes_of, setting, share_of
 from .options import (
     ACCURACY,
     GATE,
+    PACE,
     Accuracy,
     Axes,
     BothEnds,
@@ -20,6 +21,7 @@ from .options import (
     Gate,
     Held,
     Known,
+    Pace,
     Processes,
     Quiet,
     Scheduler,
@@ -93,6 +95,51 @@ def sweep(
     elif not quiet:
         show_sweep(made)
     return SOME_FAILED if made.failed else 0
+
+
+def operator_map(
+    scene: Path,
+    *,
+    air: Annotated[
+        str | None, Parameter(help="Air speeds: '3:7:5 m/s' or 4,5,6; default 0.8 to 1.2 of its own.")
+    ] = None,
+    feed: Annotated[str | None, Parameter(help="Feed rates: '200:800:4 kg/hour'; default likewise.")] = None,
+    out: Folder = None,
+    settings: Settings = (),
+    pace: Pace = PACE,
+    workers: Processes = None,
+    quiet: Quiet = False,
+) -> int:
+    """Draw recovery and purity of every target over the air's speed and the feed rate, with their intervals.
+
+    Each air speed's airflow is solved once, and kept for the next map and the next run. --quick computes coarsely.
+
+    Parameters
+    ----------
+    scene
+        A scene file with an air.speed, a feed.rate and targets.
+    """
+    from ..batch.axis import axis_of_text
+    from ..batch.operating import operating_map
+    from ..runs.effort import quick_settings
+    from ..runs.progress import live
+    from .show_many import show_sweep
+
+    asked, folder = scene_and_folder(scene, settings, pace, None)
+    how = pace.how
+    if pace.quick:
+        asked, how = quick_settings(asked, how)
+    speeds, rates = (
+        None if text is None else axis_of_text(f"{key}={text}").values
+        for key, text in (("air.speed", air), ("feed.rate", feed))
+    )
+    with live(enabled=not quiet) as listener:
+        target = out or folder.with_name(f"{folder.name}+map")
+        found, figure = operating_map(asked, target, air=speeds, feed=rates, workers=workers, listener=listener, **how)
+    if not quiet:
+        show_sweep(found)
+        print(figure)
+    return SOME_FAILED if found.failed else 0
 
 
 def search(

@@ -19,6 +19,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .. import DISTRIBUTION
 from ..core.errors import ProgramError
 from ..core.process import capture, cores
 from ..core.sources import kernel_root
@@ -33,6 +34,10 @@ if TYPE_CHECKING:
 
 
 SETUP = "sh cases/setup.sh"
+OPTIONAL = {  # distribution: what it is for, and the extra that brings it
+    "optuna": ("wakeflow search", "search"),
+    "pandas": ("tables as DataFrames", "notebook"),
+}
 FOAM_HOME = "/usr/share/openfoam"  # Debian's; its programs find their etc folder by WM_PROJECT_DIR only
 OLDEST_PYTHON = (3, 11)
 MIN_MEMORY = 1e9  # bytes: OpenFOAM and the tracker on the shipped scenes stay below
@@ -108,6 +113,7 @@ def examine() -> list[Finding]:
     """Look at everything a run needs; takes a few seconds and leaves nothing behind."""
     looks: list[Callable[[], Finding]] = [_python]
     looks += [partial(_package, name, use) for name, use in PACKAGES.items()]
+    looks += [partial(_extra, name, *what) for name, what in OPTIONAL.items()]
     looks += [_gmsh_starts]
     looks += [partial(_program, name, use) for name, use in PROGRAMS.items()]
     looks += [_funnel, _setpriv, _graphics, _cores, _memory, _disk, _cache, _kernels]
@@ -159,6 +165,16 @@ def _package(name: str, use: str) -> Finding:
     return Finding(name, f"{found} (needs {wanted})", False, use, f"{sys.executable} -m pip install '{name}{wanted}'")
 
 
+def _extra(name: str, use: str, extra: str) -> Finding:
+    """A package of an extra, which one command needs."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return Finding(name, version(name), True, use, optional=True)
+    except PackageNotFoundError:
+        return Finding(name, None, False, use, f"{SETUP}    # or the extra {extra}", optional=True)
+
+
 def _bounds() -> dict[str, SpecifierSet]:
     """Version bounds of the direct dependencies, from this package's own metadata."""
     from importlib.metadata import PackageNotFoundError, requires
@@ -166,7 +182,7 @@ def _bounds() -> dict[str, SpecifierSet]:
     from packaging.requirements import Requirement
 
     try:
-        found = [Requirement(line) for line in requires("wakeflow") or []]
+        found = [Requirement(line) for line in requires(DISTRIBUTION) or []]
     except PackageNotFoundError:  # run from a source tree that was never installed
         return {}
     return {one.name.lower(): one.specifier for one in found if one.marker is None}

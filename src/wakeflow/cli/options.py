@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -36,6 +37,12 @@ Target = Annotated[
         "terms that could not move so much; run also chooses its settings by it.",
         converter=lambda _, tokens: share_of(tokens[0].value),
     ),
+]
+
+
+Budget = Annotated[
+    str | None,
+    Parameter(help="Run time that may be spent, '3 min': the finest settings that are expected to fit are chosen."),
 ]
 
 
@@ -115,15 +122,32 @@ class Accuracy(Gate):
         return {**super().how, "target_error": self.target_error}
 
 
-GATE, ACCURACY = Gate(), Accuracy()
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Pace(Accuracy):
+    """What overrides a scene's own choices, and how long it may take."""
+
+    quick: Annotated[
+        bool,
+        Parameter(negative="", help="Answer in half a minute: coarse settings, no time-resolved wake, wide intervals."),
+    ] = False
+
+
+GATE, ACCURACY, PACE = Gate(), Accuracy(), Pace()
 
 
 def scene_and_folder(file: Path, settings: tuple[str, ...], gate: Gate, out: Path | None) -> tuple[Scene, Path]:
-    """The scene of a file with its ``settings``, and the folder for its results, by default below runs/."""
+    """The scene of a file with its ``settings``, and the folder for its results, by default below runs/; says on
+    stderr which of the settings nothing feels.
+    """
+    from ..planning.messages import unfelt, unfelt_line
     from ..scene import Scene
     from ..scene.changes import run_folder
 
     changes, how = changes_of(settings), gate.how
     scene = Scene.load(file, changes)
-    named = {"rung": how["rung"], **how["force"], "target-error": how.get("target_error")}
+    if deaf := unfelt(changes, scene, how["rung"] or scene.numerics.rung):
+        print(f"! {unfelt_line(deaf)}", file=sys.stderr)
+    quick = isinstance(gate, Pace) and gate.quick
+    named = {"rung": how["rung"], **how["force"], "target-error": how.get("target_error"), "quick": quick or None}
     return scene, out or Path("runs", run_folder(file.stem, scene, changes, named))

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from .options import ACCURACY, Accuracy, AsJson, Folder, Quiet, Settings, Stage, Threads, scene_and_folder
+from .options import PACE, AsJson, Budget, Folder, Pace, Quiet, Settings, Stage, Threads, scene_and_folder
 
 
 def run(
@@ -18,7 +18,8 @@ def run(
     out: Folder = None,
     until: Stage | None = None,
     settings: Settings = (),
-    gate: Accuracy = ACCURACY,
+    gate: Pace = PACE,
+    budget: Budget = None,
     near: Path | None = None,
     workers: Threads = None,
     quiet: Quiet = False,
@@ -48,7 +49,7 @@ def run(
     with live(enabled=not quiet, as_json=as_json) as listener:
         result = runs.run(
             asked, folder, until=until, near=near, workers=workers, listener=listener, planned=listener.planned,
-            **gate.how,
+            quick=gate.quick, budget=budget, **gate.how,
         )  # fmt: skip
     if as_json:
         print(json.dumps(result.table, indent=2))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from textwrap import shorten
 from typing import TYPE_CHECKING
 
 from ..answer.result import VOID, Result
@@ -15,7 +17,7 @@ from ..core.errors import known
 from ..core.quantities import duration, say, speaking, split_quantity
 from ..report.many import input_words, main_quantities
 from ..report.sketch import UNITS
-from ..report.words import NO_VALUE, difference_text, percent
+from ..report.words import NO_VALUE, difference_text, part_text, percent
 from ..statistics.inputs import InputMove, Remaining
 from .screen import print_lines, screen_table
 from .show_result import measure_next
@@ -28,6 +30,8 @@ MAX_NAMED_SCENES = 5  # scenes that are named in a line
 MAX_ROWS = 50  # of a table on a terminal; all are in the file
 MAX_INPUTS = 8  # told of a quantity; all are in the file
 GAP = 2  # letters between columns
+MAX_KEYS = 6  # in which compared scenes differ: more have a line each
+LONGEST_VALUE = 30  # letters of a value in such a line
 AS_IT_STANDS = "the scene as it is"
 DIFFERENCES_HOLD = (
     "bold: zero lies outside of the interval, of what computing adds; of all that is not known where rungs or terms "
@@ -62,7 +66,7 @@ def show_sweep(found: Sweep) -> None:
 
 
 def show_table(table: ResultTable) -> None:
-    """Print a row a scene: its inputs and the quantities that it is made for, with half their 95 % intervals; where not
+    """Print a row a scene: its inputs and the quantities that it is made for, with their 95 % intervals; where not
     all columns fit beside each other, in several tables.
     """
     from rich.console import Console
@@ -102,7 +106,9 @@ def _inputs(table: ResultTable, entry: Entry) -> list[str]:
 
 
 def _cells(names: Sequence[str], entry: Entry) -> list[str]:
-    return [percent(entry.by_name.get(name)) if entry.state == DONE else entry.state for name in names]
+    void = entry.reason == VOID
+    return [part_text(name, entry.by_name.get(name), void=void) if entry.state == DONE else entry.state
+            for name in names]  # fmt: skip
 
 
 def _fitting(inputs: list[Column], numbers: list[Column], room: int) -> Iterator[list[Column]]:
@@ -130,10 +136,23 @@ def _heads(table: ResultTable) -> Sequence[str]:
 
 
 def show_comparison(found: RunComparison) -> None:
-    """Print what differs in the scenes, the answers, and the differences from the first run."""
+    """Print what differs in the scenes, the answers, and the differences from the first run; of runs that are the same
+    computation that alone.
+    """
     from rich.console import Console
 
-    show_table(found.table)
+    keys = [run.key for run in found.runs]
+    if len(set(keys)) == 1:
+        print_lines([f"{' and '.join(entry.name for entry in found.table.entries)} are the same computation"])
+        return
+    if len(found.table.inputs) > MAX_KEYS:
+        _show_keys(found.table)
+        show_table(replace(found.table, entries=[replace(one, inputs={}) for one in found.table.entries]))
+    else:
+        show_table(found.table)
+    for entry, key in list(zip(found.table.entries, keys, strict=True))[1:]:
+        if key == keys[0]:
+            print_lines([f"{entry.name} is the same computation as {found.table.entries[0].name}"])
     first, names = found.table.entries[0].name, set(main_quantities(found.table))
     names |= {"airflow.cd", "airflow.cp_base", "airflow.pressure_drop"}
     others = [entry.name for entry in found.table.entries[1:]]
@@ -147,6 +166,21 @@ def show_comparison(found: RunComparison) -> None:
     ]
     table = screen_table(["less " + first, *others], rows, "differences", DIFFERENCES_HOLD)
     Console().print(table if rows else f"no number of {first} is in another of these runs")
+
+
+def _show_keys(table: ResultTable) -> None:
+    """Print the keys in which scenes differ, a line each: of machines that have little in common."""
+    from rich.console import Console
+
+    rows = [
+        [f"{key} ({unit})" if unit else key, *(_input_cell(entry.inputs.get(key)) for entry in table.entries)]
+        for key, unit in table.inputs.items()
+    ]
+    Console().print(screen_table(["key", *(entry.name for entry in table.entries)], rows, "what differs"))
+
+
+def _input_cell(value: object) -> str:
+    return NO_VALUE if value is None else shorten(input_words(value), LONGEST_VALUE, placeholder=" ...")
 
 
 def _difference(one: Difference) -> str:
@@ -164,7 +198,7 @@ def show_search(found: Search) -> None:
         [
             label,
             *(_value(design.changes[key]) for key in keys),
-            *(_quantity(design.quantities.get(name)) for name in task.asked),
+            *(_quantity(name, design.quantities.get(name)) for name in task.asked),
         ]
         for label, design in _labelled(found)
     ]
@@ -196,8 +230,8 @@ def _verdict(found: Search, best: FoundDesign) -> Sequence[str]:
     return lines
 
 
-def _quantity(one: TableQuantity | None) -> str:
-    return percent(one) if one is None or one.unit == "1" else f"{one.value:.4g} {one.unit}"
+def _quantity(name: str, one: TableQuantity | None) -> str:
+    return part_text(name, one) if one is None or one.unit == "1" else f"{one.value:.4g} {one.unit}"
 
 
 def _value(value: object) -> str:

@@ -11,6 +11,7 @@ from ..core.quantities import duration, metres, say, speaking
 from ..core.store import cache_root
 from ..pipeline.airflow_kinds import airflow_kinds
 from ..planning.cost import typical_cells, wall_seconds
+from ..planning.lifting import floor_notices, lifting_line
 from ..planning.machine_rates import on_this_machine
 from ..planning.plan import REPLICATES, replicate_size, whole_terms
 from ..report.sketch import fall_words, motion_words
@@ -53,12 +54,16 @@ def _lines(plan: Plan, scene: Scene) -> Iterator[tuple[str, str]]:
     """Label and text of each line."""
     yield "machine", _machine(scene)
     yield "air", _air(plan, scene)
+    if lifted := lifting_line(scene, plan.fractions):
+        yield "lifting", lifted
     yield "feed", _feed(scene)
     yield "flown with", _terms(plan)
     if plan.crowd is not None:
         flying = _round(sum(plan.crowd.in_flight.values()))
         yield "meetings", f"granules meet, {flying} at a time in a slab {metres(plan.crowd.depth, 2)} deep"
     yield "left out", _left_out(plan)
+    for number, notice in enumerate(floor_notices(scene)):
+        yield "" if number else "uncaught", notice.text
     doubts = [notice for notice in plan.notices if notice.grade is not Grade.INFORMATION]
     for number, notice in enumerate(doubts[:MAX_WARNINGS]):
         grade = f"{notice.grade.value}: " if notice.grade is Grade.VOID else ""
@@ -104,6 +109,8 @@ def _feed(scene: Scene) -> str:
     rate = say(scene.feed.mass_flow, "kg/s")
     if scene.feed.rate is None:
         rate = f"no rate given ({rate} where one is needed)"
+    depth = scene.feed.depth
+    rate += f", {3.6 * scene.feed.mass_flow / depth:.3g} t/h per metre of depth"
     shares = ", ".join(f"{name} {100.0 * share:.3g} %" for name, share in scene.mass_shares().items())
     falls = f", {fall_words(scene.feed)}" if scene.body else ""
     count = REPLICATES * replicate_size(scene.feed.count)

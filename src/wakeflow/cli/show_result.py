@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING
 
+from ..answer.measurements import PAGE
 from ..answer.shares import SHARE_UNIT, BudgetRow, Separation, least_certain, weightiest
 from ..core.errors import known
 from ..core.number import Number
@@ -18,6 +19,7 @@ from ..report.words import (
     error_text,
     holds,
     in_three_dimensions,
+    measurement_lines,
     percent,
     source_seconds,
 )
@@ -32,10 +34,10 @@ if TYPE_CHECKING:
     from ..pipeline.airflow import Airflow
 
 
-NEXT = "Measure these, and write them as { value = ..., uncertainty = ... }"
-NEXT_OF_WAKE = "of wake.*: numerics.rung = '3d'"
+HOW_TO_MEASURE = f"How to measure: {PAGE}. Write what you find as {{ value = ..., uncertainty = ... }}."
 WEIGHS, MAX_PARTS = 0.1, 4  # of the largest error of a quantity, and how many errors are reported on screen
 SHORTEST = 0.5  # s: shorter run times are not worth a word
+MANY = 3  # fractions: from as many on an interval is below its number, so that the table fits 80 letters
 LEVEL = ("floor", "top")  # lines along x
 
 
@@ -70,7 +72,7 @@ def _air(airflow: Airflow) -> str:
     drop, cd, base = airflow.pressure_drop, airflow.cd, airflow.cp_base
     if cd is None or base is None:
         return f"airflow: {airflow.verdict}, {airflow.flow_rate:.3g} m²/s, pressure drop {drop:.2g} Pa"
-    interval = f" [{cd.low:.3f}, {cd.high:.3f}]" if cd.known else ""  # none of a given case
+    interval = f" ({cd.low:.3f} to {cd.high:.3f})" if cd.known else ""  # none of a given case
     return (
         f"airflow: {airflow.verdict}, Cd {cd.value:.3f}{interval}, "
         f"base pressure coefficient {base.value:.2f}, pressure drop {drop:.1f} Pa"
@@ -102,20 +104,22 @@ def _poured(funnel: FunnelSummary) -> str:
         return f"funnel: {funnel.verdict} with {funnel.left} of {funnel.beads} beads inside"
     found = f"funnel: {1e3 * rate.value:.3g} g/s"
     if rate.known:
-        found += f" [{1e3 * rate.low:.3g}, {1e3 * rate.high:.3g}]"
+        found += f" ({1e3 * rate.low:.3g} to {1e3 * rate.high:.3g})"
     empty = "" if funnel.time_to_empty is None else f", empty after {funnel.time_to_empty:.3g} s"
     return found + empty + ("" if law is None else f"; Beverloo's law with cone factor, at rest: {1e3 * law:.3g} g/s")
 
 
 def separation_table(result: Result, separation: Separation) -> Table:
-    """Bins by fractions: shares in percent with half their 95 % interval; throughput, purity, recovery."""
+    """Bins by fractions: shares in percent with their 95 % interval; throughput, purity, recovery."""
     from rich.text import Text
 
     met = result.landings is not None and result.landings.slab is not None
     title = f"{'VOID: ' if result.void else ''}share of each fraction's mass, %{', granules colliding' if met else ''}"
     rows: list[list[str | Text] | None] = []
+    few = len(separation.fractions) < MANY
     for one in bins_in_words(result, separation):
-        shares = [Text(share, style="bold green" if wanted else "") for share, wanted in one.shares]
+        told = [(share if few else _parted(share), wanted) for share, wanted in one.shares]
+        shares = [Text(share, style="bold green" if wanted else "") for share, wanted in told]
         purest = "\n".join(f"{name} {_parted(share)}".strip() for name, share in one.purities)
         rows.append([one.place, *shares, one.flow, purest])
     below = [] if result.void else measure_next(result)  # more exact numbers mend no answer that is worth nothing
@@ -125,19 +129,22 @@ def separation_table(result: Result, separation: Separation) -> Table:
 
 
 def _parted(text: str) -> str:
-    """A percentage with its two arms below it, so that columns stay narrow."""
-    return text if "±" in text else text.replace(" ", "\n", 1)
+    """A percentage with its interval below it, so that columns stay narrow."""
+    return text.replace(" ", "\n", 1)
 
 
 def measure_next(result: Result) -> list[str]:
-    """For each fraction the numbers of the scene that make most of its least certain share uncertain."""
-    told, wake = [], False
+    """What a measurement would make of each recovery and each purity of a target; without targets, on which numbers
+    each fraction's least certain share depends most.
+    """
+    if told := measurement_lines(result.landings):
+        return [*told, HOW_TO_MEASURE]
+    told = []
     for name, (place, parts) in ({} if result.landings is None else least_certain(result.landings)).items():
         if known := weightiest(parts):
             inputs = ", ".join(f"{key} {part.points}" for key, part in known)
             told.append(f"{name} in {place} depends most on (points each): {inputs}")
-            wake |= any(key.startswith("wake.") for key, _ in known)
-    return [*told, f"{NEXT}; {NEXT_OF_WAKE}." if wake else f"{NEXT}."] if told else []
+    return [*told, HOW_TO_MEASURE] if told else []
 
 
 def alone_table(separation: Separation, alone: Separation) -> Table:
@@ -210,7 +217,7 @@ def show_dividers(found: Sequence[Dividers], on: str) -> None:
         places = ", ".join(f"{1e3 * (start + low):.1f} to {1e3 * (start + high):.1f}" for low, high in one.stretches)
         judged = [percent(one.purity), percent(one.recovery)] if one.possible else [NO_VALUE, NO_VALUE]
         rows.append([f"{100 * one.asked:.4g}", *judged, places or "no stretch reaches it"])
-    title = f"{fraction} on {on}, percent; judged on granules that had no part in the choice, ± of their number alone"
+    title = f"{fraction} on {on}, percent; judged on granules that had no part in the choice; interval: of their number"
     heads = ("purity asked", "purity", "recovery", f"stretches ({'x in mm' if level else 'mm along the line'})")
     Console().print(screen_table(heads, rows, title, left=0))
     if len(found) > 1 or not found[0].possible:

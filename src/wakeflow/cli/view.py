@@ -13,7 +13,7 @@ from cyclopts.validators import Number
 
 from ..core.errors import SceneError
 from ..scene.overrides import changes_of
-from .options import ACCURACY, Accuracy, AsJson, Quiet, Settings, Stage, Threads, scene_and_folder
+from .options import PACE, AsJson, Pace, Quiet, Settings, Stage, Threads, scene_and_folder
 
 if TYPE_CHECKING:
     from ..scene import Scene
@@ -34,7 +34,7 @@ def plan(
     until: Stage | None = None,
     workers: Threads = None,
     settings: Settings = (),
-    gate: Accuracy = ACCURACY,
+    gate: Pace = PACE,
     as_json: AsJson = False,
 ) -> None:
     """Say in ten lines what is flown, left out and doubtful and what it costs, and draw the machine with its measures.
@@ -60,7 +60,12 @@ def plan(
     from .show_plan import show_plan, show_whole_plan
 
     asked, folder = scene_and_folder(scene, settings, gate, out)
-    made = make_plan(asked, **gate.how)
+    how = gate.how
+    if gate.quick:
+        from ..runs.effort import quick_settings
+
+        asked, how = quick_settings(asked, how)
+    made = make_plan(asked, **how)
     if as_json:
         print(json.dumps(made.summary(), indent=2))
     elif everything:
@@ -125,7 +130,7 @@ def animate(
     run_folder
         A folder that ``wakeflow run`` wrote.
     format_
-        gif, or mp4: smaller and smoother, with the extra wakeflow[mp4].
+        gif, or mp4: smaller and smoother, with imageio-ffmpeg installed.
     fractions
         Show this one alone; repeatable.
     seconds
@@ -157,7 +162,7 @@ def animate(
         print(f"{path}, {path.stat().st_size / 1e6:.2g} MB")
 
 
-def materials(name: str | None = None, *, file: Path | None = None) -> None:
+def materials(name: str | None = None, *, file: Path | None = None, new: Path | None = None) -> None:
     """List the materials of granules; of one NAME every value with its range, source and how far to trust it.
 
     A file of your own, written alike, is named in a scene: materials = "mine.toml".
@@ -168,19 +173,25 @@ def materials(name: str | None = None, *, file: Path | None = None) -> None:
         A material; default all.
     file
         List those of your own in this file.
+    new
+        Write a commented file with a material of your own there, to fill in.
     """
-    from ..core.registry import did_you_mean
     from ..laws.material import materials as shipped
+    from ..laws.material import near_material, write_own_material
     from ..scene.own_files import read_materials
     from .show_stored import show_material, show_materials
 
+    if new is not None:
+        write_own_material(new)
+        print(f'{new} written; fill it in, and name it in a scene: materials = "{new.name}"')
+        return
     known = {one: shipped[one] for one in shipped} if file is None else read_materials(file)
     if name is None:
         show_materials(known)
     elif name in known:
         show_material(name, known[name])
     else:
-        raise SceneError(f"unknown material {name!r}{did_you_mean(name, list(known))} (known: {', '.join(known)})")
+        raise SceneError(f"unknown material {name!r}{near_material(name, list(known))} (known: {', '.join(known)})")
 
 
 def _seconds(span: str) -> float:

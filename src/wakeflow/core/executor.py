@@ -200,7 +200,7 @@ class Cluster(Executor):
         try:
             import distributed
         except ModuleNotFoundError:
-            raise SceneError("a cluster needs Dask: pip install 'wakeflow[cluster]', on its workers too") from None
+            raise SceneError("a cluster needs Dask: pip install dask distributed, on its workers too") from None
         if isinstance(scheduler, distributed.Client):
             return cls(scheduler, place)
         try:

@@ -10,22 +10,30 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from difflib import SequenceMatcher
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from ..core.errors import SceneError
+from ..core.files import atomic_write
+from ..core.quantities import quantity
 from ..core.registry import Registry, did_you_mean
 from .restitution import Restitution
 
 SPREAD = ("restitution", "friction", "terminal_velocity")  # quantities with a mean and a standard deviation
 PARTS = (*SPREAD, "rebound_scatter", "tangential_restitution", "impact")  # quantities with evidence of their own
 CONFIDENCES = ("measured", "typical", "low")
-LARGEST = {  # in SI units: beyond is a wrong unit
-    "diameter": 0.1, "density": 3e4, "terminal_velocity": 100.0, "restitution": 1.0, "friction": 10.0,
-    "rebound_scatter": 1.0, "tangential_restitution": 1.0,
+MISSPELT = 0.75  # likeness of two words from which on one is the other misspelt; chosen
+SIZES = ("diameter", "density")  # numbers, or tables with evidence of their own
+NEEDED = ("restitution", "friction", "impact")
+KNOWN = (*SIZES, *PARTS, "dimensions", "moisture")
+QUANTITIES = {  # unit, largest number in it (beyond is a wrong unit), and how one is written with a unit
+    "diameter": ("m", 0.1, "2.4 mm"), "density": ("kg/m^3", 3e4, "1.3 g/cm^3"),
+    "terminal_velocity": ("m/s", 100.0, "7.8 m/s"), "restitution": ("1", 1.0, "50 %"), "friction": ("1", 10.0, "30 %"),
+    "rebound_scatter": ("rad", 1.0, "9 deg"), "tangential_restitution": ("1", 1.0, "30 %"), "share": ("1", 1.0, "14 %"),
 }  # fmt: skip
 
 
@@ -76,7 +84,7 @@ class Material:
     terminal_velocity: float | None  # m/s; None: a sphere, drag from the law
     restitution: float | Restitution  # normal, against steel; a scene may give a law of the approach speed
     friction: float  # sliding, against steel
-    confidence: str  # of size and terminal velocity
+    confidence: str  # of what has no evidence of its own
     source: str
     restitution_std: float = 0.0
     friction_std: float = 0.0
@@ -91,34 +99,78 @@ class Material:
     def __post_init__(self) -> None:
         object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
 
+    def at_moisture(self, share: float) -> Material:
+        """The material with a ``share`` of water (of its whole mass), as it was measured between its driest and its
+        wettest.
 
-materials: Registry[Material] = Registry("material")
+        Raises SceneError where that was not measured, or not so dry or so wet.
+        """
+        wet = self.moisture
+        if wet is None:
+            have = ", ".join(name for name in materials if materials[name].moisture is not None)
+            raise SceneError(f"no data say what water does to this material (there are some of {have})")
+        low, high = wet.share
+        if not low <= share <= high:
+            raise SceneError(f"measured from {100 * low:g} % to {100 * high:g} % of water")
+        faster, rougher = (wet.factor(name, share) for name in ("terminal_velocity", "friction"))
+        return replace(
+            self,
+            terminal_velocity=None if self.terminal_velocity is None else faster * self.terminal_velocity,
+            terminal_velocity_std=faster * self.terminal_velocity_std,
+            friction=rougher * self.friction, friction_std=rougher * self.friction_std,
+        )  # fmt: skip
+
+
+def near_material(name: object, known: Sequence[str]) -> str:
+    """A hint where a known name is that of the same substance misspelt, else an empty string: broken rice is no broken
+    wheat. Every word of the name must be alike.
+    """
+    words = str(name).split("-")
+    for other in known:
+        parts = other.split("-")
+        alike = (SequenceMatcher(None, a, b).ratio() for a, b in zip(words, parts, strict=False))
+        if len(words) == len(parts) and all(one >= MISSPELT for one in alike):
+            return f"; did you mean {other!r}?"
+    return ""
+
+
+class Materials(Registry[Material]):
+    """The registry of materials, whose hints never offer another substance."""
+
+    def __getitem__(self, name: str) -> Material:
+        """The material called ``name``. Raises SceneError where there is none."""
+        if name not in self:
+            hint = near_material(name, list(self))
+            raise SceneError(f"unknown material {name!r}{hint} (known: {', '.join(self)}; your own: docs/scenes.md)")
+        return super().__getitem__(name)
+
+
+materials: Registry[Material] = Materials("material")
 
 
 def read_material(name: str, table: Mapping[str, Any], where: str) -> Material:
     """The material called ``name``, of a ``table`` as in materials.toml; ``where``: the file, for messages.
 
-    Raises SceneError, one line: what is missing, unknown, or no value of its kind.
+    Numbers are SI, or texts with a unit. Size and density may be tables with evidence of their own. Raises SceneError,
+    one line: all that is missing or unknown, or the first that is no value of its kind.
     """
     at = f"{where}: {name}"
-    own = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
+    if problems := [*_not_there(table), *_not_known(table)]:
+        raise SceneError(f"{at}: {'; '.join(problems)} (wakeflow materials --new shows a whole one)")
     parts = {key: value for key, value in table.items() if isinstance(value, Mapping)}
-    _same_keys(at, own, ("diameter", "density", "confidence", "source"), ())
-    _same_keys(at, parts, ("restitution", "friction", "impact"), (*PARTS, "dimensions", "moisture"))
-    _words(at, own)
-    found: dict[str, Any] = {"terminal_velocity": None, **own}
-    for key in ("diameter", "density"):
-        found[key] = _number(f"{at}.{key}", own[key], 0.0, LARGEST[key])
+    _words(at, table)
+    found: dict[str, Any] = {"terminal_velocity": None, "confidence": table["confidence"], "source": table["source"]}
+    for key in SIZES:
+        found[key] = _number(f"{at}.{key}", parts.get(key, {"value": table[key]})["value"], key)
     moisture = parts.pop("moisture", None)
     sizes = parts.pop("dimensions", None)
     for key, part in parts.items():
         place = f"{at}.{key}"
-        value = "model" if key == "impact" else "value"
-        _same_keys(place, part, (value, *(("std",) if key in SPREAD else ()), "confidence", "source"), ())
         _words(place, part)
-        found[key] = part[value] if key == "impact" else _number(place, part[value], 0.0, LARGEST[key])
+        if key not in SIZES:
+            found[key] = part["model"] if key == "impact" else _number(place, part["value"], key)
         if key in SPREAD:
-            found[f"{key}_std"] = _number(f"{place}.std", part["std"], 0.0, LARGEST[key])
+            found[f"{key}_std"] = _number(f"{place}.std", part["std"], key)
     evidence = {key: Evidence(part["confidence"], part["source"]) for key, part in parts.items()}
     if sizes is not None:
         found["dimensions"], evidence["dimensions"] = _dimensions(f"{at}.dimensions", sizes)
@@ -126,34 +178,55 @@ def read_material(name: str, table: Mapping[str, Any], where: str) -> Material:
     return Material(**found, evidence=evidence, moisture=wet)
 
 
+def _keys_of(part: str) -> tuple[str, ...]:
+    """The keys that a table of a material needs."""
+    if part == "moisture":
+        return ("share", "terminal_velocity", "source")
+    spread = ("std",) if part in SPREAD else ()
+    return ("model" if part == "impact" else "value", *spread, "confidence", "source")
+
+
+def _not_there(table: Mapping[str, Any]) -> list[str]:
+    """What a material's table lacks, in one line of all of it."""
+    lacking = [key for key in (*SIZES, "confidence", "source", *NEEDED) if key not in table]
+    for part, keys in table.items():
+        if isinstance(keys, Mapping) and part in KNOWN:
+            lacking += [f"{part}.{key}" for key in _keys_of(part) if key not in keys]
+        elif part in KNOWN and part not in SIZES:
+            lacking.append(f"[{part}] as a table with {', '.join(_keys_of(part))}")
+    return [f"lacks {', '.join(lacking)}"] if lacking else []
+
+
+def _not_known(table: Mapping[str, Any]) -> list[str]:
+    """Each key of a material's table that none has."""
+    found = [("", key, (*KNOWN, "confidence", "source")) for key in table]
+    for part, keys in table.items():
+        if isinstance(keys, Mapping) and part in KNOWN:
+            extra = ("friction",) if part == "moisture" else ()
+            found += [(f"{part}.", key, (*_keys_of(part), *extra)) for key in keys]
+    return [
+        f"{place}{key}: unknown{did_you_mean(key, list(known))} (known: {', '.join(known)})"
+        for place, key, known in found
+        if key not in known
+    ]
+
+
 def _dimensions(at: str, table: Mapping[str, Any]) -> tuple[tuple[float, ...], Evidence]:
-    _same_keys(at, table, ("value", "confidence", "source"), ())
     _words(at, table)
     if not isinstance(table["value"], list) or len(table["value"]) != 3:
         raise SceneError(f"{at}.value = {table['value']!r}: give length, width and thickness")
-    sides = tuple(_number(at, side, 1e-9, LARGEST["diameter"]) for side in table["value"])
+    sides = tuple(_number(at, side, "diameter") for side in table["value"])
     return sides, Evidence(table["confidence"], table["source"])
 
 
 def _moisture(at: str, table: Mapping[str, Any]) -> Moisture:
-    _same_keys(at, table, ("share", "terminal_velocity", "source"), ("friction",))
     ends: dict[str, tuple[float, float]] = {}
     for key in [one for one in ("share", "terminal_velocity", "friction") if one in table]:
-        most = LARGEST.get(key, 1.0)
         if not isinstance(table[key], list) or len(table[key]) != 2:
             raise SceneError(f"{at}.{key} = {table[key]!r}: give two numbers, at the driest and at the wettest")
-        low, high = (_number(f"{at}.{key}", one, 0.0, most) for one in table[key])
+        low, high = (_number(f"{at}.{key}", one, key) for one in table[key])
         ends[key] = low, high
     return Moisture(**ends, source=str(table["source"]))
-
-
-def _same_keys(at: str, table: Mapping[str, Any], needed: Sequence[str], allowed: Sequence[str]) -> None:
-    """Raise SceneError where a table lacks a key that is needed, or has one that is not allowed."""
-    if missing := [key for key in needed if key not in table]:
-        raise SceneError(f"{at}: lacks {', '.join(missing)}")
-    known = [*needed, *(key for key in allowed if key not in needed)]
-    if unknown := [key for key in table if key not in known]:
-        raise SceneError(f"{at}.{unknown[0]}: unknown{did_you_mean(unknown[0], known)} (known: {', '.join(known)})")
 
 
 def _words(at: str, table: Mapping[str, Any]) -> None:
@@ -163,9 +236,16 @@ def _words(at: str, table: Mapping[str, Any]) -> None:
         raise SceneError(f"{at}.source: say where the number is from")
 
 
-def _number(at: str, value: Any, low: float, high: float) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-        raise SceneError(f"{at} = {value!r}: needs a number in SI units from {low:g} to {high:g}")
+def _number(at: str, value: Any, key: str) -> float:
+    """A number of a quantity ``key``, in SI units, from itself or from a text with a unit."""
+    unit, most, example = QUANTITIES[key]
+    if isinstance(value, str):
+        try:
+            value = quantity(value, unit, example)
+        except ValueError as problem:
+            raise SceneError(f"{at} = {value!r}: {problem}") from None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= most:
+        raise SceneError(f"{at} = {value!r}: needs a number in SI units from 0 to {most:g}, or such as {example!r}")
     return float(value)
 
 
@@ -176,6 +256,14 @@ def _shipped() -> None:
 
 
 _shipped()
+
+
+def write_own_material(path: Path) -> None:
+    """Write a commented material to fill in. Raises SceneError where a file stands there."""
+    if path.exists():
+        raise SceneError(f"--new {path}: exists; choose another name")
+    with atomic_write(path) as stream:
+        stream.write(Path(__file__).with_name("my-material.toml").read_text(encoding="utf-8"))
 
 
 # -- How far an input may be off where nobody says it ------------------------------------------------------------------

@@ -23,7 +23,7 @@ from ..core.lazy import cached_property
 from ..core.record import JsonTable, load
 from ..core.store import content_key
 from ..field import FlowField
-from ..planning.plan import Plan
+from ..planning.plan import Plan, gathered
 from ..scene import Scene
 from .airflow import Airflow, AirLoadingSummary
 from .airflow_kinds import CaseAir
@@ -209,9 +209,10 @@ class AirLoading:
 def exerted_by(scene: Scene, plan: Plan) -> JsonTable:
     """What the granules' force on an air depends on beside that air and where the bins stand."""
     tables: JsonTable = scene.model_dump(mode="json", by_alias=True)
-    for name in ("numerics", "picture", "funnel", "force", "uncertainty", "bin"):
+    for name in ("numerics", "picture", "report", "funnel", "force", "uncertainty", "bin"):
         del tables[name]
-    del tables["feed"]["count"], tables["collisions"]["count"]
+    tables["feed"]["count"] = gathered(scene.feed.count)
+    del tables["collisions"]["count"]
     crowd = None if plan.crowd is None else [plan.crowd.depth, dict(plan.crowd.tracers)]
     how = {name: row.tracked for name, row in resolved(plan).fractions.items()}
     versions = [version_of(package) for package in ("numpy", "scipy", "numba")]

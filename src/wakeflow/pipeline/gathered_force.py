@@ -20,7 +20,7 @@ from ..field import FlowField
 from ..injection.feed import feedstock
 from ..injection.stream import SlabFeed, slab_top
 from ..laws.constants import GRAVITY
-from ..planning.plan import COMPARED, GATHERED, REPLICATES, Plan
+from ..planning.plan import COMPARED, REPLICATES, Plan, gathered
 from ..scene import Scene
 from ..tracking import Granules, Tracks
 from ..tracking.momentum import force_on_the_air
@@ -106,14 +106,15 @@ class Gatherer:
         return Boxes.across(channel.width, channel.bottom, channel.top, self.scene.width / ACROSS)
 
     def alone(self, folder: Path) -> None:
-        """Of GATHERED granules of each fraction, each of which flies alone; kept in ``folder``."""
-        few = self.scene.replace({"feed.count": GATHERED * REPLICATES // COMPARED})
+        """Of some granules of each fraction, each of which flies alone; kept in ``folder``."""
+        count = gathered(self.scene.feed.count)
+        few = self.scene.replace({"feed.count": count * REPLICATES // COMPARED})
         flight = Flight(few, resolved(self.plan), Realisations(self.air), TOLERANCE, self.workers, self.tell)
         bins, shares, late = len(self.scene.bin), {}, {}
         density, losses = np.zeros((self.boxes.rows, self.boxes.columns, 2)), np.zeros((COMPARED, 2))
         before = density.copy()
         for name in self.scene.fraction:
-            self.tell(f"{name}: {GATHERED} granules, for their force on the air")
+            self.tell(f"{name}: {count} granules, for their force on the air")
             feed = feedstock(few, flight.plan, name, None, range(COMPARED))
             tracks = flight.fly(name, feed.granules, record=POINTS, stream=STREAM)
             flow, how = self._flow(name), self._how(self.plan.fractions[name].forces)
@@ -134,7 +135,9 @@ class Gatherer:
         Of each fraction the force is that of the granules fed over their mass, times the mass flow of the feed: how
         many come by chance does not matter.
         """
-        crowd = replace(known(self.plan.crowd), replicates=COMPARED, operation=start_up, count=GATHERED)
+        crowd = replace(
+            known(self.plan.crowd), replicates=COMPARED, operation=start_up, count=gathered(self.scene.feed.count)
+        )
         plan, airs = replace(resolved(self.plan), crowd=crowd), Realisations(self.air)
         flight = SlabFlight(
             self.scene, plan, airs, crowd.depth, start_up, start_up, TOLERANCE, None, self.workers, self.tell,

@@ -15,7 +15,7 @@ from ..laws.forces import forces
 from ..scene import Scene
 from .airflow import AirflowPlan
 from .collisions import CLOCK, CollisionPlan
-from .plan import AT_ONCE, COMPARED, GATHERED, REPLICATES, CostEstimate, FractionPlan, replicate_size
+from .plan import AT_ONCE, COMPARED, REPLICATES, CostEstimate, FractionPlan, gathered, replicate_size
 from .stages import FLIGHTS, OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, error_sources, stages
 from .wake import SpanCost, cost_of
 
@@ -215,7 +215,7 @@ def _gathering(work: Workload) -> Iterator[StageCost]:
     if work.airflow.loaded:
         steady = work.airflow.stepping == "steady"
         key = StageKey(AirLabel(draft=not steady), "momentum")
-        seconds = _flown(work, round(ROUGHLY * GATHERED))
+        seconds = _flown(work, round(ROUGHLY * gathered(work.scene.feed.count)))
         yield StageCost(key, seconds, "answer" if steady else "first", _passes(work) + 1)
 
 

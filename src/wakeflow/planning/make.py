@@ -46,6 +46,7 @@ from .terms import (
 
 TURNING = "deflection-before-the-impact"  # what injection leaves out: how the air before the body moves granules
 MATTERS = 0.1  # body widths: a warning where the air that is left out could move a fraction by more; chosen
+WORTHLESS = 1.0  # body widths: air that could move a fraction so far decides where it lands; chosen
 FIRST_LOOK = "rung none is a first look at each granule alone; --force collisions=on"
 NONE_MET = Encounters({}, 0.0, 0.0)  # for scales of which no one asks what a granule meets
 LARGEST_ERROR = 0.5  # of a share: an accuracy beyond would say nothing
@@ -286,7 +287,7 @@ def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> tuple[l
         why = f"drag on the way at the largest slip, {middle.slip:.2g} m/s; {fate}"
         left_out.append(LeftOut(AIR, shift, why, name))
         if carried or shift > MATTERS:
-            grade = void if carried else less_sure
+            grade = void if carried or shift >= WORTHLESS else less_sure
             warned.append(grade(
                 f"{name}: rung none leaves the air out, which could move it by {shift:.2g} {scene.unit} (terminal "
                 f"velocity {middle.settling:.2g} m/s, air {air.speed:.2g} m/s {air.direction}); {fate}; numerics.rung "

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from .airflow import AirflowPlan
 from .collisions import CollisionPlan, collision_lines
 from .cost import ranks_for, span_cost, typical_cells
 from .coupling import COUPLING, INDEPENDENT, Limit, strained
+from .lifting import floor_notices, lifting_line, lifting_notices
 from .lock_in import AirMotion
 from .plan import COMPARED, REPLICATES, FractionPlan
 from .terms import COLLISIONS, LOADING, TermSelection
@@ -76,6 +78,24 @@ def magnitude_lines(scene: Scene) -> Iterator[Notice]:
         yield less_sure(f"{name}: {density:.3g} kg/m3, {why}; check fraction.{name}.density{meant}")
 
 
+# -- Inputs that nothing feels -----------------------------------------------------------------------------------------
+OF_THE_AIR = re.compile(
+    r"air\..*|channel\.inlet\..*|numerics\.(mesh_scale|averaging|snapshots|span\..*)"
+    r"|fraction\.[^.]+\.(terminal_velocity|sphericity|drag)(\..*)?"
+)
+
+
+def unfelt(keys: Iterable[str], scene: Scene, rung: str) -> list[str]:
+    """Those of the ``keys`` of a scene with air that change no answer on a ``rung``: none, which leaves the air out."""
+    return [key for key in keys if scene.air is not None and rung == "none" and OF_THE_AIR.fullmatch(key)]
+
+
+def unfelt_line(keys: Sequence[str]) -> str:
+    """What to say of ``keys`` that nothing feels."""
+    verb = "changes" if len(keys) == 1 else "change"
+    return f"{', '.join(keys)} {verb} nothing at rung none, which leaves the air out; --rung draft computes it"
+
+
 # -- The plan in words -------------------------------------------------------------------------------------------------
 LARGE_QUANTILE = 0.95  # mass quantile that represents a fraction's large granules
 POINT = 0.1  # of the body's width: size up to which a granule passes as a point in the air; chosen
@@ -108,6 +128,8 @@ def used_lines(
         brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
         share = brought / (scene.air.speed * scene.channel.width)
         yield f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air"
+    if lifted := lifting_line(scene, fractions):
+        yield f"lifting: {lifted}"
     for name, fraction in fractions.items():
         yield _fraction_line(scene, name, fraction)
     numbers = ", ".join(f"{limit.name} {limit.value:.2g}" for limit in validity if limit.limit is not None)
@@ -255,6 +277,8 @@ def warning_lines(
                 f"{name}: falls faster than a sphere of its size and density; check fraction.{name}.terminal_velocity"
             )
         yield from _injected_beyond(name, plan, target)
+    yield from lifting_notices(scene, fractions)
+    yield from floor_notices(scene)
     yield from body_checks(scene)
     if scene.feed.rate is not None:  # without one there is a rate only to give throughputs a scale
         yield from strained(validity, {LIFTED[term] for term in whole if term in LIFTED})

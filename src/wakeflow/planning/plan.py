@@ -162,6 +162,11 @@ class Plan(_Sendable):
         return table
 
 
+def gathered(count: int) -> int:
+    """Granules of a fraction whose force on the air is gathered in a scene of so many: no more than it asks for."""
+    return min(GATHERED, REPLICATES * replicate_size(count))
+
+
 def replicate_size(count: int) -> int:
     """Granules in each of the REPLICATES when ``count`` are asked for: the next power of two, since Sobol sets are
     balanced for these.

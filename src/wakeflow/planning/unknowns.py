@@ -177,8 +177,9 @@ def _vary_moisture(made: Variation, one: Unknown, x: float, scene: Scene, plan: 
     """What was measured of the material at both ends, where the scene gives no number of its own for it."""
     name = known(one.fraction)
     fraction, own, wet = scene.fraction[name], made.of(name), known(_water(scene.fraction[name]))
-    friction = wet.factor("friction", x) if fraction.friction is None else 1.0
-    drag = _drag(scene, plan, name, wet.factor("terminal_velocity", x)) if _settles(scene, plan, name) else 1.0
+    factor = {key: wet.factor(key, x) / wet.factor(key, one.value) for key in ("friction", "terminal_velocity")}
+    friction = factor["friction"] if fraction.friction is None else 1.0
+    drag = _drag(scene, plan, name, factor["terminal_velocity"]) if _settles(scene, plan, name) else 1.0
     return made.with_granules(name, friction=own.friction * friction, drag=own.drag * drag)
 
 
@@ -255,6 +256,9 @@ def _settling(scene: Scene, plan: Plan) -> Iterator[Unknown]:
             yield _unknown(scene, key, "terminal_velocity", value, "m/s", confidence, name)
 
 
+METER = 0.01  # share of water to which a moisture that a scene gives is known, 95 %: a usual meter's; chosen
+
+
 def _moistures(scene: Scene, plan: Plan) -> Iterator[Unknown]:
     """The share of water of each fraction whose numbers were measured by it, over all that was measured: what follows
     it moves together.
@@ -264,8 +268,12 @@ def _moistures(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         wet = _water(fraction)
         slides = wet is not None and wet.friction is not None and fraction.friction is None
         if wet is not None and (slides or _settles(scene, plan, name)):
+            share = wet.middle if fraction.moisture is None else fraction.moisture
             if key in scene.uncertainty:
-                yield _unknown(scene, key, "moisture", wet.middle, "1", fraction=name)
+                yield _unknown(scene, key, "moisture", share, "1", fraction=name)
+            elif fraction.moisture is not None:
+                why = "a moisture meter (chosen)"
+                yield Unknown(key, "moisture", share, METER, METER, "1", why, name)
             else:
                 half, why = wet.share[1] - wet.middle, "measured range (laws/materials.toml)"
                 yield Unknown(key, "moisture", wet.middle, half, half, "1", why, name)

@@ -71,7 +71,7 @@ def _mp4(frames: Iterator[Image.Image], rate: float, path: Path) -> bytes:
     try:
         from imageio_ffmpeg import write_frames
     except ModuleNotFoundError:
-        raise SceneError("an MP4 needs an extra: pip install 'wakeflow[mp4]'; or ask for --format gif") from None
+        raise SceneError("an MP4 needs an extra: pip install imageio-ffmpeg; or ask for --format gif") from None
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_name(f".{path.stem}.{os.getpid()}.mp4")
     first = next(frames)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..answer.result import VOID
 from ..answer.table import Entry, ResultTable, TableQuantity
 from ..core import sums
 from ..core.errors import SceneError
@@ -67,6 +68,7 @@ def draw_table_figures(folder: Path, table: ResultTable) -> list[Path]:
 
 
 def _drawn(folder: Path, table: ResultTable) -> list[Path]:
+    table = of_worth(table)
     names, keys = main_quantities(table), numeric_inputs(table)
     files: list[Path] = []
     if not names or not table.done:
@@ -82,6 +84,11 @@ def _drawn(folder: Path, table: ResultTable) -> list[Path]:
         files.append(folder / "trade-off.png")
         draw_trade_off(files[-1], table)
     return files
+
+
+def of_worth(table: ResultTable) -> ResultTable:
+    """The table without void answers, which say nothing."""
+    return ResultTable([one for one in table.entries if one.reason != VOID], table.targets)
 
 
 def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -> None:
@@ -211,7 +218,7 @@ def _told(entry: Entry, keys: Sequence[str]) -> str:
 
 
 def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: str) -> None:
-    """Draw quantities as colours over two inputs that form a grid, with the numbers and half their 95 % intervals where
+    """Draw quantities as colours over two inputs that form a grid, with the numbers and their 95 % intervals where
     there is room. Raises SceneError where they form none: a value of each input for every scene, and no two scenes at
     one place.
     """
@@ -248,7 +255,8 @@ def _cells(axes: Axes, grid: _Grid, name: str, unit: str) -> Any:
         known = widths[row, column] > 0.0
         axes.text(*at, f"{value:.3g}", ha="center", va="bottom" if known else "center", fontsize=LETTERS, color=ink)
         if known:
-            axes.text(*at, f"±{0.5 * widths[row, column]:.2g}", ha="center", va="top", fontsize=NOTE_SIZE, color=ink)
+            ends = f"{value - arms[0][row, column]:.3g} to {value + arms[1][row, column]:.3g}"
+            axes.text(*at, ends, ha="center", va="top", fontsize=NOTE_SIZE, color=ink)
     return drawn
 
 

@@ -11,10 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from ..answer.measurements import Purchase, worth_measuring
+from ..answer.result import VOID
 from ..answer.shares import LEFT_OUT, NOT_COMPUTED, SHARE_UNIT, BudgetPart, BudgetRow
 from ..budget.total import remedies
-from ..core.graded import Grade
 from ..core.number import Number
+from ..core.quantities import say, speaking
 from ..core.tables import Cell, CellTable
 
 if TYPE_CHECKING:
@@ -31,44 +33,54 @@ UNPROVEN = "No measurement of granules validates this machine."
 UNKNOWN_ERROR = "unknown"
 TERMS = {LEFT_OUT: "terms left out", NOT_COMPUTED: "terms not computed"}  # a column of the budget for each kind of term
 MAX_DIGITS = 4  # after the point of a percentage, however narrow its interval
-ALIKE = 0.25  # of half of an interval: arms that differ by no more are shown as one
+COARSE = 2.5  # percentage points: an arm of an interval from which on a percentage has no decimals
+UNKNOWN_SPAN = 0.5  # of a purity: an interval from which on nothing is known of it
 ROUGH = 0.1  # an error of a share from which percentage points are written without decimals
-ROUGH_POINTS = 100.0 * ROUGH
 
 
-def percent(number: Number | None) -> str:
-    """``"62.1 ± 0.8"`` from a measured number in 0..1: percent and half its 95 % interval, or its two arms where they
-    differ, ``"98.2 -3.1 +0.9"``; a dash for none.
+def percent(number: Number | None, *, void: bool = False) -> str:
+    """``"62.1 (61.3 to 62.9)"`` from a measured number in 0..1: percent and its 95 % interval; a dash for none,
+    and ``"void"`` for a number of an answer that is worth nothing.
 
-    The number of decimals follows the shorter arm, so that it never shows as zero unless it is: two figures from ten
-    points on.
+    The number of decimals follows the shorter arm of the interval that is not zero, so that both arms are seen.
     """
     if number is None or not math.isfinite(number.value):
         return NO_VALUE
+    if void:
+        return VOID
     if not number.known:
         return f"{100 * number.value:.1f}"
-    below, above = 100.0 * (number.value - number.low), 100.0 * (number.high - number.value)
-    half, shorter = 0.5 * (below + above), min(below, above)
-    alike = max(below, above) - shorter <= ALIKE * half
-    least = half if alike or shorter <= 0.0 else shorter
-    decimal = 0 if least >= ROUGH_POINTS else 1
-    digits = 1 if least <= 0 else min(MAX_DIGITS, max(decimal, -math.floor(math.log10(least))))
-    value = f"{100 * number.value:.{digits}f}"
-    arms = [f"-{below:.{digits}f}"] * (below > 0.0) + [f"+{above:.{digits}f}"] * (above > 0.0)
-    return f"{value} ± {half:.{digits}f}" if alike else " ".join([value, *arms])
+    arms = [100.0 * arm for arm in (number.value - number.low, number.high - number.value) if arm > 0.0]
+    digits = -math.floor(math.log10(min(arms) / COARSE)) if arms else 1
+    digits = min(MAX_DIGITS, max(0, digits))
+    value, low, high = (_whole(f"{100 * one:.{digits}f}") for one in number)
+    return f"{value} ({low} to {high})"
+
+
+def _whole(text: str) -> str:
+    """None and all of a whole without decimals."""
+    return f"{float(text):.0f}" if float(text) in (0.0, 100.0) else text
+
+
+def purity(number: Number | None, *, void: bool = False) -> str:
+    """A purity as :func:`percent`; ``"unknown (0 to 50)"`` where its interval spans half of all that it could be."""
+    told = percent(number, void=void)
+    wide = number is not None and number.known and round(number.high - number.low, 2) >= UNKNOWN_SPAN
+    return f"{UNKNOWN_ERROR} {told.partition(' ')[2]}" if wide and not void else told
+
+
+def part_text(name: str, number: Number | None, *, void: bool = False) -> str:
+    """A part of a whole by its ``name`` in tables: purity.BIN.FRACTION as a purity, every other as a share."""
+    return (purity if "purity." in name else percent)(number, void=void)
 
 
 def holds(result: Result) -> str:
     """What the intervals of an answer hold, and what they do not."""
     if result.void:
-        why = next(
-            text for text, grade in zip(result.warnings, result.grades, strict=True) if grade == Grade.VOID.value
-        )
-        return f"VOID: the answer is worth nothing, whatever its intervals say: {why}."
+        return f"VOID: the answer is worth nothing, whatever its intervals say: {result.why_void}."
     of_what = OF_WHAT.format("steps" if result.airflow is None else "shedding cycles, steps, mesh")
     if not result.lacking:
-        mostly = f" {result.caveat.capitalize()}." if result.caveat else ""
-        return f"The interval holds 95 %: {of_what}.{mostly} {UNPROVEN}"
+        return f"The interval holds 95 %: {of_what}. {UNPROVEN}"
     cures = remedies(result.lacking)
     mend = f"; it takes {'; '.join(cures)}" if cures else ""
     return (
@@ -87,6 +99,55 @@ def in_three_dimensions(landings: LandingResults | None) -> str:
     return f"Three dimensions: {', '.join(told)} ({about})" if told else ""
 
 
+def measurement_lines(landings: LandingResults | None) -> list[str]:
+    """A line for each recovery and purity that a measurement would narrow: the best one, and what it leaves."""
+    lines = []
+    for name, number, bought in worth_measuring(landings):
+        kind, *of = name.split(".")
+        what = f"recovery of {of[0]}" if kind == "recovery" else f"purity of {of[1]} in {of[0]}"
+        best = bought[0]
+        lines.append(
+            f"{what}, now {percent(number)} %: measure {measured_words(best)} and it becomes {percent(best.number)} %"
+        )
+    return lines
+
+
+def measured_words(bought: Purchase) -> str:
+    """``"the restitution of wheat to +- 0.03 (a drop test)"``."""
+    parts = bought.key.split(".")
+    what = f"the {parts[2]} of {parts[1]}" if parts[0] == "fraction" else bought.key
+    with speaking({"m": "mm", "rad": "deg"}):
+        half = say(bought.half, bought.unit, 2)
+    return f"{what.replace('_', ' ')} to +- {half} ({bought.method.how})"
+
+
+def headline(result: Result) -> list[str]:
+    """The answer in plain words, a sentence for each fraction that has a target."""
+    if result.landings is None:
+        return []
+    if result.void:
+        return [f"This answer is void: {result.why_void}."]
+    told, shares = [], result.landings.separation
+    for name, number in shares.recovery.items():
+        if number is None:
+            continue
+        places = result.targets(name)
+        pure = [(place, (shares.purity.get(place) or {}).get(name)) for place in places]
+        known = [f"{purity(one)} % in {place}" for place, one in pure if one is not None]
+        least = dict.fromkeys(text.partition(" in ")[0] for text in known)
+        where = f"{' or '.join(least)} of what lies there" if len(least) == 1 else ", ".join(known)
+        of_bin = f"; it makes up {where}" if known else ""
+        told.append(f"Of the {name}, {percent(number)} % lands in {' or '.join(places)}{of_bin}.")
+    return told
+
+
+def split_cure(line: str) -> tuple[str, str]:
+    """A warning in two: what is the matter, and the keys and switches that change it, empty where it names none."""
+    what, sign, cure = line.rpartition("; ")
+    named = sign and any(mark in cure for mark in ("=", "--", ".", "[", "_"))
+    return (what, cure) if named else (line, "")
+
+
 def change_of(before: Number | None, after: Number | None) -> str:
     """``"-17.2"``: what a share in 0..1 changes by, in percentage points; a dash where either is not known."""
     if before is None or after is None:
@@ -95,12 +156,12 @@ def change_of(before: Number | None, after: Number | None) -> str:
 
 
 def difference_text(one: Difference) -> str:
-    """``"+3.1 points [+1.2, +5]"``: a difference and its 95 % interval; of shares, purities and recoveries percentage
+    """``"+3.1 points (+1.2 to +5)"``: a difference and its 95 % interval; of shares, purities and recoveries percentage
     points, of others in their unit.
     """
     share = one.unit == "1" and not one.quantity.startswith("airflow.")
     scale, unit = (100.0, "points") if share else (1.0, "" if one.unit == "1" else one.unit)
-    ends = f" [{scale * one.low:+.3g}, {scale * one.high:+.3g}]" if one.known else ""
+    ends = f" ({scale * one.low:+.3g} to {scale * one.high:+.3g})" if one.known else ""
     return f"{scale * one.value:+.3g} {unit}".rstrip() + ends
 
 
@@ -258,8 +319,11 @@ class BinWords(NamedTuple):
 def bins_in_words(result: Result, separation: Separation) -> Iterator[BinWords]:
     """The shares of every bin, percent with 95 % interval; the recoveries last."""
     for place in separation.bins:
-        shares = [(percent(places[place]), place in result.targets(n)) for n, places in separation.fractions.items()]
-        pure = [(name, percent(found)) for name, found in expected(result, place)]
+        shares = [
+            (percent(places[place], void=result.void), place in result.targets(name))
+            for name, places in separation.fractions.items()
+        ]
+        pure = [(name, purity(found, void=result.void)) for name, found in expected(result, place)]
         yield BinWords(place, shares, f"{separation.throughput[place]:.3g}", pure or [("", NO_VALUE)])
-    recoveries = [(percent(separation.recovery.get(name)), False) for name in separation.fractions]
+    recoveries = [(percent(separation.recovery.get(name), void=result.void), False) for name in separation.fractions]
     yield BinWords("recovery", recoveries, "", [])

@@ -156,7 +156,9 @@ class OneRun:
         summary, parts = inputs_of(inputs)
         separation = replace(separation, cut=partition_curves(scene, self.pipeline.plan, flights.landings))
         beside = in_three_dimensions(scene, self.pipeline.plan) or None
-        return LandingResults(separation, bracket, budget, alone, slab, effects, beside, summary, parts)
+        wanted = {name: fraction.targets for name, fraction in scene.fraction.items()}
+        of_targets = None if inputs is None else inputs.of_targets(wanted) or None
+        return LandingResults(separation, bracket, budget, alone, slab, effects, beside, summary, parts, of_targets)
 
     def _key(self, tracked: Tracked | None) -> str:
         """What the answer depends on."""

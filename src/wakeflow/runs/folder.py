@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 # -- What answers are made for -----------------------------------------------------------------------------------------
-PACKAGES = ("wakeflow", "numpy", "scipy", "numba", "gmsh", "meshio", "foamlib", "pyvista")
+PACKAGES = ("numpy", "scipy", "numba", "gmsh", "meshio", "foamlib", "pyvista")
 
 
 @cache
@@ -35,7 +35,9 @@ def versions() -> dict[str, str]:
     """Of python and of the packages that answers rest on."""
     from importlib.metadata import PackageNotFoundError, version
 
-    found = {"python": sys.version.split()[0]}
+    from .. import __version__
+
+    found = {"python": sys.version.split()[0], "wakeflow": __version__}
     for package in PACKAGES:
         try:
             found[package] = version(package)

@@ -21,6 +21,7 @@ from ..scene import Scene
 from ..scene.changes import stem_name
 from ..scene.whole import States
 from .answer import OneRun
+from .effort import affordable
 from .folder import LOCK, refuse_foreign, written_files
 from .progress import as_listener, ignore
 from .refine import refined
@@ -48,6 +49,8 @@ def run(
     redraw: bool = False,
     report: bool = True,
     refine: bool = True,
+    quick: bool = False,
+    budget: float | str | None = None,
 ) -> Result:
     """Compute ``scene``, or that of a scene file, and write results to the folder ``out`` (runs/scene, or runs/ and the
     file's name); finished stages come from the cache.
@@ -59,6 +62,8 @@ def run(
     scene's granules, tolerance, mesh and averages are chosen so that computing alone knows every bin share to it
     (:mod:`.refine`), unless ``refine`` is False. ``listener(stage, text)`` hears of progress, one call at a
     time: ``print`` serves, and a notebook shows a bar by itself; ``planned(plan)`` hears before of what will be done.
+    ``quick`` answers in half a minute with coarse settings and no time-resolved wake; with a ``budget`` (s, or "3 min")
+    the finest settings are chosen that are expected to fit into it (:mod:`.effort`).
     ``redraw`` draws a finished report anew; without ``report`` none is drawn, and a later call without that draws it.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
@@ -69,6 +74,9 @@ def run(
     once = partial(
         run_once, folder=folder, request=request, workers=workers, listener=listener, planned=planned, redraw=redraw
     )
+    if quick or budget is not None:
+        asked, request = affordable(asked, request, partial(once, report=False), listener, quick=quick, budget=budget)
+        return once(asked, request=request, report=report)
     if request.target_error is None or until is not None or not refine:
         return once(asked, report=report)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 import threading
 import time
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 DONE, FROM_CACHE = "done", "done (from the cache)"  # how the text of a stage begins that is done
 TRUSTED = 20.0  # s: until about as much of a kind of work is done its expected time is trusted more than its pace
+GROWS = 1.25  # times the one reported before: the time left never grows by more
 OVERDUE = 0.95  # of a stage's expected time: no more counts as done before the stage says so
 
 
@@ -44,15 +46,19 @@ class RunProgress:
     done: Counter[str] = field(default_factory=Counter)  # by stage: how often it is done
     under_way: dict[str, float] = field(default_factory=dict)  # by stage: since when
     took: dict[str, float] = field(default_factory=dict)  # by stage: s, each time it was done now
+    cached: set[str] = field(default_factory=set)  # stages that came from the cache
+    least: float = math.inf  # s: the shortest time left that was reported
 
     def begin(self, expected: Sequence[StageCost], cores: int) -> None:
         """Start anew, with these stages."""
-        self.expected, self.cores, self.started = expected, cores, self.clock()
+        self.expected, self.cores, self.started, self.least = expected, cores, self.clock(), math.inf
         for known in (self.done, self.under_way, self.took):
             known.clear()
 
     def hear(self, stage: str, text: str) -> None:
         """Take note of what a listener hears."""
+        if text.startswith(FROM_CACHE):
+            self.cached.add(stage)
         if text.startswith(FROM_CACHE) and not self.done[stage]:  # what costs nothing now says nothing of the pace
             self.expected = [one for one in self.expected if one.name != stage]
         elif text.startswith(DONE):
@@ -113,10 +119,22 @@ class RunProgress:
         return found
 
     def __str__(self) -> str:
-        """Stage n of m, and the time left; empty where nothing is known."""
-        if self.left is None:
+        """Stage n of m, and the time left; empty where nothing is known. The time reported before grows by a quarter
+        at most: beyond that it is reported as "at least".
+        """
+        left = self.left
+        if left is None:
             return ""
-        return f"stage {self.number} of {len(self.expected)}, about {duration(self.left)} left"
+        self.least = min(self.least, left)
+        beyond = left > GROWS * self.least
+        told = f"at least {duration(GROWS * self.least)}" if beyond else f"about {duration(left)}"
+        return f"stage {self.number} of {len(self.expected)}, {told} left"
+
+    @property
+    def from_cache(self) -> str:
+        """How many stages came from the cache, in a line; empty for none."""
+        count = len(self.cached)
+        return f"{count} stage{'s' if count > 1 else ''} from the cache" if count else ""
 
 
 PLAIN_EVERY = 10.0  # s between lines of a stage when the output is not a terminal
@@ -184,8 +202,8 @@ class _InLines(ProgressListener):
         now = time.monotonic()
         if not text.startswith(DONE) and now - self.last.get(stage, -PLAIN_EVERY) < PLAIN_EVERY:
             return
-        if text.startswith(FROM_CACHE) and stage in self.last:
-            return  # it is read again and again; once is news
+        if text.startswith(FROM_CACHE) and (stage in self.last or not self.as_json):
+            return  # it is read again and again: a program hears of it once, a person of all of them together
         self.last[stage] = now
         self.console.print(self._line(stage, text), highlight=False, markup=False, soft_wrap=True)
 
@@ -213,8 +231,17 @@ def live(*, enabled: bool, as_json: bool = False) -> Iterator[ProgressListener]:
         told = _OnTerminal(console=console)
         with _shown(told, console):
             yield told
+        _tell_cached(told, console)
     else:
-        yield _InLines(console=console, as_json=as_json)
+        lines = _InLines(console=console, as_json=as_json)
+        yield lines
+        if not as_json:
+            _tell_cached(lines, console)
+
+
+def _tell_cached(told: ProgressListener, console: Console) -> None:
+    if line := told.progress.from_cache:
+        console.print(line, highlight=False)
 
 
 def _shown(told: _OnTerminal, console: Console) -> Live:

@@ -18,7 +18,19 @@ from ..laws.flake import shape_of
 from ..laws.material import Material, materials
 from ..laws.size import sizes, within
 from .rebound import Coefficient, Rebound
-from .table import SHARE, Array, Diameter, MassDensity, Portion, PositiveSpeed, ScatterAngle, Shorthand, Table, made_by
+from .table import (
+    SHARE,
+    Array,
+    Diameter,
+    MassDensity,
+    Portion,
+    PositiveSpeed,
+    ScatterAngle,
+    Shorthand,
+    Table,
+    WithUnit,
+    made_by,
+)
 
 # -- How sizes and measured terminal velocities spread over the mass of a fraction -------------------------------------
 OF_SPEEDS = {"low", "high", "mean", "std", "median", "geometric_std"}  # parameters that mean the same for any quantity
@@ -168,14 +180,13 @@ class Fraction(Table):
         None, description="the bin, or bins, where it should land"
     )
 
+    moisture: Annotated[float, Field(gt=0, lt=1), WithUnit("1", "14 %")] | None = Field(
+        None, description="share of water, of the whole mass, of a material of which that was measured"
+    )
+
     @model_validator(mode="after")
     def _complete(self) -> Fraction:
-        if self.material is not None:
-            materials[self.material]
-        else:
-            missing = [k for k in ("size", "density", "restitution", "friction") if getattr(self, k) is None]
-            if missing:
-                raise SceneError(f"without a material give also: {', '.join(missing)}")
+        self._check_source()
         if self.sphericity is not None and self.terminal_velocity is not None:
             raise SceneError("give sphericity or terminal_velocity, not both")
         if self.impact is not None:
@@ -193,11 +204,34 @@ class Fraction(Table):
             raise SceneError(f"drag = {self.drag!r} {verb} sphericity")
         return self
 
+    def _check_source(self) -> None:
+        """Raise SceneError where neither a material nor the fraction says what its granules are."""
+        if self.material is None:
+            if self.moisture is not None:
+                raise SceneError("moisture changes what a material says; without one give the numbers at your moisture")
+            missing = [k for k in ("size", "density", "restitution", "friction") if getattr(self, k) is None]
+            if missing:
+                raise SceneError(f"without a material give also: {', '.join(missing)}")
+            return
+        try:
+            _ = self._source
+        except SceneError as problem:
+            about = "" if self.moisture is None else f"moisture = {100 * self.moisture:g} %: "
+            raise SceneError(f"{about}{problem}") from None
+
+    @property
+    def _source(self) -> Material | None:
+        """Its material, as it is at the fraction's moisture; None without one."""
+        if self.material is None:
+            return None
+        found = materials[self.material]
+        return found if self.moisture is None else found.at_moisture(self.moisture)
+
     def _or_material(self, name: str) -> Any:
         own = getattr(self, name)
         if own is not None:
             return own
-        return getattr(materials[known(self.material)], name)
+        return getattr(known(self._source), name)
 
     @property
     def properties(self) -> Material:
@@ -207,15 +241,15 @@ class Fraction(Table):
         own = self.terminal_velocity
         terminal = float(own.quantile(np.array([0.5]))[0]) if isinstance(own, Speeds) else own
         if terminal is None and self.sphericity is None and self.material is not None:
-            terminal = materials[self.material].terminal_velocity
+            terminal = known(self._source).terminal_velocity
         return Material(
             diameter=float(self.diameters(np.array([0.5]))[0]),
             density=self._or_material("density"),
             terminal_velocity=terminal,
             restitution=self._middle("restitution"),
             friction=self._middle("friction"),
-            confidence="given" if self.material is None else materials[self.material].confidence,
-            source="scene" if self.material is None else materials[self.material].source,
+            confidence="given" if self.material is None else known(self._source).confidence,
+            source="scene" if self.material is None else known(self._source).source,
             rebound_scatter=self._of_shape("rebound_scatter"),
             tangential_restitution=self._of_shape("tangential_restitution") if self.inertia is not None else 0.0,
             impact=self.impact_model,
@@ -240,7 +274,7 @@ class Fraction(Table):
         """The material whose granules this fraction has, one unlike the other; None where all are alike: of no known
         material, or the paper's.
         """
-        return None if self.material is None or self.impact == PAPER else materials[self.material]
+        return None if self.impact == PAPER else self._source
 
     def coefficients(self, name: Literal["restitution", "friction"], p: Array) -> Array | None:
         """Coefficients below which the shares ``p`` of the granules lie; None where all have the same one, or law."""
@@ -265,7 +299,7 @@ class Fraction(Table):
     @property
     def impact_model(self) -> str:
         """Name of the impact model: as given, else that of the material, else the paper's."""
-        return self.impact or (PAPER if self.material is None else materials[self.material].impact)
+        return self.impact or (PAPER if self.material is None else known(self._source).impact)
 
     @property
     def inertia(self) -> float | None:
@@ -279,7 +313,7 @@ class Fraction(Table):
 
     @property
     def _dimensions(self) -> Sequence[float] | None:
-        return self.dimensions or (None if self.material is None else materials[self.material].dimensions)
+        return self.dimensions or (None if self.material is None else known(self._source).dimensions)
 
     @property
     def shape(self) -> Array:
@@ -310,7 +344,7 @@ class Fraction(Table):
         if own.terminal_velocity is None:
             return None
         if self.terminal_velocity is None and self.material is not None:
-            source = materials[self.material]
+            source = known(self._source)
             return source.diameter, source.density, own.terminal_velocity
         return own.diameter, own.density, own.terminal_velocity
 
@@ -334,4 +368,4 @@ class Fraction(Table):
         """Diameters (m) below which the mass fractions ``p`` lie."""
         if self.size is not None:
             return self.size.quantile(p)
-        return sizes["single"](p, diameter=materials[str(self.material)].diameter)
+        return sizes["single"](p, diameter=known(self._source).diameter)

@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from itertools import takewhile
 from numbers import Real
+from typing import Any
 
 from ..core.errors import SceneError
 from ..core.files import check_tables
@@ -15,6 +16,9 @@ from ..core.record import JsonMapping, JsonTable
 from ..core.registry import did_you_mean
 from .table import present_key, present_keys
 from .whole import ON_OFF
+
+KINDS = {"shape", "kind"}  # keys whose value decides which other keys a table has: one with them comes whole
+NAMED = ("body", "fraction", "bin", "picture")  # tables of tables, whose names are the user's
 
 
 def changes_of(settings: Sequence[str]) -> dict[str, object]:
@@ -67,7 +71,8 @@ def share_in(value: float | str, name: str) -> float:
 def changed(data: JsonMapping, changes: JsonMapping, name: str = "scene") -> JsonTable:
     """A deep copy of a scene's ``data`` with dotted keys set. Tables that are missing on the way are made, but for one
     whose name is nearly another's: that may be misspelt, and a new one of such a name comes whole. A star represents
-    all tables that are there.
+    all tables that are there. A table of the scene changes in the keys that it names and keeps the others; a value that
+    is written as a table, such as a size distribution, is swapped.
 
     Raises SceneError for a key in such a table, for a key in a value, and where ``changes`` are none.
     """
@@ -87,8 +92,27 @@ def changed(data: JsonMapping, changes: JsonMapping, name: str = "scene") -> Jso
             if not nodes or not all(isinstance(node, dict) for node in nodes):
                 raise SceneError(f"{key}: {'.'.join(tables[: i + 1])} is {'a value, not a' if nodes else 'no'} table")
         for node in nodes:
-            node[last] = json.loads(json.dumps(value, default=str))
+            node[last] = _merged(key.split("."), node.get(last), json.loads(json.dumps(value, default=str)))
     return result
+
+
+def _merged(place: Sequence[str], before: Any, value: Any) -> Any:
+    """The ``value`` at a ``place`` of a scene, or what was there ``before`` with the value's keys changed in it."""
+    if not isinstance(before, dict) or not isinstance(value, dict) or not value or not _keeps_keys(place):
+        return value
+    if KINDS & value.keys():  # another shape has other keys
+        return value
+    return {**before, **{key: _merged([*place, key], before.get(key), one) for key, one in value.items()}}
+
+
+def _keeps_keys(place: Sequence[str]) -> bool:
+    """Whether a place of a scene is a table, not a value that is written as one."""
+    top = place[0]
+    if top in ("uncertainty", "force"):
+        return True
+    named = top in NAMED or list(place[:2]) == ["channel", "inlet"]
+    depth = (2 if top in NAMED else 3) if named else 2 if list(place[:2]) == ["numerics", "span"] else 1
+    return len(place) <= depth
 
 
 def unquoted(words: Sequence[str]) -> str | None:

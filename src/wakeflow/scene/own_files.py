@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..core.errors import SceneError, known
 from ..core.files import MAX_RECORD, read_packed, read_toml, read_whole
+from ..core.quantities import quantity
 from ..core.record import JsonMapping, JsonTable
 from ..laws.constants import STANDARD_AIR
 from ..laws.material import Material, materials, read_material
@@ -54,7 +55,13 @@ def with_own_materials(data: JsonMapping, base: Path) -> JsonMapping:
 
 
 def _as_fraction(material: Material, table: Mapping[str, object]) -> dict[str, object]:
-    """The keys of a fraction of a ``material``, those in its own ``table`` first."""
+    """The keys of a fraction of a ``material``, those in its own ``table`` first; at its ``moisture`` where it has one.
+
+    Raises SceneError as :meth:`Material.at_moisture` does.
+    """
+    if "moisture" in table:
+        material = material.at_moisture(_share_of(table["moisture"]))
+        table = {key: value for key, value in table.items() if key != "moisture"}
     values: dict[str, object] = {
         "size": material.diameter, "density": material.density, "impact": material.impact,
         "restitution": _spread(material.restitution, material.restitution_std),
@@ -70,6 +77,14 @@ def _as_fraction(material: Material, table: Mapping[str, object]) -> dict[str, o
     return {**values, **{key: value for key, value in table.items() if key != "material"}}
 
 
+def _share_of(given: object) -> float:
+    """A share of water as a scene writes it."""
+    try:
+        return quantity(given, "1", "14 %") if isinstance(given, str) else float(str(given))
+    except ValueError as problem:
+        raise SceneError(f"moisture = {given!r}: {problem}") from None
+
+
 def _spread(mean: object, std: float) -> object:
     """A number of all granules, or how it spreads over them."""
     return {"distribution": "normal", "mean": mean, "std": std} if std else mean
@@ -82,12 +97,27 @@ def with_own_files(data: JsonMapping, base: Path) -> JsonMapping:
 
     Raises SceneError as :func:`read_samples` and :func:`find_case` do.
     """
-    air, vibration = data.get("air"), data.get("vibration")
+    air, vibration, report = data.get("air"), data.get("vibration"), data.get("report")
+    if isinstance(report, Mapping) and isinstance(report.get("logo"), str):
+        data = {**data, "report": {**report, "logo": str(_logo(report["logo"], base))}}
     if isinstance(air, Mapping) and isinstance(air.get("case"), str):
         data = {**data, "air": _of_case(air, base)}
     if isinstance(vibration, Mapping) and isinstance(vibration.get("samples"), str):
         data = {**data, "vibration": {**vibration, "samples": read_samples(vibration["samples"], base)}}
     return data
+
+
+LOGOS = {".png": "image/png", ".svg": "image/svg+xml", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
+
+
+def _logo(given: str, base: Path) -> Path:
+    """The file of a logo, absolute. Raises SceneError where it is none."""
+    path = (base / Path(given).expanduser()).resolve()
+    if path.suffix.lower() not in LOGOS:
+        raise SceneError(f"report.logo = {given!r}: needs a file that ends in {', '.join(LOGOS)}")
+    if not path.is_file():
+        raise SceneError(f"report.logo = {given!r}: no file {path}")
+    return path
 
 
 def _of_case(air: JsonMapping, base: Path) -> JsonTable:

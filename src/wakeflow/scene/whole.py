@@ -111,6 +111,14 @@ class Numerics(Table):
     span: SpanTable = Field(SpanTable(), description="of rung 3d")
 
 
+class ReportTable(Table):
+    """[report]: what stands on the report's first page beside the answer."""
+
+    title: Annotated[str, Field(min_length=1, max_length=200)] | None = Field(None, description="default: the folder")
+    note: Annotated[str, Field(max_length=2000)] | None = Field(None, description="a few words of yours below it")
+    logo: str | None = Field(None, description="a PNG, SVG or JPEG file, relative to the scene file")
+
+
 def _switches(value: object) -> object:
     return states_of(value) if isinstance(value, Mapping) else value
 
@@ -145,6 +153,7 @@ class SceneTables(Table):
         {}, description="half of the 95 % interval of a number, by its key: uncertainty.air.speed = '3 %'; 0: exact"
     )
     picture: dict[Name, AnyPicture] = Field({}, description="drawn beside the usual pictures")
+    report: ReportTable = ReportTable()
     numerics: Numerics = Numerics()
 
     @property

@@ -18,7 +18,7 @@ the answer is a covariate (Owen, Monte Carlo theory, methods and examples, ch. 8
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
 from operator import add
@@ -27,13 +27,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..answer.measurements import target_number
 from ..answer.shares import InputPart, InputSummary, LandingResults
 from ..answer.table import is_part
 from ..core.lazy import cached_property
 from ..core.number import Number
 from ..laws.size import normal_points
 from ..planning.unknowns import FARTHEST, SIGMAS, Unknown, unknown_kinds
-from .separation import LEVEL
+from .separation import LEVEL, purity_slopes
 
 if TYPE_CHECKING:
     from ..pipeline.input_samples import DrawnLandings, InputSamples
@@ -123,6 +124,32 @@ class Inputs:
         now = self.mass[name] * own[name] / sum(self.mass[other] * own[other] for other in own)
         change = np.divide(inside[name], total, out=np.full(len(total), now), where=total > 0.0) - now
         return InputRange(*_middle(change), {})
+
+    def effects_on_purity(self, name: str, place: str) -> dict[str, InputPart]:
+        """What each unknown alone does to the share of fraction ``name`` in the mass in a bin, along the tangent."""
+        own = {other: found[place].value for other, found in self.shares.items()}
+        known = self.draws.unknowns
+        slopes, variances = np.zeros(len(known)), np.zeros(len(known))
+        rest, beyond = np.zeros(0), 0.0
+        for other, slope in purity_slopes(name, self.mass, own).items():
+            acting, found = self._response(other, [place])
+            slopes[acting] += slope * found.slopes
+            variances[acting] += slope**2 * found.variances
+            rest = slope * found.rest if not len(rest) else rest + slope * found.rest
+            beyond += slope**2 * found.beyond
+        whole = Response(0.0, slopes, variances, rest, beyond, np.ones(len(known)))
+        return dict(whole.range(self._points, known).effects)
+
+    def of_targets(self, targets: Mapping[str, Sequence[str]]) -> dict[str, dict[str, InputPart]]:
+        """The effects on the recovery of every fraction in its ``targets``, and on its purity in each of them."""
+        found: dict[str, dict[str, InputPart]] = {}
+        for name, places in targets.items():
+            if places:
+                found[f"recovery.{name}"] = dict(self.of_share(name, places).effects)
+            for place in places:
+                if any(shares[place].value > 0.0 for shares in self.shares.values()):
+                    found[f"purity.{place}.{name}"] = self.effects_on_purity(name, place)
+        return found
 
     def _response(self, name: str, places: Sequence[str]) -> tuple[list[int], Response]:
         """The unknowns that act on a fraction, and how the share that lands in ``places`` goes with them.
@@ -335,26 +362,35 @@ class InputMove:
 
 
 def regressed_moves(landings: LandingResults | None) -> list[InputMove]:
-    """What the regression on a run's draws says of every share; nothing where no input is unknown, or where an older
-    version that did not tell directions made the result.
+    """What the regression on a run's draws says of every share, and of recoveries and purities of targets; nothing
+    where no input is unknown, or where an older version that did not tell directions made the result.
     """
     if landings is None or landings.measure_next is None:
         return []
     known, found = landings.inputs or {}, []
-    for name, places in landings.measure_next.items():
-        for place, parts in places.items():
-            value = landings.separation.fractions[name][place].value
-            for key, part in parts.items():
-                if part.rise is None:
-                    return []
-                number = known[key]
-                found.append(
-                    InputMove(
-                        f"{SHARE}{name}.{place}", value, "1", key, number.low, number.high, number.unit, -part.rise,
-                        part.rise, part.uncertainty, part.variance, part.error, REGRESSION,
-                    )
-                )  # fmt: skip
+    for quantity, value, parts in _quantities(landings):
+        for key, part in parts.items():
+            if part.rise is None:
+                return []
+            number = known[key]
+            found.append(
+                InputMove(
+                    quantity, value, "1", key, number.low, number.high, number.unit, -part.rise, part.rise,
+                    part.uncertainty, part.variance, part.error, REGRESSION,
+                )
+            )  # fmt: skip
     return found
+
+
+def _quantities(landings: LandingResults) -> Iterator[tuple[str, float, Mapping[str, InputPart]]]:
+    """Name and value of every number that the draws tell of, and what each unknown does to it."""
+    for name, parts in (landings.of_targets or {}).items():
+        number = target_number(landings, name)
+        if number is not None:
+            yield name, number.value, parts
+    for name, places in (landings.measure_next or {}).items():
+        for place, parts in places.items():
+            yield f"{SHARE}{name}.{place}", landings.separation.fractions[name][place].value, parts
 
 
 def grouped(moves: Iterable[InputMove]) -> dict[str, list[InputMove]]:
@@ -366,11 +402,13 @@ def grouped(moves: Iterable[InputMove]) -> dict[str, list[InputMove]]:
 
 
 def least_sure(moves: Mapping[str, Sequence[InputMove]]) -> list[str]:
-    """Of each fraction the share that its inputs move most, in squares."""
+    """Of each fraction the recovery; without one the share that its inputs move most, in squares."""
+    recovered = {name.split(".")[1]: name for name in moves if name.startswith("recovery.")}
     worst: dict[str, tuple[float, str]] = {}
     for name, members in moves.items():
-        if name.startswith(SHARE):
-            fraction, moved = name.split(".")[1], math.hypot(*(one.reach for one in members))
+        fraction = name.split(".")[1]
+        if name == recovered.get(fraction) or (name.startswith(SHARE) and fraction not in recovered):
+            moved = math.hypot(*(one.reach for one in members))
             if moved > worst.get(fraction, (-1.0, ""))[0]:
                 worst[fraction] = moved, name
     return [name for _, name in worst.values()]

@@ -160,11 +160,13 @@ def share_interval(samples: Array, count: int, spread: Spread | None = None) -> 
 
 
 def share_spreads(landing: Landings, bins: int, images: Sequence[int] | None = None) -> list[Spread]:
-    """The two parts of the interval of a fraction's share in every bin, and elsewhere."""
+    """The two parts of the interval of a fraction's share in every bin, and elsewhere: each as far as the interval
+    reaches to its longer side, which of an empty bin is the only one.
+    """
     found = []
     for tally in Tally.every(landing, bins, cycles_of([landing]), images):
         alone = share_interval(tally.samples, round(landing.size), tally.spread._replace(airflow=0.0))
-        found.append(Spread(alone.half, tally.spread.airflow))
+        found.append(Spread(max(alone.high - alone.value, alone.value - alone.low), tally.spread.airflow))
     return found
 
 

@@ -187,7 +187,7 @@ def draw_residence(
 
 
 def _told(times: Array) -> str:
-    """``"94 % of 48 tracks, median 23 [21, 26] ms"``: order statistics bound the median without any law of times."""
+    """``"94 % of 48 tracks, median 23 (21 to 26) ms"``: order statistics bound the median without any law of times."""
     from scipy.stats import binom
 
     inside = np.sort(1e3 * times[times > 0.0])
@@ -197,7 +197,7 @@ def _told(times: Array) -> str:
     last = len(inside) - 1
     lowest = int(binom.ppf(0.5 * (1.0 - SURE), len(inside), 0.5))
     low, high = inside[max(lowest - 1, 0)], inside[min(last - lowest + 1, last)]
-    return f"{share}, median {np.median(inside):.3g} [{low:.3g}, {high:.3g}] ms"
+    return f"{share}, median {np.median(inside):.3g} ({low:.3g} to {high:.3g}) ms"
 
 
 MIDDLE = 0.575  # of the mass still inside half-way through the steady stretch, which runs from 10 to 75 % gone

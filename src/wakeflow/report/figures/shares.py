@@ -307,7 +307,8 @@ def _landings(outcome: Outcome) -> tuple[Scene, Mapping[str, Landed], Separation
 
 def _curves(outcome: Outcome) -> tuple[Scene, Sequence[PartitionCurve]] | None:
     landings = outcome.result.landings
-    return None if landings is None or not landings.separation.cut else (outcome.scene, landings.separation.cut)
+    curves = () if landings is None else tuple(curve for curve in landings.separation.cut if curve.overlaps)
+    return (outcome.scene, curves) if curves else None
 
 
 def _in_wakes(outcome: Outcome) -> tuple[Scene, LandingResults] | None:

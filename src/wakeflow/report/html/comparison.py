@@ -11,7 +11,7 @@ from ...scene import RESERVED_BIN, Scene
 from ..canvas import bins_across, fraction_colours
 from ..figures import captions
 from ..many import main_quantities
-from ..words import NO_VALUE, difference_text, percent
+from ..words import NO_VALUE, difference_text, part_text
 from .document import inlined_pictures, shape_of
 from .rows import input_text, number
 from .template import page_template
@@ -97,7 +97,7 @@ def _value(name: str, found: TableQuantity | None) -> str:
     if found is None:
         return NO_VALUE
     if name.startswith(PARTS):
-        return f"{percent(found)} %"
+        return f"{part_text(name, found)} %"
     return f"{number(found.value)} {found.unit}".removesuffix(" 1")
 
 

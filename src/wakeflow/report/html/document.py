@@ -14,6 +14,7 @@ from ...answer.shares import BudgetPart, BudgetRow, PartitionCurve
 from ...core.files import atomic_write
 from ...core.quantities import say, speaking
 from ...scene import RESERVED_BIN, Scene
+from ...scene.own_files import LOGOS
 from ...scene.rungs import rungs
 from .. import words
 from ..canvas import bins_across, fraction_colours
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from ...answer.result import Result
     from ..outcome import Outcome
 
-SKETCH = "sketch"  # the figure next to the machine's measures
+SKETCH, LANDING = "sketch", "landing"  # the figures beside the answer
 MAX_MOVED = 3  # shares that are reported of a number
 LONG = 1.75  # width over height of a picture that takes the page's whole width
 TALL = 0.8  # of one that takes a sheet's whole height
@@ -84,12 +85,15 @@ def render(
         live_json=json.dumps(live, separators=(",", ":")).replace("<", "\\u003c"),
         canvas=_canvas(scene),
         grades=_grades(result),
+        landing=pictures.get(LANDING),
+        logo=_logo(scene),
+        measurements=words.measurement_lines(result.landings),
         scene=scene,
         colours=fraction_colours(list(scene.fraction)),
         bins=[*bins_across(scene), RESERVED_BIN],
         rung_about=rungs[result.plan.rung].meaning if result.plan.rung in rungs else "",
         origin=_origin(result),
-        cuts=[] if result.landings is None else [_cut(curve) for curve in result.landings.separation.cut],
+        cuts=[] if result.landings is None else _cuts(result.landings.separation.cut),
         budget=words.condensed(result.budget),
         made_of=_made_of,
         how=_how,
@@ -112,7 +116,7 @@ def shape_of(picture: str) -> str:
 
 def _shown(pictures: Mapping[str, str], texts: Mapping[str, str]) -> list[tuple[str, str, str]]:
     """The shape of each picture, the picture, and what it shows; the sketch has a place of its own."""
-    names = [name for name in texts if name in pictures and name != SKETCH]
+    names = [name for name in texts if name in pictures and name not in (SKETCH, LANDING)]
     return [(shape_of(pictures[name]), pictures[name], texts[name]) for name in names]
 
 
@@ -132,6 +136,19 @@ def _origin(result: Result) -> list[tuple[str, str]]:
     given = [] if result.provenance is None else [*vars(result.provenance).items()]
     told = [(name, words.NO_VALUE if value is None else str(value)) for name, value in given]
     return [*told, *result.versions.items(), ("fingerprint of the answer", result.key)]
+
+
+def _logo(scene: Scene) -> str:
+    """The scene's logo as a data URL; empty without one, and where its file is gone since."""
+    given = scene.report.logo
+    if given is None or not (path := Path(given)).is_file():
+        return ""
+    return f"data:{LOGOS[path.suffix.lower()]};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
+
+
+def _cuts(curves: Iterable[PartitionCurve]) -> list[tuple[str, ...]]:
+    """The cuts of curves that are of more than the gap between two fractions."""
+    return [_cut(curve) for curve in curves if curve.overlaps]
 
 
 def _cut(curve: PartitionCurve) -> tuple[str, ...]:

@@ -139,6 +139,7 @@
       const name = bar.dataset.fraction, value = (values[name] || {})[bar.dataset.bin];
       bar.hidden = !shown.get(name);
       bar.style.setProperty("--value", String(value === undefined ? 0 : value));
+      bar.querySelector(".value span").textContent = value === undefined ? "" : value.toFixed(value < 10 ? 1 : 0);
       bar.title = name + " in " + bar.dataset.bin + ": " + (value === undefined ? "not flown" : value.toFixed(1) + " %");
     });
   }

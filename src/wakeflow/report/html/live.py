@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..air import VorticityShades, moments_of
 from ..canvas import MM, bins_across, fraction_colours
-from ..words import percent
+from ..words import percent, purity
 
 if TYPE_CHECKING:
     from ...answer.result import Result
@@ -67,9 +67,14 @@ def _flat(line: Array) -> list[float]:
 def _bin(scene: Scene, result: Result, name: str) -> dict[str, object]:
     """A bin's line, and what lands in it in words."""
     found = None if result.landings is None else result.landings.separation
-    shares = {} if found is None else {one: percent(places[name]) + " %" for one, places in found.fractions.items()}
+    void = result.void
+    shares = {} if found is None else {
+        one: f"{percent(places[name], void=void)} %" for one, places in found.fractions.items()
+    }  # fmt: skip
     flow = None if found is None else found.throughput[name]
-    pure = {} if found is None else {one: percent(row) + " %" for one, row in (found.purity[name] or {}).items()}
+    pure = {} if found is None else {
+        one: f"{purity(row, void=void)} %" for one, row in (found.purity[name] or {}).items()
+    }  # fmt: skip
     return {
         "name": name, "line": _flat(scene.bin[name].line(scene.channel)), "shares": shares, "purity": pure, "flow": flow
     }  # fmt: skip

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from ...funnel.rate import FunnelSummary
     from ...pipeline.airflow import Airflow, MeshReport
 
-ELSEWHERE = ("fraction", "numerics", "picture", "uncertainty", "force")  # tables that the page tells in other places
+# tables that the page tells in other places
+ELSEWHERE = ("fraction", "numerics", "picture", "uncertainty", "force", "report")
 QUANTITIES = {  # of a material: name, unit
     "diameter": ("diameter of the equal sphere", "m"),
     "density": ("density", "kg/m^3"),
@@ -244,7 +245,7 @@ def _interval(found: Number, scale: float) -> str:
     text = number(found.value * scale) if math.isfinite(found.value) else NO_VALUE
     if not found.known:
         return text
-    return f"{text} [{number(found.low * scale)}, {number(found.high * scale)}]"
+    return f"{text} ({number(found.low * scale)} to {number(found.high * scale)})"
 
 
 def number(value: float | None) -> str:

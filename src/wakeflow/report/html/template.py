@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ...core.number import Number
 from .. import words
 from . import rows
 
@@ -23,18 +22,11 @@ def page_template(name: str) -> Any:
     )
     environment.filters.update(
         percent=words.percent,
+        purity=words.purity,
         points=rows.percentage_points,
         number=rows.number,
         seconds=rows.seconds,
-        between=_between,
         cells="{} cells".format,
     )
     environment.globals.update(rows=rows, words=words, dash=words.NO_VALUE)
     return environment.get_template(name)
-
-
-def _between(row: Number) -> str:
-    """``"80.4 to 100"``: the ends of an interval of a share, percent; a dash without one."""
-    if not row.known:
-        return words.NO_VALUE
-    return f"{100 * row.low:.3g} to {100 * row.high:.3g}"

@@ -1,0 +1,53 @@
+"""The operator's map: recovery and purity of every target over the air's speed and the feed rate, in one figure.
+
+Each air speed's airflow is solved once and kept; the feed rates fly in it. The map is a sweep like any other, so that
+what it computed is found again by it and by runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..core.errors import SceneError
+from ..scene import Scene
+from .compute import Sweep, sweep
+from .variant import variants
+
+SPEED, RATE = "air.speed", "feed.rate"
+AROUND = (0.8, 1.0, 1.2)  # times the scene's own, where no values are given
+FIGURE = "map.png"
+
+
+def operating_map(
+    scene: Scene | Path | str,
+    out: Path | str,
+    *,
+    air: Sequence[object] | None = None,
+    feed: Sequence[object] | None = None,
+    **how: Any,
+) -> tuple[Sweep, Path]:
+    """Sweep ``scene`` over air speeds and feed rates, by default four fifths, once and six fifths of its own, and draw
+    the map; returns both. ``how``: as of :func:`wakeflow.sweep`.
+
+    Raises SceneError where the scene has no air or no feed rate, and where no fraction has a target.
+    """
+    asked = Scene.of(scene)
+    if asked.air is None or asked.feed.rate is None:
+        raise SceneError("a map needs an air.speed and a feed.rate in the scene")
+    if not any(fraction.targets for fraction in asked.fraction.values()):
+        raise SceneError("no fraction has a target, so that nothing is recovered: give fraction.NAME.target, a bin")
+    speeds = list(air) if air else [part * asked.air.speed for part in AROUND]
+    rates = list(feed) if feed else [part * asked.feed.rate for part in AROUND]
+    if min(len(speeds), len(rates)) < 2:
+        raise SceneError("a map needs two air speeds and two feed rates at least")
+    found = sweep(variants(asked, {SPEED: speeds, RATE: rates}), out, figures=False, **how)
+    from ..report.many import draw_map, main_quantities, of_worth
+
+    table = of_worth(found.table)
+    if not table.done:
+        raise SceneError("every answer is void, so that there is nothing to draw; the first: see the table's reasons")
+    figure = Path(out) / "figures" / FIGURE
+    draw_map(figure, table, main_quantities(table), SPEED, RATE)
+    return found, figure

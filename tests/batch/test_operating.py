@@ -1,0 +1,46 @@
+"""The operator's map: recovery and purity over air speed and feed rate, one figure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wakeflow as wf
+from support import Here, shipped
+from wakeflow.batch import operating
+from wakeflow.core.errors import SceneError
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"feed": None}, "needs an air.speed and a feed.rate"),
+        ({"target": None}, "no fraction has a target"),
+    ],
+)
+def test_a_scene_without_what_a_map_is_over_is_refused(changes: dict[str, Any], said: str, tmp_path: Path) -> None:
+    scene = shipped("aspirator")
+    if "feed" in changes:
+        scene = scene.model_copy(update={"feed": scene.feed.model_copy(update={"rate": None})})
+    else:
+        bare = {name: one.model_copy(update={"target": None}) for name, one in scene.fraction.items()}
+        scene = scene.model_copy(update={"fraction": bare})
+    with pytest.raises(SceneError, match=said):
+        operating.operating_map(scene, tmp_path)
+
+
+def test_one_value_is_no_map(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="two air speeds and two feed rates at least"):
+        operating.operating_map(shipped("aspirator"), tmp_path, air=["5 m/s"])
+
+
+def test_a_map_is_a_sweep_with_one_figure(tmp_path: Path) -> None:
+    scene, here = shipped("aspirator", {"feed.count": 64, "force.collisions": "off"}), Here()
+    found, figure = operating.operating_map(
+        scene, tmp_path, air=["5 m/s", "6 m/s"], feed=["0.5 kg/hour", "1 kg/hour"], scheduler=here
+    )
+    assert isinstance(found, wf.Sweep)
+    assert len(found.table.done) == 4
+    assert figure.read_bytes().startswith(b"\x89PNG")

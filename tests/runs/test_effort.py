@@ -1,0 +1,130 @@
+"""A quick answer, and the best one that a budget allows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wakeflow as wf
+from support import shipped
+from wakeflow.answer.result import Request
+from wakeflow.core.errors import SceneError
+from wakeflow.planning.make import make_plan
+from wakeflow.planning.plan import gathered
+from wakeflow.runs import effort
+from wakeflow.runs.effort import QUICK, Within, seconds_of
+
+ASKED = Request.asked()
+PLANS: dict[str, Any] = {}
+
+
+@pytest.fixture(autouse=True)
+def planned_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A scene is planned once for all tests, however often a budget asks for its plan."""
+
+    def plan(scene: wf.Scene, **how: Any) -> Any:
+        key = repr((scene.tables(), how))
+        if key not in PLANS:
+            PLANS[key] = make_plan(scene, **how)
+        return PLANS[key]
+
+    monkeypatch.setattr(effort, "make_plan", plan)
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds"),
+    [("rhombus", 40.0), ("prism", 40.0), ("wheat-straw-dust", 40.0), ("aspirator", 40.0), ("vacuum", 40.0),
+     ("labyrinth", 65.0)],
+)  # fmt: skip
+def test_a_quick_answer_is_planned_within_about_half_a_minute(name: str, seconds: float) -> None:
+    """No time-resolved wake, and no finer than the scene; a machine that is not symmetric takes twice as long."""
+    own = shipped(name)
+    scene, request = QUICK.of(own, ASKED)
+    plan = make_plan(scene, rung=request.rung, force=request.force)
+    assert plan.airflow.stepping != "time-resolved"
+    assert scene.feed.count <= own.feed.count
+    assert scene.numerics.mesh_scale >= own.numerics.mesh_scale
+    assert plan.estimate["seconds"] <= seconds
+
+
+def test_no_more_granules_load_the_air_than_are_asked_for() -> None:
+    assert [gathered(count) for count in (64, 512, 2048, 16384)] == [64, 512, 2048, 2048]
+    few, many = (make_plan(shipped("rhombus", {"feed.count": count})) for count in (512, 4096))
+
+    def loading(plan: wf.Plan) -> float:
+        return sum(one.whole for one in plan.stages if one.name.endswith("draft momentum"))
+
+    assert 0.0 < loading(few) < 0.35 * loading(many)
+
+
+@pytest.mark.parametrize(("given", "seconds"), [("3 min", 180.0), ("90 s", 90.0), (45, 45.0)])
+def test_a_budget_is_a_time(given: str | int, seconds: float) -> None:
+    assert seconds_of(given) == seconds
+
+
+@pytest.mark.parametrize("given", ["3 m", "soon", 0, -1.0])
+def test_another_budget_is_refused(given: Any) -> None:
+    with pytest.raises(SceneError, match="budget = "):
+        seconds_of(given)
+
+
+class Clock:
+    """A clock that a round moves on by what it costs."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.mark.parametrize("budget", [60.0, 180.0, 3600.0])
+@pytest.mark.parametrize("slower", [0.7, 1.0, 2.5])
+def test_a_budget_is_kept_whatever_a_round_costs(budget: float, slower: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock()
+    monkeypatch.setattr(effort, "expected", lambda plan: plan.estimate["seconds"])
+
+    def compute(scene: wf.Scene, request: Request, listener: Callable[[str, str], None]) -> Any:
+        how = {"rung": request.rung, "force": request.force, "target_error": request.target_error}
+        seconds = slower * effort.make_plan(scene, **how).estimate["seconds"]
+        for _ in range(200):
+            clock.now += seconds / 200
+            listener("tracks", "flying")
+
+    if slower * 35.0 > 1.3 * budget:
+        pytest.skip("not even the quickest fits")
+    Within(budget, shipped("rhombus"), ASKED, compute, lambda *_: None, clock).best()
+    assert clock.now <= 1.3 * budget
+
+
+def test_a_larger_budget_buys_finer_settings(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(effort, "expected", lambda plan: plan.estimate["seconds"])
+
+    def best(budget: float) -> tuple[int, float, str | None]:
+        scene, request = Within(budget, shipped("rhombus"), ASKED, lambda *_: None, lambda *_: None).best()  # type: ignore[arg-type]
+        return scene.feed.count, -scene.numerics.mesh_scale, request.rung
+
+    found = [best(budget) for budget in (45.0, 150.0, 2000.0)]
+    assert found[0] < found[1] < (*found[2][:2], "draft")
+    assert found[2] == (4096, -1.0, None)  # the scene's own
+
+
+def test_a_budget_below_the_quickest_answer_says_what_that_takes() -> None:
+    with pytest.raises(SceneError, match=r"budget = 2 s: the quickest answer takes about \d+ s; give more"):
+        wf.run(shipped("rhombus"), "unused", budget="2 s")
+
+
+def test_quick_and_budget_exclude_each_other(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="give one of them"):
+        wf.run(shipped("vacuum"), tmp_path, quick=True, budget="3 min")
+
+
+def test_a_quick_run_says_its_settings_in_its_result(tmp_path: Path) -> None:
+    result = wf.run(shipped("vacuum"), tmp_path, quick=True, report=False)
+    assert result.scene["feed"]["count"] == 256
+    assert result.scene["numerics"]["tolerance"] == 1e-3
+    share, low, high = result.share("hard", "far")
+    assert low < share < high
