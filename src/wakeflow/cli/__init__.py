@@ -10,7 +10,7 @@ from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from ..core.errors import ProgramError, SceneError, WakeflowError
 from ..scene.overrides import unquoted
-from . import batch, run, view
+from . import batch, run, trays, view
 
 __all__ = ["app", "main"]
 
@@ -23,7 +23,7 @@ app = App(
     result_action="return_value",
     suppress_keyboard_interrupt=False,
 )
-for _command in (*run.COMMANDS, *view.COMMANDS, *batch.COMMANDS):
+for _command in (*run.COMMANDS, *view.COMMANDS, *batch.COMMANDS, *trays.COMMANDS):
     app.command(_command)
 
 

@@ -31,10 +31,13 @@ LARGEST = {  # in SI units: beyond is a wrong unit
 
 @dataclass(frozen=True)
 class Evidence:
-    """How far to trust a number: ``confidence`` measured, typical or low, and its ``source``."""
+    """How far to trust a number: ``confidence`` measured, typical or low, its ``source``, and the half of its 95 %
+    interval where the material says it itself.
+    """
 
     confidence: str
     source: str
+    uncertainty: float | None = None
 
 
 @dataclass(frozen=True)
@@ -114,16 +117,25 @@ def read_material(name: str, table: Mapping[str, Any], where: str) -> Material:
     for key, part in parts.items():
         place = f"{at}.{key}"
         value = "model" if key == "impact" else "value"
-        _same_keys(place, part, (value, *(("std",) if key in SPREAD else ()), "confidence", "source"), ())
+        own_margin = () if key == "impact" else ("uncertainty",)
+        _same_keys(place, part, (value, *(("std",) if key in SPREAD else ()), "confidence", "source"), own_margin)
         _words(place, part)
         found[key] = part[value] if key == "impact" else _number(place, part[value], 0.0, LARGEST[key])
         if key in SPREAD:
             found[f"{key}_std"] = _number(f"{place}.std", part["std"], 0.0, LARGEST[key])
-    evidence = {key: Evidence(part["confidence"], part["source"]) for key, part in parts.items()}
+    evidence = {
+        key: Evidence(part["confidence"], part["source"], _margin(f"{at}.{key}", part)) for key, part in parts.items()
+    }
     if sizes is not None:
         found["dimensions"], evidence["dimensions"] = _dimensions(f"{at}.dimensions", sizes)
     wet = None if moisture is None else _moisture(f"{at}.moisture", moisture)
     return Material(**found, evidence=evidence, moisture=wet)
+
+
+def _margin(at: str, part: Mapping[str, Any]) -> float | None:
+    """Half of the 95 % interval that a material gives of its own number; None where it gives none."""
+    given = part.get("uncertainty")
+    return None if given is None else _number(f"{at}.uncertainty", given, 0.0, 100.0)
 
 
 def _dimensions(at: str, table: Mapping[str, Any]) -> tuple[tuple[float, ...], Evidence]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import known
+from ..core.number import SIGMAS as SIGMAS
 from ..core.number import Number
 from ..core.quantities import split_quantity
 from ..core.registry import Registry
@@ -30,7 +31,6 @@ from .plan import Plan
 from .variation import Variation
 
 Array = NDArray[np.float64]
-SIGMAS = 1.959964  # standard deviations to either end of a normal distribution's middle 95 %
 FARTHEST = 2.5  # standard deviations at which a draw is cut off: 1.2 % lie beyond
 MIN_FACTOR = 1e-3  # a factor is no smaller, however wide its interval
 PORTION = (0.0, 1.0)  # what a part of a whole can be

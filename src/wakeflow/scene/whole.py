@@ -16,6 +16,7 @@ from .feed import CollisionTable, Feed
 from .fraction import Fraction
 from .funnel import Funnel
 from .machine import Air, Bin, Body, Channel, Vibration
+from .measured import Tray
 from .pictures import AnyPicture
 from .rungs import rungs
 from .table import Array, Name, Table, WithUnit
@@ -145,6 +146,9 @@ class SceneTables(Table):
         {}, description="half of the 95 % interval of a number, by its key: uncertainty.air.speed = '3 %'; 0: exact"
     )
     picture: dict[Name, AnyPicture] = Field({}, description="drawn beside the usual pictures")
+    measured: list[Tray] = Field(
+        [], description="what lay in the trays of the real machine, or the CSV file that says it; set beside the answer"
+    )
     numerics: Numerics = Numerics()
 
     @property
