@@ -24,12 +24,12 @@ from ..budget.budget import fly_again, make_budget
 from ..budget.source import INPUTS, Flights
 from ..core.errors import SceneError, known
 from ..core.files import path_of, write_json
-from ..core.number import SIGMAS, Number
+from ..core.number import Number
 from ..core.record import to_json
 from ..core.tables import CellTable
 from ..pipeline.cache import Listener
 from ..pipeline.input_samples import Ensemble
-from ..planning.unknowns import Unknown
+from ..planning.unknowns import SIGMAS, Unknown, unknown_kinds
 from ..runs import run
 from ..runs.progress import as_listener
 from ..runs.stages import one_thread_of_blas, stages_of
@@ -328,8 +328,6 @@ def inputs_after(told: Updated) -> dict[str, CalibratedInput]:
 
 
 def _span(one: Unknown) -> tuple[float, float]:
-    from ..planning.unknowns import unknown_kinds
-
     return unknown_kinds[one.kind].span
 
 

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from ..answer.result import Result
 from ..answer.shares import BudgetRow, LandingResults
 from ..core.errors import SceneError, known
-from ..core.number import SIGMAS, Number
+from ..core.number import Number
 from ..core.tables import CellTable
+from ..planning.unknowns import SIGMAS
 from ..scene import Scene
 from ..scene.measured import Measured
 from ..statistics.joint import JointShares, Misfit, Place, misfit, tied_errors

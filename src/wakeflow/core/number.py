@@ -11,7 +11,6 @@ from pydantic import BeforeValidator
 
 from .record import column
 
-SIGMAS = 1.959964  # standard deviations to either end of a normal distribution's middle 95 %
 # What has no bound is infinite here and null in JSON.
 Most = Annotated[float, BeforeValidator(lambda x: math.inf if x is None else x)]
 Least = Annotated[float, BeforeValidator(lambda x: -math.inf if x is None else x)]

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import known
-from ..core.number import SIGMAS as SIGMAS
 from ..core.number import Number
 from ..core.quantities import split_quantity
 from ..core.registry import Registry
@@ -26,6 +25,7 @@ from ..laws.lift import MAGNUS_RANGE
 from ..laws.material import Moisture, default_margins, materials
 from ..laws.restitution import Restitution
 from ..scene import Fraction, Scene
+from ..scene.uncertainty import SIGMAS as SIGMAS
 from .airflow import AirflowPlan
 from .plan import Plan
 from .variation import Variation

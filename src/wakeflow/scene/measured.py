@@ -19,10 +19,11 @@ from pydantic import Field, ValidationError, model_validator
 
 from ..core.errors import SceneError
 from ..core.files import path_of
-from ..core.number import SIGMAS, Number
+from ..core.number import Number
 from ..core.quantities import split_quantity
 from ..core.registry import did_you_mean
 from .table import SHARE, Name, Table
+from .uncertainty import SIGMAS
 
 Array = NDArray[np.float64]
 AMOUNTS = ("share", "mass", "count")  # of which a row gives one
@@ -152,8 +153,7 @@ def read_trays(path: Path | str) -> list[Tray]:
     except (OSError, UnicodeDecodeError) as problem:
         why = problem.strerror if isinstance(problem, OSError) else "not a text file"
         raise SceneError(f"measured: cannot read {file}: {why}") from None
-    written = ((number, line.strip()) for number, line in enumerate(lines, 1))
-    rows = [(number, line) for number, line in written if line and not line.startswith("#")]
+    rows = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and line.lstrip()[0] != "#"]
     if not rows:
         raise SceneError(f"measured: {file.name} is empty; its first line is {EXAMPLE}")
     mark = next((mark for mark in (";", "\t", ",") if mark in rows[0][1]), ",")
@@ -190,10 +190,8 @@ def _tray(heads: Sequence[str], cells: Sequence[str], at: str) -> Tray:
         return Tray(**table)
     except ValidationError as problem:
         first = problem.errors()[0]
-        what = ".".join(map(str, first["loc"]))
-        raise SceneError(f"measured: {at}: {what}{' ' if what else ''}{first['msg']}") from None
-    except SceneError as problem:
-        raise SceneError(f"measured: {at}: {problem}") from None
+        what = "".join(f"{part} " for part in first["loc"])
+        raise SceneError(f"measured: {at}: {what}{first['msg'].removeprefix('Value error, ')}") from None
 
 
 def _number(text: str, head: str, at: str) -> float | int:

@@ -16,7 +16,8 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.number import SIGMAS, Number
+from ..core.number import Number
+from ..planning.unknowns import SIGMAS
 from ..scene.measured import Measured
 
 Array = NDArray[np.float64]

@@ -22,9 +22,8 @@ from proofs.coverage.scenes import GROUPS, VariedScene, varied_scenes
 from proofs.report import Report, Row, Table, Tell
 from wakeflow.batch.calibration import DISCREPANCY, TELLS, Updated, discrepancy_of, separation_after, updated
 from wakeflow.budget.agreement import DISAGREES
-from wakeflow.core.number import SIGMAS
 from wakeflow.core.store import Store, cache_root
-from wakeflow.planning.unknowns import FARTHEST
+from wakeflow.planning.unknowns import FARTHEST, SIGMAS
 from wakeflow.scene.measured import Measured, Tray
 
 Array = NDArray[np.float64]
