@@ -145,3 +145,14 @@ def test_the_commands_print_and_refuse(folder: Path, posterior: Posterior, capsy
     assert main(["compare", str(folder), str(file)]) == 2
     assert "no bin 'neer'; did you mean 'near'?" in capsys.readouterr().err
     assert main(["calibrate", str(folder / "nowhere.toml"), str(file)]) == 2
+
+
+def test_the_report_of_a_scene_with_trays_shows_both_and_the_verdict(tmp_path: Path) -> None:
+    trays = [{"fraction": "soft", "bin": "near", "share": 0.99, "uncertainty": 0.02}]
+    found = wf.run(scene({"measured": trays}), tmp_path)
+    page = (tmp_path / "report.html").read_text()
+    assert "Measured and computed" in page
+    assert "agrees with the computation" in page
+    assert "No measurement of granules validates" not in page
+    assert (tmp_path / "figures" / "measured.png").exists()
+    assert found.scene["measured"] == trays

@@ -121,11 +121,20 @@ def _linearised(
     beyond = np.zeros(len(places))
     for i, (name, place) in enumerate(places):
         acting, line = inputs.line(name, place)
-        slopes[i, acting] = line.slopes
-        middle[i] = inputs.shares[name][place].value + line.middle - float(line.slopes @ centre[acting])
+        slopes[i, acting] = _sure(line)
+        middle[i] = inputs.shares[name][place].value + line.middle - float(slopes[i] @ centre)
         beyond[i] = _unexplained(line)
     errors = tied_errors(places, others + beyond) + discrepancy
     return JointShares.linear([one.key for one in inputs.draws.unknowns], places, middle, slopes, errors)
+
+
+def _sure(line: Response) -> Array:
+    """The slopes (K,), each less what its own error makes of it: a slope that is no larger than that is none, so that
+    nothing is learnt about inputs that only seem to act (positive part of Stein's estimate).
+    """
+    squares = line.slopes**2
+    kept = 1.0 - np.divide(line.variances, squares, out=np.ones_like(squares), where=squares > 0.0)
+    return np.asarray(line.slopes * np.clip(kept, 0.0, 1.0))
 
 
 def _unexplained(line: Response) -> float:

@@ -172,14 +172,12 @@ def impact(
     friction: ArrayLike,
     inertia: ArrayLike | None = None,
     radius: ArrayLike | None = None,
-    tangential_restitution: ArrayLike = 0.0,
 ) -> Impact:
     """A granule falling straight down at ``fall_speed`` (m/s) meets a slope that moves up at ``body_speed`` (m/s).
 
     ``slope_angle`` (rad) is measured from the horizontal; the slope descends towards +x. ``restitution``: numbers, or a
     law of the approach speed. ``inertia`` is I / (m r^2): None for the paper's point mass, 0.4 for a sphere, 0.5 for a
-    disc (``impact_models``); ``radius`` (m) gives the spin its size; ``tangential_restitution``: the part of its slip
-    that a contact which sticks gives back, of granules that turn. All broadcast. With W = fall_speed + body_speed
+    disc (``impact_models``); ``radius`` (m) gives the spin its size. All broadcast. With W = fall_speed + body_speed
     <= 0 there is no impact and the velocity stays what it was. Raises SceneError for numbers out of range.
 
     >>> import numpy as np
@@ -194,19 +192,17 @@ def impact(
         ("friction", friction, 0.0, np.inf),
         ("inertia", 1.0 if inertia is None else inertia, TINY, np.inf),
         ("radius", 1.0 if radius is None else radius, TINY, np.inf),
-        ("tangential_restitution", tangential_restitution, 0.0, 1.0),
     ):
         if not np.all((np.asarray(given) >= least) & (np.asarray(given) <= most)):
             raise SceneError(f"{name} = {given!r}: must be {'positive' if least > 0 else f'{least:g} to {most:g}'}")
-    back = 0.0 if inertia is None else tangential_restitution
     arguments = (slope_angle, fall_speed, body_speed, at_approach, friction)
     mobility = 0.0 if inertia is None else 1.0 / np.asarray(inertia, dtype=float)
     arm = 1.0 if radius is None else np.asarray(radius, dtype=float)
-    b, fall, body, e, f, mobility, arm, back = np.broadcast_arrays(
-        *(np.asarray(a, dtype=float) for a in (*arguments, mobility, arm, back))
+    b, fall, body, e, f, mobility, arm = np.broadcast_arrays(
+        *(np.asarray(a, dtype=float) for a in (*arguments, mobility, arm))
     )
     nx, ny = np.sin(b), np.cos(b)
-    vx, vy, spin, normal, along = collide(0.0, -fall, 0.0, nx, ny, 0.0, body, e, f, mobility, arm, back)
+    vx, vy, spin, normal, along = collide(0.0, -fall, 0.0, nx, ny, 0.0, body, e, f, mobility, arm)
     hits = fall + body > 0.0
     slip = np.abs((fall + body) * nx)
     return Impact(

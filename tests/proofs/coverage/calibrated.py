@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +21,18 @@ from proofs.coverage.flown import Predicted, chance_of, predicted, with_bins
 from proofs.coverage.report import HELD, OVERALL
 from proofs.coverage.scenes import GROUPS, VariedScene, varied_scenes
 from proofs.report import Report, Row, Table, Tell
-from wakeflow.batch.calibration import DISCREPANCY, TELLS, Updated, discrepancy_of, separation_after, updated
+from wakeflow.batch.calibration import (
+    DISCREPANCY,
+    TELLS,
+    Updated,
+    discrepancy_of,
+    inputs_after,
+    separation_after,
+    updated,
+)
 from wakeflow.budget.agreement import DISAGREES
 from wakeflow.core.store import Store, cache_root
-from wakeflow.planning.unknowns import FARTHEST, SIGMAS
+from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown, unknown_kinds
 from wakeflow.scene.measured import Measured, Tray
 
 Array = NDArray[np.float64]
@@ -56,12 +65,8 @@ class _Found:
 
 def cheap_scenes(count: int) -> list[VariedScene]:
     """The first ``count`` scenes of groups that cost little."""
-    found: list[VariedScene] = []
-    number = len(GROUPS)
-    while len(found) < count:
-        found = [one for one in varied_scenes(number) if one.group in CHEAP]
-        number += len(GROUPS)
-    return found[:count]
+    most = len(GROUPS) * (count // len(CHEAP) + 1)
+    return list(islice((one for one in varied_scenes(most) if one.group in CHEAP), count))
 
 
 def run_calibration(*, slow: bool = False, tell: Tell = lambda _: None, scenes: int | None = None) -> Report:
@@ -137,12 +142,13 @@ def _calibrate(told: Predicted, kind: str, found: _Found) -> None:
     if (wrong := exchanged(trays)) is not None:
         found.exchanged.append(_updated(told, wrong).agreement.verdict == DISAGREES)
     chance = chance_of(told.one, 0).standard_normal(len(made.unknowns))
-    for i, key in enumerate(made.after.keys):
-        at, half = float(made.after.inputs[i]), SIGMAS * float(np.sqrt(made.after.spread[i, i]))
-        z = float(np.clip(chance[i], -FARTHEST, FARTHEST))
-        row = Counted(told.one.name, told.one.group, key, at, at - half, at + half, z)
+    after_inputs = inputs_after(made)
+    for z, unknown in zip(np.clip(chance, -FARTHEST, FARTHEST), made.unknowns, strict=True):
+        one = after_inputs[unknown.key]
+        ends = [_placed(unknown, x) for x in (*one.after, float(np.clip(unknown.at(float(z)), *_span(unknown))))]
+        row = Counted(told.one.name, told.one.group, unknown.key, *ends)
         found.inputs.append(row)
-        if half < TELLS * SIGMAS:
+        if one.narrower < TELLS:
             found.learnt.append(row)
     after = separation_after(made.after, told.separation, scene)
     for i, (name, place) in enumerate(made.after.places):
@@ -152,6 +158,15 @@ def _calibrate(told: Predicted, kind: str, found: _Found) -> None:
     worst = max((n for n, r in told.separation.recovery.items() if r), key=lambda n: _half(told.separation.recovery[n]))
     halves = _half(told.separation.recovery[worst]), _half(after.recovery[worst])
     found.halves.append((kind, *halves, made.rounds))
+
+
+def _span(unknown: Unknown) -> tuple[float, float]:
+    return unknown_kinds[unknown.kind].span
+
+
+def _placed(unknown: Unknown, x: float) -> float:
+    """A number as a part of ten times the interval that is stated of it at first, 0.5 in its middle."""
+    return 0.5 + 0.1 * (x - unknown.value) / (unknown.low + unknown.high)
 
 
 def _half(number: object) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofs.report import Report, Row, Table, Tell
-from wakeflow.laws.collision import impact
+from wakeflow.laws.collision import collide
 from wakeflow.laws.constants import GRAVITY
 
 Array = NDArray[np.float64]
@@ -46,8 +46,10 @@ def centre_angle(theta: float, phi: float) -> float:
 
 def rebound(theta: float, back: float) -> float:
     """The same as the program has it, with a tangential restitution ``back``."""
-    found = impact(np.radians(theta), SPEED, 0.0, RESTITUTION, FRICTION, SPHERE, RADIUS, back)
-    return float(np.degrees(np.arctan2(found.tangential, found.normal)))
+    t = np.radians(theta)
+    plate = 0.0, 1.0, 0.0, 0.0, RESTITUTION, FRICTION, 1.0 / SPHERE, RADIUS, back
+    along, up, *_ = collide(SPEED * np.sin(t), -SPEED * np.cos(t), 0.0, *plate)
+    return float(np.degrees(np.arctan2(along, up)))
 
 
 def landing(theta: float, rebound_angle: float) -> float:
