@@ -16,7 +16,7 @@ from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.scene.measured import Measured, Tray, read_trays
 
-COUNT = 512  # granules a fraction
+COUNT = 256  # granules a fraction
 TRUE = 0.56  # restitution of the hard granules in truth; the scene says 0.5
 
 
@@ -64,7 +64,15 @@ def test_the_shares_become_as_sure_as_the_tray_and_sum_to_one(posterior: Posteri
 
 def test_what_came_out_is_written_and_the_next_scene_takes_the_materials(posterior: Posterior) -> None:
     folder = posterior.before.folder
-    for name in ("inputs.csv", "shares.csv", "agreement.csv", "correlations.csv", "calibration.json", "materials.toml"):
+    for name in (
+        "figures/calibration.png",
+        "inputs.csv",
+        "shares.csv",
+        "agreement.csv",
+        "correlations.csv",
+        "calibration.json",
+        "materials.toml",
+    ):
         assert (folder / name).stat().st_size > 0
     tables = scene().tables()
     tables["materials"] = "materials.toml"

@@ -177,16 +177,17 @@ INPUT_COLUMNS = {
 class Posterior:
     """What a measurement makes of a scene: its ``inputs`` by key, those that learnt most first; the ``result`` with the
     new shares, recoveries and purities, next to the one ``before``; the ``agreement`` of the measurement with the
-    model, whatever its inputs; the correlation of each pair of inputs that learnt something; of each tray how much
-    wider the widest recovery would be without it (``told``); what to measure next (``next``: what it would leave of the
-    widest recovery's interval).
+    model, whatever its inputs; each tray as it is known now (``trays``); the correlation of each pair of inputs that
+    learnt something; of each tray how much wider the widest recovery would be without it (``told``); what to measure
+    next (``next``: what it would leave of the widest recovery's interval).
     """
 
-    folder: Path | None
+    folder: Path
     before: Result
     result: Result
     inputs: Mapping[str, CalibratedInput]
     agreement: Agreement
+    trays: tuple[Number, ...]
     correlations: tuple[tuple[str, str, float], ...]
     told: tuple[tuple[str, float], ...]
     next: tuple[tuple[str, float], ...]
@@ -395,6 +396,7 @@ def _posterior(before: Result, told: Updated, measured: Measured, scene: Scene, 
     )  # fmt: skip
     return Posterior(
         before.folder, before, replace(before, landings=after), inputs, told.agreement,
+        tuple(map(told.after.number, measured.weights(told.after.places, scene.mass_shares()))),
         tuple(correlations_after(told)), tuple(trays_told(told, measured, scene)),
         tuple(measure_next_after(told, scene)), told.rounds, told.stands, source,
     )  # fmt: skip
@@ -425,8 +427,11 @@ def _parts(joint: JointShares) -> dict[str, dict[str, dict[str, InputPart]]]:
 
 
 def _write(found: Posterior) -> None:
-    """The tables of a calibration into the folder of its run."""
-    folder = found.before.folder
+    """The tables and the picture of a calibration into the folder of its run."""
+    from ..report.figures.measured import draw_measured
+
+    folder = found.folder
+    draw_measured(folder / "figures" / "calibration.png", found.agreement, found.trays)
     found.cells().write_csv(folder / "inputs.csv")
     found.agreement.cells().write_csv(folder / "agreement.csv")
     CellTable(("input", "other input", "correlation"), found.correlations).write_csv(folder / "correlations.csv")

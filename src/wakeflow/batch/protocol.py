@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..answer.result import Result
 from ..budget.agreement import joint_of
 from ..core.errors import SceneError, known
-from ..core.files import atomic_write
+from ..core.files import atomic_write, made_folder
 from ..core.registry import did_you_mean
 from ..pipeline.cache import Listener
 from ..runs import run
@@ -103,23 +103,34 @@ def protocol(
 
     Raises SceneError for a fraction or bin that there is not, and for fewer than ten kernels.
     """
-    if kernels < 10:
-        raise SceneError(f"kernels = {kernels}: count ten at least")
     asked = Scene.of(scene)
-    wanted_share(asked, of)
+    _check(asked, of, kernels)
     heard, planned = as_listener(listener, planned)
     result = run(scene, out, rung=rung, force=force, workers=workers, listener=heard, planned=planned)
     return protocol_of(result, of, kernels)
 
 
-def protocol_of(result: Result, of: str | None = None, kernels: int = 300) -> Protocol:
-    """The same of a finished run, into its folder."""
-    scene, landings = Scene.parse(result.scene), known(result.landings)
-    joint = _with_discrepancy(joint_of(landings), result)
+def _check(scene: Scene, of: str | None, kernels: int) -> None:
+    wanted_share(scene, of)
+    if kernels < 10:
+        raise SceneError(f"kernels = {kernels}: count ten at least")
+
+
+def protocol_of(result: Result, of: str | None = None, kernels: int = 300, out: Path | None = None) -> Protocol:
+    """The same of a finished run, into the folder ``out`` or its own.
+
+    Raises SceneError as :func:`protocol` does, and where the run ended before its shares.
+    """
+    scene = Scene.parse(result.scene)
+    _check(scene, of, kernels)
+    if result.landings is None:
+        raise SceneError(f"{result.folder} holds no shares: the run ended before them")
+    joint = _with_discrepancy(joint_of(result.landings), result)
     name, wanted = _weights(joint, scene, of)
     half, steps = joint.half(wanted), tuple(_steps(joint, wanted, list(scene.fraction), kernels))
     fractions = list(dict.fromkeys(step.fraction for step in steps)) or list(scene.fraction)[:1]
-    page, form = result.folder / PAGE, result.folder / FORM
+    folder = result.folder if out is None else made_folder(out)
+    page, form = folder / PAGE, folder / FORM
     made = Protocol(
         name, half, steps, tuple(_important(joint, wanted, fractions, kernels)),
         _unsorted(joint, wanted, scene), page, form,

@@ -79,12 +79,19 @@ def protocol(
     Parameters
     ----------
     scene
-        A scene file, run where it has not been.
+        A scene file, run where it has not been, or the folder of a finished run.
     """
+    from ..answer.result import Result
     from ..batch.protocol import protocol as plan_trays
+    from ..batch.protocol import protocol_of
     from ..runs.progress import live
     from .show_trays import show_protocol
 
+    if scene.is_dir():
+        made = protocol_of(Result.load(scene), of, kernels, out)
+        if not quiet:
+            show_protocol(made)
+        return
     asked, folder = scene_and_folder(scene, settings, gate, out)
     with live(enabled=not quiet) as listener:
         found = plan_trays(
