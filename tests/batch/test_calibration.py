@@ -74,12 +74,11 @@ def test_what_came_out_is_written_and_the_next_scene_takes_the_materials(posteri
         "materials.toml",
     ):
         assert (folder / name).stat().st_size > 0
-    tables = scene().tables()
-    tables["materials"] = "materials.toml"
-    own = {"mass_share": 0.5, "target": "far"}
-    tables["fraction"] = {**tables["fraction"], "hard": {"material": "measured-hard", **own}}
-    tables["fraction"]["soft"]["mass_share"] = 0.5
-    again = wf.Scene.parse(tables, base=folder)
+    next_scene = scene().tables()
+    own = {"material": "measured-hard", "mass_share": 0.5, "target": "far"}
+    soft = {**next_scene["fraction"]["soft"], "mass_share": 0.5}
+    next_scene |= {"materials": "materials.toml", "fraction": {"hard": own, "soft": soft}}
+    again = wf.Scene.parse(next_scene, base=folder)
     after = posterior.inputs["fraction.hard.restitution"].after
     assert again.fraction["hard"].properties.restitution == pytest.approx(after.value, rel=1e-4)
     assert again.uncertainty["fraction.hard.restitution"] == pytest.approx(after.half, rel=1e-4)
