@@ -48,8 +48,10 @@ def test_a_scene_is_calibrated_and_its_wrong_labels_are_found_out() -> None:
     right, wrong = found.facts["checks"]
     assert (right["scenes"], right["found"]) == (1, 0)
     assert wrong["found"] == wrong["scenes"]
-    assert found.facts["held"][0]["many"] > 2
-    assert found.facts["narrower"][0]["after"] < 0.5 * found.facts["narrower"][0]["before"]
+    shares, inputs, _ = found.facts["held"]
+    assert shares["many"] > 2
+    assert inputs["many"] > 5
+    assert min(shares["coverage"], inputs["coverage"]) > 0.7
 
 
 @pytest.mark.slow

@@ -28,7 +28,7 @@ NOT_COMPUTED: tuple[Row, ...] = (  # what was found in print and is not computed
 
 def run_measured(folder: Path, *, slow: bool = False, tell: Tell = lambda _: None) -> Report:
     """All experiments that can be computed; ``slow``: with more granules. What cannot is listed, and why."""
-    rebound, leg = run_rebound(tell), run_suspension(folder, tell, 4096 if slow else 1024)
+    rebound, leg = run_rebound(tell), run_suspension(folder, tell, 4096 if slow else 256)
     rows = [_rebound(rebound), _suspension(leg), *({**row, "met": None} for row in NOT_COMPUTED)]
     facts = {"rows": rows, "rebound": rebound.facts["rows"], "suspension": leg.facts["rows"]}
     tables = [Table("measured and computed", SUMMARY, rows), *rebound.tables, *leg.tables]

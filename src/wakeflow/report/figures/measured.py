@@ -21,25 +21,29 @@ if TYPE_CHECKING:
 BEFORE, MEASURED, AFTER = "#4878a8", INK, "#c8622e"
 ROW = 0.42  # inches a tray
 APART = 0.2  # rows between the intervals of one tray
+NOTHING = 0.02  # of a share: trays that neither hold more than that of it are not drawn, if others are
 
 
 def draw_measured(paper: Paper, found: Agreement, after: Sequence[Number] | None = None) -> Axes:
     """Draw a row a tray: the computed share and the measured one, and where there was a calibration the share
     ``after`` it, each with its 95 % interval.
     """
-    figure = new_figure(6.4, 1.5 + ROW * len(found.trays), paper)
+    shown = [i for i, tray in enumerate(found.trays) if max(tray.measured.high, tray.computed.high) > NOTHING]
+    shown = shown or list(range(len(found.trays)))
+    trays = [found.trays[i] for i in shown]
+    figure = new_figure(6.4, 1.5 + ROW * len(trays), paper)
     axes: Axes = figure.add_subplot()
-    lines = [("computed", BEFORE, "s", [tray.computed for tray in found.trays]),
-             ("measured", MEASURED, "o", [tray.measured for tray in found.trays])]  # fmt: skip
+    lines = [("computed", BEFORE, "s", [tray.computed for tray in trays]),
+             ("measured", MEASURED, "o", [tray.measured for tray in trays])]  # fmt: skip
     if after is not None:
-        lines.append(("computed, after the calibration", AFTER, "D", list(after)))
+        lines.append(("computed, after the calibration", AFTER, "D", [after[i] for i in shown]))
     for place, (label, colour, mark, numbers) in enumerate(lines):
         level = np.arange(len(numbers)) + APART * (place - 0.5 * (len(lines) - 1))
         value, low, high = (100.0 * np.array(part) for part in zip(*map(tuple, numbers), strict=True))
         axes.errorbar(value, level, xerr=[value - low, high - value], fmt=mark, ms=4, lw=1.6, capsize=2, color=colour,
                       label=label)  # fmt: skip
-    axes.set_yticks(range(len(found.trays)), [tray.about for tray in found.trays], fontsize=8)
-    axes.set_ylim(len(found.trays) - 0.5, -0.5)
+    axes.set_yticks(range(len(trays)), [tray.about for tray in trays], fontsize=8)
+    axes.set_ylim(len(trays) - 0.5, -0.5)
     axes.set_xlim(-2.0, 102.0)
     axes.set_xlabel("share (%) with its 95 % interval")
     axes.grid(axis="x", color="#dddddd", linewidth=0.5)
