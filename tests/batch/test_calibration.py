@@ -16,7 +16,7 @@ from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.scene.measured import Measured, Tray, read_trays
 
-COUNT = 256  # granules a fraction
+COUNT = 512  # granules a fraction
 TRUE = 0.56  # restitution of the hard granules in truth; the scene says 0.5
 
 
