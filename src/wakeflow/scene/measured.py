@@ -35,7 +35,7 @@ EXAMPLE = "fraction,bin,share,uncertainty"
 class Tray(Table):
     """One tray: what lay in it. Give ``share``, ``mass`` or ``count``."""
 
-    bin: Name
+    bin: Name = Field(description="that the tray is, or elsewhere")
     fraction: Name | None = Field(None, description="that was sorted out of it; without one the tray was not sorted")
     share: Annotated[float, Field(ge=0, le=1), SHARE] | None = Field(
         None, description="of the fraction's mass, or of the whole feed's where the tray was not sorted"
