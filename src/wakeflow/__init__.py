@@ -31,6 +31,7 @@ from .core.lazy import loaded
 
 if TYPE_CHECKING:
     from .answer.result import Result
+    from .batch.calibration import Posterior, calibrate
     from .batch.comparison import compare
     from .batch.compute import Sweep, sweep
     from .batch.designs import Search, search
@@ -74,9 +75,9 @@ LAYERS = (
 
 __all__ = [
     "Body", "Collisions", "Fate", "FlowField", "FoamError", "Granules", "MeshError", "Motion", "Plan",
-    "ProgramError", "Restitution", "Result", "Scene", "SceneError", "Search", "Sensitivity", "Sweep", "Tracks",
-    "WakeflowError", "chain", "compare", "dividers", "impact", "layer", "layers", "plan", "run", "search",
-    "sensitivity", "sweep", "track", "variants",
+    "Posterior", "ProgramError", "Restitution", "Result", "Scene", "SceneError", "Search", "Sensitivity", "Sweep",
+    "Tracks", "WakeflowError", "calibrate", "chain", "compare", "dividers", "impact", "layer", "layers", "plan", "run",
+    "search", "sensitivity", "sweep", "track", "variants",
 ]  # fmt: skip
 
 

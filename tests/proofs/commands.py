@@ -64,8 +64,23 @@ def crowd(slow: bool, tell: Tell) -> Report:
     return run_crowd(slow=slow, tell=tell)
 
 
+def calibration(slow: bool, tell: Tell) -> Report:
+    """What calibrations say of inputs and shares, where the truth is known."""
+    from proofs.coverage.calibrated import run_calibration
+
+    return run_calibration(slow=slow, tell=tell)
+
+
+def measured(slow: bool, tell: Tell) -> Report:
+    """Experiments with granules next to what is computed of them."""
+    from proofs.experiments.report import run_measured
+
+    return run_measured(FOLDER, slow=slow, tell=tell)
+
+
 PROOFS: dict[str, Callable[[bool, Tell], Report]] = {
-    proof.__name__: proof for proof in (problems, airflow, meshes, shares, coverage, funnel, crowd)
+    proof.__name__: proof
+    for proof in (problems, airflow, meshes, shares, coverage, calibration, measured, funnel, crowd)
 }
 
 

@@ -45,7 +45,7 @@ def _beyond_computing(name: str) -> bool:
     return name == INPUTS or (name in budget_sources and budget_sources[name].beyond_computing)
 
 
-def _half(part: BudgetPart) -> float:
+def half_of(part: BudgetPart) -> float:
     """Half of a 95 % interval that a part is worth among others."""
     error = part.error or 0.0
     return SIGMAS / math.sqrt(3.0) * error if part.kind in BOUNDS else error
@@ -53,7 +53,7 @@ def _half(part: BudgetPart) -> float:
 
 def combine(value: float, parts: Sequence[BudgetPart], seconds: float) -> BudgetTotal:
     """The total of a row of a share with ``value``; ``seconds``: run time of everything that it rests on."""
-    beside = math.sqrt(sum(_half(part) ** 2 for part in parts if part.source != INPUTS))
+    beside = math.sqrt(sum(half_of(part) ** 2 for part in parts if part.source != INPUTS))
     inputs = next((part for part in parts if part.source == INPUTS), None)
     below, above = _ends(inputs)
     low, high = max(0.0, value - math.hypot(below, beside)), min(1.0, value + math.hypot(above, beside))
@@ -184,7 +184,7 @@ class _Combined:
             for part in self.parts.get(which, ()):
                 if part.how != MEASURED and part.source != INPUTS:
                     key = part.source, part.kind is not None
-                    found[key] = min(1.0, found.get(key, 0.0) + weight * _half(part))
+                    found[key] = min(1.0, found.get(key, 0.0) + weight * half_of(part))
         return found
 
 

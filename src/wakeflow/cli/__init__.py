@@ -14,7 +14,7 @@ from cyclopts import App, CycloptsError, UnusedCliTokensError
 from ..core.errors import ProgramError, SceneError, WakeflowError, one_line
 from ..core.files import FULL
 from ..scene.overrides import unquoted
-from . import batch, run, view
+from . import batch, run, trays, view
 
 __all__ = ["app", "main"]
 
@@ -39,7 +39,7 @@ app = App(
     result_action="return_value",
     suppress_keyboard_interrupt=False,
 )
-for _command in (*run.COMMANDS, *view.COMMANDS, *batch.COMMANDS):
+for _command in (*run.COMMANDS, *view.COMMANDS, *batch.COMMANDS, *trays.COMMANDS):
     app.command(_command)
 app.command(batch.operator_map, name="map")
 

@@ -188,8 +188,14 @@ def compare(
     Parameters
     ----------
     run_folders
-        Folders that ``wakeflow run`` or ``wakeflow sweep`` wrote; the first is what the others are compared with.
+        Folders that ``wakeflow run`` or ``wakeflow sweep`` wrote; the first is what the others are compared with. Or
+        one folder and a CSV file of measured shares (fraction,bin,share,uncertainty).
     """
+    if len(run_folders) == 2 and run_folders[1].suffix == ".csv":
+        from .trays import beside_trays
+
+        beside_trays(run_folders[0], run_folders[1], out)
+        return
     from ..batch.comparison import compare as side_by_side
     from .show_many import show_comparison
 

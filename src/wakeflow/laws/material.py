@@ -39,10 +39,13 @@ QUANTITIES = {  # unit, largest number in it (beyond is a wrong unit), and how o
 
 @dataclass(frozen=True)
 class Evidence:
-    """How far to trust a number: ``confidence`` measured, typical or low, and its ``source``."""
+    """How far to trust a number: ``confidence`` measured, typical or low, its ``source``, and the half of its 95 %
+    interval where the material says it itself.
+    """
 
     confidence: str
     source: str
+    uncertainty: float | None = None
 
 
 @dataclass(frozen=True)
@@ -171,7 +174,10 @@ def read_material(name: str, table: Mapping[str, Any], where: str) -> Material:
             found[key] = part["model"] if key == "impact" else _number(place, part["value"], key)
         if key in SPREAD:
             found[f"{key}_std"] = _number(f"{place}.std", part["std"], key)
-    evidence = {key: Evidence(part["confidence"], part["source"]) for key, part in parts.items()}
+    evidence = {
+        key: Evidence(part["confidence"], part["source"], _margin(f"{at}.{key}", key, part))
+        for key, part in parts.items()
+    }
     if sizes is not None:
         found["dimensions"], evidence["dimensions"] = _dimensions(f"{at}.dimensions", sizes)
     wet = None if moisture is None else _moisture(f"{at}.moisture", moisture)
@@ -199,16 +205,22 @@ def _not_there(table: Mapping[str, Any]) -> list[str]:
 
 def _not_known(table: Mapping[str, Any]) -> list[str]:
     """Each key of a material's table that none has."""
-    found = [("", key, (*KNOWN, "confidence", "source")) for key in table]
+    found: list[tuple[str, str, tuple[str, ...]]] = [("", key, (*KNOWN, "confidence", "source")) for key in table]
     for part, keys in table.items():
         if isinstance(keys, Mapping) and part in KNOWN:
-            extra = ("friction",) if part == "moisture" else ()
+            extra = {"moisture": ("friction",), "impact": ()}.get(part, ("uncertainty",))
             found += [(f"{part}.", key, (*_keys_of(part), *extra)) for key in keys]
     return [
         f"{place}{key}: unknown{did_you_mean(key, list(known))} (known: {', '.join(known)})"
         for place, key, known in found
         if key not in known
     ]
+
+
+def _margin(at: str, key: str, part: Mapping[str, Any]) -> float | None:
+    """Half of the 95 % interval that a material gives of its own number; None where it gives none."""
+    given = part.get("uncertainty")
+    return None if given is None else _number(f"{at}.uncertainty", given, key)
 
 
 def _dimensions(at: str, table: Mapping[str, Any]) -> tuple[tuple[float, ...], Evidence]:

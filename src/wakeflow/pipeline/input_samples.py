@@ -25,7 +25,7 @@ from ..core.tables import AnyArray, Columns, save_arrays
 from ..laws.size import normal_points
 from ..laws.turbulence import entering_energy
 from ..planning.plan import INPUT_SAMPLES, REPLICATES, SAME_AIR, replicate_size
-from ..planning.unknowns import Unknown, unknown_kinds, unknowns, variation_at
+from ..planning.unknowns import FARTHEST, Unknown, unknown_kinds, unknowns, variation_at
 from ..planning.variation import AirVariation, Variation
 from .cache import code_of
 
@@ -63,11 +63,32 @@ class InputSamples:
     own: Mapping[str, DrawnLandings]
 
 
+@dataclass(frozen=True)
+class Ensemble:
+    """Where the unknowns lie once something was measured, in standard deviations of what was known before: ``mean``
+    (K,) and ``spread`` (K, K).
+    """
+
+    mean: Array
+    spread: Array
+
+    def at(self, z: Array, shared: NDArray[np.bool_]) -> Array:
+        """Independent standard normal numbers ``z`` (R, K) as draws of this: those of the air, ``shared`` by several
+        draws, go with each other alone, so that they stay shared.
+        """
+        order = np.argsort(~shared, kind="stable")
+        found = np.empty_like(z)
+        root = np.linalg.cholesky(self.spread[np.ix_(order, order)])
+        found[:, order] = self.mean[order] + z[:, order] @ root.T
+        return np.clip(found, -FARTHEST, FARTHEST)
+
+
 @dataclass
 class DrawStage:
-    """The draws of one scene, flown as the ``tracks`` are."""
+    """The draws of one scene, flown as the ``tracks`` are; of what was known at first, or of an ``ensemble``."""
 
     tracks: TrackStage
+    ensemble: Ensemble | None = None
 
     @cached_property
     def unknowns(self) -> list[Unknown]:
@@ -84,7 +105,7 @@ class DrawStage:
         z = np.zeros((INPUT_SAMPLES, len(shared)))
         z[:, ~shared] = normal_points(int((~shared).sum()), INPUT_SAMPLES, seed, 0)
         z[:, shared] = np.repeat(normal_points(int(shared.sum()), INPUT_SAMPLES // SAME_AIR, seed, 1), SAME_AIR, axis=0)
-        return z
+        return z if self.ensemble is None else self.ensemble.at(z, shared)
 
     def fly(self) -> InputSamples | None:
         """The draws, from the cache or flown; None where everything is known exactly."""

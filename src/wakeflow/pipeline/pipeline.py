@@ -29,7 +29,7 @@ from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
 from .cache import Listener, StageCache, StageTime, null_listener
 from .compilation import Compilation
 from .film_stage import Film, FilmStage
-from .input_samples import DrawStage, InputSamples
+from .input_samples import DrawStage, Ensemble, InputSamples
 from .slab import CollisionRerun, CollisionStage, SlabFound
 from .track_stage import PerturbedRerun, TrackStage
 
@@ -201,6 +201,10 @@ class Pipeline:
     def draw_stage(self) -> DrawStage:
         """What draws and flies what nobody knows exactly."""
         return DrawStage(self._track_stage)
+
+    def draws_of(self, ensemble: Ensemble) -> InputSamples | None:
+        """The same under draws of what is known of the unknowns once something was measured."""
+        return DrawStage(self._track_stage, ensemble).fly()
 
     def draws(self) -> InputSamples | None:
         """Part of the granules under many draws of what nobody knows exactly; None where all is known."""

@@ -25,12 +25,12 @@ from ..laws.lift import MAGNUS_RANGE
 from ..laws.material import Moisture, default_margins, materials
 from ..laws.restitution import Restitution
 from ..scene import Fraction, Scene
+from ..scene.uncertainty import SIGMAS as SIGMAS
 from .airflow import AirflowPlan
 from .plan import Plan
 from .variation import Variation
 
 Array = NDArray[np.float64]
-SIGMAS = 1.959964  # standard deviations to either end of a normal distribution's middle 95 %
 FARTHEST = 2.5  # standard deviations at which a draw is cut off: 1.2 % lie beyond
 MIN_FACTOR = 1e-3  # a factor is no smaller, however wide its interval
 PORTION = (0.0, 1.0)  # what a part of a whole can be

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from ..answer.measurements import Purchase, worth_measuring
 from ..answer.result import VOID
 from ..answer.shares import LEFT_OUT, NOT_COMPUTED, SHARE_UNIT, BudgetPart, BudgetRow
+from ..budget.agreement import agreement_in, measured_in
 from ..budget.total import remedies
 from ..core.number import Number
 from ..core.quantities import say, speaking
@@ -79,13 +80,15 @@ def holds(result: Result) -> str:
     if result.void:
         return f"VOID: the answer is worth nothing, whatever its intervals say: {result.why_void}."
     of_what = OF_WHAT.format("steps" if result.airflow is None else "shedding cycles, steps, mesh")
+    measured = None if result.landings is None else measured_in(result)
+    proven = UNPROVEN if measured is None else agreement_in(result, measured).sentence
     if not result.lacking:
-        return f"The interval holds 95 %: {of_what}. {UNPROVEN}"
+        return f"The interval holds 95 %: {of_what}. {proven}"
     cures = remedies(result.lacking)
     mend = f"; it takes {'; '.join(cures)}" if cures else ""
     return (
         f"The interval lacks {', '.join(result.lacking)}, whose size is not known{mend}. Of the rest it holds 95 %: "
-        f"{of_what}. {UNPROVEN}"
+        f"{of_what}. {proven}"
     )
 
 

@@ -11,10 +11,11 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import known
+from ..core.errors import SceneError, known
 from ..core.geometry import contains, distance_between, edges, segments_cross
 from ..core.quantities import metres, quantity, say, speaking, spoken
 from ..core.registry import did_you_mean
+from .measured import Measured, check_names
 from .messages import dotted, units_in
 from .pictures import STANDARD_FIGURES, Streamlines
 from .rungs import rungs
@@ -258,6 +259,17 @@ def _uncertain_numbers_exist(scene: SceneTables) -> Iterator[str]:
             yield f"uncertainty.{key}: no number that takes an uncertainty{did_you_mean(key, known)} (which do: {able})"
 
 
+def _trays_known(scene: SceneTables) -> Iterator[str]:
+    """Trays are of the scene's fractions and bins, and those of one fraction are given in one way."""
+    known = [(name, place) for name in scene.fraction for place in (*scene.bin, RESERVED_BIN)]
+    try:
+        for tray in scene.measured:
+            check_names(tray.fraction, tray.bin, known)
+        Measured.of(scene.measured)
+    except SceneError as problem:
+        yield str(problem)
+
+
 CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _bodies_apart,
     _channel_stands,
@@ -273,6 +285,7 @@ CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _pictures_fit,
     _rung_fits,
     _uncertain_numbers_exist,
+    _trays_known,
 )
 
 

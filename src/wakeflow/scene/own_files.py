@@ -64,12 +64,11 @@ def _as_fraction(material: Material, table: Mapping[str, object]) -> dict[str, o
         table = {key: value for key, value in table.items() if key != "moisture"}
     values: dict[str, object] = {
         "size": material.diameter, "density": material.density, "impact": material.impact,
-        "restitution": _spread(material.restitution, material.restitution_std),
-        "friction": _spread(material.friction, material.friction_std),
+        "restitution": _spread(material, "restitution"), "friction": _spread(material, "friction"),
     }  # fmt: skip
     if material.terminal_velocity is not None and "sphericity" not in table:
-        values["terminal_velocity"] = _spread(material.terminal_velocity, material.terminal_velocity_std)
-    values |= {key: value for key in SHAPED if (value := getattr(material, key))}
+        values["terminal_velocity"] = _spread(material, "terminal_velocity")
+    values |= {key: _known(material, key, value) for key in SHAPED if (value := getattr(material, key))}
     if material.dimensions is not None:
         values["dimensions"] = list(material.dimensions)
     if "inertia" in table:
@@ -85,9 +84,18 @@ def _share_of(given: object) -> float:
         raise SceneError(f"moisture = {given!r}: {problem}") from None
 
 
-def _spread(mean: object, std: float) -> object:
+def _spread(material: Material, key: str) -> object:
     """A number of all granules, or how it spreads over them."""
-    return {"distribution": "normal", "mean": mean, "std": std} if std else mean
+    mean, std = getattr(material, key), getattr(material, f"{key}_std")
+    return _known(material, key, {"distribution": "normal", "mean": mean, "std": std} if std else mean)
+
+
+def _known(material: Material, key: str, value: object) -> object:
+    """A value with how well the material says that its own number is known, where it does."""
+    half = material.evidence[key].uncertainty if key in material.evidence else None
+    if half is None:
+        return value
+    return {**(value if isinstance(value, dict) else {"value": value}), "uncertainty": half}
 
 
 # -- The tables of a scene with what the files say that it names -------------------------------------------------------

@@ -15,7 +15,7 @@ from .table import Duration, Length, Speed, Table
 # figures of report.figures, in the order of the page: no picture takes a name
 STANDARD_FIGURES = (
     "sketch", "pressure", "surface", "vorticity", "tracks", "residence", "discharge", "landing", "partition", "wakes",
-    "inputs", "cost", "forces", "mesh",
+    "measured", "inputs", "cost", "forces", "mesh",
 )  # fmt: skip
 TRACKS_RECORDED = 48  # tracks of each fraction that are drawn one by one
 Quantity = Literal["time", "x", "y", "vx", "vy", "speed"]

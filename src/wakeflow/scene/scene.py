@@ -24,6 +24,7 @@ from ..core.quantities import say, speaking
 from ..core.record import JsonTable
 from .checks import CHECKS, OVER_THE_TOP, doubts, with_units
 from .machine import Bin
+from .measured import trays_in
 from .messages import explain, units_in
 from .overrides import changed
 from .own_files import with_own_files, with_own_materials
@@ -71,6 +72,7 @@ class Scene(SceneTables):
         folder, data = base or Path(), present_keys(data)
         try:
             data = with_own_files(with_uncertainty_table(with_own_materials(data, folder)), folder)
+            data = trays_in(data, folder)
         except SceneError as problem:
             raise SceneError(f"{name}: {problem}") from None
         with speaking(units_in(data)):

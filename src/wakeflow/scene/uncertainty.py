@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from ..core.quantities import split_quantity
 from .table import one_quantity
 
+SIGMAS = 1.959964  # standard deviations to either end of a normal distribution's middle 95 %
 Margin = float | str  # half of a 95 % interval: in the number's unit (SI), or "5 %" of the number
 VALUE, MARGIN, TABLE = "value", "uncertainty", "uncertainty"
 EITHER_SIGN = ("feed.position",)  # of what may be uncertain: only such a number can be off by more than itself

@@ -16,6 +16,7 @@ from .feed import CollisionTable, Feed
 from .fraction import Fraction
 from .funnel import Funnel
 from .machine import Air, Bin, Body, Channel, Vibration
+from .measured import Tray
 from .pictures import AnyPicture
 from .rungs import rungs
 from .table import Array, Name, Table, WithUnit
@@ -154,6 +155,9 @@ class SceneTables(Table):
     )
     picture: dict[Name, AnyPicture] = Field({}, description="drawn beside the usual pictures")
     report: ReportTable = ReportTable()
+    measured: list[Tray] = Field(
+        [], description="what lay in the trays of the real machine, or the CSV file that says it; set beside the answer"
+    )
     numerics: Numerics = Numerics()
 
     @property

@@ -113,6 +113,10 @@ class Inputs:
         acting, found = self._response(name, places)
         return found.range(self._points[:, acting], [self.draws.unknowns[i] for i in acting])
 
+    def line(self, name: str, place: str) -> tuple[list[int], Response]:
+        """The places of the unknowns that act on a fraction, and how its share in a bin goes with them."""
+        return self._response(name, [place])
+
     def of_purity(self, name: str, place: str) -> InputRange:
         """The range of the share of fraction ``name`` in the mass in a bin: all fractions vary together."""
         own = {other: found[place].value for other, found in self.shares.items()}

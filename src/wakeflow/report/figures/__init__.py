@@ -16,7 +16,7 @@ from ..outcome import Figure, Outcome, figures
 
 __all__ = ["Figure", "captions", "draw_figures", "figure_files", "figures", "lasting_figures"]
 
-for _module in ("air", "flights", "shares", "budget", "solver"):
+for _module in ("air", "flights", "shares", "measured", "budget", "solver"):
     import_module(f".{_module}", __name__)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...answer.shares import BudgetPart, BudgetRow, PartitionCurve
+from ...budget.agreement import Agreement, agreement_in, measured_in
 from ...core.files import atomic_write
 from ...core.quantities import say, speaking
 from ...scene import RESERVED_BIN, Scene
@@ -98,6 +99,7 @@ def render(
         made_of=_made_of,
         how=_how,
         inputs=_inputs(result),
+        agreement=_agreement(result),
     )
     return text
 
@@ -173,6 +175,12 @@ def _how(part: BudgetPart) -> str:
     """How a source's error is known, and what is behind it."""
     how = HOW.get(part.how, part.how)
     return how if part.note is None else f"{how}: {part.note}"
+
+
+def _agreement(result: Result) -> Agreement | None:
+    """How what was measured of the scene agrees with the answer; None where nothing was measured."""
+    measured = None if result.landings is None else measured_in(result)
+    return None if measured is None else agreement_in(result, measured)
 
 
 def _inputs(result: Result) -> list[tuple[str, ...]]:

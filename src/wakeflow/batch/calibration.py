@@ -1,0 +1,452 @@
+"""calibrate(): what measured shares say of the numbers that a scene does not say exactly, and of all other shares.
+
+The draws of a run and the regression on them make every share linear in the unknown inputs; the measured shares update
+both (:mod:`wakeflow.statistics.joint`). The granules are then flown again under draws of what came out, and the update
+is made anew from what was known at first, until the inputs stay where they are. Next to the inputs the model has errors
+of its own, which no measurement takes away: each share has a *discrepancy*, so that many exact trays do not make an
+input known beyond what the model bears. What no inputs can explain shows in the chi-square, and is not fitted away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..answer.result import Request, Result
+from ..answer.shares import BudgetPart, BudgetRow, BudgetTotal, InputPart, InputSummary, Separation
+from ..budget.agreement import Agreement, agreement_of, other_errors
+from ..budget.budget import fly_again, make_budget
+from ..budget.source import INPUTS, Flights
+from ..core.errors import SceneError, known
+from ..core.files import path_of, write_json
+from ..core.number import Number
+from ..core.record import to_json
+from ..core.tables import CellTable
+from ..pipeline.cache import Listener
+from ..pipeline.input_samples import Ensemble
+from ..planning.unknowns import SIGMAS, Unknown, unknown_kinds
+from ..runs import run
+from ..runs.progress import as_listener
+from ..runs.stages import one_thread_of_blas, stages_of
+from ..scene import Scene
+from ..scene.measured import Measured, Tray, read_trays
+from ..scene.whole import States
+from ..statistics.inputs import Inputs, Response
+from ..statistics.joint import JointShares, Place, tied_errors
+from ..statistics.separation import HOUR, purity_slopes, separate
+from .calibrated_materials import materials_text
+
+if TYPE_CHECKING:
+    from ..planning.plan import Plan
+
+Array = NDArray[np.float64]
+DISCREPANCY = 0.02  # half of the 95 % interval by which the model itself may miss a share of a half. Chosen
+LEAST_DISCREPANCY = 0.1  # of that, for a share of 0 or 1
+MOST_ROUNDS = 5  # of flights
+STANDS = 0.25  # standard deviations by which an input may still move at the end
+DAMPED_FROM = 3  # rounds after which half of a step is taken: the draws' noise must not carry it to and fro
+NARROWEST = 0.5  # standard deviations of the first range: narrower draws would show nothing but noise
+TELLS = 0.9  # an input whose interval became narrower by this factor has learnt something
+MEASURED_SHARES = "measured shares"
+
+
+# -- The update --------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Updated:
+    """What is known of all shares and inputs, ``before`` the measurement and ``after`` it; the ``agreement`` of the
+    measurement with what was known before, about the inputs that came out; ``rounds`` of flights, and whether the last
+    moved no input (``stands``).
+    """
+
+    unknowns: tuple[Unknown, ...]
+    before: JointShares
+    after: JointShares
+    agreement: Agreement
+    rounds: int
+    stands: bool
+
+
+def discrepancy_of(places: Sequence[Place], shares: Mapping[str, Mapping[str, Number]], half: float) -> Array:
+    """The covariance (S, S) of what the model itself may miss shares by; ``half`` of the 95 % interval at a share of a
+    half, less towards 0 and 1, and nowhere nothing.
+    """
+    value = np.clip([shares[name][place].value for name, place in places], 0.0, 1.0)
+    halves = half * (LEAST_DISCREPANCY + (1.0 - LEAST_DISCREPANCY) * 2.0 * np.sqrt(value * (1.0 - value)))
+    return tied_errors(places, (halves / SIGMAS) ** 2)
+
+
+def updated(
+    flights: Flights,
+    shares: Mapping[str, Mapping[str, Number]],
+    budget: Sequence[BudgetRow],
+    measured: Measured,
+    discrepancy: float = DISCREPANCY,
+) -> Updated:
+    """What ``measured`` says of the ``shares`` of ``flights``, whose errors by other sources than the inputs are in the
+    ``budget``, and of their inputs.
+
+    Raises SceneError where everything is known exactly, and for a tray of a fraction or bin that there is not.
+    """
+    inputs, mass = flights.inputs(shares), flights.pipeline.scene.mass_shares()
+    if inputs is None:
+        raise SceneError("calibrate: every number of the scene is exact; say how well they are known, [uncertainty]")
+    places = [(name, place) for name, found in shares.items() for place in found]
+    weights = measured.weights(places, mass)
+    errors = other_errors(places, shares, budget), discrepancy_of(places, shares, discrepancy)
+    first = joint = _linearised(inputs, places, *errors, np.zeros(len(inputs.draws.unknowns)))
+    found, centre, rounds, stands = joint.seen(weights, measured.shares, measured.covariance), joint.inputs, 1, False
+    while rounds < MOST_ROUNDS and not stands:
+        step = found.inputs - centre
+        centre = centre + (step if rounds < DAMPED_FROM else 0.5 * step)
+        draws = known(flights.pipeline.draws_of(Ensemble(centre, _wide_enough(found.spread))))
+        about = replace(inputs, draws=replace(draws, z=draws.z - centre), images=None)
+        joint = _linearised(about, places, *errors, centre)
+        found, rounds = joint.seen(weights, measured.shares, measured.covariance), rounds + 1
+        stands = bool(np.max(np.abs(found.inputs - centre)) <= STANDS)
+    return Updated(
+        tuple(inputs.draws.unknowns), first, found, agreement_of(first, measured, mass, joint), rounds, stands
+    )
+
+
+def _linearised(
+    inputs: Inputs, places: Sequence[Place], others: Array, discrepancy: Array, centre: Array
+) -> JointShares:
+    """The shares about the inputs at ``centre`` (K,), from draws about it: what is known of them unmeasured."""
+    middle, slopes = np.zeros(len(places)), np.zeros((len(places), len(centre)))
+    beyond = np.zeros(len(places))
+    for i, (name, place) in enumerate(places):
+        acting, line = inputs.line(name, place)
+        slopes[i, acting] = _sure(line)
+        middle[i] = inputs.shares[name][place].value + line.middle - float(slopes[i] @ centre)
+        beyond[i] = _unexplained(line)
+    errors = tied_errors(places, others + beyond) + discrepancy
+    return JointShares.linear([one.key for one in inputs.draws.unknowns], places, middle, slopes, errors)
+
+
+def _sure(line: Response) -> Array:
+    """The slopes (K,), each less what its own error makes of it: a slope that is no larger than that is none, so that
+    nothing is learnt about inputs that only seem to act (positive part of Stein's estimate).
+    """
+    squares = line.slopes**2
+    kept = 1.0 - np.divide(line.variances, squares, out=np.ones_like(squares), where=squares > 0.0)
+    return np.asarray(line.slopes * np.clip(kept, 0.0, 1.0))
+
+
+def _unexplained(line: Response) -> float:
+    """The variance of a share that no slope explains, and that of the slopes themselves within a standard deviation."""
+    return max(0.0, line.beyond) + float(np.sum(line.variances * line.spread**2))
+
+
+def _wide_enough(spread: Array) -> Array:
+    """The covariance (K, K) of draws that are nowhere narrower than NARROWEST."""
+    sizes, ways = np.linalg.eigh(spread)
+    return np.asarray((ways * np.maximum(sizes, NARROWEST**2)) @ ways.T)
+
+
+# -- The calibration of a scene ----------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class CalibratedInput:
+    """One number of the scene: what was known of it ``before``, and what is known ``after`` the measurement."""
+
+    key: str
+    unit: str
+    before: Number
+    after: Number
+    narrower: float
+
+    value = property(lambda self: self.after.value)
+    low = property(lambda self: self.after.low)
+    high = property(lambda self: self.after.high)
+    value_before = property(lambda self: self.before.value)
+    low_before = property(lambda self: self.before.low)
+    high_before = property(lambda self: self.before.high)
+
+
+INPUT_COLUMNS = {
+    "input": "key", "unit": "unit", "before": "value_before", "before low": "low_before", "before high": "high_before",
+    "after": "value", "after low": "low", "after high": "high", "interval after over before": "narrower",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """What a measurement makes of a scene: its ``inputs`` by key, those that learnt most first; the ``result`` with the
+    new shares, recoveries and purities, next to the one ``before``; the ``agreement`` of the measurement with the
+    model, whatever its inputs; each tray as it is known now (``trays``); the correlation of each pair of inputs that
+    learnt something; of each tray how much wider the widest recovery would be without it (``told``); what to measure
+    next (``next``: what it would leave of the widest recovery's interval).
+    """
+
+    folder: Path
+    before: Result
+    result: Result
+    inputs: Mapping[str, CalibratedInput]
+    agreement: Agreement
+    trays: tuple[Number, ...]
+    correlations: tuple[tuple[str, str, float], ...]
+    told: tuple[tuple[str, float], ...]
+    next: tuple[tuple[str, float], ...]
+    rounds: int
+    stands: bool
+    source: str
+
+    def save(self, path: Path | str) -> Path:
+        """Write the materials file: ``materials = "..."`` at the head of the next scene takes it, each fraction that is
+        fed here as the material ``measured-NAME``.
+
+        Raises SceneError where the measurement disagrees with the model: what was fitted to it is worth nothing.
+        """
+        if self.agreement.verdict == "disagrees":
+            raise SceneError(f"no materials are written: {self.agreement.sentence} Weigh it again, or mend the scene")
+        file, scene = path_of(path, "materials file"), Scene.parse(self.before.scene)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(materials_text(scene, {k: one.after for k, one in self.inputs.items()}, self.source))
+        return file
+
+    def cells(self) -> CellTable:
+        """A row an input, as inputs.csv has it."""
+        return CellTable.of(self.inputs.values(), INPUT_COLUMNS)
+
+
+def calibrate(
+    scene: Scene | Path | str,
+    measured: Path | str | Mapping[str, Sequence[object]] | Sequence[Tray] | Any,
+    out: Path | str | None = None,
+    *,
+    discrepancy: float = DISCREPANCY,
+    rung: str | None = None,
+    force: States | None = None,
+    workers: int | None = None,
+    listener: Listener | None = None,
+    planned: Callable[[Plan], object] | None = None,
+) -> Posterior:
+    """Say what measured shares tell of the unknown numbers of ``scene``, and of all its shares.
+
+    ``measured``: a CSV file (fraction, bin, share, uncertainty), columns by these names, or a frame of them. The scene
+    is run where it has not been, in the folder ``out`` (as :func:`wakeflow.run`), where the files of the calibration
+    are written too. ``discrepancy``: half of the 95 % interval by which the model itself may miss a share of a half.
+
+    Raises SceneError for wrong input.
+    """
+    asked, trays = Scene.of(scene), _trays_of(measured)
+    if not 0.0 < discrepancy <= 0.5:
+        raise SceneError(f"discrepancy = {discrepancy!r}: needs a share above 0, at most 0.5; no model is exact")
+    found = Measured.of(trays)
+    found.weights([(f, b) for f in asked.fraction for b in (*asked.bin, "elsewhere")], asked.mass_shares())
+    heard, planned = as_listener(listener, planned)
+    result = run(scene, out, rung=rung, force=force, workers=workers, listener=heard, planned=planned)
+    told, scene_flown = _told_of(result, found, discrepancy, workers, heard)
+    posterior = _posterior(result, told, found, scene_flown, _source(measured))
+    _write(posterior)
+    return posterior
+
+
+def _trays_of(measured: object) -> list[Tray]:
+    """The trays of a file, of columns by their names, or as they are."""
+    if isinstance(measured, Path | str):
+        return read_trays(measured)
+    if isinstance(measured, Sequence) and all(isinstance(one, Tray) for one in measured):
+        return list(measured)
+    to_dict = getattr(measured, "to_dict", None)
+    columns = to_dict("list") if to_dict is not None else measured
+    if not isinstance(columns, Mapping):
+        raise SceneError("measured: give a CSV file, columns by their names, or a frame of them")
+    rows = zip(*columns.values(), strict=True)
+    return [Tray(**{k: v for k, v in zip(columns, row, strict=True) if v is not None and v == v and v != ""})
+            for row in rows]  # fmt: skip
+
+
+def _source(measured: object) -> str:
+    return Path(measured).name if isinstance(measured, Path | str) else "measured shares"
+
+
+def _told_of(
+    result: Result, measured: Measured, discrepancy: float, workers: int | None, listener: Listener
+) -> tuple[Updated, Scene]:
+    """The update of a finished run, whose stages come from the cache, and its scene as it was flown."""
+    if result.void:
+        raise SceneError(f"calibrate: the answer of {result.folder} is void, {result.warnings[0]}")
+    request = Request(None, result.options.rung, result.options.force, result.options.target_error)
+    with one_thread_of_blas():
+        pipeline, _ = stages_of(Scene.parse(result.scene), request, workers, listener)
+        flights = Flights(pipeline, pipeline.tracks(), pipeline.crowd())
+        fly_again(flights)
+        shares = separate(pipeline.scene, flights.landings)
+        budget = make_budget(flights, shares)
+        return updated(flights, shares.fractions, budget, measured, discrepancy), pipeline.scene
+
+
+# -- What came out -----------------------------------------------------------------------------------------------------
+def separation_after(joint: JointShares, before: Separation, scene: Scene) -> Separation:
+    """Shares, recoveries, purities and throughputs as they are known jointly."""
+    mass, bins = scene.mass_shares(), before.bins
+    raw = {name: [joint.number(joint.tray(name, [place])) for place in bins] for name in before.fractions}
+    fractions = {}
+    for name, found in raw.items():
+        total = sum(one.value for one in found)
+        kept = [_within(one, one.value / total if total > 0.0 else 0.0) for one in found]
+        old = before.fractions[name]
+        fractions[name] = {
+            place: replace(one, numerical=old[place].numerical) for place, one in zip(bins, kept, strict=True)
+        }
+    own = {name: {place: one.value for place, one in found.items()} for name, found in fractions.items()}
+    recovery = {
+        name: None if found is None else replace(
+            joint.number(joint.tray(name, scene.fraction[name].targets)), numerical=found.numerical)
+        for name, found in before.recovery.items()
+    }  # fmt: skip
+    throughput = {
+        place: HOUR * scene.feed.mass_flow * sum(mass[name] * own[name][place] for name in own) for place in bins
+    }
+    purity = {
+        place: None if before.purity[place] is None or sum(own[name][place] for name in own) <= 0.0
+        else {name: _purity(joint, name, place, mass, own) for name in own}
+        for place in bins
+    }  # fmt: skip
+    return replace(before, fractions=fractions, recovery=recovery, purity=purity, throughput=throughput, cut=())
+
+
+def _within(one: Number, value: float) -> Number:
+    return Number(value, min(one.low, value), max(one.high, value))
+
+
+def _purity(
+    joint: JointShares, name: str, place: str, mass: Mapping[str, float], own: Mapping[str, Mapping[str, float]]
+) -> Number:
+    """By the slope of a purity with every fraction's share in the bin."""
+    here = {other: found[place] for other, found in own.items()}
+    value = mass[name] * here[name] / sum(mass[other] * here[other] for other in here)
+    slopes = purity_slopes(name, mass, here)
+    half = joint.half(sum((slopes[other] * joint.tray(other, [place]) for other in here), np.zeros(len(joint.places))))
+    return Number(value, max(0.0, value - half), min(1.0, value + half))
+
+
+def inputs_after(told: Updated) -> dict[str, CalibratedInput]:
+    """What is known of every input, those whose interval became narrowest first."""
+    found = []
+    for place, one in enumerate(told.unknowns):
+        at, apart = float(told.after.inputs[place]), float(np.sqrt(max(told.after.spread[place, place], 0.0)))
+        low, high = (float(np.clip(one.at(at + side * SIGMAS * apart), *_span(one))) for side in (-1.0, 1.0))
+        before = Number(one.value, *one.ends)
+        found.append(CalibratedInput(one.key, one.unit, before, Number(one.at(at), low, high), apart))
+    return {one.key: one for one in sorted(found, key=lambda one: one.narrower)}
+
+
+def _span(one: Unknown) -> tuple[float, float]:
+    return unknown_kinds[one.kind].span
+
+
+def correlations_after(told: Updated) -> Iterator[tuple[str, str, float]]:
+    """Of each pair of inputs that learnt something, the strongest first."""
+    apart = np.sqrt(np.clip(np.diag(told.after.spread), 1e-12, None))
+    learnt = [i for i, size in enumerate(apart) if size < TELLS]
+    pairs = [
+        (told.after.keys[i], told.after.keys[j], float(told.after.spread[i, j] / (apart[i] * apart[j])))
+        for place, i in enumerate(learnt) for j in learnt[place + 1 :]
+    ]  # fmt: skip
+    yield from sorted(pairs, key=lambda pair: -abs(pair[2]))
+
+
+def widest_recovery(joint: JointShares, scene: Scene) -> tuple[str, Array]:
+    """The name and the weights (S,) of the recovery that is known worst; where no fraction has a target, of a share."""
+    aimed = {name: one.targets for name, one in scene.fraction.items() if one.targets}
+    wanted = {f"recovery of {name}": joint.tray(name, targets) for name, targets in aimed.items()}
+    wanted = wanted or {f"{name} in {place}": joint.tray(name, [place]) for name, place in joint.places}
+    return max(wanted.items(), key=lambda one: joint.half(one[1]))
+
+
+def trays_told(told: Updated, measured: Measured, scene: Scene) -> list[tuple[str, float]]:
+    """Of each tray how many times wider the interval of the recovery that was known worst would be without it."""
+    weights, wanted = measured.weights(told.after.places, scene.mass_shares()), widest_recovery(told.before, scene)[1]
+    with_all, found = max(told.after.half(wanted), 1e-12), []
+    for row, (fraction, place) in enumerate(measured.places):
+        kept = [other for other in range(len(measured.places)) if other != row]
+        without = told.before.seen(weights[kept], measured.shares[kept], measured.covariance[np.ix_(kept, kept)])
+        found.append((f"{fraction or 'all fractions'} in {place}", without.half(wanted) / with_all))
+    return sorted(found, key=lambda one: -one[1])
+
+
+def measure_next_after(told: Updated, scene: Scene, most: int = 5) -> list[tuple[str, float]]:
+    """Each input that is worth measuring, with the part of the widest recovery's interval that would be left once it
+    were known exactly.
+    """
+    after, wanted = told.after, widest_recovery(told.after, scene)[1]
+    total = float(wanted @ after.covariance @ wanted)
+    if total <= 0.0:
+        return []
+    shared = (after.cross @ wanted) ** 2 / np.clip(np.diag(after.spread), 1e-12, None) / total
+    left = [(key, float(np.sqrt(max(0.0, 1.0 - part)))) for key, part in zip(after.keys, shared, strict=True)]
+    return sorted(left, key=lambda one: one[1])[:most]
+
+
+def _posterior(before: Result, told: Updated, measured: Measured, scene: Scene, source: str) -> Posterior:
+    landings = known(before.landings)
+    separation, inputs = separation_after(told.after, landings.separation, scene), inputs_after(told)
+    summary = {
+        key: InputSummary(*one.after, unit=one.unit, why=f"{MEASURED_SHARES}, {source}") for key, one in inputs.items()
+    }
+    after = replace(
+        landings, separation=separation, inputs=summary, measure_next=_parts(told.after), without_collisions=None,
+        bracket=None, air_loading=None, three_dimensions=None, budget=tuple(_rows(separation)),
+    )  # fmt: skip
+    return Posterior(
+        before.folder, before, replace(before, landings=after), inputs, told.agreement,
+        tuple(map(told.after.number, measured.weights(told.after.places, scene.mass_shares()))),
+        tuple(correlations_after(told)), tuple(trays_told(told, measured, scene)),
+        tuple(measure_next_after(told, scene)), told.rounds, told.stands, source,
+    )  # fmt: skip
+
+
+def _rows(separation: Separation) -> Iterator[BudgetRow]:
+    """The whole error of each share as one part: what is left once the shares were measured."""
+    for name, places in separation.fractions.items():
+        for place, one in places.items():
+            low, high, half = one.low - one.value, one.high - one.value, max(one.high - one.value, one.value - one.low)
+            part = BudgetPart(INPUTS, half, 0.0, "companion", low=low, high=high, note=f"after {MEASURED_SHARES}")
+            total = BudgetTotal(half, 0.0, one.low, one.high, one.numerical)
+            yield BudgetRow(f"share.{name}.{place}", None, (part,), total)
+
+
+def _parts(joint: JointShares) -> dict[str, dict[str, dict[str, InputPart]]]:
+    """Of each share what every input still does to it, with all that goes with that input, the largest first."""
+    apart = np.sqrt(np.clip(np.diag(joint.spread), 1e-12, None))
+    found: dict[str, dict[str, dict[str, InputPart]]] = {}
+    for i, (name, place) in enumerate(joint.places):
+        rises, total = SIGMAS * joint.cross[:, i] / apart, max(float(joint.covariance[i, i]), 1e-18)
+        parts = {
+            key: InputPart(abs(rise), (rise / SIGMAS) ** 2 / total, 0.0, rise)
+            for key, rise in zip(joint.keys, map(float, rises), strict=True)
+        }
+        found.setdefault(name, {})[place] = dict(sorted(parts.items(), key=lambda one: -one[1].half))
+    return found
+
+
+def _write(found: Posterior) -> None:
+    """The tables and the picture of a calibration into the folder of its run."""
+    from ..report.figures.measured import draw_measured
+
+    folder = found.folder
+    draw_measured(folder / "figures" / "calibration.png", found.agreement, found.trays)
+    found.cells().write_csv(folder / "inputs.csv")
+    found.agreement.cells().write_csv(folder / "agreement.csv")
+    CellTable(("input", "other input", "correlation"), found.correlations).write_csv(folder / "correlations.csv")
+    before, after = (known(one.landings).separation.fractions for one in (found.before, found.result))
+    rows = [[n, p, *before[n][p], *one] for n, places in after.items() for p, one in places.items()]
+    heads = ("fraction", "bin", "before", "before low", "before high", "after", "after low", "after high")
+    CellTable(heads, rows).write_csv(folder / "shares.csv")
+    write_json(folder / "calibration.json", {
+        "verdict": found.agreement.verdict, "chi_square": found.agreement.chi_square,
+        "freedom": found.agreement.freedom, "chance": found.agreement.chance, "rounds": found.rounds,
+        "stands": found.stands, "told": found.told, "next": found.next,
+        "inputs": {key: {"value": one.value, "low": one.low, "high": one.high} for key, one in found.inputs.items()},
+        "separation": to_json(known(found.result.landings).separation),
+    })  # fmt: skip
+    materials = folder / "materials.toml"
+    materials.unlink(missing_ok=True)
+    if found.agreement.verdict != "disagrees":
+        found.save(materials)

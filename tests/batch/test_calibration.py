@@ -1,0 +1,165 @@
+"""calibrate() and protocol(), and a run beside measured shares: of a machine without air, whose truth is known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wakeflow as wf
+from support import shipped
+from wakeflow.batch.calibration import Posterior, discrepancy_of
+from wakeflow.batch.protocol import protocol
+from wakeflow.budget.agreement import AGREES, CANNOT_TELL, DISAGREES, agreement_in
+from wakeflow.cli import main
+from wakeflow.core.errors import SceneError
+from wakeflow.scene.measured import Measured, Tray, read_trays
+
+COUNT = 512  # granules a fraction
+TRUE = 0.56  # restitution of the hard granules in truth; the scene says 0.5
+
+
+def scene(changes: dict[str, object] | None = None) -> wf.Scene:
+    return shipped("vacuum", {"feed.count": COUNT, **(changes or {})})
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("calibrated")
+
+
+@pytest.fixture(scope="module")
+def truth(tmp_path_factory: pytest.TempPathFactory) -> float:
+    """The share of the hard granules that land far when they rebound better than the scene says."""
+    found = wf.run(scene({"fraction.hard.restitution": TRUE}), tmp_path_factory.mktemp("true"), report=False)
+    return float(found.recovery("hard").value)
+
+
+@pytest.fixture(scope="module")
+def posterior(folder: Path, truth: float) -> Posterior:
+    trays = {"fraction": ["hard"], "bin": ["far"], "share": [truth], "uncertainty": [0.02]}
+    return wf.calibrate(scene(), trays, folder)
+
+
+def test_a_measured_tray_moves_the_input_that_it_depends_on_to_its_true_value(posterior: Posterior) -> None:
+    found = posterior.inputs["fraction.hard.restitution"]
+    assert (found.before.value, found.before.low, found.before.high) == (0.5, pytest.approx(0.4), pytest.approx(0.6))
+    assert found.after.low < TRUE < found.after.high
+    assert found.after.half < 0.6 * found.before.half
+    assert posterior.stands
+    assert posterior.rounds > 1
+    assert posterior.inputs["fraction.soft.restitution"].narrower == pytest.approx(1.0)
+
+
+def test_the_shares_become_as_sure_as_the_tray_and_sum_to_one(posterior: Posterior, truth: float) -> None:
+    before, after = posterior.before.recovery("hard"), posterior.result.recovery("hard")
+    assert after.low < truth < after.high
+    assert after.half < 0.025 < 0.1 < before.half
+    for name in ("hard", "soft"):
+        shares = posterior.result.landings.separation.fractions[name]  # type: ignore[union-attr]
+        assert sum(one.value for one in shares.values()) == pytest.approx(1.0)
+    assert posterior.agreement.verdict == CANNOT_TELL  # one tray and a share that was known to 14 points
+
+
+def test_what_came_out_is_written_and_the_next_scene_takes_the_materials(posterior: Posterior) -> None:
+    folder = posterior.before.folder
+    for name in (
+        "figures/calibration.png",
+        "inputs.csv",
+        "shares.csv",
+        "agreement.csv",
+        "correlations.csv",
+        "calibration.json",
+        "materials.toml",
+    ):
+        assert (folder / name).stat().st_size > 0
+    next_scene = scene().tables()
+    own = {"material": "measured-hard", "mass_share": 0.5, "target": "far"}
+    soft = {**next_scene["fraction"]["soft"], "mass_share": 0.5}
+    next_scene |= {"materials": "materials.toml", "fraction": {"hard": own, "soft": soft}}
+    again = wf.Scene.parse(next_scene, base=folder)
+    after = posterior.inputs["fraction.hard.restitution"].after
+    assert again.fraction["hard"].properties.restitution == pytest.approx(after.value, rel=1e-4)
+    assert again.uncertainty["fraction.hard.restitution"] == pytest.approx(after.half, rel=1e-4)
+
+
+def test_a_measurement_that_no_input_explains_is_found_out_and_writes_no_materials(tmp_path: Path) -> None:
+    """The labels of two trays exchanged: of the soft granules, which all fall near, none would be there."""
+    trays = [Tray(fraction="soft", bin="near", share=0.01, uncertainty=0.01),
+             Tray(fraction="soft", bin="far", share=0.99, uncertainty=0.01)]  # fmt: skip
+    found = wf.calibrate(scene(), trays, tmp_path)
+    assert found.agreement.verdict == DISAGREES
+    assert "disagrees" in found.agreement.sentence
+    assert "soft in" in found.agreement.sentence
+    assert not (tmp_path / "materials.toml").exists()
+    with pytest.raises(SceneError, match="no materials are written"):
+        found.save(tmp_path / "own.toml")
+
+
+def test_a_run_beside_trays_says_whether_they_agree(posterior: Posterior, truth: float) -> None:
+    def told(share: float, uncertainty: float) -> str:
+        tray = Tray(fraction="hard", bin="far", share=share, uncertainty=uncertainty)
+        return agreement_in(posterior.before, Measured.of([tray])).verdict
+
+    assert told(truth, 0.02) == CANNOT_TELL  # the run itself does not know it to ten points
+    assert told(0.05, 0.02) == DISAGREES
+    soft = Tray(fraction="soft", bin="near", share=0.99, uncertainty=0.02)
+    found = agreement_in(posterior.before, Measured.of([soft]))
+    assert found.verdict == AGREES
+    assert 0.0 <= found.trays[0].used <= 1.0
+
+
+def test_the_discrepancy_of_the_model_is_nowhere_nothing(posterior: Posterior) -> None:
+    shares = posterior.before.landings.separation.fractions  # type: ignore[union-attr]
+    places = [(name, place) for name, found in shares.items() for place in found]
+    assert np.all(np.diag(discrepancy_of(places, shares, 0.02)) > 0.0)
+    with pytest.raises(SceneError, match="no model is exact"):
+        wf.calibrate(scene(), [Tray(bin="far", share=0.5, uncertainty=0.1)], discrepancy=0.0)
+
+
+def test_a_protocol_promises_what_a_calibration_keeps(folder: Path, posterior: Posterior, tmp_path: Path) -> None:
+    """The half that is promised for 300 kernels is what a calibration with their counts leaves, before it is flown
+    again.
+    """
+    found = protocol(scene(), folder, kernels=300)
+    assert found.steps[0].fraction == "hard"
+    assert found.left <= 0.5 * found.half
+    assert "halves" in found.sentence
+    page = found.page.read_text()
+    assert "data:image/png;base64," in page
+    assert "hard" in page
+    text = found.form.read_text()
+    assert "hard,far,\n" in text
+    filled = tmp_path / "measured.csv"
+    share = posterior.before.recovery("hard").value
+    counts = {"far": round(300 * share), "near": 300 - round(300 * share), "elsewhere": 0}
+    filled.write_text("".join(
+        f"{line.rstrip(chr(10))}{counts[line.split(',')[1]]}\n" if line.startswith("hard,") else line
+        for line in text.splitlines(keepends=True) if not line.startswith("soft,")
+    ))  # fmt: skip
+    after = wf.calibrate(scene(), read_trays(filled), folder).result.recovery("hard")
+    assert after.half == pytest.approx(found.steps[0].half, rel=0.3)
+
+
+def test_the_commands_print_and_refuse(folder: Path, posterior: Posterior, capsys: pytest.CaptureFixture[str]) -> None:
+    file = folder / "trays.csv"
+    file.write_text("fraction,bin,share,uncertainty\nsoft,near,0.99,0.02\n")
+    assert main(["compare", str(folder), str(file), "--out", str(folder / "beside")]) == 0
+    assert "agrees with the computation" in capsys.readouterr().out
+    assert (folder / "beside" / "measured.png").exists()
+    file.write_text("fraction,bin,share,uncertainty\nsoft,neer,0.99,0.02\n")
+    assert main(["compare", str(folder), str(file)]) == 2
+    assert "no bin 'neer'; did you mean 'near'?" in capsys.readouterr().err
+    assert main(["calibrate", str(folder / "nowhere.toml"), str(file)]) == 2
+
+
+def test_the_report_of_a_scene_with_trays_shows_both_and_the_verdict(tmp_path: Path) -> None:
+    trays = [{"fraction": "soft", "bin": "near", "share": 0.99, "uncertainty": 0.02}]
+    found = wf.run(scene({"measured": trays}), tmp_path)
+    page = (tmp_path / "report.html").read_text()
+    assert "Measured and computed" in page
+    assert "agrees with the computation" in page
+    assert "No measurement of granules validates" not in page
+    assert (tmp_path / "figures" / "measured.png").exists()
+    assert found.scene["measured"] == trays

@@ -1,0 +1,43 @@
+"""Experiments with granules next to what is computed of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from proofs.experiments import suspension
+from proofs.experiments.rebound import MEASURED, centre_angle, landing, rebound, run_rebound
+from proofs.experiments.report import NOT_COMPUTED
+
+
+def test_hard_spheres_rebound_as_they_were_measured() -> None:
+    found = run_rebound()
+    assert len(found.facts["rows"]) == len(MEASURED) == 11
+    assert found.missed == []
+
+
+def test_without_tangential_restitution_the_contact_that_sticks_misses_its_landing() -> None:
+    measured = landing(20.31, centre_angle(20.31, -8.53))
+    assert landing(20.31, rebound(20.31, 0.0)) / measured == pytest.approx(1.06, abs=0.005)
+    assert landing(20.31, rebound(20.31, 0.4)) / measured == pytest.approx(1.0, abs=0.002)
+
+
+def test_the_centre_of_a_sphere_without_friction_leaves_by_restitution_alone() -> None:
+    """J = 0: the patch leaves with the tangential speed that it had, v_t = e v_n tan phi."""
+    theta = 40.0
+    phi = float(np.degrees(np.arctan(np.tan(np.radians(theta)) / 0.98)))
+    assert centre_angle(theta, phi) == pytest.approx(phi)
+
+
+def test_a_leg_parts_nodes_and_internodes_of_straw(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(suspension, "SPEEDS", (4.1,))
+    found = suspension.run_suspension(tmp_path, count=256)
+    (row,) = found.facts["rows"]
+    assert row["gate"] == "internodes rises; nodes falls; wheat falls"
+    assert found.missed == []
+
+
+def test_what_is_not_computed_says_why() -> None:
+    assert all(row["computed"] is None and str(row["gate"]).startswith("none: ") for row in NOT_COMPUTED)
