@@ -54,7 +54,7 @@ case "$have" in
   *) have= ;;
 esac
 if [ -z "$have" ]; then
-  target=$root; level=run
+  target="$root[page]"; level=run
   [ "$extra" = test ] && { target="$root[test]"; level=test; }
   say "installing Python packages into .venv (a few minutes the first time)"
   "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-warn-script-location -e "$target" ||

@@ -69,6 +69,7 @@ LAYERS = (
     "runs",
     "batch",
     "verify",
+    "page",
     "cli",
 )
 

@@ -101,6 +101,11 @@ def read_toml(path: Path) -> dict[str, Any]:
         text = "\0"
     if "\0" in text:  # as half of the bytes of UTF-16 are
         raise SceneError(f"{path}: not UTF-8; save it as UTF-8 in your editor")
+    return toml_in(text, path)
+
+
+def toml_in(text: str, path: Path) -> dict[str, Any]:
+    """The tables of the ``text`` of a TOML file. Raises SceneError, one line that says how to mend it."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:

@@ -1,0 +1,133 @@
+"""The form beside the drawing: every table of a scene with every key that it may have, as the schema describes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from ..core.record import JsonTable
+from ..laws.material import materials
+from ..laws.shape import shapes
+from ..scene.schema import (
+    Node,
+    Place,
+    allowed_range,
+    described,
+    known_keys,
+    named_tables,
+    scene_schema,
+    unit_and_example,
+)
+
+OPEN = ("force", "uncertainty")  # whose keys are the user's
+# What a new table begins with; numbers are lengths, in widths of the channel
+FIRST: dict[str, dict[str, object]] = {
+    "body": {"shape": '"rhombus"', "width": 0.125, "slope_angle": '"45 deg"', "at": [0.0, 0.0]},
+    "bin": {"from": -0.05, "to": 0.05},
+    "fraction": {"material": '"wheat"'},
+    "air": {"speed": '"5 m/s"'},
+    "vibration": {"frequency": '"30 Hz"', "gamma": "2.0"},
+}  # fmt: skip
+
+
+def form_of(data: JsonTable) -> list[dict[str, object]]:
+    """The groups of fields of a scene's ``data`` as tomlkit reads it, in the order of its tables; a table in one line
+    is one field.
+    """
+    groups = [group for name, value in data.items() for group in _groups((name,), value, data)]
+    loose = {"table": "", "about": "", "fields": [_field(("materials",), data)], "removable": False}
+    return [*groups, loose]
+
+
+def addable(data: JsonTable) -> list[dict[str, object]]:
+    """The tables that may be added: by a name of the user's, or once."""
+    names = [key for key in scene_schema()["properties"] if _is_table((key,))]
+    return [
+        {"table": name, "named": named_tables((name,), data), "about": described((name,), data).get("description", "")}
+        for name in names
+        if named_tables((name,), data) or name not in data
+    ]
+
+
+def first_keys(table: str, width: float) -> dict[str, str]:
+    """What a new table begins with: keys and what is typed there. ``width``: of the channel (m)."""
+    found = {}
+    for key, value in FIRST.get(table.split(".")[0], {}).items():
+        if isinstance(value, float):
+            value = f'"{1000 * value * width:g} mm"'
+        found[key] = value if isinstance(value, str) else '["0 mm", "0 mm"]'
+    return found
+
+
+def _is_table(place: Place) -> bool:
+    return bool(known_keys(described(place, {}))) or named_tables(place, {})
+
+
+def _groups(place: Place, value: Any, data: JsonTable) -> Iterator[dict[str, object]]:
+    """A table's group and, below it, those of the tables within it."""
+    if not isinstance(value, Mapping):
+        return
+    from tomlkit.items import InlineTable
+
+    inner = [key for key, one in value.items() if isinstance(one, Mapping) and not isinstance(one, InlineTable)]
+    keys = known_keys(described(place, data))
+    if keys or place[0] in OPEN:
+        shown = [key for key in dict.fromkeys([*value, *keys]) if key not in inner]
+        yield {
+            "table": ".".join(map(str, place)),
+            "about": described(place, data).get("description", ""),
+            "fields": [_field((*place, key), data) for key in shown if not named_tables((*place, key), data)],
+            "removable": place[0] not in ("channel", "feed"),
+        }
+    for key in inner:
+        yield from _groups((*place, key), value[key], data)
+
+
+def _field(place: Place, data: JsonTable) -> dict[str, object]:
+    """One key: what is typed, its unit, what it means and what it may be."""
+    node = described(place, data)
+    unit, example = unit_and_example(node) or ("", "")
+    return {
+        "key": ".".join(map(str, place)),
+        "label": str(place[-1]),
+        "value": _typed(place, data),
+        "about": node.get("description", ""),
+        "hint": example or allowed_range(node, unit) or _default(node),
+        "choices": _choices(place, node, data),
+    }
+
+
+def _default(node: Node) -> str:
+    default = node.get("default")
+    return "" if default is None or isinstance(default, dict | list) else f"{default}"
+
+
+def _typed(place: Place, data: JsonTable) -> str | None:
+    """A value as it is written, a text without its quotes; None where the key is not given."""
+    here: Any = data
+    for part in place:
+        if not isinstance(here, Mapping) or part not in here:
+            return None
+        here = here[part]
+    if isinstance(here, str):
+        return str(here)
+    if hasattr(here, "as_string"):
+        return str(here.as_string()).strip()
+    return str(here).lower() if isinstance(here, bool) else str(here)
+
+
+def _choices(place: Place, node: Node, data: JsonTable) -> list[str]:
+    """What a value is chosen from, where that is a list."""
+    match place:
+        case ("body", _, "shape"):
+            return list(shapes)
+        case ("fraction", _, "material"):
+            return list(materials)
+        case ("fraction", _, "target"):
+            return list(data.get("bin", {}))
+    found: list[str] = []
+    for one in (node, *node.get("anyOf", ())):
+        found += map(str, one.get("enum", ()))
+        if one.get("type") == "boolean":
+            found += ["true", "false"]
+    return found

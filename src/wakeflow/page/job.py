@@ -1,0 +1,60 @@
+"""The process of one run that a page asked for: computes, and prints how far it is as lines of JSON."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..core.errors import WakeflowError
+from ..core.files import toml_in
+from ..runs import run
+from ..runs.progress import DONE, ProgressListener
+from ..scene import Scene
+
+EVERY = 0.3  # s between lines of a stage
+
+
+@dataclass
+class _InJson(ProgressListener):
+    """A line now and then: stage, text, at (its place), of, part (of the expected time), seconds_left."""
+
+    told: float = 0.0
+
+    def tell(self, stage: str, text: str) -> None:
+        now = time.monotonic()
+        if text.startswith(DONE) or now - self.told >= EVERY:
+            self.told, progress = now, self.progress
+            say(
+                stage=stage, text=text, at=progress.number, of=len(progress.expected), part=progress.part,
+                seconds_left=progress.left,
+            )  # fmt: skip
+
+
+def say(**known: object) -> None:
+    """Print a line."""
+    print(json.dumps(known), flush=True)
+
+
+def compute(ask: dict[str, Any]) -> int:
+    """Run the scene of ``ask``: text, name and base of its file, changes, options of run, folder. Returns the exit code
+    of the command line.
+    """
+    name = f"{ask['name']}.toml"
+    try:
+        scene = Scene.parse(toml_in(ask["text"], Path(name)), name, Path(ask["base"]))
+        scene = scene.replace(ask["changes"]) if ask["changes"] else scene
+        listener = _InJson()
+        result = run(scene, ask["folder"], listener=listener, planned=listener.planned, **ask["options"])
+    except WakeflowError as problem:
+        say(failed=str(problem))
+        return problem.exit_code
+    say(done=repr(result).partition(": ")[2].removesuffix(">"))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(compute(json.loads(Path(sys.argv[1]).read_text())))

@@ -1,0 +1,72 @@
+"""Runs one after the other: each is computed as its scene was, stops and goes on, and says what went wrong."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import wakeflow as wf
+from support import shipped
+from wakeflow.core.errors import SceneError
+from wakeflow.page.queue import DONE, FAILED, GOES, STOPPED, WAITS, Run, RunQueue, first_look
+
+TEXT = shipped("vacuum", {"feed.count": 64}).as_toml()
+
+
+@pytest.fixture
+def queue() -> Iterator[RunQueue]:
+    made = RunQueue(lambda: None)
+    yield made
+    made.close()
+
+
+def _until(ready: Callable[[], bool], seconds: float = 240.0) -> None:
+    end = time.monotonic() + seconds
+    while not ready():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def _asked(queue: RunQueue, folder: Path, text: str = TEXT) -> Run:
+    return queue.add(name=folder.name, folder=folder, text=text, base=folder.parent, scene="vacuum")
+
+
+def test_runs_are_computed_in_turn_stop_and_go_on(queue: RunQueue, tmp_path: Path) -> None:
+    first, second, wrong = (_asked(queue, tmp_path / name, text) for name, text in (
+        ("first", TEXT), ("second", TEXT), ("wrong", TEXT.replace("[feed]", "[fed]"))
+    ))  # fmt: skip
+    assert second.state == WAITS
+    assert queue.busy
+    with pytest.raises(SceneError, match="on its way"):
+        _asked(queue, tmp_path / "second")
+    _until(lambda: first.state == GOES)
+    with pytest.raises(SceneError, match="stop it first"):
+        queue.drop(first.number)
+    queue.stop(second.number)  # one that waits
+    queue.stop(first.number)  # and one that is computed
+    _until(lambda: first.state == STOPPED)
+    assert second.state == STOPPED
+    _until(lambda: wrong.state == FAILED)
+    assert "fed: unknown key" in wrong.told
+    assert "did you mean 'feed'" in wrong.told
+    assert not queue.busy
+    queue.go_on(first.number)
+    _until(lambda: first.state == DONE)
+    assert "recovery" in first.told
+    assert wf.Result.load(tmp_path / "first").share("hard", "far").value > 0.5
+    assert first.table()["folder"] == "first"
+    queue.drop(second.number)
+    assert second not in queue.runs
+    with pytest.raises(SceneError, match="no run 77"):
+        queue.stop(77)
+
+
+def test_a_first_look_is_the_scene_with_less_of_everything() -> None:
+    for name in ("rhombus", "vacuum", "labyrinth", "aspirator"):
+        scene = shipped(name)
+        changes, options = first_look(scene)
+        assert options or scene.air is None or not scene.body
+        quick, whole = scene.replace(changes) if changes else scene, scene
+        plans = [wf.plan(quick, **{key: value for key, value in options.items() if key == "force"}), wf.plan(whole)]
+        assert "quick" in options or plans[0].estimate["seconds"] < plans[1].estimate["seconds"]
