@@ -56,7 +56,7 @@ def _opened(page: Served, browser: Any, width: int = 1400, colours: str = "light
     opened.on("request", lambda asked: told.append(asked.url) if not asked.url.startswith(own) else None)
     opened.on("dialog", lambda dialog: dialog.accept())
     opened.goto(page.address)
-    opened.wait_for_selector("#plan table")
+    opened.wait_for_selector("#plan table", state="attached")
     yield opened
     context.close()
     assert told == []
@@ -228,12 +228,18 @@ def test_runs_are_made_stopped_gone_on_with_and_compared(page: Served, browser: 
 
 
 @pytest.fixture(scope="module")
-def finished(small_run: wf.Result, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    """A page opened for a finished run, with a sweep beside it."""
+def runs(small_run: wf.Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a finished run, with a sweep beside it."""
     runs = tmp_path_factory.mktemp("runs")
     shutil.copytree(small_run.folder, runs / "vacuum")
     scenes = wf.variants(wf.Scene.parse(small_run.scene), {"fraction.hard.restitution": [0.4, 0.6]})
     wf.sweep(scenes, runs / "rebound", workers=1, figures=False)
+    return runs
+
+
+@pytest.fixture
+def finished(runs: Path) -> Iterator[Served]:
+    """A page opened for a finished run."""
     with served(runs / "vacuum", runs) as found:
         yield found
 

@@ -67,8 +67,9 @@ function handle(one) {
     if (event.key === "Enter") { show_field(find(one.name).key); return; }
     if (!way) return;
     event.preventDefault();
-    const now = find(one.name), step = state.scene.step * (event.shiftKey ? 10 : 1);
-    send({ drag: one.name, x: now.at[0] + way[0] * step, y: now.at[1] + way[1] * step, gesture: `keys ${one.name}` });
+    const gesture = `keys ${one.name}`, step = state.scene.step * (event.shiftKey ? 10 : 1);
+    const from = held.sending && held.last.gesture === gesture ? [held.last.x, held.last.y] : find(one.name).at;  // a key held down
+    send({ drag: one.name, x: from[0] + way[0] * step, y: from[1] + way[1] * step, gesture });
   });
   node.addEventListener("dblclick", () => show_field(find(one.name).key));
   return node;
@@ -83,7 +84,7 @@ function place(event) {
 
 // One request is on its way at a time; of what comes meanwhile only the last counts.
 async function send(what) {
-  held.waiting = what;
+  held.waiting = held.last = what;
   if (held.sending) return;
   held.sending = true;
   while (held.waiting) {

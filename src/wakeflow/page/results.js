@@ -38,10 +38,11 @@ export async function openRun(name) {
   place();
   shares(data);
   measured(data);
-  report(`run/${name}`);
+  if (data.report) report(`run/${name}`);
+  else pick("differs").replaceChildren(make("p", { class: "soft" }, `This run has no report yet; wakeflow report ${data.folder} draws it.`));
 }
 function report(path) {
-  pick("report").src = `${path}/`;
+  pick("report").src = `${path.split("/").map(encodeURIComponent).join("/")}/`;
   pick("report").hidden = false;
 }
 
@@ -180,11 +181,11 @@ async function openSweep(name) {
   clear("");
   const list = (id, label, names) => make("select", { id, "aria-label": label, onchange: () => draw(name, found) }, ...names.map((one) => make("option", {}, one)));
   const first = found.numbers.filter((one) => one.startsWith("recovery."));
-  pick("points").replaceChildren(make("h2", {}, name), make("div", { class: "buttons" }, list("over", "over", found.inputs), list("of", "quantity", [...first, ...found.numbers.filter((one) => !first.includes(one))])), make("div", { id: "cloud" }));
+  pick("points").replaceChildren(make("h2", {}, name), make("div", { class: "buttons" }, list("along", "over", found.inputs), list("of", "quantity", [...first, ...found.numbers.filter((one) => !first.includes(one))])), make("div", { id: "cloud" }));
   draw(name, found);
 }
 function draw(name, found) {
-  const over = pick("over").value, of = pick("of").value;
+  const over = pick("along").value, of = pick("of").value;
   const rows = found.rows.filter((row) => row[of] !== "" && row[over] !== undefined), numeric = rows.every((row) => row[over] !== "" && !isNaN(row[over]));
   const words = [...new Set(rows.map((row) => row[over]))], x = (row) => numeric ? Number(row[over]) : words.indexOf(row[over]);
   const ends = rows.flatMap((row) => [row[of], row[`${of}.low`] || row[of], row[`${of}.high`] || row[of]].map(Number));

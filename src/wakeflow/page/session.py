@@ -289,7 +289,9 @@ class Session:
         half = channel.width / 2
         level, upright = (-half, half), (channel.bottom, channel.top)
         return {
-            "run": ask["run"], "colours": fraction_colours(list(scene.fraction)),
+            "run": ask["run"], "folder": str(stored.result.folder),
+            "report": (stored.result.folder / "report.html").is_file(),
+            "colours": fraction_colours(list(scene.fraction)),
             "targets": {name: list(one.targets) for name, one in scene.fraction.items()},
             "sides": {
                 on: {"span": level if on in ("floor", "top") else upright, "profile": profile}
