@@ -189,3 +189,29 @@ def test_events_tell_every_open_page(page: Served) -> None:
 def test_a_missing_scene_is_one_line_and_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["open", str(tmp_path / "nowhere.toml"), "--no-browser"]) == 2
     assert "make a scene with: wakeflow new" in capsys.readouterr().err
+
+
+def test_measured_trays_wait_in_the_list_with_the_runs_own_options(
+    page: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session, added = page.page.session, list[dict[str, object]]()
+    monkeypatch.setattr("wakeflow.page.session._calibrates", lambda: True)
+    monkeypatch.setattr(session.queue, "add", lambda **asked: added.append(asked))
+    assert "at least one tray" in page.ask("measured", run="vacuum", rows=[])["refused"]
+    page.ask("measured", run="vacuum", rows=[["hard", "far", 0.6, 0.02], ["soft", "near", 0.9, 0.02]])
+    assert added[0]["measured"] == {
+        "fraction": ["hard", "soft"], "bin": ["far", "near"], "share": [0.6, 0.9], "uncertainty": [0.02, 0.02]
+    }  # fmt: skip
+    assert added[0]["options"] == {"rung": None, "force": {}}
+    assert added[0]["folder"] == session.runs.resolve() / "vacuum"
+
+
+def test_a_run_takes_a_free_name_or_that_of_its_own_answer(page: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    session, added = page.page.session, list[dict[str, object]]()
+    monkeypatch.setattr(session.queue, "add", lambda **asked: added.append(asked))
+    page.ask("run", name="vacuum", quick=True)  # another scene's answer is there
+    assert [asked["folder"] for asked in added] == [session.runs / "vacuum-2-first-look", session.runs / "vacuum-2"]
+    page.ask("open", run="vacuum", drop=True)
+    page.ask("run", name="vacuum")
+    assert added[-1]["folder"] == session.runs / "vacuum"
+    page.ask("open", file="rhombus.toml", drop=True)

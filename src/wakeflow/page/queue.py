@@ -38,6 +38,7 @@ class Run:
     scene: str  # name of its file, without the suffix
     changes: Mapping[str, object] = field(default_factory=dict)
     options: Mapping[str, object] = field(default_factory=dict)
+    measured: Mapping[str, object] | None = None  # shares to calibrate with: columns by name
     state: str = WAITS
     told: str = ""
     progress: Mapping[str, Any] = field(default_factory=dict)
@@ -173,7 +174,7 @@ class RunQueue:
         with TemporaryDirectory(prefix="wakeflow-") as place:
             ask, log = Path(place, "ask.json"), Path(place, "log")
             asked = {"text": one.text, "name": one.scene, "base": str(one.base.absolute()), "changes": one.changes,
-                     "options": one.options, "folder": str(one.folder)}  # fmt: skip
+                     "options": one.options, "folder": str(one.folder), "measured": one.measured}  # fmt: skip
             ask.write_text(json.dumps(asked))
             command = [sys.executable, "-P", "-m", "wakeflow.page.job", str(ask)]
             try:

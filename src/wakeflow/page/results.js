@@ -151,11 +151,11 @@ function measured(data) {
   const box = (bin, name) => make("input", { size: 5, "data-bin": bin, "data-fraction": name, "aria-label": `${name} in ${bin}, percent` });
   const table = make("table", {}, make("thead", {}, make("tr", {}, make("th", {}, "measured, %"), ...names.map((name) => make("th", {}, name)))),
     make("tbody", {}, ...bins.map((bin) => make("tr", {}, make("th", { scope: "row" }, bin), ...names.map((name) => make("td", {}, box(bin, name)))))));
-  const error = make("input", { size: 4, value: "2", "aria-label": "uncertainty of each, points" }), told = make("pre");
+  const error = make("input", { size: 4, value: "2", "aria-label": "uncertainty of each, points" }), told = make("p", { class: "soft" }, "Agreement and calibrated numbers appear in the list of runs.");
   const go = make("button", { type: "button", onclick: async () => {
     const rows = [...table.querySelectorAll("input")].filter((one) => one.value.trim()).map((one) => [one.dataset.fraction, one.dataset.bin, Number(one.value) / 100, Number(error.value) / 100]);
     const found = await ask("measured", { run: open.run, rows });
-    if (found) told.textContent = `${found.agreement}\n${found.told}`;
+    if (found) { tell(""); view("machine"); }
   } }, "Compare and calibrate");
   pick("measured").replaceChildren(make("details", {}, make("summary", {}, "Measured trays"), table, make("div", { class: "buttons" }, make("label", {}, "± points ", error), go), told));
   pick("measured").hidden = false;

@@ -44,7 +44,7 @@ OWN = "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline
       "frame-ancestors 'none'; form-action 'none'; base-uri 'none'"  # fmt: skip
 REPORT = "sandbox allow-scripts; default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; " \
          "script-src 'unsafe-inline'; frame-ancestors 'self'"  # fmt: skip
-SLOW = ("plan", "compare", "measured")  # actions that no other waits for
+SLOW = ("plan", "compare")  # actions that no other waits for
 
 
 class Page:

@@ -333,18 +333,23 @@ class Session:
         return points_of(inside(self.runs, str(ask["sweep"])))
 
     def measured(self, ask: Ask) -> dict[str, object]:
-        """Measured trays of a ``run``, rows of fraction, bin, share and uncertainty: the agreement, and the scene's
-        numbers after them. Raises SceneError where this version cannot.
+        """Put the calibration of a ``run`` by measured trays at the end of the list: ``rows`` of fraction, bin, share
+        and uncertainty. Raises SceneError where this version cannot.
         """
-        import wakeflow
-
         if not _calibrates():
             raise SceneError("this version has no calibration by measured trays")
-        file = Path(tempfile.mkdtemp(dir=self._compared)) / "measured.csv"
-        rows = ["fraction,bin,share,uncertainty", *(",".join(map(str, row)) for row in ask["rows"])]
-        file.write_text("\n".join(rows) + "\n")
-        posterior = wakeflow.calibrate(Scene.parse(Result.load(self._run(str(ask["run"]))).scene), file)
-        return {"told": str(posterior), "agreement": str(posterior.agreement)}
+        folder, rows = self._run(str(ask["run"])), [list(row) for row in ask["rows"]]
+        if not rows:
+            raise SceneError("type the share of at least one tray")
+        heads = "fraction", "bin", "share", "uncertainty"
+        result = Result.load(folder)
+        self.queue.add(
+            name=f"{folder.name} and what was measured", folder=folder, base=self.home, scene=folder.name,
+            text=Scene.parse(result.scene).as_toml(),
+            options={"rung": result.options.rung, "force": result.options.force},
+            measured={head: [row[i] for row in rows] for i, head in enumerate(heads)},
+        )  # fmt: skip
+        return self.list({})
 
     ACTIONS = (
         "state", "edit", "save", "settle", "open", "plan", "run", "job", "list", "landings", "dividers", "compare",
