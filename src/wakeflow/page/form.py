@@ -22,45 +22,44 @@ from ..scene.schema import (
 OPEN = ("force", "uncertainty")  # whose keys are the user's
 # What a new table begins with; numbers are lengths, in widths of the channel
 FIRST: dict[str, dict[str, object]] = {
-    "body": {"shape": '"rhombus"', "width": 0.125, "slope_angle": '"45 deg"', "at": [0.0, 0.0]},
+    "body": {"shape": '"rhombus"', "width": 0.125, "slope_angle": '"45 deg"', "at": '["0 mm", "0 mm"]'},
     "bin": {"from": -0.05, "to": 0.05},
     "fraction": {"material": '"wheat"'},
     "air": {"speed": '"5 m/s"'},
     "vibration": {"frequency": '"30 Hz"', "gamma": "2.0"},
-}  # fmt: skip
+    "channel.inlet": {"side": '"left"', "position": '"0 mm"', "width": 0.05, "velocity": '"1 m/s"'},
+}
 
 
 def form_of(data: JsonTable) -> list[dict[str, object]]:
     """The groups of fields of a scene's ``data`` as tomlkit reads it, in the order of its tables; a table in one line
     is one field.
     """
-    groups = [group for name, value in data.items() for group in _groups((name,), value, data)]
+    absent: JsonTable = {
+        name: {} for name in scene_schema()["properties"] if name not in data and known_keys(described((name,), data))
+    }
+    groups = [group for name, value in {**data, **absent}.items() for group in _groups((name,), value, data)]
     loose = {"table": "", "about": "", "fields": [_field(("materials",), data)], "removable": False}
     return [*groups, loose]
 
 
 def addable(data: JsonTable) -> list[dict[str, object]]:
     """The tables that may be added: by a name of the user's, or once."""
-    names = [key for key in scene_schema()["properties"] if _is_table((key,))]
+    places = {name: tuple(name.split(".")) for name in FIRST}
+    named = {name: named_tables(place, data) for name, place in places.items()}
+    about = {name: described(place, data).get("description", "") for name, place in places.items()}
     return [
-        {"table": name, "named": named_tables((name,), data), "about": described((name,), data).get("description", "")}
-        for name in names
-        if named_tables((name,), data) or name not in data
+        {"table": name, "named": named[name], "about": about[name]} for name in FIRST if named[name] or name not in data
     ]
 
 
 def first_keys(table: str, width: float) -> dict[str, str]:
     """What a new table begins with: keys and what is typed there. ``width``: of the channel (m)."""
-    found = {}
-    for key, value in FIRST.get(table.split(".")[0], {}).items():
-        if isinstance(value, float):
-            value = f'"{1000 * value * width:g} mm"'
-        found[key] = value if isinstance(value, str) else '["0 mm", "0 mm"]'
-    return found
-
-
-def _is_table(place: Place) -> bool:
-    return bool(known_keys(described(place, {}))) or named_tables(place, {})
+    first = FIRST.get(table) or FIRST.get(table.rpartition(".")[0], {})
+    return {
+        key: f'"{1000 * value * width:g} mm"' if isinstance(value, float) else str(value)
+        for key, value in first.items()
+    }
 
 
 def _groups(place: Place, value: Any, data: JsonTable) -> Iterator[dict[str, object]]:
@@ -77,7 +76,7 @@ def _groups(place: Place, value: Any, data: JsonTable) -> Iterator[dict[str, obj
             "table": ".".join(map(str, place)),
             "about": described(place, data).get("description", ""),
             "fields": [_field((*place, key), data) for key in shown if not named_tables((*place, key), data)],
-            "removable": place[0] not in ("channel", "feed"),
+            "removable": place not in (("channel",), ("feed",)) and place[0] in data,
         }
     for key in inner:
         yield from _groups((*place, key), value[key], data)

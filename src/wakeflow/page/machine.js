@@ -113,6 +113,7 @@ function form(scene) {
   scene.form.forEach((group, i) => {
     const node = groups.get(group.table) || make("details", { "data-table": group.table, open: group.fields.some((one) => one.value !== null) });
     groups.delete(group.table);
+    node.classList.toggle("absent", group.fields.every((one) => one.value === null));
     fields(node, group, scene);
     if (pick("form").children[i] !== node) pick("form").insertBefore(node, pick("form").children[i] || null);
   });
@@ -169,7 +170,11 @@ function look_for() {
     row.hidden = Boolean(wanted) && !found;
     row.classList.toggle("found", Boolean(found));
   });
-  if (wanted) document.querySelectorAll("#form details").forEach((node) => { node.open = Boolean(node.querySelector(".found")); });
+  if (wanted || look_for.before) document.querySelectorAll("#form details").forEach((node) => {
+    node.classList.toggle("found", Boolean(node.querySelector(".found")));
+    node.open = wanted ? node.classList.contains("found") : !node.classList.contains("absent");
+  });
+  look_for.before = wanted;
 }
 pick("find").addEventListener("input", look_for);
 pick("show-all").addEventListener("change", look_for);
