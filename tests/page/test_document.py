@@ -8,7 +8,7 @@ import tomlkit
 
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import scene_templates
-from wakeflow.page.document import SceneDocument
+from wakeflow.page.document import SceneDocument, merged
 from wakeflow.page.form import addable, first_keys, form_of
 from wakeflow.scene import Scene
 from wakeflow.scene.schema import described, known_keys
@@ -154,3 +154,19 @@ def test_a_file_that_is_gone_is_made_anew_and_a_taken_name_is_refused(tmp_path: 
     assert document.path.read_text() == document.text
     with pytest.raises(SceneError, match="exists; choose another name"):
         document.save(_opened("prism", tmp_path).path)
+
+
+@pytest.mark.parametrize(
+    ("mine", "theirs", "both"),
+    [
+        ("A\nb\nc\nd\n", "a\nb\nC\nd\n", "A\nb\nC\nd\n"),
+        ("a\nc\nd\n", "a\nb\nc\nD\n", "a\nc\nD\n"),
+        ("x\na\nb\nc\nd\n", "a\nb\nc\nd\ny\n", "x\na\nb\nc\nd\ny\n"),
+        ("a\nB\nc\nd\n", "a\nb\nc\nd\n", "a\nB\nc\nd\n"),
+        ("a\nB\nc\nd\n", "a\nB\nc\nd\n", "a\nB\nc\nd\n"),
+        ("a\nB\nc\nd\n", "a\n!\nc\nd\n", None),
+        ("a\nB\nc\nd\n", "a\nb\nC\nd\n", None),
+    ],
+)
+def test_changes_of_other_lines_are_both_kept(mine: str, theirs: str, both: str | None) -> None:
+    assert merged("a\nb\nc\nd\n", mine, theirs) == both

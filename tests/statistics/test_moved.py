@@ -44,10 +44,10 @@ def test_moved_dividers_give_what_a_run_with_them_gives(
 
 
 def test_an_answer_is_there_under_the_mouse(stored: StoredLandings) -> None:
-    began = time.perf_counter()
+    began = time.thread_time()  # of this thread's own work: the machine may have other
     for i in range(20):
         stored.shares({"near": (0.0, 0.05 + 1e-3 * i), "far": (0.05 + 1e-3 * i, 0.3)})
-    assert (time.perf_counter() - began) / 20 < 0.05  # s; some 2 ms on an idle core
+    assert (time.thread_time() - began) / 20 < 0.05  # s
 
 
 @pytest.mark.parametrize(

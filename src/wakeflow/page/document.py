@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from difflib import SequenceMatcher
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -184,6 +186,25 @@ class SceneDocument:
         self.version += 1
         if not keep:
             self.write(self.saved)
+
+
+def merged(base: str, mine: str, theirs: str) -> str | None:
+    """The text with both changes of ``base``; None where they are of the same or of neighbouring lines."""
+    if base in (mine, theirs):
+        return theirs if base == mine else mine
+    start, one, other = (text.splitlines(keepends=True) for text in (base, mine, theirs))
+    changes = [
+        (low, high, made[a:b])
+        for made in (one, other)
+        for kind, low, high, a, b in SequenceMatcher(None, start, made, autojunk=False).get_opcodes()
+        if kind != "equal"
+    ]
+    changes.sort(key=lambda change: change[:2])
+    if any(after[0] <= before[1] for before, after in pairwise(changes)):
+        return theirs if mine == theirs else None
+    for low, high, lines in reversed(changes):
+        start[low:high] = lines
+    return "".join(start)
 
 
 def _read(path: Path) -> str:

@@ -22,7 +22,7 @@ from ..report.canvas import fraction_colours
 from ..report.sketch import sketch_svg
 from ..scene import Scene
 from ..statistics.moved import StoredLandings
-from .document import SceneDocument
+from .document import SceneDocument, merged
 from .form import addable, first_keys, form_of
 from .handles import dragged, handles_of, step_of
 from .queue import RunQueue, first_look
@@ -117,11 +117,10 @@ class Session:
         """
         document, gesture = self.document, ask.get("gesture")
         if "text" in ask:
-            if ask.get("version") not in (None, document.version) and ask.get("before") != document.text:
-                raise SceneError(
-                    "another page has changed this scene meanwhile: its text is shown now; change it again"
-                )
-            document.write(str(ask["text"]), gesture)
+            text = merged(str(ask.get("before", document.text)), str(ask["text"]), document.text)
+            if text is None:
+                raise SceneError("another page has changed the same lines: its text is shown now; change it again")
+            document.write(text, gesture)
         elif "set" in ask:
             document.set({str(key): None if one is None else str(one) for key, one in ask["set"].items()}, gesture)
         elif "drag" in ask:
