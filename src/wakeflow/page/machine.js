@@ -137,8 +137,7 @@ function fields(node, group, scene) {
   group.fields.forEach((one, i) => {
     const row = node.children[i + 1], input = row.querySelector("input");
     row.classList.toggle("absent", one.value === null);
-    if (document.activeElement !== input || input.dataset.typed === input.value) input.value = one.value === null ? "" : one.value;
-    input.dataset.typed = input.value;
+    if (document.activeElement !== input || input.dataset.typed === input.value) input.dataset.typed = input.value = one.value === null ? "" : one.value;
     const wrong = [`${one.key} = `, `${one.key}: `, `${one.key}[`].map((start) => scene.mistake.indexOf(start)).filter((at) => at >= 0);
     const told = wrong.length ? scene.mistake.slice(Math.min(...wrong)).split("; ").slice(0, 1).join("") : "";
     row.classList.toggle("wrong", Boolean(told));
