@@ -110,6 +110,8 @@ class Page:
         self._tell("event: end\ndata: {}\n\n")
         self._server.stop()
         await asyncio.sleep(0.05)  # for the pages to hear it
+        self.ended.set()
+        await self._server.close_all_connections()
         await self.loop.run_in_executor(self._quick, self.session.close)
         for pool in (self._quick, self._slow):
             pool.shutdown()
