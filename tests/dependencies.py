@@ -24,7 +24,7 @@ COMPATIBLE = re.compile(
 HEAD = "# Written by tests/dependencies.py on Python {python}: the versions that the tests passed with.\n"
 
 
-def needed(name: str = "wakeflow", extras: frozenset[str] = frozenset({"test"})) -> dict[str, Distribution]:
+def needed(name: str = "wakeflow-separation", extras: frozenset[str] = frozenset({"test"})) -> dict[str, Distribution]:
     """The distributions of a package with ``extras`` and of all that these need here, by their names."""
     found: dict[str, Distribution] = {}
     ahead, seen = [(name, extras)], set()

@@ -25,6 +25,7 @@ ONLY_IN = {  # folders that may import a library
     "pyvista": ("report",),
     "matplotlib": ("report",),
     "jinja2": ("report",),
+    "tornado": ("page",),
     "subprocess": ("core",),
 }
 # pint, which reads the scenes' units, loads scipy's empty shell (8 ms) but none of its parts

@@ -70,6 +70,7 @@ LAYERS = (
     "runs",
     "batch",
     "verify",
+    "page",
     "cli",
 )
 

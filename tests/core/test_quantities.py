@@ -1,6 +1,8 @@
 """Numbers with a unit mean what they say, or are refused; boxes, brackets of roots, grades of messages."""
 
 import math
+import subprocess
+import sys
 from dataclasses import replace
 from functools import partial
 
@@ -176,3 +178,14 @@ def test_factors_are_pints_to_the_last_bit(pair: tuple[str, str], monkeypatch: p
     known = [converted(value, *pair) for value in values]
     monkeypatch.setattr(quantities, "FACTORS", {})
     assert [converted(value, *pair) for value in values] == known
+
+
+def test_two_threads_may_ask_for_the_first_unit_at_once() -> None:
+    code = (
+        "import sys, concurrent.futures as f; sys.setswitchinterval(1e-6)\n"
+        "from wakeflow.core.quantities import converted\n"
+        "with f.ThreadPoolExecutor(4) as pool:\n"
+        "    print({round(x) for x in pool.map(lambda _: converted(1.0, 'kg/s', 'kg/h'), range(4))})"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "{3600}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from ..core.graded import Grade
+from ..core.graded import Grade, Notice
 from ..core.process import cores
 from ..core.quantities import duration, metres, say, speaking
 from ..core.store import cache_root
@@ -44,10 +44,15 @@ def show_plan(plan: Plan, scene: Scene, units: Mapping[str, str] | None = None) 
     lines = Table.grid(padding=(0, 2))
     lines.add_column(style="bold", no_wrap=True)
     lines.add_column()
-    with speaking({**UNITS, **(units or {})}):
-        for label, text in _lines(plan, scene):
-            lines.add_row(label, Text(text))
+    for label, text in (*plan_lines(plan, scene, units), ("", _more(plan))):
+        lines.add_row(label, Text(text))
     Console().print(lines, highlight=False)
+
+
+def plan_lines(plan: Plan, scene: Scene, units: Mapping[str, str] | None = None) -> list[tuple[str, str]]:
+    """Label and text of each line of :func:`show_plan` but its last, which names an option."""
+    with speaking({**UNITS, **(units or {})}):
+        return list(_lines(plan, scene))
 
 
 def _lines(plan: Plan, scene: Scene) -> Iterator[tuple[str, str]]:
@@ -64,14 +69,21 @@ def _lines(plan: Plan, scene: Scene) -> Iterator[tuple[str, str]]:
     yield "left out", _left_out(plan)
     for number, notice in enumerate(floor_notices(scene)):
         yield "" if number else "uncaught", notice.text
-    doubts = [notice for notice in plan.notices if notice.grade is not Grade.INFORMATION]
-    for number, notice in enumerate(doubts[:MAX_WARNINGS]):
+    for number, notice in enumerate(_doubts(plan)[:MAX_WARNINGS]):
         grade = f"{notice.grade.value}: " if notice.grade is Grade.VOID else ""
         yield "" if number else "doubtful", grade + notice.text
     yield "costs", _cost(plan)
-    more = len(plan.notices) - min(len(doubts), MAX_WARNINGS)
+
+
+def _doubts(plan: Plan) -> list[Notice]:
+    return [notice for notice in plan.notices if notice.grade is not Grade.INFORMATION]
+
+
+def _more(plan: Plan) -> str:
+    """What the lines do not say."""
+    more = len(plan.notices) - min(len(_doubts(plan)), MAX_WARNINGS)
     noted = f", and {more} more note{'s' if more > 1 else ''}" if more else ""
-    yield "", f"--all tells every bound and stage{noted}"
+    return f"--all tells every bound and stage{noted}"
 
 
 def _machine(scene: Scene) -> str:

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 import re
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import TYPE_CHECKING
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pint import Unit
@@ -32,6 +34,7 @@ FACTORS = {
     ("g", "kg"): 1e-3, ("kg", "g"): 1e3,
     ("%", "1"): 1e-2, ("1", "%"): 1e2,
 }  # fmt: skip
+_making = threading.Lock()
 _SPOKEN: ContextVar[Mapping[str, str]] = ContextVar("spoken units")
 
 
@@ -78,7 +81,7 @@ def converted(value: float, given: str, wanted: str) -> float:
         return value * factor
     import pint
 
-    registry = pint.application_registry
+    registry = _registry()
     try:
         source, target = (_unit(one) for one in (given, wanted))
         if _kind(source) != _kind(target):  # one turn a period
@@ -91,20 +94,26 @@ def converted(value: float, given: str, wanted: str) -> float:
     raise ValueError(f"{given!r} is not a unit like {wanted!r}")
 
 
-def _unit(text: str) -> Unit:
-    """A unit of pint's from text: kg/m3 is kg/m^3, /min is 1/min."""
+@cache
+def _registry() -> Any:
+    """pint's units. They are made at their first use, which two threads must not do at once."""
     import pint
 
+    with _making:
+        pint.application_registry.parse_units("m")
+    return pint.application_registry
+
+
+def _unit(text: str) -> Unit:
+    """A unit of pint's from text: kg/m3 is kg/m^3, /min is 1/min."""
     named = "" if text == "1" else re.sub(r"(?<=[^\W\d_])(\d)", r"^\1", text)
-    unit: Unit = pint.application_registry.parse_units(f"1{named}" if named.startswith("/") else named)
+    unit: Unit = _registry().parse_units(f"1{named}" if named.startswith("/") else named)
     return unit
 
 
 def _kind(unit: Unit) -> Unit:
     """What the unit is made of; radians count, unlike in pint's dimensionality."""
-    import pint
-
-    kind: Unit = pint.application_registry.get_root_units(unit)[1]
+    kind: Unit = _registry().get_root_units(unit)[1]
     return kind
 
 

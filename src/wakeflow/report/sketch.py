@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +32,7 @@ TEXT_SIZE, LINE = 8.0, 0.155  # points of the measures; inches of a line of them
 BESIDE = 0.35  # inches between the machine and what is written beside it
 MIN_SCALE = 0.5  # inches per m of a machine in a part of a figure that has no room for its notes
 OUTSIDE = 0.22  # inches between the machine and a line of measures along it
+POINTS = 72.0  # an inch: the unit of an SVG's viewBox
 HEIGHT = 0.75  # inches on the left that the channel's height takes
 
 
@@ -85,6 +87,32 @@ def write_sketch(path: Path, scene: Scene, units: Mapping[str, str] | None = Non
     figure = draw_sketch(scene, units).figure
     with atomic_write(path, "wb") as stream:
         figure.savefig(stream, format=kind)
+
+
+@dataclass(frozen=True)
+class DrawnSketch:
+    """A sketch as the text of an SVG, and where in the units of its viewBox the point x = y = 0 of the scene is, with
+    how many of these units are a metre; y points down there.
+    """
+
+    svg: str
+    origin: tuple[float, float]
+    scale: float
+
+
+def sketch_svg(scene: Scene, units: Mapping[str, str] | None = None) -> DrawnSketch:
+    """:func:`draw_sketch` for a page on which it is not the last layer; its writing stays writing."""
+    import matplotlib
+
+    figure = draw_sketch(scene, units).figure
+    stream = io.StringIO()
+    with matplotlib.rc_context({"svg.fonttype": "none"}):
+        figure.savefig(stream, format="svg", metadata={"Date": None})
+    text, (x, y) = stream.getvalue(), figure.axes[0].transData.transform((0.0, 0.0))
+    dots = POINTS / figure.dpi
+    across = figure.axes[0].transData.transform((MM, 0.0))[0] - x
+    tall = POINTS * figure.get_size_inches()[1]
+    return DrawnSketch(text[text.index("<svg") :], (float(dots * x), float(tall - dots * y)), float(dots * across))
 
 
 def _window(scene: Scene) -> tuple[float, float, float, float]:

@@ -77,11 +77,11 @@ def units_in(data: Mapping[str, object]) -> dict[str, str]:
 
 
 def unit_of(key: str) -> str:
-    """The unit of the numbers of a dotted key, in a list too: "m/s" for air.speed; empty for plain numbers and for
-    other values.
+    """The unit of the numbers of a dotted key, in a list and in a list of points too: "m/s" for air.speed; empty for
+    plain numbers and for other values.
     """
     place: Place = tuple(key.split("."))
-    nodes = (described(where, {}) for where in (place, (*place, 0)))
+    nodes = (described(where, {}) for where in (place, (*place, 0), (*place, 0, 0)))
     unit, _ = next(filter(None, map(unit_and_example, nodes)), ("1", ""))
     return "" if unit == "1" else unit
 

@@ -51,7 +51,7 @@ class Scene(SceneTables):
     def _repr_html_(self) -> str:
         """The scene in a line, and as the file that ``save`` writes, as a notebook shows it."""
         line = f"<p>{escape(repr(self))}</p>"
-        return f"{line}<details><summary>as a file</summary><pre>{escape(self._toml())}</pre></details>"
+        return f"{line}<details><summary>as a file</summary><pre>{escape(self.as_toml())}</pre></details>"
 
     @property
     def _fed_by(self) -> str:
@@ -150,9 +150,10 @@ class Scene(SceneTables):
     def save(self, path: Path | str) -> None:
         """Write the scene as TOML in SI numbers; loading it gives an equal scene."""
         with atomic_write(path_of(path, "scene file")) as stream:
-            stream.write(self._toml())
+            stream.write(self.as_toml())
 
-    def _toml(self) -> str:
+    def as_toml(self) -> str:
+        """The scene as the text of a file, in SI numbers: what ``save`` writes."""
         import tomlkit
 
         return tomlkit.dumps(with_units(self.tables()))

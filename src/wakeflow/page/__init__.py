@@ -1,0 +1,1 @@
+"""The page to work with: ``wakeflow open`` serves it to the browser of this machine."""

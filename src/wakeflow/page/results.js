@@ -1,0 +1,209 @@
+"use strict";
+// Finished runs: the report, dividers that move over the landings, runs side by side, sweeps, measured trays.
+import { ask, make, pick, state, tell } from "./core.js";
+import { edit, openScene, view } from "./page.js";
+
+const open = { run: null, data: null, ends: null, waiting: null, sending: false };
+const percent = ([value, low, high], digits = 1) => `${(100 * value).toFixed(digits)}${low === null ? "" : ` (${(100 * low).toFixed(digits)} to ${(100 * high).toFixed(digits)})`}`;
+
+export function showStored(found) {
+  const chosen = new Set([...document.querySelectorAll("#runs input:checked")].map((box) => box.value));
+  const when = (row) => new Date(1000 * row.made).toLocaleString();
+  pick("runs").replaceChildren(...found.runs.map((row) => make("div", { class: "row" },
+    make("input", { type: "checkbox", value: row.name, "aria-label": `choose ${row.name}`, onchange: choose, ...(chosen.has(row.name) ? { checked: true } : {}) }),
+    make("button", { type: "button", title: when(row), onclick: () => openRun(row.name) }, row.name))));
+  if (!found.runs.length) pick("runs").append(make("p", { class: "soft" }, "None yet: run the scene."));
+  pick("sweeps").replaceChildren(...found.sweeps.map((row) => make("div", { class: "row" }, make("button", { type: "button", onclick: () => openSweep(row.name) }, row.name))));
+  if (!found.sweeps.length) pick("sweeps").append(make("p", { class: "soft" }, "None yet: wakeflow sweep makes them."));
+  choose();
+}
+const chosen = () => [...document.querySelectorAll("#runs input:checked")].map((box) => box.value);
+function choose() { pick("compare").disabled = chosen().length < 2; }
+
+function clear(name) {
+  pick("answer-head").hidden = !name;
+  pick("answer-name").textContent = name || "";
+  ["dividers", "shares", "points", "differs", "measured"].forEach((id) => pick(id).replaceChildren());
+  pick("measured").hidden = true;
+  pick("report").hidden = true;
+}
+
+export async function openRun(name) {
+  const data = await ask("landings", { run: name });
+  if (!data) return;
+  tell("");
+  clear(name);
+  Object.assign(open, { run: name, data, ends: structuredClone(data.ends) });
+  Object.keys(data.sides).forEach((on) => pick("dividers").append(side(on)));
+  place();
+  shares(data);
+  measured(data);
+  if (data.report) report(`run/${name}`);
+  else pick("differs").replaceChildren(make("p", { class: "soft" }, `This run has no report yet; wakeflow report ${data.folder} draws it.`));
+}
+function report(path) {
+  pick("report").src = `${path.split("/").map(encodeURIComponent).join("/")}/`;
+  pick("report").hidden = false;
+}
+
+// -- dividers over the landings
+const WIDE = 900, TALL = 190, LEFT = 60, BELOW = 34;
+const along = (span, place) => LEFT + (WIDE - LEFT - 10) * (place - span[0]) / (span[1] - span[0]);
+
+function side(on) {
+  const { span, profile } = open.data.sides[on], drawn = make("svg", { viewBox: `0 0 ${WIDE} ${TALL + BELOW}`, "data-on": on, role: "group", "aria-label": `landings on the ${on}, with the dividers` });
+  Object.entries(profile).forEach(([name, cells]) => {
+    const most = Math.max(...cells, 1e-12), colour = open.data.colours[name];
+    const at = cells.map((part, i) => `${along(span, span[0] + (i + 0.5) * (span[1] - span[0]) / cells.length)},${TALL - 0.92 * TALL * part / most}`);
+    drawn.append(make("polygon", { points: `${LEFT},${TALL} ${at.join(" ")} ${WIDE - 10},${TALL}`, fill: colour, "fill-opacity": 0.22, stroke: colour, "stroke-width": 1.4 }));
+  });
+  Object.entries(open.data.colours).forEach(([name, colour], i) => drawn.append(make("text", { x: 4, y: 16 + 15 * i, style: `fill: ${colour}; font-weight: 600` }, name)));
+  drawn.append(make("line", { x1: LEFT, x2: WIDE - 10, y1: TALL, y2: TALL, stroke: "#1b1f24" }));
+  dividers(on).forEach((one) => drawn.append(divider(on, one)));
+  return drawn;
+}
+
+// The ends of bins on a side, those that touch together.
+function dividers(on) {
+  const found = new Map();
+  Object.entries(open.data.ends).filter(([name]) => open.data.on[name] === on).forEach(([name, pair]) => pair.forEach((place, end) => {
+    const key = place.toFixed(7);
+    found.set(key, [...(found.get(key) || []), [name, end]]);
+  }));
+  return [...found.values()];
+}
+
+function divider(on, ends) {
+  const [name, end] = ends[0], span = open.data.sides[on].span;
+  const node = make("g", { class: "divider", tabindex: 0, role: "slider", "data-ends": JSON.stringify(ends), "aria-label": `divider ${ends.map(([bin]) => bin).join(" | ")}`, "aria-valuemin": 1000 * span[0], "aria-valuemax": 1000 * span[1] },
+    make("line", { class: "reach", y1: 0, y2: TALL }), make("line", { y1: 0, y2: TALL }), make("text", { y: TALL + 14, "text-anchor": "middle" }));
+  let held = false;
+  const to = (place) => {
+    const step = open.data.step;
+    place = Math.min(span[1], Math.max(span[0], step * Math.round(place / step)));
+    ends.forEach(([bin, which]) => { open.ends[bin][which] = place; });
+    position(node); follow();
+  };
+  node.addEventListener("pointerdown", (event) => { held = true; node.setPointerCapture(event.pointerId); event.preventDefault(); node.focus({ preventScroll: true }); });
+  node.addEventListener("pointermove", (event) => {
+    if (!held) return;
+    const box = node.ownerSVGElement.getBoundingClientRect(), x = (event.clientX - box.left) * WIDE / box.width;
+    to(span[0] + (x - LEFT) / (WIDE - LEFT - 10) * (span[1] - span[0]));
+  });
+  ["pointerup", "pointercancel"].forEach((kind) => node.addEventListener(kind, () => { held = false; }));
+  node.addEventListener("keydown", (event) => {
+    const way = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 }[event.key];
+    if (way) { event.preventDefault(); to(open.ends[name][end] + way * open.data.step * (event.shiftKey ? 10 : 1)); }
+  });
+  return node;
+}
+function position(node) {
+  const [[name, end]] = JSON.parse(node.dataset.ends), on = open.data.on[name], place = open.ends[name][end];
+  const x = along(open.data.sides[on].span, place);
+  node.setAttribute("transform", `translate(${x} 0)`);
+  node.setAttribute("aria-valuenow", 1000 * place);
+  node.setAttribute("aria-valuetext", `${Number((1000 * place).toPrecision(6))} mm`);
+  node.querySelector("text").textContent = Number((1000 * place).toPrecision(6));
+}
+function place() { document.querySelectorAll("#dividers .divider").forEach(position); }
+
+async function follow() {
+  open.waiting = structuredClone(open.ends);
+  if (open.sending) return;
+  open.sending = true;
+  while (open.waiting) {
+    const ends = open.waiting, from = performance.now();
+    open.waiting = null;
+    const found = await ask("dividers", { run: open.run, ends });
+    if (found) { tell(""); shares(found); }
+    pick("shares").dataset.took = String(Math.round(performance.now() - from));
+  }
+  open.sending = false;
+}
+
+function shares(found) {
+  const names = Object.keys(found.shares), bins = Object.keys(found.shares[names[0]]);
+  const cell = (bin, name) => make("td", { class: `share${open.data.targets[name].includes(bin) ? " wanted" : ""}`, style: `--share: ${100 * found.shares[name][bin][0]}` }, percent(found.shares[name][bin]));
+  const purest = (bin) => Object.entries(found.purity[bin] || {}).sort((a, b) => b[1][0] - a[1][0])[0];
+  const rows = bins.map((bin) => make("tr", {}, make("th", { scope: "row" }, bin), ...names.map((name) => cell(bin, name)),
+    make("td", { class: "text" }, ...(purest(bin) ? [`${purest(bin)[0]} ${percent(purest(bin)[1])}`] : ["–"]))));
+  const last = make("tr", { class: "first" }, make("th", { scope: "row" }, "recovery"), ...names.map((name) => make("td", {}, found.recovery[name] ? percent(found.recovery[name]) : "–")), make("td", {}));
+  const moved = JSON.stringify(open.ends) !== JSON.stringify(open.data.ends);
+  pick("own-dividers").disabled = pick("use-dividers").disabled = !moved;
+  pick("shares").replaceChildren(make("div", { class: "scroll" }, make("table", {}, make("caption", {}, moved ? "Percent of each fraction's mass with the dividers as they are here; the intervals are estimated from those of the run." : "Percent of each fraction's mass, in brackets the 95 % interval: the run's own answer."),
+    make("thead", {}, make("tr", {}, make("th", {}, "bin"), ...names.map((name) => make("th", { scope: "col" }, name)), make("th", { class: "text" }, "purity"))), make("tbody", {}, ...rows, last))));
+}
+
+pick("own-dividers").addEventListener("click", () => { open.ends = structuredClone(open.data.ends); place(); follow(); });
+pick("use-dividers").addEventListener("click", async () => {
+  const set = {};
+  Object.entries(open.ends).forEach(([bin, pair]) => pair.forEach((end, i) => {
+    if (end !== open.data.ends[bin][i]) set[`bin.${bin}.${i ? "to" : "from"}`] = `"${Number((1000 * end).toPrecision(6))} mm"`;
+  }));
+  if (await edit({ set })) view("machine");
+});
+pick("edit-run").addEventListener("click", () => openScene({ run: open.run }));
+
+// -- measured trays, where the version can use them
+function measured(data) {
+  if (!state.stored.calibrates) return;
+  const names = Object.keys(data.shares), bins = Object.keys(data.shares[names[0]]).filter((bin) => bin !== "elsewhere");
+  const box = (bin, name) => make("input", { size: 5, "data-bin": bin, "data-fraction": name, "aria-label": `${name} in ${bin}, percent` });
+  const table = make("table", {}, make("thead", {}, make("tr", {}, make("th", {}, "measured, %"), ...names.map((name) => make("th", {}, name)))),
+    make("tbody", {}, ...bins.map((bin) => make("tr", {}, make("th", { scope: "row" }, bin), ...names.map((name) => make("td", {}, box(bin, name)))))));
+  const error = make("input", { size: 4, value: "2", "aria-label": "uncertainty of each, points" }), told = make("p", { class: "soft" }, "Agreement and calibrated numbers appear in the list of runs.");
+  const go = make("button", { type: "button", onclick: async () => {
+    const rows = [...table.querySelectorAll("input")].filter((one) => one.value.trim()).map((one) => [one.dataset.fraction, one.dataset.bin, Number(one.value) / 100, Number(error.value) / 100]);
+    const found = await ask("measured", { run: open.run, rows });
+    if (found) { tell(""); view("machine"); }
+  } }, "Compare and calibrate");
+  pick("measured").replaceChildren(make("details", {}, make("summary", {}, "Measured trays"), table, make("div", { class: "buttons" }, make("label", {}, "± points ", error), go), told));
+  pick("measured").hidden = false;
+}
+
+// -- runs side by side
+pick("compare").addEventListener("click", async () => {
+  const runs = chosen(), found = await ask("compare", { runs });
+  if (!found) return;
+  tell("");
+  clear("");
+  const rows = Object.entries(found.differs).map(([key, values]) => make("tr", {}, make("th", { scope: "row" }, key), ...values.map((value) => make("td", {}, value))));
+  pick("differs").replaceChildren(make("h2", {}, runs.join(", ")), make("div", { class: "scroll" }, make("table", {}, make("caption", {}, "What differs in their scenes (SI)"),
+    make("thead", {}, make("tr", {}, make("th", {}, "key"), ...runs.map((name) => make("th", {}, name)))), make("tbody", {}, ...rows))));
+  report(`compared/${found.page}`);
+});
+
+// -- a sweep's points
+async function openSweep(name) {
+  const found = await ask("sweep", { sweep: name });
+  if (!found) return;
+  tell("");
+  clear("");
+  const list = (id, label, names) => make("select", { id, "aria-label": label, onchange: () => draw(name, found) }, ...names.map((one) => make("option", {}, one)));
+  const first = found.numbers.filter((one) => one.startsWith("recovery."));
+  pick("points").replaceChildren(make("h2", {}, name), make("div", { class: "buttons" }, list("along", "over", found.inputs), list("of", "quantity", [...first, ...found.numbers.filter((one) => !first.includes(one))])), make("div", { id: "cloud" }));
+  draw(name, found);
+}
+function draw(name, found) {
+  const over = pick("along").value, of = pick("of").value;
+  const rows = found.rows.filter((row) => row[of] !== "" && row[over] !== undefined), numeric = rows.every((row) => row[over] !== "" && !isNaN(row[over]));
+  const words = [...new Set(rows.map((row) => row[over]))], x = (row) => numeric ? Number(row[over]) : words.indexOf(row[over]);
+  const ends = rows.flatMap((row) => [row[of], row[`${of}.low`] || row[of], row[`${of}.high`] || row[of]].map(Number));
+  const range = (values) => { const [low, high] = [Math.min(...values), Math.max(...values)], room = 0.06 * (high - low) || 0.5; return [low - room, high + room]; };
+  const [xs, ys] = [range(rows.map(x)), range(ends)], tall = 320;
+  const px = (value) => LEFT + (WIDE - LEFT - 20) * (value - xs[0]) / (xs[1] - xs[0]), py = (value) => tall - (tall - 16) * (value - ys[0]) / (ys[1] - ys[0]);
+  const drawn = make("svg", { viewBox: `0 0 ${WIDE} ${tall + 40}`, role: "group", "aria-label": `${of} over ${over}` });
+  drawn.append(make("line", { x1: LEFT, x2: WIDE - 20, y1: tall, y2: tall, stroke: "#1b1f24" }), make("line", { x1: LEFT, x2: LEFT, y1: 0, y2: tall, stroke: "#1b1f24" }), make("text", { x: WIDE / 2, y: tall + 34, "text-anchor": "middle" }, over), make("text", { x: LEFT + 6, y: 12 }, of));
+  [0.1, 0.5, 0.9].forEach((part) => { const value = ys[0] + part * (ys[1] - ys[0]); drawn.append(make("text", { x: LEFT - 5, y: py(value) + 4, "text-anchor": "end" }, Number(value.toPrecision(3)))); });
+  new Map(rows.map((row) => [row[over], x(row)])).forEach((value, word) => drawn.append(make("text", { x: px(value), y: tall + 16, "text-anchor": "middle" }, word)));
+  rows.forEach((row) => {
+    const told = `${row.scene}: ${of} = ${row[of]}`;
+    const node = make("g", { class: "point", tabindex: 0, role: "link", "aria-label": told, "data-scene": row.scene }, make("line", { x1: px(x(row)), x2: px(x(row)), y1: py(Number(row[`${of}.low`] || row[of])), y2: py(Number(row[`${of}.high`] || row[of])), stroke: "#56606a", "stroke-width": 1.5 }),
+      make("circle", { cx: px(x(row)), cy: py(Number(row[of])), r: 6, fill: "#0b7285" }));
+    const go = () => row.run ? openRun(`${name === "." ? "" : `${name}/`}${row.scene}`) : tell(`${row.scene} has no result: ${row.reason || row.state}`);
+    node.addEventListener("click", go);
+    node.addEventListener("keydown", (event) => { if (event.key === "Enter") go(); });
+    drawn.append(node);
+  });
+  pick("cloud").replaceChildren(drawn);
+}

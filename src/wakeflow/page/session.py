@@ -1,0 +1,407 @@
+"""What one page works on: a scene, its plan, its runs, finished runs; and every action that the browser can ask for.
+
+An action takes and gives plain JSON and raises SceneError for what a person did wrong. None knows of HTTP.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..answer.result import FILE, Result
+from ..core.errors import SceneError, WakeflowError
+from ..core.files import scene_templates
+from ..core.number import Number
+from ..core.registry import did_you_mean
+from ..planning.make import make_plan
+from ..report.canvas import fraction_colours
+from ..report.sketch import sketch_svg
+from ..scene import Scene
+from ..statistics.moved import StoredLandings
+from .document import SceneDocument, merged
+from .form import addable, first_keys, form_of
+from .handles import dragged, handles_of, step_of
+from .queue import RunQueue, first_look
+from .stored import inside, listing, points_of
+
+if TYPE_CHECKING:
+    from ..planning.plan import Plan
+
+Lines = Callable[..., list[tuple[str, str]]]  # the plan's lines, as the command line prints them
+Say = Callable[[str, dict[str, object]], None]  # tells every open page: kind, data
+Ask = Mapping[str, Any]
+KEPT = 8  # finished runs whose landings are kept in memory
+
+
+class Session:
+    """The state behind the page; ``say`` is called from any thread. Actions of one kind come one at a time."""
+
+    def __init__(self, what: Path | None, lines: Lines, say: Say, runs: Path | None = None) -> None:
+        self.home, self.runs = Path.cwd(), runs or Path("runs")
+        self._lines, self._say = lines, say
+        self._drawing = threading.Lock()  # matplotlib's fonts are everyone's
+        self._landings: dict[Path, StoredLandings] = {}
+        self._compared = Path(tempfile.mkdtemp(prefix="wakeflow-page-"))
+        self.queue = RunQueue(self._queue_changed)
+        self.shown: str | None = None  # the run that the page was opened for
+        self.document = self._first(what)
+        self._drawn: dict[str, object] = {}
+        self._held: Scene | None = None  # what is dragged is dragged from there
+
+    def close(self) -> None:
+        """End what is computed."""
+        self.queue.close()
+        shutil.rmtree(self._compared, ignore_errors=True)
+
+    def _first(self, what: Path | None) -> SceneDocument:
+        """The scene that is opened: a file, that of a run, the only one of a folder, or one to start from."""
+        if what is None:
+            return _template("rhombus")
+        if (what / FILE).is_file():
+            self.runs, self.shown = what.parent, what.name
+            return self._of_run(what)
+        if what.is_dir():
+            self.home, self.runs = what, what if any(what.glob(f"*/{FILE}")) else what / "runs"
+            scenes = sorted(what.glob("*.toml"))
+            return SceneDocument.load(scenes[0]) if scenes else _template("rhombus")
+        if not what.exists():
+            raise SceneError(
+                f"no scene file, run or folder {str(what)!r}; make a scene with: wakeflow new rhombus {what}"
+            )
+        self.home = what.parent
+        return SceneDocument.load(what)
+
+    def _of_run(self, folder: Path) -> SceneDocument:
+        result = Result.load(folder)
+        return SceneDocument(Scene.parse(result.scene).as_toml(), name=folder.name)
+
+    # -- the scene -----------------------------------------------------------------------------------------------------
+    def state(self, _: Ask) -> dict[str, object]:
+        """All of the scene as the page shows it."""
+        document, look = self.document, self.document.look
+        undo, redo = document.steps
+        if look.scene is not None:
+            self._drawn = self._draw(look.scene, look.units)
+        return {
+            "version": document.version, "text": document.text, "name": document.name,
+            "file": None if document.path is None else str(document.path), "changed": document.changed,
+            "conflict": document.conflict, "mistake": look.mistake, "undo": undo, "redo": redo,
+            **self._form(), **self._drawn,
+        }  # fmt: skip
+
+    def _form(self) -> dict[str, object]:
+        """The fields as they are written; None where the text is no TOML."""
+        import tomlkit
+
+        if self.document.look.data is None:
+            return {"form": None, "addable": []}
+        data = tomlkit.parse(self.document.text)
+        return {"form": form_of(data), "addable": addable(data)}
+
+    def _draw(self, scene: Scene, units: Mapping[str, str]) -> dict[str, object]:
+        with self._drawing:
+            drawn = sketch_svg(scene, units)
+        return {
+            "svg": drawn.svg, "origin": drawn.origin, "scale": drawn.scale, "step": step_of(scene),
+            "handles": [one.table() for one in handles_of(scene).values()],
+            "bodies": {name: body.outline().tolist() for name, body in scene.body.items()},
+        }  # fmt: skip
+
+    def edit(self, ask: Ask) -> dict[str, object]:
+        """Change the scene: the whole ``text``, keys to ``set`` (null takes one out), a ``drag`` of a handle to a place
+        in m, a table to ``add``; or ``undo`` and ``redo``.
+        """
+        document, gesture = self.document, ask.get("gesture")
+        if "text" in ask:
+            text = merged(str(ask.get("before", document.text)), str(ask["text"]), document.text)
+            if text is None:
+                raise SceneError("another page has changed the same lines: its text is shown now; change it again")
+            document.write(text, gesture)
+        elif "set" in ask:
+            document.set({str(key): None if one is None else str(one) for key, one in ask["set"].items()}, gesture)
+        elif "drag" in ask:
+            self._drag(str(ask["drag"]), float(ask["x"]), float(ask["y"]), gesture)
+        elif "add" in ask:
+            self._add(str(ask["add"]))
+        elif ask.get("undo"):
+            document.undo()
+        elif ask.get("redo"):
+            document.redo()
+        return self._tell_scene()
+
+    def _drag(self, name: str, x: float, y: float, gesture: str | None) -> None:
+        """Move a handle of the machine as it was when the gesture began: dividers that meet on the way stay two."""
+        document, look = self.document, self.document.look
+        if look.data is None:
+            raise SceneError(look.mistake)
+        if look.scene is not None and (gesture is None or document.gesture != gesture or self._held is None):
+            self._held = look.scene
+        if self._held is None:
+            raise SceneError(look.mistake)
+        handle = handles_of(self._held).get(name)
+        if handle is None:
+            raise SceneError(f"nothing called {name!r} in this machine")
+        document.set(dragged(handle, self._held, look.data, x, y), gesture)
+
+    def _add(self, table: str) -> None:
+        scene = self.document.look.scene
+        keys = first_keys(table, 0.4 if scene is None else scene.channel.width)
+        if not keys:
+            raise SceneError(f"{table}: write [{table}] and its keys into the text")
+        self.document.set({f"{table}.{key}": typed for key, typed in keys.items()})
+
+    def _tell_scene(self) -> dict[str, object]:
+        state = self.state({})
+        self._say("scene", state)
+        return state
+
+    def save(self, ask: Ask) -> dict[str, object]:
+        """Write the scene to its file, or to a new one called ``name`` in the folder of the first."""
+        name = ask.get("name")
+        path = None if name is None else _new_file(self.home, str(name))
+        self.document.save(path)
+        return self._tell_scene()
+
+    def settle(self, ask: Ask) -> dict[str, object]:
+        """End a conflict with the disk: ``keep`` the text here or take the file's."""
+        self.document.settle(keep=bool(ask["keep"]))
+        return self._tell_scene()
+
+    def watch(self) -> None:
+        """Look whether another program has changed the file."""
+        if self.document.compare_with_disk():
+            self._tell_scene()
+
+    def open(self, ask: Ask) -> dict[str, object]:
+        """Take up another scene: the ``file`` of the folder, a shipped ``kind`` to start from, or that of a ``run``.
+        Raises SceneError where the one that is open is not saved, unless ``drop`` says that it may go.
+        """
+        if self.document.changed and self.document.saved is not None and not ask.get("drop"):
+            raise SceneError(f"{self.document.name} is not saved: save it, or open the other one again to drop it")
+        if "file" in ask:
+            found = SceneDocument.load(inside(self.home, str(ask["file"])))
+        elif "run" in ask:
+            found = self._of_run(self._run(str(ask["run"])))
+        else:
+            found = _template(str(ask["kind"]))
+        found.version = self.document.version + 1
+        self.document, self._drawn, self._held = found, {}, None
+        return self._tell_scene()
+
+    # -- the plan ------------------------------------------------------------------------------------------------------
+    def plan(self, _: Ask) -> dict[str, object]:
+        """The plan's lines, and of each fraction whether the air lifts it; of a wrong scene nothing."""
+        document, look = self.document, self.document.look
+        if look.scene is None:
+            return {"version": document.version, "lines": None}
+        try:
+            made = make_plan(look.scene)
+            lines = self._lines(made, look.scene, look.units)
+        except WakeflowError as problem:
+            return {"version": document.version, "lines": None, "mistake": str(problem)}
+        return {"version": document.version, "lines": lines, "notes": _notes(made), "falls": _falls(made, look.scene),
+                "air": None if look.scene.air is None else look.scene.air.speed}  # fmt: skip
+
+    # -- runs ----------------------------------------------------------------------------------------------------------
+    def run(self, ask: Ask) -> dict[str, object]:
+        """Put the scene as it is now at the end of the list of runs, with a first look before it where ``quick`` asks
+        for it. Raises SceneError where it is wrong.
+        """
+        document, look = self.document, self.document.look
+        if look.scene is None:
+            raise SceneError(look.mistake)
+        name = self._free(str(ask.get("name") or document.name), look.scene)
+        asked: dict[str, Any] = {"text": document.text, "base": document.base, "scene": document.name}
+        if ask.get("quick"):
+            changes, options = first_look(look.scene)
+            self.queue.add(name=f"{name} first look", folder=self.runs / f"{name}-first-look", changes=changes,
+                           options=options, **asked)  # fmt: skip
+        if ask.get("full", True):
+            self.queue.add(name=name, folder=self.runs / name, **asked)
+        return self.list({})
+
+    def _free(self, name: str, scene: Scene) -> str:
+        """The name of a run's folder: one that is free, or holds the answer of this very scene."""
+        if not name or name.startswith(".") or any(letter in name for letter in "/\\\0"):
+            raise SceneError(f"{name!r}: name a run without slashes, not beginning with a dot")
+        for number in range(1, 1000):
+            free = name if number == 1 else f"{name}-{number}"
+            folder = self.runs / free
+            asked = [one for one in self.queue.runs if one.folder == folder and one.state not in ("done", "failed")]
+            if not asked and (not (folder / FILE).exists() or _same(folder, scene)):
+                return free
+        raise SceneError(f"a thousand runs are called {name}: choose another name")
+
+    def job(self, ask: Ask) -> dict[str, object]:
+        """``stop`` a run, ``go_on`` with it, or ``drop`` it from the list, by its ``number``."""
+        acts = {"stop": self.queue.stop, "go_on": self.queue.go_on, "drop": self.queue.drop}
+        act = str(ask["act"])
+        if act not in acts:
+            raise SceneError(f"unknown act {act!r}{did_you_mean(act, list(acts))}")
+        acts[act](int(ask["number"]))
+        return self.list({})
+
+    def list(self, _: Ask) -> dict[str, object]:
+        """The runs that were asked for, and what is on the disk."""
+        return {
+            "queue": [one.table() for one in self.queue.runs], "kinds": list(scene_templates()),
+            "shown": self.shown, "calibrates": _calibrates(), **listing(self.runs, self.home),
+        }  # fmt: skip
+
+    def _queue_changed(self) -> None:
+        self._say("queue", {"queue": [one.table() for one in self.queue.runs]})
+
+    # -- finished runs -------------------------------------------------------------------------------------------------
+    def _run(self, name: str) -> Path:
+        folder = inside(self.runs, name)
+        if not (folder / FILE).is_file():
+            raise SceneError(f"{name} holds no finished run")
+        return folder
+
+    def file(self, name: str, kind: str = "report.html") -> Path:
+        """The page of a finished run, or of a comparison. Raises SceneError where there is none."""
+        if kind == "compare.html":
+            return inside(self._compared, f"{name}/compare.html")
+        path = self._run(name) / kind
+        if not path.is_file():
+            raise SceneError(f"{name} has no {kind}; draw it with: wakeflow report {self.runs / name}")
+        return inside(self.runs, f"{name}/{kind}")
+
+    def _stored(self, name: str) -> StoredLandings:
+        folder = self._run(name)
+        made = (folder / FILE).stat().st_mtime_ns
+        key = folder / str(made)
+        if key not in self._landings:
+            while len(self._landings) >= KEPT:
+                del self._landings[next(iter(self._landings))]
+            self._landings[key] = StoredLandings.of(Result.load(folder))
+        return self._landings[key]
+
+    def landings(self, ask: Ask) -> dict[str, object]:
+        """Of a finished ``run``: where its granules landed, its dividers, its shares."""
+        stored = self._stored(str(ask["run"]))
+        scene, channel = stored.scene, stored.scene.channel
+        half = channel.width / 2
+        level, upright = (-half, half), (channel.bottom, channel.top)
+        return {
+            "run": ask["run"], "folder": str(stored.result.folder),
+            "report": (stored.result.folder / "report.html").is_file(),
+            "colours": fraction_colours(list(scene.fraction)),
+            "targets": {name: list(one.targets) for name, one in scene.fraction.items()},
+            "sides": {
+                on: {"span": level if on in ("floor", "top") else upright, "profile": profile}
+                for on, profile in stored.profile().items()
+            },
+            "on": {name: one.on for name, one in scene.bin.items() if one.points is None},
+            "ends": stored.ends, "step": step_of(scene), **self._answer(stored, stored.ends),
+        }  # fmt: skip
+
+    def dividers(self, ask: Ask) -> dict[str, object]:
+        """The answer of a finished ``run`` with its bins between other ``ends`` (m)."""
+        ends = {str(name): (float(pair[0]), float(pair[1])) for name, pair in ask["ends"].items()}
+        return self._answer(self._stored(str(ask["run"])), ends)
+
+    def _answer(self, stored: StoredLandings, ends: Mapping[str, tuple[float, float]]) -> dict[str, object]:
+        found = stored.shares(ends)
+        return {
+            "shares": {
+                name: {place: _plain(one) for place, one in row.items()} for name, row in found.fractions.items()
+            },
+            "purity": {place: {name: _plain(one) for name, one in row.items()} for place, row in found.purity.items()},
+            "recovery": {name: None if one is None else _plain(one) for name, one in found.recovery.items()},
+        }
+
+    def compare(self, ask: Ask) -> dict[str, object]:
+        """Write the page of several ``runs`` side by side; returns its name."""
+        from ..batch.comparison import compare
+
+        folders = [self._run(str(name)) for name in ask["runs"]]
+        found = compare(folders)
+        place = Path(tempfile.mkdtemp(dir=self._compared))
+        with self._drawing:
+            found.write(place)
+        return {"page": place.name, "differs": {key: [str(entry.inputs.get(key, "")) for entry in found.table.entries]
+                                                for key in found.table.inputs}}  # fmt: skip
+
+    def sweep(self, ask: Ask) -> dict[str, object]:
+        """A sweep's points."""
+        return points_of(inside(self.runs, str(ask["sweep"])))
+
+    def measured(self, ask: Ask) -> dict[str, object]:
+        """Put the calibration of a ``run`` by measured trays at the end of the list: ``rows`` of fraction, bin, share
+        and uncertainty. Raises SceneError where this version cannot.
+        """
+        if not _calibrates():
+            raise SceneError("this version has no calibration by measured trays")
+        folder, rows = self._run(str(ask["run"])), [list(row) for row in ask["rows"]]
+        if not rows:
+            raise SceneError("type the share of at least one tray")
+        heads = "fraction", "bin", "share", "uncertainty"
+        result = Result.load(folder)
+        self.queue.add(
+            name=f"{folder.name} and what was measured", folder=folder, base=self.home, scene=folder.name,
+            text=Scene.parse(result.scene).as_toml(),
+            options={"rung": result.options.rung, "force": result.options.force},
+            measured={head: [row[i] for row in rows] for i, head in enumerate(heads)},
+        )  # fmt: skip
+        return self.list({})
+
+    ACTIONS = (
+        "state", "edit", "save", "settle", "open", "plan", "run", "job", "list", "landings", "dividers", "compare",
+        "sweep", "measured",
+    )  # fmt: skip
+
+
+def _template(kind: str) -> SceneDocument:
+    known = scene_templates()
+    if kind not in known:
+        raise SceneError(f"unknown scene {kind!r}{did_you_mean(kind, list(known))} (known: {', '.join(known)})")
+    return SceneDocument(known[kind].read_text(encoding="utf-8"), name=kind, base=known[kind].parent)
+
+
+def _new_file(home: Path, name: str) -> Path:
+    if Path(name).name != name or name.startswith(".") or "\0" in name or "\\" in name:
+        raise SceneError(f"{name!r}: a name without a folder, not beginning with a dot")
+    return home / (name if name.endswith(".toml") else f"{name}.toml")
+
+
+def _same(folder: Path, scene: Scene) -> bool:
+    try:
+        return bool(Result.load(folder).scene == scene.tables())
+    except SceneError:
+        return False
+
+
+def _calibrates() -> bool:
+    import wakeflow
+
+    return "calibrate" in wakeflow.__all__
+
+
+def _plain(one: Number) -> list[float | None]:
+    return [one.value, *one.ends]
+
+
+def _notes(plan: Plan) -> dict[str, list[str]]:
+    """All that the plan says beyond its lines, by heading."""
+    left = dict.fromkeys(f"{one.name}: {one.why}" for one in plan.left_out)
+    return {"computed": list(plan.used), "left out": list(left), "notes": list(plan.warnings)}
+
+
+def _falls(plan: Plan, scene: Scene) -> list[dict[str, object]]:
+    """Of each fraction its terminal velocity (m/s) and what the air does with it far from the bodies."""
+    found: list[dict[str, object]] = []
+    for name, one in plan.fractions.items():
+        speed = one.terminal_velocity
+        if scene.air is None or speed is None:
+            told = "falls freely"
+        elif scene.air.direction == "up":
+            told = "is lifted" if speed < scene.air.speed else "falls"
+        else:
+            told = f"falls at {scene.air.speed + speed:.3g} m/s at most"
+        found.append({"name": name, "terminal": speed, "told": told})
+    return found

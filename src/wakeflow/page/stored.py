@@ -1,0 +1,74 @@
+"""What stands on the disk below the folder that the page was opened in: scenes, runs, sweeps."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from ..answer.result import FILE
+from ..batch.compute import WIDE
+from ..core.errors import SceneError
+
+DEEP = 3  # folders below the first that are looked into
+MOST = 300  # of a kind that are listed
+HIDDEN = (".", "_")
+
+
+def listing(root: Path, scenes: Path) -> dict[str, object]:
+    """Scene files below the folder ``scenes``, runs and sweeps below ``root``, the newest first."""
+    runs, sweeps = [], []
+    for folder, files in _folders(root):
+        if FILE in files:
+            runs.append(_row(root, folder, FILE))
+        if WIDE in files:
+            sweeps.append(_row(root, folder, WIDE))
+    found = [_row(scenes, path, "") for path in sorted(scenes.glob("*.toml"))]
+    return {"scenes": found[:MOST], "runs": _newest(runs), "sweeps": _newest(sweeps)}
+
+
+def inside(root: Path, name: str) -> Path:
+    """The file or folder ``name`` below ``root``, links followed. Raises SceneError where it is not there."""
+    base = root.resolve()
+    path = (base / name.replace("\0", "?")).resolve()
+    if not path.is_relative_to(base) or not path.exists():
+        raise SceneError(f"no {name!r} in {root}")
+    return path
+
+
+def points_of(folder: Path) -> dict[str, object]:
+    """A sweep's table, a row a scene: what was varied, the numbers with the ends of their intervals, and which scenes
+    have a run to open. Raises SceneError where there is no such table.
+    """
+    file = folder / WIDE
+    try:
+        with file.open(newline="", encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+    except (OSError, csv.Error) as problem:
+        raise SceneError(f"{file} cannot be read: {problem}") from None
+    heads = list(rows[0]) if rows else []
+    numbers = [head for head in heads if f"{head}.low" in heads]
+    first = next((heads.index(one) for one in numbers), len(heads))
+    inputs = [head for head in heads[:first] if head not in ("scene", "state", "reason")]
+    return {
+        "inputs": inputs,
+        "numbers": numbers,
+        "rows": [row | {"run": (folder / row["scene"] / FILE).exists()} for row in rows],
+    }
+
+
+def _folders(root: Path) -> Iterator[tuple[Path, list[str]]]:
+    for place, inner, files in os.walk(root):
+        folder = Path(place)
+        deep = len(folder.relative_to(root).parts) >= DEEP
+        inner[:] = [] if deep else sorted(one for one in inner if not one.startswith(HIDDEN))
+        yield folder, files
+
+
+def _row(root: Path, path: Path, file: str) -> dict[str, object]:
+    return {"name": path.relative_to(root).as_posix(), "made": (path / file).stat().st_mtime}
+
+
+def _newest(rows: list[dict[str, object]]) -> list[dict[str, object]]:
+    return sorted(rows, key=lambda row: -float(str(row["made"])))[:MOST]

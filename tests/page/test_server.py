@@ -1,0 +1,220 @@
+"""Who may ask the page for what: its own script with its token, and nobody else; what two pages see of one."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from serving import Served, served
+
+import wakeflow as wf
+from wakeflow.cli import main
+from wakeflow.core.files import scene_templates
+
+JSON = {"Content-Type": "application/json"}
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory, small_run: wf.Result) -> Iterator[Served]:
+    home = tmp_path_factory.mktemp("home")
+    (home / "rhombus.toml").write_text(scene_templates()["rhombus"].read_text())
+    with served(home / "rhombus.toml", small_run.folder.parent) as found:
+        yield found
+
+
+def test_only_the_token_opens_the_page(page: Served) -> None:
+    token = page.page.token
+    assert len(token) >= 32
+    for path in ("/", "/page.html", f"/{token[:-1]}/", f"/x{token}/", "//", f"/{token.swapcase()}/state"):
+        assert page.request(path)[0] == 403, path
+        assert page.request(path, "POST", "{}", JSON)[0] == 403, path
+    status, text, headers = page.request(f"/{token}/")
+    assert status == 200
+    assert "<title>wakeflow</title>" in text
+    assert headers["Referrer-Policy"] == "no-referrer"  # the token stays here
+    assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+
+
+def test_another_site_gets_nothing(page: Served) -> None:
+    path, own = f"/{page.page.token}/edit", f"127.0.0.1:{page.page.port}"
+    body = json.dumps({"set": {"air.speed": "99 m/s"}})
+    before = page.page.session.document.text
+    for headers in (
+        JSON | {"Origin": "http://evil.example"},
+        JSON | {"Origin": "null"},  # a sandboxed frame, such as a report's
+        JSON | {"Origin": f"http://{own}", "Host": f"evil.example:{page.page.port}"},  # a rebound name server
+        JSON | {"Origin": f"http://{own}", "Sec-Fetch-Site": "cross-site"},
+        {"Content-Type": "text/plain", "Origin": f"http://{own}"},  # what a form can send
+        {"Content-Type": "application/x-www-form-urlencoded"},
+    ):
+        assert page.request(path, "POST", body, headers)[0] == 403, headers
+    for name in ("evil.example", f"evil.example:{page.page.port}", "127.0.0.1:1"):
+        assert page.request(f"/{page.page.token}/", headers={"Host": name})[0] == 403
+    assert page.request(f"/{page.page.token}/", headers={"Sec-Fetch-Site": "cross-site"})[0] == 403
+    assert page.request(path, "PUT", body, JSON)[0] in (403, 405)
+    assert page.page.session.document.text == before
+    assert page.page._server is not None
+    assert all(one.getsockname()[0] == "127.0.0.1" for one in page.page._server._sockets.values())
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["../server.py", "run/../../../../etc/passwd", "run/%2e%2e/%2e%2e/secret", "run/%2fetc", "run/..%2f..%2fsecret",
+     "run/vacuum/../../secret", "run/vacuum%00", "compared/../..", "compared/%2e%2e/x", "page.html", "server.py",
+     "run/."],
+)  # fmt: skip
+def test_no_path_leads_out_of_the_folder(path: str, page: Served) -> None:
+    secret = page.page.session.runs.parent / "secret"
+    secret.mkdir(exist_ok=True)
+    (secret / "report.html").write_text("secret")
+    (secret / "compare.html").write_text("secret")
+    (secret / "result.json").write_text("{}")
+    status, text, _ = page.request(f"/{page.page.token}/{path}")
+    assert status in (403, 404), text
+    assert "secret" not in text
+
+
+def test_no_link_leads_out_of_the_folder(page: Served, tmp_path: Path) -> None:
+    (tmp_path / "result.json").write_text("{}")
+    (tmp_path / "report.html").write_text("secret")
+    link = page.page.session.runs / "link"
+    link.symlink_to(tmp_path)
+    try:
+        assert page.request(f"/{page.page.token}/run/link/")[0] == 404
+        assert "no 'link'" in page.ask("landings", run="link")["refused"]
+    finally:
+        link.unlink()
+
+
+def test_names_do_not_lead_out_of_the_folder(page: Served, tmp_path: Path) -> None:
+    for name in ("../elsewhere", "/etc/x", ".hidden", "a/b", "x\0", ".."):
+        assert "a name without a folder" in page.ask("save", name=name)["refused"], name
+        assert "name a run without slashes" in page.ask("run", name=name)["refused"], name
+        assert "no " in page.ask("open", file=name, drop=True)["refused"], name
+        assert "no " in page.ask("landings", run=name)["refused"], name
+        assert "no " in page.ask("sweep", sweep=f"{name}/..")["refused"], name
+    assert not [*tmp_path.iterdir()]
+
+
+def test_a_report_has_no_right_to_the_page_around_it(page: Served) -> None:
+    status, text, headers = page.request(f"/{page.page.token}/run/vacuum/")
+    assert status == 200
+    assert "where each fraction lands" in text
+    assert headers["Content-Security-Policy"].startswith("sandbox allow-scripts; default-src 'none'")
+    assert "allow-same-origin" not in headers["Content-Security-Policy"]
+
+
+def test_a_request_that_is_no_action_is_refused(page: Served) -> None:
+    own = JSON | {"Origin": f"http://127.0.0.1:{page.page.port}"}
+    token = page.page.token
+    assert page.request(f"/{token}/close", "POST", "{}", own)[0] == 404  # a method of the session, but no action
+    assert page.request(f"/{token}/__init__", "POST", "{}", own)[0] == 404
+    assert page.request(f"/{token}/state", "POST", "[]", own)[0] == 400
+    assert page.request(f"/{token}/state", "POST", "{", own)[0] == 400
+    assert "at most 1000000" in page.ask("edit", text="x" * 1_000_001)["refused"]
+
+
+def test_a_mistake_is_in_the_words_of_the_command_line(page: Served, capsys: pytest.CaptureFixture[str]) -> None:
+    page.ask("state")
+    found = page.ask("edit", set={"air.speed": "1,5 m/s"})
+    assert main(["plan", str(scene_templates()["rhombus"]), "--set", "air.speed=1,5 m/s"]) == 2
+    assert found["mistake"] == capsys.readouterr().err.strip().removeprefix("wakeflow: ")
+    assert found["svg"]  # the machine as it was when it last was right
+    assert page.ask("plan")["lines"] is None
+    assert found["mistake"] in page.ask("run")["refused"]
+    assert page.ask("edit", undo=True)["mistake"] == ""
+
+
+def test_the_plan_says_its_lines_and_what_the_air_lifts(page: Served, capsys: pytest.CaptureFixture[str]) -> None:
+    page.ask("open", kind="prism", drop=True)
+    plan = page.ask("plan")
+    assert [label for label, _ in plan["lines"] if label][:4] == ["machine", "air", "feed", "flown with"]
+    assert {one["name"]: one["told"] for one in plan["falls"]} == {
+        "dust": "is lifted", "chaff": "is lifted", "wheat": "falls"
+    }  # fmt: skip
+    page.ask("open", file="rhombus.toml", drop=True)
+
+
+def test_two_pages_on_one_scene_see_each_other(page: Served) -> None:
+    first = page.ask("state")
+    page.ask("edit", set={"air.speed": "6 m/s"})  # by the one
+    key = page.ask("edit", set={"feed.width": "41 mm"})  # by the other: another key, both count
+    assert 'speed = "6 m/s"' in key["text"]
+    assert 'width = "41 mm"' in key["text"]
+    written = first["text"].replace("# u'/U at the inlet", "# measured")  # a text that does not know of these keys
+    late = page.ask("edit", text=written, before=first["text"])
+    assert all(one in late["text"] for one in ('speed = "6 m/s"', 'width = "41 mm"', "# measured"))
+    clash = page.ask("edit", text=first["text"].replace("5 m/s", "7 m/s"), before=first["text"])
+    assert "another page has changed the same lines" in clash["refused"]
+    assert page.ask("state")["text"] == late["text"]
+    page.ask("edit", undo=True)
+    assert page.ask("state")["text"] == key["text"]
+    page.ask("edit", undo=True)
+    page.ask("edit", undo=True)
+
+
+def test_a_scene_that_changes_on_the_disk_is_shown(page: Served) -> None:
+    path = page.page.session.document.path
+    assert path is not None
+    text = path.read_text()
+    path.write_text(text.replace("5 m/s", "4 m/s"))
+    page.page.session.watch()
+    assert 'speed = "4 m/s"' in page.ask("state")["text"]
+    page.ask("edit", set={"air.speed": "3 m/s"})
+    path.write_text(text)
+    page.page.session.watch()
+    assert page.ask("state")["conflict"] is True
+    assert "choose which of the two" in page.ask("save")["refused"]
+    assert 'speed = "3 m/s"' in page.ask("settle", keep=True)["text"]
+    page.ask("save")
+    assert 'speed = "3 m/s"' in path.read_text()
+    assert page.ask("edit", text=text)["changed"] is True
+    assert page.ask("save")["changed"] is False
+
+
+def test_events_tell_every_open_page(page: Served) -> None:
+    import http.client
+
+    connection = http.client.HTTPConnection("127.0.0.1", page.page.port, timeout=60)
+    connection.request("GET", f"/{page.page.token}/events")
+    answer = connection.getresponse()
+    assert answer.getheader("Content-Type") == "text/event-stream"
+    page.ask("edit", set={"air.speed": "5.5 m/s"})
+    told = b""
+    while b"event: scene" not in told or not told.endswith(b"\n\n"):
+        told += answer.read1(65536)
+    assert b"5.5 m/s" in told
+    connection.close()
+    answer.close()
+    page.ask("edit", undo=True)
+
+
+def test_a_missing_scene_is_one_line_and_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["open", str(tmp_path / "nowhere.toml"), "--no-browser"]) == 2
+    assert "make a scene with: wakeflow new" in capsys.readouterr().err
+
+
+def test_measured_trays_wait_in_the_list_with_the_runs_own_options(
+    page: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session, added = page.page.session, list[dict[str, object]]()
+    monkeypatch.setattr("wakeflow.page.session._calibrates", lambda: True)
+    monkeypatch.setattr(session.queue, "add", lambda **asked: added.append(asked))
+    assert "at least one tray" in page.ask("measured", run="vacuum", rows=[])["refused"]
+    page.ask("measured", run="vacuum", rows=[["hard", "far", 0.6, 0.02], ["soft", "near", 0.9, 0.02]])
+    assert added[0]["measured"] == {
+        "fraction": ["hard", "soft"], "bin": ["far", "near"], "share": [0.6, 0.9], "uncertainty": [0.02, 0.02]
+    }  # fmt: skip
+    assert added[0]["options"] == {"rung": None, "force": {}}
+    assert added[0]["folder"] == session.runs.resolve() / "vacuum"
+
+
+def test_a_run_takes_a_free_name_or_that_of_its_own_answer(page: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    session, added = page.page.session, list[dict[str, object]]()
+    monkeypatch.setattr(session.queue, "add", lambda **asked: added.append(asked))
+    page.ask("run", name="vacuum", quick=True)  # another scene's answer is there
+    assert [asked["folder"] for asked in added] == [session.runs / "vacuum-2-first-look", session.runs / "vacuum-2"]
+    page.ask("open", run="vacuum", drop=True)
+    page.ask("run", name="vacuum")
+    assert added[-1]["folder"] == session.runs / "vacuum"
+    page.ask("open", file="rhombus.toml", drop=True)
