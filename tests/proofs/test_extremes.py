@@ -87,7 +87,7 @@ def test_a_stop_that_the_row_explains_is_no_miss(trial: Any) -> None:
     [
         ("size = 1: at least 2", True, "refused"),
         ("size is too small", True, "missed"),
-        ("size = 1:\nat least 2", True, "missed"),
+        ("size = 1:\nat least 2", True, "refused"),  # an error escapes the line break
         ("size = 1: at least 2", False, "missed"),
     ],
 )
