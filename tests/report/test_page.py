@@ -127,7 +127,8 @@ def test_the_scene_on_the_page_computes_the_same(name: str, cases: Path) -> None
     again, asked = (flat(one.model_dump(mode="json")) for one in (Scene.parse(whole), scene))
     assert again.keys() == asked.keys()
     for key, value in asked.items():
-        number = isinstance(value, float) or (isinstance(value, list) and value and not isinstance(value[0], str | list))
+        first = value[0] if isinstance(value, list) and value else value
+        number = isinstance(first, float) or (isinstance(value, list) and value and not isinstance(first, str | list))
         assert again[key] == (pytest.approx(value, rel=1e-11) if number else value), key
 
 
