@@ -96,7 +96,10 @@ def _put_away(folder: Path, log: str, tried: list[Attempt]) -> None:
 
 def _all_failed(failure: AirflowFailure, folder: Path, tried: list[Attempt]) -> AirflowFailure:
     log = folder / f"failed-{len(tried)}.log"
-    said = "; ".join(f"{attempt.settings}: {attempt.message}" for attempt in tried)
+    by_cause: dict[str, list[str]] = {}
+    for attempt in tried:
+        by_cause.setdefault(attempt.message, []).append(attempt.settings)
+    said = "; ".join(f"{', '.join(settings)}: {message}" for message, settings in by_cause.items())
     return AirflowFailure(
         failure.cause,
         f"the airflow failed with all settings ({said}): check the scene's sizes and speed, or use a finer mesh; "

@@ -78,7 +78,7 @@ class Effort:
         return replace(request, force={**request.force, LOADING: False})
 
 
-QUICK = Effort("quick", 256, 3.0, 1e-3, unloaded_from=20.0)
+QUICK = Effort("quick", 256, 3.0, 1e-3, unloaded_from=11.0)
 EFFORTS = (
     QUICK,
     Effort("coarse", 1024, 2.0, 1e-3),
