@@ -65,7 +65,7 @@ def loaded_scene() -> Scene:
     chaff alone, whose drag the air feels most for its mass; to a wide accuracy, so that few passes do.
     """
     changes = {"numerics.rung": "draft", "numerics.mesh_scale": 3.0, "numerics.target_error": 0.02}
-    tables = shipped("rhombus", {**changes, "feed.count": 512, "numerics.tolerance": 1e-3}).tables()
+    tables = shipped("rhombus", {**changes, "feed.count": 2048, "numerics.tolerance": 1e-3}).tables()
     tables["fraction"] = {"chaff": {**tables["fraction"]["chaff"], "mass_share": 1.0}}
     tables["feed"]["rate"] = 0.02  # kg/s
     return Scene.parse(tables)

@@ -128,7 +128,7 @@ def test_a_mistake_is_in_the_words_of_the_command_line(page: Served, capsys: pyt
 def test_the_plan_says_its_lines_and_what_the_air_lifts(page: Served, capsys: pytest.CaptureFixture[str]) -> None:
     page.ask("open", kind="prism", drop=True)
     plan = page.ask("plan")
-    assert [label for label, _ in plan["lines"] if label][:4] == ["machine", "air", "feed", "flown with"]
+    assert [label for label, _ in plan["lines"] if label][:4] == ["machine", "air", "lifting", "feed"]
     assert {one["name"]: one["told"] for one in plan["falls"]} == {
         "dust": "is lifted", "chaff": "is lifted", "wheat": "falls"
     }  # fmt: skip

@@ -119,8 +119,9 @@ STREAM = {"position": 0.1, "width": 0.04, "velocity": 0.1}
 
 
 def small(**changes: Any) -> Scene:
-    """The small scene with dotted keys changed; two underscores stand for a dot."""
-    return Scene.parse(SMALL).replace({key.replace("__", "."): value for key, value in changes.items()})
+    """The small scene with dotted keys changed; two underscores stand for a dot. Given bodies are all there are."""
+    whole = {**SMALL, "body": changes.pop("body", SMALL["body"])}
+    return Scene.parse(whole).replace({key.replace("__", "."): value for key, value in changes.items()})
 
 
 @cache

@@ -115,13 +115,16 @@ class Sensitivity:
 
         Raises SceneError for a name that no input moves.
         """
+        from ..report.canvas import saved
         from ..report.figures.budget import draw_tornado
 
         target = self.folder / FIGURE if path is None else Path(path)
-        own = [target] if path is None else []
-        sums.claim(self.folder, own)
+        if path is not None:
+            draw_tornado(target, self.of(quantities))
+            return target
+        sums.claim(self.folder, saved(target))
         draw_tornado(target, self.of(quantities))
-        sums.note(self.folder, own)
+        sums.note(self.folder, saved(target))
         return target
 
 

@@ -211,7 +211,7 @@ def _not_known(table: Mapping[str, Any]) -> list[str]:
             extra = {"moisture": ("friction",), "impact": ()}.get(part, ("uncertainty",))
             found += [(f"{part}.", key, (*_keys_of(part), *extra)) for key in keys]
     return [
-        f"{place}{key}: unknown{did_you_mean(key, list(known))} (known: {', '.join(known)})"
+        f"{place}{key}: unknown" + (did_you_mean(key, list(known)) or f" (known: {', '.join(known)})")
         for place, key, known in found
         if key not in known
     ]

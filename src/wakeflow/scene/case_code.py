@@ -25,6 +25,9 @@ CODE = {  # what runs code, and what it is looked for by
 }
 INCLUDED = re.compile(rb"#\s*(include\w*)\s+[\"<]?([^\"\s>;]+)")
 COMMENT = re.compile(rb"//[^\n]*|/\*.*?\*/", re.S)
+BINARY = re.compile(rb"\bformat\s+binary\s*;")
+LISTED = re.compile(rb"\b(\d{1,12})\s*\(")
+WIDTHS = (1, 4, 8, 12, 16, 24, 48, 72)  # bytes of an entry of a binary list, from a char to a tensor
 WORDS = 1_000_000  # bytes at a file's ends that are searched: between them fields and meshes have numbers
 
 
@@ -56,8 +59,23 @@ def _text(path: Path) -> bytes:
     if path.stat().st_size == 0:
         return b""
     with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as whole:
+        if BINARY.search(whole[:WORDS]):
+            return COMMENT.sub(b" ", _without_numbers(whole[:]))
         head, tail = whole[:WORDS], whole[WORDS:][-WORDS:]
     return COMMENT.sub(b" ", head + tail)
+
+
+def _without_numbers(text: bytes) -> bytes:
+    """A binary file without the bytes of its lists, which may look like anything: as many as the list says, in front of
+    the bracket that ends it.
+    """
+    parts, at = [], 0
+    while found := LISTED.search(text, at):
+        ends = (found.end() + int(found[1]) * width for width in WIDTHS)
+        end = next((one for one in ends if text[one : one + 1] == b")"), found.end())
+        parts.append(text[at : found.end()])
+        at = end
+    return b"".join([*parts, text[at:]])
 
 
 def _included(text: bytes) -> Iterator[str]:
