@@ -133,6 +133,7 @@ def test_a_run_that_is_killed_lands_its_granules_in_the_same_places(changes: dic
     found = []
     for name, delays in (("quiet", []), ("killed", [3.0, 6.0, 5.0] if changes else [30.0, 70.0, 50.0, 40.0])):
         folder = tmp_path / name
+        folder.mkdir()
         cache = folder / "cache"
         scene = str(ROOT / "cases" / "rhombus.toml")
         start = "import sys; from wakeflow.cli import main; sys.exit(main(sys.argv[1:]))"
