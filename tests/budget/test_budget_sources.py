@@ -31,6 +31,7 @@ from wakeflow.budget.model import MODEL
 from wakeflow.budget.slab import beyond_chance
 from wakeflow.budget.source import INPUTS, FractionResults, Parts, Source, add, budget_sources
 from wakeflow.budget.total import combine, numerical, remedies
+from wakeflow.budget.truncation import AIR_SPEED, NO_EFFECT, VIBRATION, swung
 from wakeflow.core.number import student
 from wakeflow.core.store import Store
 from wakeflow.laws.best_estimate import WakeEstimate, best_estimate
@@ -43,7 +44,7 @@ from wakeflow.planning.cost import flown_again
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import COMPARED, REPLICATES
 from wakeflow.planning.stages import StageCost, Workload
-from wakeflow.planning.unknowns import SIGMAS
+from wakeflow.planning.unknowns import SIGMAS, unknowns
 from wakeflow.planning.wake import Wake
 from wakeflow.runs.refine import unreached_lines
 from wakeflow.runs.settings import expected_half, expected_part, expected_seconds
@@ -398,3 +399,13 @@ def test_few_granules_near_an_end_make_no_large_factor(scene: Scene) -> None:
     assert 1.0 < AmongOthers(scene, {"a": alone}, {"a": landed(few, scene)}).factor("a") <= 1.5
     assert AmongOthers(scene, {"a": alone}, {"a": landed(many, scene)}).factor("a") == MAX_FACTOR
     assert AmongOthers(scene, {"a": landed(many, scene)}, {"a": alone}).factor("a") == 1.0 / MAX_FACTOR
+
+
+def test_a_bin_that_no_draw_changes_is_not_moved_by_air_that_does_not_see_the_vibration() -> None:
+    """The bound on single flights said that a third of the dust may land where none of it does in any air."""
+    scene = shipped("rhombus")
+    plan = make_plan(scene)
+    speed = next(one for one in unknowns(scene, plan) if one.key == AIR_SPEED)
+    crude = BudgetPart(VIBRATION, 0.3, 0.0, CALIBRATED, NOT_COMPUTED)
+    assert swung(scene, plan, crude, NO_EFFECT, speed).error == 0.0
+    assert swung(scene, plan, crude, None, speed).error == 0.3

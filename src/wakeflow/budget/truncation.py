@@ -28,6 +28,7 @@ from .source import FractionResults, Parts, Source, add
 
 Array = NDArray[np.float64]
 AIR_SPEED = "air.speed"  # the unknown that represents what the air beside a body that vibrates does
+NO_EFFECT = InputPart(half=0.0, variance=0.0, error=0.0)  # on a share that was the same in all draws
 
 
 class LeftOutTerms(Source[None]):
@@ -46,7 +47,7 @@ class LeftOutTerms(Source[None]):
         speed = next((one for one in inputs.draws.unknowns if one.key == AIR_SPEED), None)
         for place, parts in found.items():
             if speed is not None and any(part.source == VIBRATION for part in parts):
-                effect = inputs.of_share(fraction.name, [place]).effects.get(AIR_SPEED)
+                effect = inputs.of_share(fraction.name, [place]).effects.get(AIR_SPEED, NO_EFFECT)
                 found[place] = [swung(pipeline.scene, pipeline.plan, part, effect, speed) for part in parts]
         return found
 
