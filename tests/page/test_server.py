@@ -198,7 +198,6 @@ def test_measured_trays_wait_in_the_list_with_the_runs_own_options(
     page: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     session, added = page.page.session, list[dict[str, object]]()
-    monkeypatch.setattr("wakeflow.page.session._calibrates", lambda: True)
     monkeypatch.setattr(session.queue, "add", lambda **asked: added.append(asked))
     assert "at least one tray" in page.ask("measured", run="vacuum", rows=[])["refused"]
     page.ask("measured", run="vacuum", rows=[["hard", "far", 0.6, 0.02], ["soft", "near", 0.9, 0.02]])

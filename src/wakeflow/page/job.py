@@ -6,7 +6,6 @@ import json
 import sys
 import time
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -64,8 +63,10 @@ def compute(ask: dict[str, Any]) -> int:
 
 def _calibrated(scene: Scene, ask: dict[str, Any], listener: _InJson) -> str:
     """What measured shares say of a finished run: whether they agree, and which numbers became narrower."""
+    from ..batch.calibration import calibrate
+
     how = {"listener": listener, "planned": listener.planned, **ask["options"]}
-    found = import_module("wakeflow").calibrate(scene, ask["measured"], ask["folder"], **how)
+    found = calibrate(scene, ask["measured"], ask["folder"], **how)
     told = [f"{key} {one.value:.3g} ({one.low:.3g} to {one.high:.3g})" for key, one in found.inputs.items()
             if one.narrower < NARROWER]  # fmt: skip
     return f"{found.agreement.sentence} {'; '.join(told) or 'No number of the scene became narrower'}."

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import sys
 import threading
@@ -14,10 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import ProgramError, SceneError
 from ..core.process import run_program
-from ..runs import run
 
 if TYPE_CHECKING:
-    from ..scene import Scene
+    pass
 
 WAITS, GOES, DONE, STOPPED, FAILED = "waits", "is computed", "done", "stopped", "failed"
 
@@ -53,17 +51,6 @@ class Run:
             "told": self.told,
         }
         return {**self.progress, **own}
-
-
-def first_look(scene: Scene) -> tuple[dict[str, object], dict[str, object]]:
-    """Changes of a scene, and options of ``run``, for an answer that is there soon."""
-    if "quick" in inspect.signature(run).parameters:
-        return {}, {"quick": True}
-    few: dict[str, object] = {"feed.count": min(scene.feed.count, 256), "numerics.tolerance": 1e-3}
-    if scene.air is None or scene.air.case is not None or not scene.body:
-        return few, {}
-    coarse = {"numerics.rung": "draft", "numerics.mesh_scale": max(scene.numerics.mesh_scale, 3.0)}
-    return few | coarse, {"force": {"collisions": False, "air-loading": False}}
 
 
 class RunQueue:

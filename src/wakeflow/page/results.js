@@ -144,9 +144,8 @@ pick("use-dividers").addEventListener("click", async () => {
 });
 pick("edit-run").addEventListener("click", () => openScene({ run: open.run }));
 
-// -- measured trays, where the version can use them
+// -- measured trays
 function measured(data) {
-  if (!state.stored.calibrates) return;
   const names = Object.keys(data.shares), bins = Object.keys(data.shares[names[0]]).filter((bin) => bin !== "elsewhere");
   const box = (bin, name) => make("input", { size: 5, "data-bin": bin, "data-fraction": name, "aria-label": `${name} in ${bin}, percent` });
   const table = make("table", {}, make("thead", {}, make("tr", {}, make("th", {}, "measured, %"), ...names.map((name) => make("th", {}, name)))),

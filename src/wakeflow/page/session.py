@@ -25,7 +25,7 @@ from ..statistics.moved import StoredLandings
 from .document import SceneDocument, merged
 from .form import addable, first_keys, form_of
 from .handles import dragged, handles_of, step_of
-from .queue import RunQueue, first_look
+from .queue import RunQueue
 from .stored import inside, listing, points_of
 
 if TYPE_CHECKING:
@@ -217,9 +217,8 @@ class Session:
         name = self._free(str(ask.get("name") or document.name), look.scene)
         asked: dict[str, Any] = {"text": document.text, "base": document.base, "scene": document.name}
         if ask.get("quick"):
-            changes, options = first_look(look.scene)
-            self.queue.add(name=f"{name} first look", folder=self.runs / f"{name}-first-look", changes=changes,
-                           options=options, **asked)  # fmt: skip
+            folder = self.runs / f"{name}-first-look"
+            self.queue.add(name=f"{name} first look", folder=folder, options={"quick": True}, **asked)
         if ask.get("full", True):
             self.queue.add(name=name, folder=self.runs / name, **asked)
         return self.list({})
@@ -249,7 +248,7 @@ class Session:
         """The runs that were asked for, and what is on the disk."""
         return {
             "queue": [one.table() for one in self.queue.runs], "kinds": list(scene_templates()),
-            "shown": self.shown, "calibrates": _calibrates(), **listing(self.runs, self.home),
+            "shown": self.shown, **listing(self.runs, self.home),
         }  # fmt: skip
 
     def _queue_changed(self) -> None:
@@ -333,10 +332,8 @@ class Session:
 
     def measured(self, ask: Ask) -> dict[str, object]:
         """Put the calibration of a ``run`` by measured trays at the end of the list: ``rows`` of fraction, bin, share
-        and uncertainty. Raises SceneError where this version cannot.
+        and uncertainty. Raises SceneError where there are none.
         """
-        if not _calibrates():
-            raise SceneError("this version has no calibration by measured trays")
         folder, rows = self._run(str(ask["run"])), [list(row) for row in ask["rows"]]
         if not rows:
             raise SceneError("type the share of at least one tray")
@@ -374,12 +371,6 @@ def _same(folder: Path, scene: Scene) -> bool:
         return bool(Result.load(folder).scene == scene.tables())
     except SceneError:
         return False
-
-
-def _calibrates() -> bool:
-    import wakeflow
-
-    return "calibrate" in wakeflow.__all__
 
 
 def _plain(one: Number) -> list[float | None]:
