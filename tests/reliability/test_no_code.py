@@ -46,7 +46,7 @@ CODE = {
     "code": "codeWrite #{ system(1); #};",
     "systemCall": 'functions { f { type systemCall; executeCalls ("id"); } }',
     "libs": 'libs ("../evil.so");',
-    "absolute libs": 'libs\n(\n    "/tmp/evil.so"\n);',
+    "absolute libs": 'libs\n(\n    "/anywhere/evil.so"\n);',
     "include of a file": '#include "/etc/passwd"',
     "include above": '#includeIfPresent "../../outside"',
     "include of a home": '#include "~/.ssh/id_rsa"',

@@ -178,8 +178,8 @@ class Posterior:
     """What a measurement makes of a scene: its ``inputs`` by key, those that learnt most first; the ``result`` with the
     new shares, recoveries and purities, next to the one ``before``; the ``agreement`` of the measurement with the
     model, whatever its inputs; each tray as it is known now (``trays``); the correlation of each pair of inputs that
-    learnt something; of each tray how much wider the widest recovery would be without it (``told``); what to measure
-    next (``next``: what it would leave of the widest recovery's interval).
+    learnt something; of each tray how much wider the widest recovery would be without it (``wider_without``); what to
+    measure next (``next``: what it would leave of the widest recovery's interval).
     """
 
     folder: Path
@@ -189,7 +189,7 @@ class Posterior:
     agreement: Agreement
     trays: tuple[Number, ...]
     correlations: tuple[tuple[str, str, float], ...]
-    told: tuple[tuple[str, float], ...]
+    wider_without: tuple[tuple[str, float], ...]
     next: tuple[tuple[str, float], ...]
     rounds: int
     stands: bool
@@ -240,8 +240,8 @@ def calibrate(
     found.weights([(f, b) for f in asked.fraction for b in (*asked.bin, "elsewhere")], asked.mass_shares())
     heard, planned = as_listener(listener, planned)
     result = run(scene, out, rung=rung, force=force, workers=workers, listener=heard, planned=planned)
-    told, scene_flown = _told_of(result, found, discrepancy, workers, heard)
-    posterior = _posterior(result, told, found, scene_flown, _source(measured))
+    update, scene_flown = _update(result, found, discrepancy, workers, heard)
+    posterior = _posterior(result, update, found, scene_flown, _source(measured))
     _write(posterior)
     return posterior
 
@@ -265,7 +265,7 @@ def _source(measured: object) -> str:
     return Path(measured).name if isinstance(measured, Path | str) else "measured shares"
 
 
-def _told_of(
+def _update(
     result: Result, measured: Measured, discrepancy: float, workers: int | None, listener: Listener
 ) -> tuple[Updated, Scene]:
     """The update of a finished run, whose stages come from the cache, and its scene as it was flown."""
@@ -326,11 +326,11 @@ def _purity(
     return Number(value, max(0.0, value - half), min(1.0, value + half))
 
 
-def inputs_after(told: Updated) -> dict[str, CalibratedInput]:
+def inputs_after(update: Updated) -> dict[str, CalibratedInput]:
     """What is known of every input, those whose interval became narrowest first."""
     found = []
-    for place, one in enumerate(told.unknowns):
-        at, apart = float(told.after.inputs[place]), float(np.sqrt(max(told.after.spread[place, place], 0.0)))
+    for place, one in enumerate(update.unknowns):
+        at, apart = float(update.after.inputs[place]), float(np.sqrt(max(update.after.spread[place, place], 0.0)))
         low, high = (float(np.clip(one.at(at + side * SIGMAS * apart), *_span(one))) for side in (-1.0, 1.0))
         before = Number(one.value, *one.ends)
         found.append(CalibratedInput(one.key, one.unit, before, Number(one.at(at), low, high), apart))
@@ -341,12 +341,12 @@ def _span(one: Unknown) -> tuple[float, float]:
     return unknown_kinds[one.kind].span
 
 
-def correlations_after(told: Updated) -> Iterator[tuple[str, str, float]]:
+def correlations_after(update: Updated) -> Iterator[tuple[str, str, float]]:
     """Of each pair of inputs that learnt something, the strongest first."""
-    apart = np.sqrt(np.clip(np.diag(told.after.spread), 1e-12, None))
+    apart = np.sqrt(np.clip(np.diag(update.after.spread), 1e-12, None))
     learnt = [i for i, size in enumerate(apart) if size < TELLS]
     pairs = [
-        (told.after.keys[i], told.after.keys[j], float(told.after.spread[i, j] / (apart[i] * apart[j])))
+        (update.after.keys[i], update.after.keys[j], float(update.after.spread[i, j] / (apart[i] * apart[j])))
         for place, i in enumerate(learnt) for j in learnt[place + 1 :]
     ]  # fmt: skip
     yield from sorted(pairs, key=lambda pair: -abs(pair[2]))
@@ -360,22 +360,23 @@ def widest_recovery(joint: JointShares, scene: Scene) -> tuple[str, Array]:
     return max(wanted.items(), key=lambda one: joint.half(one[1]))
 
 
-def trays_told(told: Updated, measured: Measured, scene: Scene) -> list[tuple[str, float]]:
+def wider_without(update: Updated, measured: Measured, scene: Scene) -> list[tuple[str, float]]:
     """Of each tray how many times wider the interval of the recovery that was known worst would be without it."""
-    weights, wanted = measured.weights(told.after.places, scene.mass_shares()), widest_recovery(told.before, scene)[1]
-    with_all, found = max(told.after.half(wanted), 1e-12), []
+    weights = measured.weights(update.after.places, scene.mass_shares())
+    wanted = widest_recovery(update.before, scene)[1]
+    with_all, found = max(update.after.half(wanted), 1e-12), []
     for row, (fraction, place) in enumerate(measured.places):
         kept = [other for other in range(len(measured.places)) if other != row]
-        without = told.before.seen(weights[kept], measured.shares[kept], measured.covariance[np.ix_(kept, kept)])
+        without = update.before.seen(weights[kept], measured.shares[kept], measured.covariance[np.ix_(kept, kept)])
         found.append((f"{fraction or 'all fractions'} in {place}", without.half(wanted) / with_all))
     return sorted(found, key=lambda one: -one[1])
 
 
-def measure_next_after(told: Updated, scene: Scene, most: int = 5) -> list[tuple[str, float]]:
+def measure_next_after(update: Updated, scene: Scene, most: int = 5) -> list[tuple[str, float]]:
     """Each input that is worth measuring, with the part of the widest recovery's interval that would be left once it
     were known exactly.
     """
-    after, wanted = told.after, widest_recovery(told.after, scene)[1]
+    after, wanted = update.after, widest_recovery(update.after, scene)[1]
     total = float(wanted @ after.covariance @ wanted)
     if total <= 0.0:
         return []
@@ -384,21 +385,21 @@ def measure_next_after(told: Updated, scene: Scene, most: int = 5) -> list[tuple
     return sorted(left, key=lambda one: one[1])[:most]
 
 
-def _posterior(before: Result, told: Updated, measured: Measured, scene: Scene, source: str) -> Posterior:
+def _posterior(before: Result, update: Updated, measured: Measured, scene: Scene, source: str) -> Posterior:
     landings = known(before.landings)
-    separation, inputs = separation_after(told.after, landings.separation, scene), inputs_after(told)
+    separation, inputs = separation_after(update.after, landings.separation, scene), inputs_after(update)
     summary = {
         key: InputSummary(*one.after, unit=one.unit, why=f"{MEASURED_SHARES}, {source}") for key, one in inputs.items()
     }
     after = replace(
-        landings, separation=separation, inputs=summary, measure_next=_parts(told.after), without_collisions=None,
+        landings, separation=separation, inputs=summary, measure_next=_parts(update.after), without_collisions=None,
         bracket=None, air_loading=None, three_dimensions=None, budget=tuple(_rows(separation)),
     )  # fmt: skip
     return Posterior(
-        before.folder, before, replace(before, landings=after), inputs, told.agreement,
-        tuple(map(told.after.number, measured.weights(told.after.places, scene.mass_shares()))),
-        tuple(correlations_after(told)), tuple(trays_told(told, measured, scene)),
-        tuple(measure_next_after(told, scene)), told.rounds, told.stands, source,
+        before.folder, before, replace(before, landings=after), inputs, update.agreement,
+        tuple(map(update.after.number, measured.weights(update.after.places, scene.mass_shares()))),
+        tuple(correlations_after(update)), tuple(wider_without(update, measured, scene)),
+        tuple(measure_next_after(update, scene)), update.rounds, update.stands, source,
     )  # fmt: skip
 
 
@@ -442,7 +443,7 @@ def _write(found: Posterior) -> None:
     write_json(folder / "calibration.json", {
         "verdict": found.agreement.verdict, "chi_square": found.agreement.chi_square,
         "freedom": found.agreement.freedom, "chance": found.agreement.chance, "rounds": found.rounds,
-        "stands": found.stands, "told": found.told, "next": found.next,
+        "stands": found.stands, "wider_without": found.wider_without, "next": found.next,
         "inputs": {key: {"value": one.value, "low": one.low, "high": one.high} for key, one in found.inputs.items()},
         "separation": to_json(known(found.result.landings).separation),
     })  # fmt: skip

@@ -108,8 +108,8 @@ class Variant:
         """Its name, what it changes where the name does not say that, and why it cannot be made."""
         inputs = ", ".join(f"{key} = {value!r}" for key, value in self.inputs.items())
         named = self.name.startswith(folder_name(self.inputs))
-        told = self.problem if self.scene is None else "" if named else inputs
-        return f"<Variant {': '.join(filter(None, (self.name, told)))}>"
+        rest = self.problem if self.scene is None else "" if named else inputs
+        return f"<Variant {': '.join(filter(None, (self.name, rest)))}>"
 
 
 def variants(

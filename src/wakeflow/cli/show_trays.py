@@ -55,8 +55,8 @@ def show_calibration(found: Posterior) -> None:
     cells = [[one.key, *_said(one), f"{100 * one.narrower:.0f}"] for one in learnt]
     console.print(screen_table(["input", "before", "after", "interval left, %"], cells, "inputs that became narrower"))
     lines = [f"rounds of flights: {found.rounds}{'' if found.stands else '; the inputs still moved in the last'}"]
-    lines += [f"{tray}: without it the widest recovery would be {times:.2g} times as wide" for tray, times in found.told
-              if times > NARROWER]  # fmt: skip
+    lines += [f"{tray}: without it the widest recovery would be {times:.2g} times as wide"
+              for tray, times in found.wider_without if times > NARROWER]  # fmt: skip
     lines += [f"measure next: {key}, which would leave {100 * left:.0f} % of the widest recovery's interval"
               for key, left in found.next if left < WORTH]  # fmt: skip
     print_lines([*lines, f"results: {found.folder}"])

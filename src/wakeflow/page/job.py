@@ -42,8 +42,7 @@ def say(**known: object) -> None:
 
 def compute(ask: dict[str, Any]) -> int:
     """Run the scene of ``ask``: text, name and base of its file, changes, options of run, folder; with ``measured``
-    shares calibrate it. Returns the exit code
-    of the command line.
+    shares calibrate it. Returns the exit code of the command line.
     """
     name = f"{ask['name']}.toml"
     try:
