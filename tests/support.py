@@ -272,3 +272,23 @@ class LoopbackCluster:
             assert time.monotonic() < deadline, "the scheduler does not start"
             time.sleep(0.05)
         return distributed.Client(scheduler_file=str(self.file), set_as_default=False)
+
+
+MIN_CONTRAST = 4.5  # of text on its ground: WCAG 2.1, level AA
+_CONTRAST = """() => {
+  const light = (text) => { const [r, g, b] = text.match(/[\\d.]+/g).map((x) => Number(x) / 255)
+    .map((x) => x <= 0.03928 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+  const ground = (node) => { for (; node; node = node.parentElement) { const c = getComputedStyle(node).backgroundColor;
+    if (!/, 0\\)$/.test(c)) return c; } return "rgb(255, 255, 255)"; };
+  const text = "p, td, th, li, h1, h2, h3, a, strong, pre, label, button:enabled, input, textarea, select, summary";
+  return Math.min(...[...document.querySelectorAll(text)]
+    .filter((node) => node.textContent.trim() && node.offsetParent).map((node) => {
+      const [a, b] = [light(getComputedStyle(node).color), light(ground(node))].sort((x, y) => y - x);
+      return (a + 0.05) / (b + 0.05); }));
+}"""
+
+
+def lowest_contrast(page: Any) -> float:
+    """Of the text a browser's page shows, on its ground: formula of WCAG 2.1."""
+    return float(page.evaluate(_CONTRAST))

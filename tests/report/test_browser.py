@@ -1,7 +1,6 @@
 """The page in Debian's chromium: every control works, nothing is asked of the network, paper holds every bin."""
 
 import itertools
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,35 +9,14 @@ from typing import Any
 import pytest
 
 import wakeflow as wf
+from support import MIN_CONTRAST, lowest_contrast
 from wakeflow.scene import Scene
 
 pytestmark = [pytest.mark.slow, pytest.mark.browser]
 
 CASES = Path(__file__).parents[2] / "cases"
 WIDTHS = {"desk": 1280, "telephone": 360}
-MIN_CONTRAST = 4.5  # of text on its ground: WCAG 2.1, level AA
 A4 = (595, 842)  # points
-CONTRAST = """() => {
-  const light = (text) => { const [r, g, b] = text.match(/[\\d.]+/g).map((x) => Number(x) / 255)
-    .map((x) => x <= 0.03928 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
-    return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
-  const ground = (node) => { for (; node; node = node.parentElement) { const c = getComputedStyle(node).backgroundColor;
-    if (!/, 0\\)$/.test(c)) return c; } return "rgb(255, 255, 255)"; };
-  return Math.min(...[...document.querySelectorAll("p, td, th, li, h1, h2, h3, a, label, button, strong, pre")]
-    .filter((node) => node.textContent.trim() && node.offsetParent).map((node) => {
-      const [a, b] = [light(getComputedStyle(node).color), light(ground(node))].sort((x, y) => y - x);
-      return (a + 0.05) / (b + 0.05); }));
-}"""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as driver:
-        started = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
-        yield started
-        started.close()
 
 
 @pytest.fixture(scope="module")
@@ -168,7 +146,7 @@ def test_runs_are_compared_by_fraction_run_picture_and_certainty(compared: Any) 
 
 
 def test_text_stands_out_from_its_ground(either: Any) -> None:
-    assert either.evaluate(CONTRAST) >= MIN_CONTRAST
+    assert lowest_contrast(either) >= MIN_CONTRAST
 
 
 @pytest.mark.parametrize("width", list(WIDTHS.values()), ids=list(WIDTHS))
