@@ -83,21 +83,43 @@ def test_odd_paths_are_written_to(name: str, cases: Path, tmp_path: Path, plain:
     assert (code, (tmp_path / name / "result.json").exists()) == (0, True), said
 
 
+def begun(
+    cases: Path, folder: Path, plain: dict[str, str], number: int, heard: signal.Handlers
+) -> subprocess.Popen[str]:
+    """A run that has begun, in a process that hears this signal or was told to ignore it (as by nohup)."""
+    words = ["run", str(cases / "vacuum.toml"), "--set", "feed.count=200000", "--out", str(folder), "--quiet"]
+    child = subprocess.Popen(
+        [sys.executable, "-m", "wakeflow.cli", *words],
+        env=plain,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(number, heard),
+    )
+    until = time.monotonic() + 100
+    while not (folder / ".lock").exists() and time.monotonic() < until:
+        time.sleep(0.02)
+    return child
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_run_that_is_told_to_end_says_that_the_same_command_goes_on(
     number: int, cases: Path, tmp_path: Path, plain: dict[str, str]
 ) -> None:
-    words = ["run", str(cases / "vacuum.toml"), "--set", "feed.count=200000", "--out", str(tmp_path / "o"), "--quiet"]
-    child = subprocess.Popen(
-        [sys.executable, "-m", "wakeflow.cli", *words], env=plain, stderr=subprocess.PIPE, text=True
-    )
-    until = time.monotonic() + 100
-    while not (tmp_path / "o" / ".lock").exists() and time.monotonic() < until:
-        time.sleep(0.02)
+    child = begun(cases, tmp_path / "o", plain, number, signal.SIG_DFL)
     child.send_signal(number)
     _, said = child.communicate(timeout=100)
     assert child.returncode == 128 + number
     assert said == "wakeflow: interrupted; what is finished is kept, the same command goes on\n"
+
+
+def test_a_run_started_with_nohup_outlives_its_terminal(cases: Path, tmp_path: Path, plain: dict[str, str]) -> None:
+    child = begun(cases, tmp_path / "o", plain, signal.SIGHUP, signal.SIG_IGN)
+    child.send_signal(signal.SIGHUP)
+    with pytest.raises(subprocess.TimeoutExpired):
+        child.wait(timeout=1)
+    child.send_signal(signal.SIGTERM)
+    child.communicate(timeout=100)
+    assert child.returncode == 128 + signal.SIGTERM
 
 
 @pytest.fixture
