@@ -19,6 +19,7 @@ from ..core.files import atomic_write, write_json
 from ..core.geometry import ForceDensity
 from .polymesh import read_polymesh
 from .reconstruction import PlaneMesh
+from .span_record import LAYERS
 
 Array = NDArray[np.float64]
 SOURCE = Path("constant", "momentum_source.json")  # in the case, beside the force that was written into it
@@ -75,12 +76,16 @@ def cell_forces(force: ForceDensity, mesh: PlaneMesh) -> Array:
     return found
 
 
-def write_source(folder: Path, force: ForceDensity, density: float) -> LaidForce:
+def write_source(folder: Path, force: ForceDensity, density: float, deep: Path | None = None) -> LaidForce:
     """Write ``force`` into the case ``folder``, which has its mesh, for air of ``density`` (kg/m3); what stood there
     before goes. What was written is in ``constant/momentum_source.json`` too. Raises FoamError where there is no mesh.
+
+    Into the case ``deep`` instead, where that is the one in ``folder`` extruded: each layer feels the same.
     """
     mesh = read_polymesh(folder).plane
-    cells, area = cell_forces(force, mesh), mesh.areas
+    cells, area, over = cell_forces(force, mesh), mesh.areas, None
+    if deep is not None:
+        over, folder = _extruded(folder), deep
     sets = folder / "constant" / "polyMesh" / "sets"
     if sets.exists():
         shutil.rmtree(sets)
@@ -89,6 +94,8 @@ def write_source(folder: Path, force: ForceDensity, density: float) -> LaidForce
     for axis, letter in ((0, "X"), (1, "Y")):
         for number, (members, value) in enumerate(_levels(cells[:, axis], area)):
             name = f"force{letter}{number}"
+            if over is not None:
+                members = np.flatnonzero(np.isin(over, members))
             words = "\n".join(map(str, members))
             with atomic_write(sets / name) as stream:
                 stream.write(_HEADER.format(kind="cellSet", name=name) + f"{len(members)}\n(\n{words}\n)\n")
@@ -101,6 +108,12 @@ def write_source(folder: Path, force: ForceDensity, density: float) -> LaidForce
     laid = LaidForce((float(total[0]), float(total[1])), int((cells != 0.0).any(axis=1).sum()), len(entries))
     write_json(folder / SOURCE, asdict(laid))
     return laid
+
+
+def _extruded(folder: Path) -> NDArray[np.int64]:
+    """The plane cell that each cell of the case extruded from ``folder`` is over."""
+    with np.load(folder / LAYERS) as data:
+        return np.asarray(data["at"])
 
 
 def _levels(values: Array, area: Array) -> list[tuple[NDArray[np.int64], float]]:

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import FoamError, MeshError, known
 from ..core.files import atomic_write, write_json
+from ..core.geometry import ForceDensity
 from ..core.process import tail
 from ..core.record import save
 from ..core.tables import save_arrays
@@ -33,6 +34,7 @@ from ..laws.turbulence import USUAL
 from .airflow_result import AirflowResult, CheckMesh
 from .case import FlowSpec, axis_points, write_case, write_parameters
 from .failure import AirflowFailure, disk_trouble_named
+from .momentum_source import write_source
 from .prepare import prepare_case
 from .programs import call
 from .read import CaseFields, time_folders
@@ -188,18 +190,24 @@ CAREFUL = 0.5  # this one, when a segment fails numerically
 SAME = 1e-6  # cadences
 
 
-def run_span(spec: FlowSpec, msh: Path, folder: Path, start: Path | None, listener: ProgressListener) -> CheckMesh:
+def run_span(
+    spec: FlowSpec, msh: Path, folder: Path, start: Path | None, force: ForceDensity | None, listener: ProgressListener
+) -> CheckMesh:
     """Run the airflow of ``spec`` with its span to the end of its record; goes on from what is there.
 
-    ``start``: any solved plane case that the plane wake starts from. Raises MeshError for a mesh that checkMesh
-    refuses, AirflowFailure where a program fails or no Courant number serves.
+    ``start``: any solved plane case that the plane wake starts from; ``force``: on the air, in every layer. Raises
+    MeshError for a mesh that checkMesh refuses, AirflowFailure where a program fails or no Courant number serves.
     """
     flat = replace(spec, turbulence=USUAL, span=None, ranks=1)
     check = prepare_case(flat, msh, folder)
-    _plane_wake(flat, folder, start, listener)
     deep, phase = folder / SPAN, folder / PHASE
+    if force is not None:
+        write_source(folder, force, spec.density)
+    _plane_wake(flat, folder, start, listener)
     if not phase.exists():
         extrude(spec, folder, deep)
+        if force is not None:
+            write_source(folder, force, spec.density, deep)
         start_span(spec, folder, deep)
         write_json(phase, {"phase": "span", "courant": COURANT})
     _record(spec, known(spec.span), folder, listener)
@@ -278,6 +286,7 @@ def solve_span(
     folder: Path,
     *,
     start: Path | None = None,
+    force: ForceDensity | None = None,
     listener: ProgressListener = lambda _: None,
 ) -> AirflowResult:
     """Solve the airflow of ``spec``, which has a span, in the case ``folder`` on the plane mesh ``msh``.
@@ -288,7 +297,7 @@ def solve_span(
     begun = time.monotonic()
     with disk_trouble_named(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        mesh = run_span(spec, msh, folder, start, listener)
+        mesh = run_span(spec, msh, folder, start, force, listener)
         record = SpanRecord(folder, CaseFields(folder))
         result = measure_span(spec, record, folder / SPAN, seconds=time.monotonic() - begun)
         checks = {check.name: check.used for check in check_airflow(spec, folder, result)}

@@ -37,7 +37,7 @@ class SpanAir(SolvedAir):
     def solve(self) -> Callable[..., AirflowResult]:
         from ..foam.span_run import solve_span
 
-        return solve_span
+        return partial(solve_span, force=self.force)
 
     @property
     def cells(self) -> int:

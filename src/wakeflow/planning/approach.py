@@ -111,7 +111,8 @@ def arrival_at_body(scene: Scene, name: str, law: str, scale: float) -> BodyArri
 
 
 # -- Whether the air feels the granules --------------------------------------------------------------------------------
-KINDS = ("steady", "time-resolved", "best-estimate")  # of airflows, which a steady one that OpenFOAM solves is part of
+# Of airflows that a steady one which OpenFOAM solves is part of
+KINDS = ("steady", "time-resolved", "best-estimate", "three-dimensional")
 
 
 def feels_granules(

@@ -105,14 +105,14 @@ def tell(stage: str, text: str) -> None:
         print(f"\r{stage}: {text}\033[K", end="", file=sys.stderr)
 
 
-def pipeline_at(scene: wf.Scene, rung: str) -> Pipeline:
-    """The scene's pipeline at a rung; what it makes stands in the cache afterwards."""
-    return Pipeline(scene, make_plan(scene, rung=rung, force=BARE), tell, store=Store(cache_root()))
+def pipeline_at(scene: wf.Scene, rung: str, *, loaded: bool = False) -> Pipeline:
+    """The scene's pipeline at a rung, its air under the granules' force or not; what it makes is in the cache then."""
+    return Pipeline(scene, make_plan(scene, rung=rung, force={"air-loading": loaded}), tell, store=Store(cache_root()))
 
 
-def plane(scene: wf.Scene) -> Iterator[Column]:
+def plane(scene: wf.Scene, *, loaded: bool = False) -> Iterator[Column]:
     """The steady end, the time-resolved end, and the best estimate between them."""
-    draft, standard = pipeline_at(scene, "draft"), pipeline_at(scene, "standard")
+    draft, standard = (pipeline_at(scene, rung, loaded=loaded) for rung in ("draft", "standard"))
     steady, spent = draft.solution[1] / "case", core_seconds(standard.solution[1] / "case") / 3600
     yield Column("steady", draft.airflow, [draft.field[1]], core_seconds(steady) / 3600)
     air = standard.kind
@@ -120,9 +120,9 @@ def plane(scene: wf.Scene) -> Iterator[Column]:
     yield Column("blended", standard.airflow, [standard.field[1]], spent)
 
 
-def deep(scene: wf.Scene) -> Column:
+def deep(scene: wf.Scene, *, loaded: bool = False) -> Column:
     """The airflow in three dimensions."""
-    pipeline = pipeline_at(scene, "3d")
+    pipeline = pipeline_at(scene, "3d", loaded=loaded)
     case, airs = pipeline.solution[1] / "case", pipeline.kind.realisations
     fields = [made for i in range(len(airs)) if (made := airs.make(i)) is not None]
     return Column("3D", pipeline.airflow, fields, (core_seconds(case) + core_seconds(case / "span")) / 3600)
@@ -237,7 +237,8 @@ def print_proof(column: Column, spec: FlowSpec) -> None:
 
 def main(
     *bodies: str, analyse: tuple[Path, ...] = (), beside: bool = False, count: int = COUNT, begin: float | None = None,
-    second_span: bool = False, flat: bool = False, changes: Annotated[tuple[str, ...], Parameter(name="--set")] = (),
+    second_span: bool = False, flat: bool = False, loaded: bool = False,
+    changes: Annotated[tuple[str, ...], Parameter(name="--set")] = (),
 ) -> None:  # fmt: skip
     """Reference runs in three dimensions: rhombus, prism-up, prism-down, square, steep-rhombus; all unless named.
 
@@ -249,6 +250,7 @@ def main(
     begin: s, where the means of --analyse begin
     second_span: 4 widths deep for 40 sheddings, on a mesh of scale 1.6
     flat: the plane airflows and the best estimate alone, a minute or two a body
+    loaded: under the granules' force on the air
     changes: KEY=VALUE, changes of the scene
     """
     runs = [(folder.name, folder) for folder in analyse] or [(body, None) for body in bodies or BODIES]
@@ -258,10 +260,10 @@ def main(
             raise SystemExit(f"{name}: its name begins with none of {', '.join(BODIES)}")
         scene = scene_of(body, count or COUNT, changes_of((*(SECOND_SPAN if second_span else ()), *changes)))
         spec = spec_of(scene)
-        others = list(plane(scene)) if folder is None or beside else []
+        others = list(plane(scene, loaded=loaded)) if folder is None or beside else []
         if flat:
             print_table(name, spec, scene, others, fly=count > 0)
             continue
-        last = analysed(folder, spec, begin) if folder is not None else deep(scene)
+        last = analysed(folder, spec, begin) if folder is not None else deep(scene, loaded=loaded)
         print_table(name, spec, scene, [*others, last], fly=count > 0)
         print_proof(last, spec)
