@@ -61,6 +61,10 @@ def rough() -> ForceDensity:
     return ForceDensity(boxes, density).mirrored()
 
 
+def members(cell_set: Path) -> set[int]:
+    return {int(number) for number in cell_set.read_text().split("(")[1].split(")")[0].split()}
+
+
 def test_cells_and_levels_keep_the_whole_force(bare: Bare, tmp_path: Path) -> None:
     plane = read_polymesh(bare.case).plane
     shutil.copytree(bare.case / "constant", tmp_path / "constant")
@@ -83,6 +87,22 @@ def test_cells_and_levels_keep_the_whole_force(bare: Bare, tmp_path: Path) -> No
         felt = ~np.isnan(values)
         assert felt.sum() == np.count_nonzero(cells[:, axis])
         assert np.abs(values - cells[:, axis])[felt].max() <= np.ptp(cells[felt, axis]) / 32 * (1 + 1e-9)
+
+
+def test_each_layer_of_an_extruded_case_feels_the_force_of_the_plane(bare: Bare, tmp_path: Path) -> None:
+    plane, deep = tmp_path / "plane", tmp_path / "plane" / "span"
+    shutil.copytree(bare.case / "constant", plane / "constant")
+    shutil.copytree(bare.case / "constant", deep / "constant")
+    cells = cell_forces(rough(), read_polymesh(plane).plane)
+    over = np.random.default_rng(5).permutation(np.tile(np.arange(len(cells)), 3))
+    np.savez(plane / "layers.npz", at=over)
+    flat, laid = (write_source(plane, rough(), bare.spec.density, where) for where in (None, deep))
+    assert laid == flat
+    for file in (plane / "constant" / "polyMesh" / "sets").iterdir():
+        one, three = members(file), members(deep / file.relative_to(plane))
+        assert {int(over[cell]) for cell in three} == one
+        assert len(three) == 3 * len(one)
+    assert (deep / "constant" / "fvOptions").read_text() == (plane / "constant" / "fvOptions").read_text()
 
 
 def test_nothing_is_written_for_no_force(bare: Bare, tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ from wakeflow.planning.wake import cost_of, family_of
 from wakeflow.scene import Scene
 from wakeflow.scene.overrides import changes_of
 
-OFF = {"collisions": False, "basset-history": False}
+OFF = {"collisions": False, "basset-history": False, "air-loading": False}
 SPAN = Span(depth=2.0, layers=8, sheddings=2.0)
 BOUNDARY = """FoamFile { version 2.0; }
 2

@@ -12,7 +12,6 @@ import pytest
 
 import wakeflow as wf
 from support import landings_in, loaded_scene, shipped
-from wakeflow.answer.shares import PERTURBED_RERUN
 from wakeflow.core.errors import SceneError
 from wakeflow.foam.momentum_source import LEVELS, SOURCE
 from wakeflow.injection.feed import feedstock
@@ -67,7 +66,6 @@ def test_switches() -> None:
     ("name", "changes", "rung", "message"),
     [
         ("aspirator", {}, None, "rung analytic has no steady airflow"),
-        ("rhombus", {}, "3d", "rung 3d has no steady airflow"),
         ("vacuum", {}, None, r"a term of the air; add an \[air\] table"),
     ],
 )
@@ -351,25 +349,25 @@ def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: 
     assert COLLISIONS in {part.source for row in off.budget for part in row.parts}
 
 
-def test_what_granules_that_meet_forget_is_flown_alone(tmp_path: Path) -> None:
-    """The slab knows no history force: granules alone say what it changes, instead of a bound on one granule's way."""
+def test_each_fraction_flies_in_the_slab_under_its_own_forces() -> None:
+    """Two like fractions, one with the history force: the slab makes of each what its own flights alone do."""
+    light = {"size": 2e-3, "density": 30.0, "restitution": 0.3, "friction": 0.4}
     scene = Scene.parse({
         "channel": {"width": 0.3, "top": 0.3, "bottom": -0.3},
-        "air": {"speed": 1.0, "direction": "up", "turbulence": 0.02},
-        "feed": {"speed": 0.5, "level": 0.2, "width": 0.05, "direction": -1.5, "count": 256, "rate": 0.03,
+        "air": {"speed": 0.2, "direction": "down", "turbulence": 0.02},
+        "feed": {"speed": 3.0, "level": 0.2, "width": 0.05, "direction": -0.3, "count": 256, "rate": 1e-6,
                  "depth": 1.0},
-        "fraction": {"light": {"size": 2e-3, "density": 200.0, "restitution": 0.3, "friction": 0.4}},
+        "fraction": {"plain": light, "slow": light},
         "bin": {"left": {"from": -0.15, "to": 0.02}, "right": {"from": 0.02, "to": 0.15}},
-        "numerics": {"target_error": 0.001},
+        "numerics": {"target_error": 0.01},
     })  # fmt: skip
-    result = wf.run(scene, tmp_path, force={COLLISIONS: True}, report=False)
-    assert result.plan.fractions["light"].forgets == ("basset-history",)
-    assert "basset-history" not in result.plan.fractions["light"].forces
-    parts = [one for row in result.budget for one in row.parts if one.source == "basset-history"]
-    assert {one.how for one in parts} == {PERTURBED_RERUN}
-    assert all("between the same" in str(one.note) and 0.0 <= (one.error or 0.0) < 0.05 for one in parts)
-    loose = scene.replace({"numerics.target_error": 0.02})
-    assert make_plan(loose, force={COLLISIONS: True}).fractions["light"].forgets == ()
+    force = {COLLISIONS: True, "plain.basset-history": False, "slow.basset-history": True, "dispersion": False}
+    piped = Pipeline(scene, make_plan(scene, force=force))
+    among, alone = piped.crowd(), piped.tracks().landings
+    assert among is not None
+    for landings in (among.landings, alone):
+        times = {name: float(landings[name].time.mean()) for name in ("plain", "slow")}
+        assert 1.004 < times["slow"] / times["plain"] < 1.01
 
 
 def test_replicates_without_a_fraction_are_taken_together() -> None:

@@ -141,7 +141,7 @@ def test_at_their_own_rate_the_shipped_scenes_need_the_slab_and_at_a_trickle_non
     assert set(rows) == set(scene.fraction)
     assert all("below the" in row.why for row in rows.values())
     slabs = [[stage.seconds for stage in one.stages if stage.name == "slab"] for one in (plan, trickle)]
-    assert len(slabs[0]) == 1  # what granules alone cost may be more: they feel the history force
+    assert len(slabs[0]) == 1
     assert slabs[0][0] > 1.0
     assert slabs[1] == []
 

@@ -16,7 +16,7 @@ from support import DENSITY, VISCOSITY, G, field_of, shaken_mesh, with_tau
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.laws.shape import shapes
-from wakeflow.tracking import Body, Collisions, Fate, Granules, Motion, Tracks, track
+from wakeflow.tracking import Body, Fate, Granules, Motion, Tracks, track
 from wakeflow.verify.reference import TrackingProblem, fly_reference
 
 
@@ -223,10 +223,6 @@ def test_bad_granules_are_named(changes: dict[str, object], message: str) -> Non
     ("changes", "message"),
     [
         ({"forces": ("drag", "lifft")}, r"unknown force 'lifft'; did you mean 'lift'\? \(known: drag, gravity, "),
-        (
-            {"forces": ("drag", "basset-history"), "collisions": Collisions(depth=0.1)},
-            "basset-history remembers the past",
-        ),
         ({"forces": ("dispersion",)}, "dispersion needs a field with k and dissipation; a laminar airflow has none"),
         ({"seed": -1}, "seed = -1 must lie between 0"),
         ({"forces": ("gravitiy",)}, "did you mean 'gravity'"),

@@ -18,12 +18,11 @@ from ..core.errors import known
 from ..pipeline.landings import Landings
 from ..planning.lock_in import vibration_of_scene
 from ..planning.plan import Plan
-from ..planning.terms import COLLISIONS, REMEMBERING, VIBRATION, LeftOut
+from ..planning.terms import COLLISIONS, VIBRATION, LeftOut
 from ..planning.unknowns import Unknown
 from ..scene import RESERVED_BIN, Scene
 from ..statistics.separation import upper_limit
 from .comparison import free_ends, points_of
-from .history import forgotten
 from .source import FractionResults, Parts, Source, add
 
 Array = NDArray[np.float64]
@@ -39,8 +38,6 @@ class LeftOutTerms(Source[None]):
     def shares(self, fraction: FractionResults) -> Parts:
         pipeline, flights = fraction.pipeline, fraction.flights
         found = truncation_terms(pipeline.scene, pipeline.plan, fraction.name, fraction.landings)
-        known_already = REMEMBERING if forgotten(pipeline.plan, fraction.name) else ()
-        found = {place: [one for one in parts if one.source not in known_already] for place, parts in found.items()}
         inputs = flights.inputs({fraction.name: fraction.shares})
         if inputs is None or VIBRATION in pipeline.plan.force:
             return found

@@ -285,7 +285,7 @@ class SlabFlight:
             until=last + max(SEVERAL * self.start_up, PATIENCE * height / speed),
             tolerance=self.tolerance,
             length=scene.width,
-            forces=[name for name in forces if name in flown and forces[name].memory is None],
+            forces=[name for name in forces if name in flown],
             drag=2 * [how.drag for how in self.plan.fractions.values()],  # of the granules, then of the tracers
             seed=seed_of(scene.feed.seed, "slab", number),
             bodies=bodies_and_walls(scene),
@@ -297,6 +297,7 @@ class SlabFlight:
                 restitution=rebound.restitution,
                 friction=rebound.friction,
                 tracers=stream.tracers,
+                forces=2 * [how.forces for how in self.plan.fractions.values()],
                 step=self.step,
                 measured=self.measured,
             ),

@@ -148,8 +148,7 @@ def expected_stages(
     are usually done.
     """
     effort = sum(forces[force].effort for fraction in fractions.values() for force in fraction.forces)
-    forgets = crowd is not None and any(fraction.forgets for fraction in fractions.values())
-    work = Workload(scene, airflow, crowd, len(fractions), len(fractions) + effort, forgets)
+    work = Workload(scene, airflow, crowd, len(fractions), len(fractions) + effort)
     sources = sorted((error_sources[name] for name in error_sources), key=lambda source: source.place)
     again = [cost for source in sources for cost in source.costs(work)]
     found = [*(cost for name in stages for cost in stages[name].cost(work)), *again]

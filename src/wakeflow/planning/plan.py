@@ -17,7 +17,7 @@ from .collisions import CollisionPlan
 from .coupling import Limit
 from .impaction import Deflection
 from .stages import StageCost
-from .terms import COLLISIONS, REMEMBERING, LeftOut
+from .terms import COLLISIONS, LeftOut
 
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
 AT_ONCE = 2**17  # granules that are fed and flown at a time, or one replicate where it has more
@@ -74,11 +74,6 @@ class FractionPlan(_Sendable):
     forces: tuple[str, ...] = column("", "the terms that it is flown with", default=())
     bounds: Mapping[str, Most] = column("as plan.unit", "how far each term could move it", default=dict)
     limit: float | None = column("as plan.unit", "how far a term must be able to move it to be used", default=None)
-
-    @property
-    def forgets(self) -> tuple[str, ...]:
-        """The forces that remember the past and are left out though they could move it by more than the limit."""
-        return tuple(x for x in REMEMBERING if x not in self.forces and self.bounds.get(x, 0.0) > (self.limit or 0.0))
 
     @property
     def tracked(self) -> dict[str, Any]:
@@ -143,11 +138,6 @@ class Plan(_Sendable):
     def with_forces(self, forces: Sequence[str]) -> Plan:
         """The same plan with every fraction flown with ``forces``, whatever their bounds: for comparisons."""
         fractions = {name: replace(fraction, forces=tuple(forces)) for name, fraction in self.fractions.items()}
-        return replace(self, fractions=fractions)
-
-    def remembering(self) -> Plan:
-        """The same plan with every fraction flown with the forces that it forgets as well."""
-        fractions = {name: replace(row, forces=(*row.forces, *row.forgets)) for name, row in self.fractions.items()}
         return replace(self, fractions=fractions)
 
     def as_computed(self) -> Plan:

@@ -71,8 +71,7 @@ class StageCost:
 
 class Workload(NamedTuple):
     """What the stages of a run have to do: the ``scene``, its airflow and slab, how many ``fractions`` fly, and the
-    ``effort`` of one granule of each, 1 a fraction with weight and drag alone; whether one of them ``forgets`` in the
-    slab what it should remember.
+    ``effort`` of one granule of each, 1 a fraction with weight and drag alone.
     """
 
     scene: Scene
@@ -80,7 +79,6 @@ class Workload(NamedTuple):
     crowd: CollisionPlan | None
     fractions: int
     effort: float
-    forgets: bool = False
 
 
 def _nothing(work: Workload) -> Iterable[StageCost]:

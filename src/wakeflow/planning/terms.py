@@ -108,8 +108,6 @@ TYPICAL = 0.5  # mean shift over the bound, which holds for 95 % of the granules
 MAX_SIDES = 2  # a curtain falls on the left and the right of a body's top
 AIR = "air"  # left out as a whole: in a vacuum, and at rung none
 SWITCHED_OFF = "switched off by --force"
-IN_SLAB = "granules that meet forget their past; the interval holds what that changes alone; --force basset-history=on"
-REMEMBERING = tuple(name for name in forces if forces[name].memory is not None)
 TOP = 1e-9  # body widths below the highest corner: corners within it make up the top of a body
 
 
@@ -204,16 +202,13 @@ def select_terms(
     share; ``whole``: terms that are computed for the run as a whole, of all fractions together; ``crowded``: why
     collisions cannot be, None where they can.
 
-    A force that remembers the past is left out where granules meet, whose slab flies without it; it is computed there
-    for granules alone where it is switched on. What acts on granules that turn is computed wherever a body makes them
+    What acts on granules that turn is computed wherever a body makes them
     turn, however little it moves: the spin is known there.
     Raises SceneError where a force that this version cannot compute could move more than the accuracy asked for.
     """
     limit = limit_of(scene, target)
     shifts = _shifts(scene, scales)
     blocked = {term: _blocked(scene.fraction[name], term, turbulence, crowded) for term in bounds}
-    if COLLISIONS in whole:
-        blocked |= dict.fromkeys(REMEMBERING, IN_SLAB)
     small = _small(shifts, blocked, limit, turning=bool(scene.body))
     used, left_out, missing = set(), [], {}
     for term, shift in shifts.items():
@@ -232,17 +227,9 @@ def select_terms(
             missing[term] = reason = obstacle
         left_out.append(LeftOutTerm(term, shift, f"{bounds[term].why}; {reason}", name))
     order = tuple(term for term in forces if term in used)
-    if COLLISIONS in whole:
-        left_out += _left_out_of_slab(name, order, shifts)
     return TermSelection(
         (*_always(), *order), MappingProxyType(shifts), limit, tuple(left_out), MappingProxyType(missing)
     )  # fmt: skip
-
-
-def _left_out_of_slab(name: str, used: Sequence[str], shifts: Mapping[str, float]) -> list[LeftOutTerm]:
-    """Those of the ``used`` forces of a fraction, switched on for granules alone, that the slab flies without."""
-    past = [term for term in used if term in REMEMBERING]
-    return [LeftOutTerm(term, shifts[term], f"{bounds[term].why}; {IN_SLAB}", name) for term in past]
 
 
 def _always() -> tuple[str, ...]:

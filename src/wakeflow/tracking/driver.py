@@ -14,7 +14,6 @@ from ..core.errors import SceneError
 from ..core.process import cores
 from ..field import FlowField
 from ..laws.constants import GRAVITY
-from ..laws.forces import forces as all_forces
 from .bodies import Body, Motion
 from .collisions.settings import Collisions
 from .frame import from_frame, mesh_motion_of, to_frame
@@ -154,11 +153,6 @@ def _fly_colliding(
     progress: Callable[[int, int], object] | None,
 ) -> Tracks:
     """The same granules as a crowd, in the lab; its step is judged by flights of a sample, each granule alone."""
-    past = [name for name in flight.forces if all_forces[name].memory is not None]
-    if past:
-        raise SceneError(
-            f"forces: {past[0]} remembers the past, which granules that meet have no record of; leave it out"
-        )
     from .collisions.driver import Slab, fly_colliding
 
     def alone(rows: NDArray[np.int64], forces: Sequence[str]) -> Tracks:

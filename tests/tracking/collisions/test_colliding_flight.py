@@ -60,10 +60,11 @@ def _stirred(cells: int = 30, **more: Any) -> wf.FlowField:
     return wf.FlowField.from_arrays(points, triangles, u, **more)
 
 
-def test_in_air_the_step_is_found_and_its_error_is_honest() -> None:
+@pytest.mark.parametrize("more", [(), ("basset-history",)])
+def test_in_air_the_step_is_found_and_its_error_is_honest(more: tuple[str, ...]) -> None:
     """Drag of every Reynolds number: the step's error measured on a sample is that of all, of second order."""
     grains = _curtain(400, 2)
-    laws: dict[str, Any] = {"until": 0.6, "lines": BELOW, "length": 0.06, "forces": ("drag", "gravity")}
+    laws: dict[str, Any] = {"until": 0.6, "lines": BELOW, "length": 0.06, "forces": ("drag", "gravity", *more)}
     field = _stirred()
     alone = wf.track(field, grains, tolerance=1e-6, **laws)
     errors = []
@@ -93,7 +94,7 @@ def test_eddies_scatter_a_crowd_as_they_scatter_single_granules() -> None:
     assert abs(np.log(one.std() / other.std())) < 3.5 / np.sqrt(len(one))
 
 
-@pytest.mark.parametrize("name", ["buoyancy", "pressure-gradient", "added-mass", "lift", "magnus"])
+@pytest.mark.parametrize("name", ["buoyancy", "pressure-gradient", "added-mass", "lift", "magnus", "basset-history"])
 def test_every_force_acts_in_a_crowd_as_on_one(name: str) -> None:
     field = _stirred(pressure=np.linspace(0.0, 1.0, 31**2))
     grains = _curtain(40, 4, drag_scale=2.0, spin=300.0)

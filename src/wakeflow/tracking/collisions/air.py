@@ -16,6 +16,7 @@ from ..kernel.jit import compiled, inlined
 from ..kernel.locate import INSIDE, reproject, walk
 from ..kernel.walls import inside
 from . import layout as of
+from .history import recalled, remember
 
 GONE = -1  # what ``aim`` returns for a granule that has left the mesh
 
@@ -221,12 +222,19 @@ def aim(state, ints, own, grain, table, air, nodes, walls, clock, path, h):
         uy += rms * state[at.MEAN_Y] + state[at.KICK_Y]
     sx, sy = ux - vx, uy - vy
     before = own[of.DRAG] if own[of.DRAG] > 0.0 else drag_rate(grain, table, sx * sx + sy * sy + vz * vz)
-    shrink = 1.0 / (1.0 + half * before)
-    sx, sy, sz = (sx - half * ax) * shrink, (sy - half * ay) * shrink, vz * shrink
+    past = pull_z = 0.0
+    if grain[at.FORGET] != 0.0:
+        past, lx, ly, lz = recalled(state, ints, own, grain, ux, uy, sx, sy, h)
+        ax, ay, pull_z = ax - lx, ay - ly, -lz
+    shrink = 1.0 / (1.0 + half * (before + past))
+    sx, sy, sz = (sx - half * ax) * shrink, (sy - half * ay) * shrink, -(vz + half * pull_z) * shrink
     rate = drag_rate(grain, table, sx * sx + sy * sy + sz * sz)
+    if grain[at.FORGET] != 0.0:
+        remember(state, own, sx, sy, sz)
     if grain[at.EXTRA] != 0.0:
         ex, ey = _extra(state, grain, air, nodes, tri, q0, q1, q2, ux, uy, sx, sy, h)
         ax, ay = ax + ex, ay + ey
-    own[of.DRAG] = rate
+    own[of.DRAG], own[of.PULL_Z] = rate, pull_z
+    rate += past
     path[at.RATE], path[at.N0X], path[at.N0Y] = rate, ax + rate * ux, ay + rate * uy
     return 0

@@ -123,7 +123,7 @@ class _Run:
         inside = ints[:, at.GAP] >= 0
         ints[inside, at.TRI] = slab.air.covered[ints[inside, at.GAP], at.COVER_TRI] if inside.any() else 0
         crowd.states[slots], crowd.counts[slots] = floats, ints
-        crowd.grains[slots] = pack_granules(some, slab.field, slab.forces, slab.gravity)
+        crowd.grains[slots] = self._constants(some)
         crowd.table_of[slots] = slab.table_of[rows]
         crowd.own[slots], crowd.tally[slots], crowd.records[slots] = 0.0, 0, 0.0
         crowd.own[slots, of.Z] = self.across[rows]
@@ -140,6 +140,15 @@ class _Run:
             self.counts[of.PAIRS] = self.counts[of.ANEW] = 0
         more = self.fed < len(self.order)
         return min(slab.rules.until, float(slab.grains.time[self.order[self.fed]])) if more else slab.rules.until
+
+    def _constants(self, some: Granules) -> Array:
+        """Those of the tracker (n, CONSTANTS), of the forces of each granule's fraction."""
+        slab, own = self.slab, self.slab.collisions.forces
+        found = pack_granules(some, slab.field, slab.forces, slab.gravity)
+        for number in np.unique(some.fraction) if own else ():
+            mine, acting = some.fraction == number, [name for name in slab.forces if name in own[number]]
+            found[mine] = pack_granules(some[mine], slab.field, acting, slab.gravity)
+        return found
 
     def march(self, stop: float) -> bool:
         """Some steps; whether the clock shows ``stop``, or all is over."""
@@ -291,9 +300,8 @@ def measured_step(slab: Slab, alone: Callable[[Index, Sequence[str]], Tracks]) -
     right = alone(rows, calm)
     tolerance = slab.rules.allowance * slab.rules.extent / slab.rules.length
     step = first = _longest(slab, right)
-    lonely = replace(
-        slab.collisions, tracers=tuple(np.unique(slab.grains.fraction).tolist())
-    )  # tracers meet each other never
+    everybody = tuple(np.unique(slab.grains.fraction).tolist())
+    lonely = replace(slab.collisions, tracers=everybody, forces=())  # tracers meet each other never
     sample = replace(
         slab, grains=slab.grains[rows], forces=calm, points=0, table_of=slab.table_of[rows], collisions=lonely
     )

@@ -223,8 +223,8 @@ def _glide(path, own, h):
         path[at.START_Y] + a * path[at.START_VY] + b * path[at.N0Y],
         e * path[at.START_VX] + a * path[at.N0X],
         e * path[at.START_VY] + a * path[at.N0Y],
-        own[of.Z] + a * own[of.VZ],
-        e * own[of.VZ],
+        own[of.Z] + a * own[of.VZ] + b * own[of.PULL_Z],
+        e * own[of.VZ] + a * own[of.PULL_Z],
     )
 
 

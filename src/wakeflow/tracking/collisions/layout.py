@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernel.layout import MEMORIES
+
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
@@ -25,8 +27,12 @@ Index = NDArray[np.int64]
     LEG_AX, LEG_AY, LEG_AZ,  # m/s2: the parabola through its beginning, the velocity there and its end
     LEG_WX, LEG_WY, LEG_WZ,  # rad/s, its spin at the beginning
     LEG_GAIN_X, LEG_GAIN_Y,  # m/s, what all but walls and others had given it by then
-) = range(25)  # fmt: skip
-OWN = 25
+    PULL_Z,  # m/s2 across the slab in its last piece of way, beside drag
+    SINCE,  # s: when that piece began, and
+    SLIP_X, SLIP_Y, SLIP_Z,  # m/s, its slip, which the memories of the history force have not seen yet
+    LAG_Z,  # m/s: what each memory makes of the slip across the slab; those of the plane are in the tracker's state
+) = range(31)  # fmt: skip
+OWN = LAG_Z + MEMORIES
 
 LOOSE, HELD_BY_WALL, TOUCHES_OTHERS = 0.0, 1.0, 2.0
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,10 +22,10 @@ class Collisions:
     ``depth`` of the slab (m), some ten to twenty diameters of the largest granules. Coefficients of ``restitution``,
     ``friction`` and ``tangential_restitution`` between granules: numbers, or symmetric tables (k, k) by ``fraction`` of
     the two. ``tracers`` are fractions too fine and too many to be simulated one by one: those that fly are a sample;
-    the crowd can hit them, with the efficiency of impaction (:mod:`wakeflow.laws.impaction`), and does not
-    notice, nor do they meet each other. ``step`` (s) of the clock; None: as long as ``tolerance`` allows, found by
-    flights of a sample (docs/collisions.md); ``measured`` hears it then, before the crowd flies. Raises SceneError for
-    values out of range.
+    the crowd can hit them, with the efficiency of impaction (:mod:`wakeflow.laws.impaction`), and does not notice, nor
+    do they meet each other. ``forces``: those of each fraction among those of all; none: all. ``step`` (s) of the
+    clock; None: as long as ``tolerance`` allows, found by flights of a sample (docs/collisions.md); ``measured`` hears
+    it then, before the crowd flies. Raises SceneError for values out of range.
     """
 
     depth: float
@@ -35,6 +35,7 @@ class Collisions:
     tracers: Sequence[int] = ()
     step: float | None = None
     measured: Callable[[float], object] | None = None
+    forces: Sequence[Collection[str]] = ()
 
     def __post_init__(self) -> None:
         for name, value in (("depth", self.depth), ("step", self.step)):
