@@ -21,7 +21,12 @@ def beside(scene: Scene, rung: str = "standard") -> Any:
 
 @pytest.mark.parametrize(
     ("body", "dust"),
-    [({}, 0.95), ({**PRISM, "body.rhombus.apex": "up"}, 0.981), ({**PRISM, "body.rhombus.apex": "down"}, 0.746)],
+    [
+        ({}, 0.902),
+        ({"feed.rate": "1 kg/h"}, 0.95),
+        ({**PRISM, "body.rhombus.apex": "up"}, 0.981),
+        ({**PRISM, "body.rhombus.apex": "down"}, 0.746),
+    ],
 )
 def test_the_bodies_of_the_study_have_their_own(body: dict[str, Any], dust: float) -> None:
     found = beside(shipped("rhombus", body))
@@ -56,7 +61,7 @@ def test_the_same_machine_at_another_size_has_the_same(rhombus: Scene) -> None:
         "feed.height": 0.2, "bin.middle.from": -0.16, "bin.middle.to": 0.16, "bin.inner-left.from": -0.27,
         "bin.inner-left.to": -0.16, "bin.inner-right.from": 0.16, "bin.inner-right.to": 0.27,
         "bin.outer-left.from": -0.4, "bin.outer-left.to": -0.27, "bin.outer-right.from": 0.27,
-        "bin.outer-right.to": 0.4,
+        "bin.outer-right.to": 0.4, "feed.rate": "1000 kg/h",
     }  # fmt: skip
     larger = rhombus.replace({**lengths, "fraction.dust.size.median": "57 um"})  # twice the relaxation time
     assert beside(larger) == beside(rhombus) != {}
@@ -64,14 +69,16 @@ def test_the_same_machine_at_another_size_has_the_same(rhombus: Scene) -> None:
 
 def test_every_entry_has_all_numbers() -> None:
     for name, one in span_shares().items():
-        assert all(one[number] > 0.0 for number in FACTORS), name
+        assert all(one[number] > 0.0 for number in FACTORS if number != "loading"), name
         for share in (one["share"], one["plane"]):
             assert 0.0 < share[0] < share[1] < 1.0
 
 
 def test_the_distance_from_the_plane_share_widens_the_interval() -> None:
-    """Of dust with 84.8 % in the plane air and 95 % in three dimensions; where 91 % land, 6 points are left."""
-    scene = shipped("rhombus")
+    """Of dust with 84.8 % in the plane air and 95 % in three dimensions, in air that does not feel it; where 91 % land,
+    6 points are left.
+    """
+    scene = shipped("rhombus", {"feed.rate": "1 kg/h"})
     places = [*scene.bin, RESERVED_BIN]
     shares = {
         place: Number(share, share, share) for place, share in zip(places, (0.91, 0.06, 0.03, 0, 0, 0), strict=True)
@@ -81,7 +88,7 @@ def test_the_distance_from_the_plane_share_widens_the_interval() -> None:
     )
     found = {place: parts[0].error for place, parts in budget_sources["three-dimensions"].shares(asked).items()}
     odds = 0.91 / 0.09 * (0.95 / 0.05) / (0.848 / 0.152)
-    assert found["middle"] == pytest.approx(odds / (1.0 + odds) - 0.91)
+    assert found["middle"] == pytest.approx(odds / (1.0 + odds) - 0.91, rel=0.02)  # and what both leave open
     assert found["inner-left"] == pytest.approx(2.0 * found["inner-right"])
     assert found["inner-left"] + found["inner-right"] == pytest.approx(found["middle"])
     asked.name = "wheat"

@@ -265,9 +265,9 @@ class LandingResults:
         "where the air does not feel them", absent=True, default=None,
     )  # fmt: skip
     three_dimensions: dict[str, dict[str, Number]] | None = column(
-        "1", "by fraction and bin, the share in a run in three dimensions of the same machine, each granule alone in "
-        "air that does not feel it; how far it is from the plane air's is in the interval; left out where there is "
-        "none", absent=True, default=None,
+        "1", "by fraction and bin, the share in a run in three dimensions of the same machine, each granule alone, "
+        "under the granules' force on the air where that was run; how far it is from the plane air's is in the "
+        "interval; left out where there is none", absent=True, default=None,
     )  # fmt: skip
     inputs: dict[str, InputSummary] | None = column(
         "", "numbers of the scene that are not known exactly, by key; left out where all are", absent=True, default=None

@@ -1,9 +1,10 @@
 """The source that is the third dimension: how far a share in a run in three dimensions of such a machine is from the
 best estimate's in two.
 
-The difference is known in air that does not feel the granules, and not in the answer's: so it does not move the answer,
-and its whole size widens the interval (JCGM 100:2008, F.2.4.5). It is taken in ln(p / (1 - p)), which stays within 0
-and 1; what the bin gains the fraction's other bins lose in proportion.
+Under the granules' force the two are one within what both leave open; where only air that does not feel them is known,
+they differ, and whether they do in the answer's air is not known. So it does not move the answer, and its whole size
+widens the interval (JCGM 100:2008, F.2.4.5). It is taken in ln(p / (1 - p)), which stays within 0 and 1; what the bin
+gains the fraction's other bins lose in proportion.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class ThirdDimension(Source[None]):
             moved = 1.0 / (1.0 + math.exp(-log_odds(own) - more)) - own
             for other, share in fraction.shares.items():
                 found[other] += moved if other == place else -moved * share.value / (1.0 - own)
-        note = "as far as its share in three dimensions is from the plane one, alone in air that does not feel it"
+        note = "as far as its share in three dimensions is from the plane one, each granule alone"
         return {place: [self.part(abs(moved), note=note)] for place, moved in found.items()} if farther else {}
 
 

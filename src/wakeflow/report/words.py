@@ -98,7 +98,7 @@ def in_three_dimensions(landings: LandingResults | None) -> str:
     told = [
         f"{name} in {place} {percent(share)} %" for name, places in found.items() for place, share in places.items()
     ]
-    about = "this body at this Stokes number, each granule alone in air that does not feel it; in the interval"
+    about = "this body at this Stokes number, each granule alone; in the interval"
     return f"Three dimensions: {', '.join(told)} ({about})" if told else ""
 
 
