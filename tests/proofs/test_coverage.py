@@ -50,7 +50,7 @@ def test_what_is_next_to_nothing_in_value_and_truth_is_counted_apart() -> None:
         (0.95, 0.03, set()),
         (0.99, 0.03, {"shares held overall"}),
         (0.85, 0.03, {"shares held overall", "shares held in the worst group"}),
-        (0.95, 0.06, {"median half width over median error"}),
+        (0.95, 0.06, {f"{report.WIDTH}, without the {report.DOUBTED}"}),
     ],
 )
 def test_gates(coverage: float, half: float, missed: set[str]) -> None:
@@ -58,14 +58,17 @@ def test_gates(coverage: float, half: float, missed: set[str]) -> None:
     truths = np.where(np.arange(many) < coverage * many, 0.51, 0.8)
     rows = [number(0.5, 0.5 - half, 0.5 + half, float(x)) for x in truths]
     tally = tally_of("all", rows)
-    assert {gate["what"] for gate in report.gates(tally, [tally], []) if not gate["met"]} == missed
+    assert {gate["what"] for gate in report.gates(tally, [tally], tally, []) if not gate["met"]} == missed
     broken = Bounded("one", "lift", "share.a.b", 0.01, 0.02, 1e-4)
-    assert not report.gates(tally, [tally], [broken])[-1]["met"]
+    assert not report.gates(tally, [tally], tally, [broken])[-1]["met"]
     by_chance = Bounded("one", "lift", "share.a.b", 0.01, 0.02, 0.015)
     assert (broken.tested, by_chance.tested) == (True, False)
     (row,) = report._bounds([broken, by_chance])
     assert (row["many"], row["tested"], row["untested"], row["held"]) == (2, 1, 1, 0)
-    assert report.gates(tally, [tally], [by_chance])[-1]["found"] == "0 of 0 tested, 1 untested"
+    assert (
+        report.gates(tally, [tally], tally, [by_chance])[-1]["found"]
+        == "0 of 0 tested; 1 untested, 0 of them beyond their noise"
+    )
 
 
 def test_an_oval_is_a_streamline_that_no_air_crosses() -> None:
