@@ -60,7 +60,7 @@ case "$have" in
   *) have= ;;
 esac
 if [ -z "$have" ]; then
-  target="$root[search,notebook,page]"; level=run
+  target="$root[dxf,search,notebook,page]"; level=run
   [ "$extra" = test ] && { target="$root[test]"; level=test; }
   say "installing Python packages into .venv (a few minutes the first time)"
   install() { "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-warn-script-location "$@"; }

@@ -26,6 +26,7 @@ ONLY_IN = {  # folders that may import a library
     "matplotlib": ("report",),
     "jinja2": ("report",),
     "tornado": ("page",),
+    "ezdxf": ("scene",),
     "subprocess": ("core",),
 }
 # pint, which reads the scenes' units, loads scipy's empty shell (8 ms) but none of its parts
@@ -41,6 +42,7 @@ HEAVY = [
     "matplotlib",
     "foamlib",
     "meshio",
+    "ezdxf",
 ]
 QUICK = [["--help"], ["plan", "cases/rhombus.toml", "--json"], ["new", "--help"], ["schema"]]
 

@@ -1,5 +1,7 @@
 """The page: machine, materials, proofs, origin, what its script is handed, films on it; no browser."""
 
+import base64
+import io
 import itertools
 import json
 import re
@@ -24,7 +26,7 @@ from wakeflow.field import FlowField
 from wakeflow.laws.material import materials
 from wakeflow.pipeline.film_stage import Film
 from wakeflow.report.canvas import BODY, bins_across, fraction_colours
-from wakeflow.report.film import BEGIN, END, show_film, write_film
+from wakeflow.report.film import BEGIN, END, show_film, still_of, write_film
 from wakeflow.report.html.live import FRAMES, POINTS, _frames
 from wakeflow.report.html.rows import machine_rows, material_rows, proofs_of, scene_in_full, source_of
 from wakeflow.report.moving import body_displacement
@@ -108,11 +110,6 @@ def test_a_loop_becomes_frames_and_a_steady_field_one() -> None:
 
 
 def _middle(frame: str) -> tuple[int, int, int]:
-    import base64
-    import io
-
-    from PIL import Image
-
     image = Image.open(io.BytesIO(base64.b64decode(frame.partition(",")[2])))
     pixel = image.convert("RGB").getpixel((image.width // 2, image.height // 2))
     assert isinstance(pixel, tuple)
@@ -275,14 +272,17 @@ def test_an_mp4_without_its_extra_says_what_to_install(tmp_path: Path, monkeypat
 def test_the_page_shows_one_film_or_says_that_it_is_too_large(tmp_path: Path) -> None:
     page, film = tmp_path / "report.html", tmp_path / "film.gif"
     page.write_text(f"<p>before</p>{BEGIN}{END}<p>after</p>")
-    film.write_bytes(b"one")
-    show_film(tmp_path, film)
-    film.write_bytes(b"other")
-    show_film(tmp_path, film)
+    for shade in (10, 200):
+        frames = [Image.new("L", (8, 8), shade + i) for i in range(3)]
+        frames[0].save(film, save_all=True, append_images=frames[1:])
+        show_film(tmp_path, film)
     text = page.read_text()
     assert text.count("data:image/gif;base64,") == 1
-    assert "b3RoZXI=" in text
-    film.write_bytes(bytes(5_000_001))
+    assert base64.b64encode(film.read_bytes()).decode() in text
+    with Image.open(io.BytesIO(still_of(film))) as still:  # on paper: the frame in the middle
+        assert still.getpixel((4, 4)) == (201, 201, 201)
+    assert text.count('<figure class="paper">') == 1
+    film.write_bytes(film.read_bytes() + bytes(5_000_001))
     show_film(tmp_path, film)
     assert "figures/film.gif, 5 MB: too large for the page." in page.read_text()
     assert page.read_text().startswith("<p>before</p>")

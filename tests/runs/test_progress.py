@@ -9,6 +9,7 @@ import pytest
 
 import wakeflow as wf
 from support import CASES, shipped
+from wakeflow.core.quantities import duration
 from wakeflow.pipeline.cache import null_listener
 from wakeflow.planning.stages import StageCost
 from wakeflow.runs import progress as bars
@@ -92,6 +93,27 @@ def test_what_is_made_now_and_read_again_stays_done(progress: RunProgress) -> No
     progress.hear("tracks", FROM_CACHE)
     assert progress.number == 2
     assert len(progress.expected) == 4
+
+
+def test_the_time_left_that_is_told_grows_by_a_quarter_at_most(progress: RunProgress, clock: Clock) -> None:
+    assert str(progress).endswith("about 2 min left")
+    for name in ("mesh", "airflow"):
+        progress.hear(name, "begun")
+        clock.now += 20.0 * sum(one.seconds for one in STAGES if one.name == name)
+        progress.hear(name, "done (now)")
+    progress.expected = [*progress.expected, StageCost("second airflow", 600.0, "answer")]
+    assert progress.left is not None
+    assert progress.left > 1.25 * progress.least
+    said = progress.least
+    assert f"at least {duration(1.25 * said)} left" in str(progress)
+    assert progress.least == said
+
+
+def test_many_stages_from_the_cache_are_one_line() -> None:
+    progress = RunProgress(expected=[StageCost(f"stage {i}", 1.0, "first") for i in range(27)])
+    for one in tuple(progress.expected):
+        progress.hear(one.name, FROM_CACHE)
+    assert progress.from_cache == "27 stages from the cache"
 
 
 def test_without_a_plan_nothing_is_promised() -> None:

@@ -266,7 +266,7 @@ class _Rows:
 
     def finish(self, *, figures: bool) -> Sweep:
         """Write the tables and draw the ``figures``."""
-        from ..report.many import draw_table_figures
+        from ..report.table_figures import draw_table_figures
 
         table = self.table
         known, drawn = sums.listed(self.folder), [*(self.folder / "figures").glob("*.png")]

@@ -43,7 +43,8 @@ def operating_map(
     if min(len(speeds), len(rates)) < 2:
         raise SceneError("a map needs two air speeds and two feed rates at least")
     found = sweep(variants(asked, {SPEED: speeds, RATE: rates}), out, figures=False, **how)
-    from ..report.many import draw_map, main_quantities, of_worth
+    from ..report.many import draw_map, main_quantities
+    from ..report.table_figures import of_worth
 
     table = of_worth(found.table)
     if not table.done:

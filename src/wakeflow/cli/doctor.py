@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 SETUP = "sh cases/setup.sh"
 OPTIONAL = {  # distribution: what it is for, and the extra that brings it
+    "ezdxf": ("a body's outline out of a DXF drawing", "dxf"),
     "optuna": ("wakeflow search", "search"),
     "pandas": ("tables as DataFrames", "notebook"),
 }

@@ -14,7 +14,7 @@ from ..planning.cost import typical_cells, wall_seconds
 from ..planning.lifting import floor_notices, lifting_line
 from ..planning.machine_rates import on_this_machine
 from ..planning.plan import REPLICATES, replicate_size, whole_terms
-from ..report.sketch import fall_words, motion_words
+from ..report.machine_words import fall_words, motion_words
 from .screen import MAX_WARNINGS, screen_table, warn
 
 if TYPE_CHECKING:

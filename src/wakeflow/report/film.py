@@ -6,6 +6,7 @@ A GIF that would be larger than allowed is drawn smaller.
 from __future__ import annotations
 
 import base64
+import io
 import os
 import re
 from collections.abc import Iterator
@@ -193,8 +194,30 @@ def film_section(film: Path | None) -> str:
         return f"{BEGIN}{END}"
     size = film.stat().st_size
     data = None if size > ON_PAGE else base64.b64encode(film.read_bytes()).decode("ascii")
-    section = page_template("film.html.j2").render(film=film, size=size, data=data)
+    still = base64.b64encode(still_of(film)).decode("ascii")
+    section = page_template("film.html.j2").render(film=film, size=size, data=data, still=still)
     return f"{BEGIN}{section}{END}"
+
+
+def still_of(film: Path) -> bytes:
+    """The frame in the middle of a film, as a PNG: what paper shows of it."""
+    from PIL import Image
+
+    if film.suffix == ".mp4":
+        from imageio_ffmpeg import count_frames_and_secs, read_frames
+
+        middle = count_frames_and_secs(str(film))[1] / 2.0
+        frames = read_frames(str(film), input_params=["-ss", f"{middle:.3f}"])
+        size = next(frames)["size"]
+        still = Image.frombytes("RGB", size, next(frames))
+        frames.close()
+    else:
+        with Image.open(film) as moving:
+            moving.seek(getattr(moving, "n_frames", 1) // 2)
+            still = moving.convert("RGB")
+    made = io.BytesIO()
+    still.save(made, "PNG", optimize=True)
+    return made.getvalue()
 
 
 def show_film(folder: Path, film: Path) -> None:

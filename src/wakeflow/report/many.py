@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from textwrap import shorten
@@ -12,11 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.result import VOID
 from ..answer.table import Entry, ResultTable, TableQuantity
-from ..core import sums
 from ..core.errors import SceneError
-from .canvas import INK, fraction_colours, new_figure, save, saved, text_width
+from .canvas import INK, fraction_colours, new_figure, save, text_width
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +21,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 _Lines = Mapping[str, list[tuple[float, TableQuantity]]]  # by what else varies: values of an input, quantities there
-OF_TABLE = re.compile(r"figures/((lines|map)-.*|trade-off)\.[a-z]+")  # the figures that a table had
 STYLES: Sequence[LineStyleType] = ("-", "--", ":", "-.")
 MAX_LINES = len(STYLES)  # values of the other inputs that are told apart by the style of a line; else points
 LONGEST = 60  # letters of what tells a line from the others
@@ -52,43 +48,6 @@ def main_quantities(table: ResultTable) -> list[str]:
 def numeric_inputs(table: ResultTable) -> list[str]:
     """The inputs that are numbers and take more than one value among the scenes that are done."""
     return [key for key in table.inputs if len({_number(entry, key) for entry in table.done} - {None}) > 1]
-
-
-def draw_table_figures(folder: Path, table: ResultTable) -> list[Path]:
-    """Draw what suits the inputs of a table into figures/ of its ``folder``: a figure of lines for each, a map for each
-    two that form a grid, and purity against recovery. Returns the files; those of an earlier table are removed, and
-    nothing else: SHA256SUMS says which they are.
-    """
-    for name in sums.listed(folder):
-        if OF_TABLE.fullmatch(name):
-            (folder / name).unlink(missing_ok=True)
-    files = _drawn(folder / "figures", table)
-    sums.note(folder, [file for png in files for file in saved(png)])
-    return files
-
-
-def _drawn(folder: Path, table: ResultTable) -> list[Path]:
-    table = of_worth(table)
-    names, keys = main_quantities(table), numeric_inputs(table)
-    files: list[Path] = []
-    if not names or not table.done:
-        return files
-    for key in keys:
-        files.append(folder / f"lines-{key}.png")
-        draw_lines(files[-1], table, names, key)
-    for x, y in itertools.combinations(keys, 2):
-        if _grid(table, x, y) is not None:
-            files.append(folder / f"map-{x}-{y}.png")
-            draw_map(files[-1], table, names, x, y)
-    if any(_pairs(table)):
-        files.append(folder / "trade-off.png")
-        draw_trade_off(files[-1], table)
-    return files
-
-
-def of_worth(table: ResultTable) -> ResultTable:
-    """The table without void answers, which say nothing."""
-    return ResultTable([one for one in table.entries if one.reason != VOID], table.targets)
 
 
 def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -> None:
@@ -222,7 +181,7 @@ def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: st
     there is room. Raises SceneError where they form none: a value of each input for every scene, and no two scenes at
     one place.
     """
-    grid = _grid(table, x, y)
+    grid = grid_of(table, x, y)
     if grid is None:
         raise SceneError(f"{x} and {y} form no grid in this table; draw lines instead")
     heads, across = dict(zip(table.inputs, table.headings, strict=True)), min(len(names), MAPS_ACROSS)
@@ -277,7 +236,7 @@ class _Grid(NamedTuple):
     rows: list[list[Entry | None]]
 
 
-def _grid(table: ResultTable, x: str, y: str) -> _Grid | None:
+def grid_of(table: ResultTable, x: str, y: str) -> _Grid | None:
     """The scenes by their places in two inputs; None where two scenes are at one place or half of it is empty."""
     places: dict[tuple[float, float], Entry] = {}
     for entry in table.done:
@@ -295,7 +254,7 @@ def draw_trade_off(path: Path, table: ResultTable) -> None:
     """Draw purity against recovery of every fraction and target, a point a scene, and the front: scenes of which none
     other is better in both. A few scenes have numbers at their points, and what they are beside the picture.
     """
-    pairs = _pairs(table)
+    pairs = pairs_of(table)
     if not pairs:
         raise SceneError("no fraction of these scenes has a target; there is no purity against recovery to draw")
     named = _scene_texts(table)
@@ -376,7 +335,8 @@ def on_front(spots: Array) -> NDArray[np.bool_]:
     return np.asarray(~np.any(no_worse & better, axis=1))
 
 
-def _pairs(table: ResultTable) -> list[tuple[str, str]]:
+def pairs_of(table: ResultTable) -> list[tuple[str, str]]:
+    """Fractions and their target bins of which recovery and purity are known."""
     names: Mapping[str, str] = table.names
     wanted = [(fraction, place) for fraction, places in table.targets.items() for place in places]
     return [(f, place) for f, place in wanted if f"recovery.{f}" in names and f"purity.{place}.{f}" in names]

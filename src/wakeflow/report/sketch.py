@@ -15,12 +15,13 @@ from ..core.errors import SceneError
 from ..core.files import atomic_write
 from ..core.quantities import metres, say, speaking
 from .canvas import BARS, INK, MM, new_figure, save, solids, text_width
+from .machine_words import body_words, feed_words
 from .outcome import add_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ..scene import Bin, Body, Feed, Scene, Vibration
+    from ..scene import Bin, Scene
     from .canvas import AnyFigure, Paper
 
 Array = NDArray[np.float64]
@@ -300,7 +301,7 @@ def _notes(scene: Scene) -> Iterator[_Note]:
     """What is said beside the machine, of the feed, the air, each body, and the bins that are not on floor or top."""
     channel, feed = scene.channel, scene.feed
     half = channel.width / 2
-    yield _Note((feed.position + feed.width / 2, scene.level + scene.release[0]), _feed_words(scene))
+    yield _Note((feed.position + feed.width / 2, scene.level + scene.release[0]), feed_words(scene))
     if scene.air is not None:
         end = channel.top if scene.air.direction == "down" else channel.bottom
         inner = end + (-0.04 if scene.air.direction == "down" else 0.04) * (channel.top - channel.bottom)
@@ -314,7 +315,7 @@ def _notes(scene: Scene) -> Iterator[_Note]:
         outline = body.outline()
         left = float(outline[:, 0].min() + outline[:, 0].max()) < -0.02 * channel.width
         corner = outline[np.argmin(outline[:, 0]) if left else np.argmax(outline[:, 0])]
-        yield _Note((float(corner[0]), float(corner[1])), _body_words(name, body, scene if i == 0 else None), left)
+        yield _Note((float(corner[0]), float(corner[1])), body_words(name, body, scene if i == 0 else None), left)
     for name, bin_ in scene.bin.items():
         line = bin_.line(channel)
         if bin_.points is not None:
@@ -323,50 +324,6 @@ def _notes(scene: Scene) -> Iterator[_Note]:
         elif bin_.on in ("left", "right"):
             ends = f"y {metres(float(line[0, 1]))} to {metres(float(line[1, 1]))}"
             yield _Note((float(line[0, 0]), float(line[:, 1].mean())), f"bin {name}: {ends}", bin_.on == "left")
-
-
-def _feed_words(scene: Scene) -> str:
-    """The curtain in two lines: its width and fall, its mass flow."""
-    feed = scene.feed
-    lines = [f"feed: {metres(feed.width)} wide, {fall_words(feed)}"]
-    if feed.position:
-        lines[0] += f", x = {metres(feed.position)}"
-    if feed.rate is not None:
-        lines.append(f"{say(feed.rate, 'kg/s')} over a depth of {metres(feed.depth)}")
-    if scene.funnel is not None:
-        lines.append(f"from a funnel with an outlet of {metres(scene.funnel.orifice)}")
-    return "\n".join(lines)
-
-
-def fall_words(feed: Feed) -> str:
-    """How the curtain comes down."""
-    if feed.start == "resting":
-        return "at rest on the body"
-    return f"comes at {say(feed.speed, 'm/s')}" if feed.speed is not None else f"falls {metres(feed.height or 0.0)}"
-
-
-def motion_words(vibration: Vibration) -> str:
-    """Frequency, reach to either side, and peak acceleration of the bodies."""
-    reach = float(np.hypot(*vibration.displacement))
-    return f"{say(1.0 / vibration.period, 'Hz', 4)}, ± {metres(reach, 3)} ({vibration.strength:.3g} g)"
-
-
-def _body_words(name: str, body: Body, whole: Scene | None) -> str:
-    """A body's measures, its place unless that is the origin, and of the first one the motion of all."""
-    size = np.ptp(body.outline(), axis=0)
-    if body.length is not None and body.thickness is not None:
-        measures = f"{metres(body.length)} x {metres(body.thickness)}"
-    elif body.shape == "circle":
-        measures = f"{metres(float(size[0]))} across"
-    else:
-        measures = f"{metres(float(size[0]), 4)} x {metres(float(size[1]), 4)}"
-    angle = "" if body.slope_angle is None else f", {say(body.slope_angle, 'rad', 4)}"
-    lines = [f"{name}: {measures}{angle}"]
-    if any(body.at):
-        lines.append(f"at x = {metres(body.at[0])}, y = {metres(body.at[1])}")
-    if whole is not None and whole.vibration is not None:
-        lines.append(f"{'vibrates' if len(whole.body) == 1 else 'all vibrate'} at {motion_words(whole.vibration)}")
-    return "\n".join(lines)
 
 
 def _write(sheet: _Sheet, notes: list[_Note]) -> None:

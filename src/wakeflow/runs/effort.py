@@ -28,7 +28,9 @@ from ..scene import Scene
 STAGE = "budget"  # as the listener hears of it
 SOLVED = ("steady", "time-resolved")
 OVERTIME = 1.15  # of a budget: where a round that took longer than expected is given up
-WHOLE_CHANNEL, COARSEST = 4.0 / 3.0, 4.0  # times a mesh's edges in a machine that is not symmetric; chosen, a scene's
+# Of a whole channel, whose air takes several times as long as half of one: times a mesh's edges, up to the coarsest
+# that a scene may ask for, and a part of the granules of a quick answer; chosen
+WHOLE_CHANNEL, COARSEST, FEWER = 4.0 / 3.0, 4.0, 2
 SURELY = 0.7  # of what is left: what a round is expected to take at most; expectations are good to a factor of two
 
 
@@ -36,7 +38,8 @@ SURELY = 0.7  # of what is left: what a round is expected to take at most; expec
 class Effort:
     """Settings no finer than these: ``granules`` of a fraction, cells' edges ``mesh`` times the usual, the tracker's
     ``tolerance``; without ``in_time`` no time-resolved wake; from ``unloaded_from`` seconds on that solving
-    for it would take, without the granules' force on the air. None: as the scene says.
+    for it would take, without the granules' force on the air, and half of the granules where the whole channel is
+    solved. None: as the scene says.
     """
 
     name: str
@@ -63,6 +66,8 @@ class Effort:
                 changes["numerics.mesh_scale"] = max(min(whole * self.mesh, COARSEST), own.mesh_scale)
             if self.unloaded_from is not None:
                 request = self._unloaded(scene.replace(changes), request)
+                if self.granules is not None and not plan.airflow.half:
+                    changes["feed.count"] = min(self.granules // FEWER, scene.feed.count)
         return scene.replace(changes), request
 
     def _unloaded(self, scene: Scene, request: Request) -> Request:

@@ -37,9 +37,15 @@ from .table import (
 MAX_GAMMA = 50.0  # peak acceleration over g
 
 
+def _shape_or_drawing(schema: JsonTable) -> None:
+    """A drawing is read before the tables are validated: in the schema either will do."""
+    schema["anyOf"] = [{"required": [key]} for key in (*schema.pop("required"), "outline")]
+
+
 class Body(Table):
     """[body.NAME]: a solid in the flow."""
 
+    model_config = ConfigDict(json_schema_extra=_shape_or_drawing)
     shape: str = Field(description="one of: " + ", ".join(shapes))
     width: Length | None = Field(None, description="horizontal extent; not for polygon")
     slope_angle: SlopeAngle | None = Field(None, description="of the faces, from the horizontal: 10 to 80 deg")
@@ -50,6 +56,12 @@ class Body(Table):
     descends: Literal["left", "right"] | None = Field(None, description="plate only: to which side it falls; right")
     points: list[Point] | None = Field(None, description="polygon only: corners in the body's own frame")
     corners: Annotated[int, Field(ge=16, le=720)] | None = Field(None, description="circle only: of its polygon; 120")
+    drawing: str | None = Field(
+        None,
+        alias="outline",
+        description="instead of shape: a DXF file with one closed outline, in the body's own frame",
+    )
+    outline_unit: str | None = Field(None, description="of the DXF file's numbers, such as mm; default: the file's own")
     rounding: Length | None = Field(
         None, description="radius of all edges; width and height are those of the sharp shape"
     )

@@ -1,4 +1,4 @@
-"""Files of the user's that a scene names: materials, vibration samples and an OpenFOAM case."""
+"""Files of the user's that a scene names: materials, drawings, vibration samples and an OpenFOAM case."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from ..core.record import JsonMapping, JsonTable
 from ..laws.constants import STANDARD_AIR
 from ..laws.material import Material, materials, read_material
 from .case_code import refuse_code
+from .drawing import with_drawings
 
 # -- Materials of the user's own ---------------------------------------------------------------------------------------
 SHAPED = ("rebound_scatter", "tangential_restitution")  # of granules whose shape is known, where they are not 0
@@ -100,12 +101,15 @@ def _known(material: Material, key: str, value: object) -> object:
 
 # -- The tables of a scene with what the files say that it names -------------------------------------------------------
 def with_own_files(data: JsonMapping, base: Path) -> JsonMapping:
-    """The tables with the contents of a file of vibration samples in place of its name, so that results tell what was
-    computed; with the full path of the user's case, and what that says of its air where the scene does not give it.
+    """The tables with the contents of a file of vibration samples, or of a drawing of a body, in place of its name, so
+    that results tell what was computed; with the full path of the user's case, and what that says of its air where the
+    scene does not give it.
 
-    Raises SceneError as :func:`read_samples` and :func:`find_case` do.
+    Raises SceneError as :func:`read_samples`, :func:`find_case` and :func:`with_drawings` do.
     """
-    air, vibration, report = data.get("air"), data.get("vibration"), data.get("report")
+    air, vibration, report, bodies = (data.get(key) for key in ("air", "vibration", "report", "body"))
+    if isinstance(bodies, Mapping):
+        data = {**data, "body": with_drawings(bodies, base)}
     if isinstance(report, Mapping) and isinstance(report.get("logo"), str):
         data = {**data, "report": {**report, "logo": str(_logo(report["logo"], base))}}
     if isinstance(air, Mapping) and isinstance(air.get("case"), str):

@@ -22,13 +22,16 @@ if TYPE_CHECKING:
     from ..outcome import Outcome
 
 MAX_INPUTS = 8  # inputs of a panel
+FAINT, FAINT_INK = "#d5d5d5", "#9a9a9a"  # of a change that is no larger than its error: it may be none
 ENDS = {"at_low": (BLUE, "input at its lower end"), "at_high": (VERMILION, "at its upper end")}
 
 
 def draw_tornado(paper: Paper, panels: Mapping[str, Sequence[InputMove]]) -> NDArray[np.object_]:
     """Draw a panel for each quantity: how far each input alone moves it at either end of what the input was taken to,
-    with the errors of these changes. Parts of a whole are in percentage points.
+    with the errors of these changes, grey where the error is as large. Parts of a whole are in percentage points.
     """
+    from matplotlib.patches import Patch
+
     shown = {name: list(moves)[:MAX_INPUTS] for name, moves in panels.items()}
     rows = [len(moves) for moves in shown.values()]
     figure = new_figure(6.2, 0.9 + sum(0.25 * count + 0.6 for count in rows), paper)
@@ -36,8 +39,8 @@ def draw_tornado(paper: Paper, panels: Mapping[str, Sequence[InputMove]]) -> NDA
     for axes, (name, moves) in zip(grid[:, 0], shown.items(), strict=True):
         _panel(axes, name, moves)
     _share_range([axes for axes, moves in zip(grid[:, 0], shown.values(), strict=True) if moves[0].is_part])
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=8, frameon=False)
+    handles = [Patch(color=colour, label=label) for colour, label in ENDS.values()]
+    figure.legend(handles=handles, loc="outside upper center", ncols=2, fontsize=8, frameon=False)
     save(figure, paper)
     return grid[:, 0]
 
@@ -46,11 +49,14 @@ def _panel(axes: Axes, name: str, moves: Sequence[InputMove]) -> None:
     part = moves[0].is_part
     scale, unit = (100.0, "percentage points") if part else (1.0, moves[0].measure)
     heads = [one.key for one in moves]
-    for end, (colour, label) in ENDS.items():
+    for end, (colour, _) in ENDS.items():
         changes = [scale * (getattr(one, end) or 0.0) for one in moves]
         errors = [scale * (one.error or 0.0) if getattr(one, end) is not None else 0.0 for one in moves]
-        axes.barh(heads, changes, color=colour, height=0.62, label=label)
-        axes.errorbar(changes, heads, xerr=errors, fmt="none", ecolor=INK, elinewidth=0.8, capsize=2)
+        shades = [FAINT if error >= abs(change) else colour for change, error in zip(changes, errors, strict=True)]
+        axes.barh(heads, changes, color=shades, height=0.62)
+        for head, change, error, shade in zip(heads, changes, errors, shades, strict=True):
+            ink = FAINT_INK if shade == FAINT else INK
+            axes.errorbar(change, head, xerr=error, fmt="none", ecolor=ink, elinewidth=0.8, capsize=2)
     axes.axvline(0.0, color=INK, linewidth=0.8)
     axes.set_title(f"{_said(name)}, {scale * moves[0].value:.3g} {'%' if part else unit}", fontsize=9, loc="left")
     axes.set_xlabel(f"change, {unit}", fontsize=8)

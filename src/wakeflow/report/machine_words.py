@@ -1,0 +1,56 @@
+"""Measures of a machine in the words of its sketch and its plan."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.quantities import metres, say
+
+if TYPE_CHECKING:
+    from ..scene import Body, Feed, Scene, Vibration
+
+
+def feed_words(scene: Scene) -> str:
+    """The curtain in two lines: its width and fall, its mass flow."""
+    feed = scene.feed
+    lines = [f"feed: {metres(feed.width)} wide, {fall_words(feed)}"]
+    if feed.position:
+        lines[0] += f", x = {metres(feed.position)}"
+    if feed.rate is not None:
+        lines.append(f"{say(feed.rate, 'kg/s')} over a depth of {metres(feed.depth)}")
+    if scene.funnel is not None:
+        lines.append(f"from a funnel with an outlet of {metres(scene.funnel.orifice)}")
+    return "\n".join(lines)
+
+
+def fall_words(feed: Feed) -> str:
+    """How the curtain comes down."""
+    if feed.start == "resting":
+        return "at rest on the body"
+    return f"comes at {say(feed.speed, 'm/s')}" if feed.speed is not None else f"falls {metres(feed.height or 0.0)}"
+
+
+def motion_words(vibration: Vibration) -> str:
+    """Frequency, reach to either side, and peak acceleration of the bodies."""
+    reach = float(np.hypot(*vibration.displacement))
+    return f"{say(1.0 / vibration.period, 'Hz', 4)}, ± {metres(reach, 3)} ({vibration.strength:.3g} g)"
+
+
+def body_words(name: str, body: Body, whole: Scene | None) -> str:
+    """A body's measures, its place unless that is the origin, and of the first one the motion of all."""
+    size = np.ptp(body.outline(), axis=0)
+    if body.length is not None and body.thickness is not None:
+        measures = f"{metres(body.length)} x {metres(body.thickness)}"
+    elif body.shape == "circle":
+        measures = f"{metres(float(size[0]))} across"
+    else:
+        measures = f"{metres(float(size[0]), 4)} x {metres(float(size[1]), 4)}"
+    angle = "" if body.slope_angle is None else f", {say(body.slope_angle, 'rad', 4)}"
+    lines = [f"{name}: {measures}{angle}"]
+    if any(body.at):
+        lines.append(f"at x = {metres(body.at[0])}, y = {metres(body.at[1])}")
+    if whole is not None and whole.vibration is not None:
+        lines.append(f"{'vibrates' if len(whole.body) == 1 else 'all vibrate'} at {motion_words(whole.vibration)}")
+    return "\n".join(lines)

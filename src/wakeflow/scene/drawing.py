@@ -1,0 +1,134 @@
+"""A body's outline out of a drawing: a DXF file with one closed outline of lines, polylines, arcs and curves."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.errors import SceneError
+from ..core.files import read_whole
+from ..core.quantities import quantity
+from .table import Array
+
+if TYPE_CHECKING:
+    from ezdxf.entities.dxfentity import DXFEntity
+
+DRAWN = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")  # what an outline is drawn with
+SILENT = ("TEXT", "MTEXT", "DIMENSION", "POINT", "VIEWPORT", "LEADER", "MULTILEADER")  # what explains a drawing
+UNITS = {1: "inch", 2: "foot", 4: "mm", 5: "cm", 6: "m", 14: "dm"}  # of $INSUNITS; others are not a machine's
+ROUND = 2e-4  # of the outline's extent: how far the corners that stand for an arc leave it
+MEETS = 1e-4  # of the outline's extent: ends nearer than that are one corner
+
+
+def read_outline(file: str, base: Path, unit: object = None) -> list[list[float]]:
+    """Corners (m), in the drawing's own frame, of the one closed outline in the model space of a DXF ``file``, its path
+    relative to ``base``. ``unit`` of its numbers, such as "mm": by default the drawing's own ($INSUNITS). Arcs become
+    corners within 2e-4 of the extent; z, texts and dimensions do not count.
+
+    Raises SceneError, one line, where the file is no drawing, has no unit, or more or less than one closed outline.
+    """
+    say = f"outline = {file!r}"
+    try:
+        text = read_whole(base / Path(file).expanduser()).decode("latin-1")  # names of layers do not count
+    except OSError as problem:
+        raise SceneError(f"{say}: {problem.strerror}: {base / file}") from None
+    try:
+        from ezdxf.filemanagement import read
+        from ezdxf.lldxf.const import DXFError
+    except ImportError:
+        raise SceneError(f"{say}: reading it needs ezdxf: pip install ezdxf, or sh cases/setup.sh") from None
+    try:
+        drawing = read(io.StringIO(text, newline=None))
+        lines = _lines_of(drawing.modelspace(), say)
+    except (DXFError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as problem:
+        raise SceneError(f"{say}: is no DXF drawing in text that can be read ({problem}); save it again") from None
+    scale = _metres(unit, drawing.units, say)
+    corners: list[list[float]] = (scale * _only(_joined(lines), say)).tolist()
+    return corners
+
+
+def _metres(unit: object, coded: int, say: str) -> float:
+    """Metres in one unit of a drawing."""
+    name = UNITS.get(coded) if unit is None else unit
+    if not isinstance(name, str):
+        raise SceneError(f'{say}: does not say its unit; write outline_unit = "mm" below it')
+    try:
+        return quantity(f"1 {name}", "m", "1 mm")
+    except ValueError as problem:
+        raise SceneError(f"outline_unit = {unit!r}: {problem}") from None
+
+
+def _lines_of(entities: Iterable[DXFEntity], say: str) -> list[Array]:
+    """Points (k, 2) of every line of a drawing, in its unit, from one end to the other."""
+    from ezdxf.path import make_path
+
+    paths = []
+    for one in entities:
+        kind = one.dxftype()
+        if kind in SILENT:
+            continue
+        if kind not in DRAWN:
+            raise SceneError(f"{say}: holds a {kind}; explode it into lines and arcs, or delete it")
+        paths.append(make_path(one))
+    ends = np.array([(p.x, p.y) for path in paths for p in path.control_vertices()] or [(0.0, 0.0)])
+    extent = float(np.ptp(ends, axis=0).max())
+    if not extent > 0.0:
+        raise SceneError(f"{say}: no closed outline in it; draw one, in the model space")
+    return [np.array([(p.x, p.y) for p in path.flattening(ROUND * extent)]) for path in paths if len(path)]
+
+
+def _joined(lines: list[Array]) -> tuple[list[Array], int]:
+    """The closed outlines (k, 2) that lines make whose ends meet, each without its last point again, and how many lines
+    are left open.
+    """
+    near = MEETS * float(np.ptp(np.concatenate(lines), axis=0).max())
+    closed, left, ends = [], list(lines), 0
+    while left:
+        chain, grown = left.pop(), True
+        while grown and np.hypot(*(chain[0] - chain[-1])) > near:
+            grown = False
+            for at, other in enumerate(left):
+                found = next((o for o in (other, other[::-1]) if np.hypot(*(o[0] - chain[-1])) <= near), None)
+                if found is not None:
+                    chain, grown = np.concatenate([chain, found[1:]]), True
+                    del left[at]
+                    break
+        apart = np.hypot(*np.diff(chain, axis=0, append=chain[:1]).T) > near
+        if np.hypot(*(chain[0] - chain[-1])) <= near and apart.sum() >= 3:
+            closed.append(chain[apart])
+        else:
+            ends += 1
+    return closed, ends
+
+
+def _only(found: tuple[list[Array], int], say: str) -> Array:
+    """The one closed outline. Raises SceneError where there is another number, or a line beside it."""
+    closed, ends = found
+    if len(closed) == 1 and not ends:
+        return closed[0]
+    what = f"{len(closed)} closed outlines and {ends} lines that do not close"
+    raise SceneError(f"{say}: has {what}; keep one closed outline in the drawing and join its ends")
+
+
+def with_drawings(bodies: Mapping[str, object], base: Path) -> dict[str, object]:
+    """The tables of bodies, with the corners of its drawing in place of the name of one. Raises SceneError as
+    :func:`read_outline` does, with the body's name, and where a body has another shape too.
+    """
+    return {name: _drawn(name, table, base) for name, table in bodies.items()}
+
+
+def _drawn(name: str, table: object, base: Path) -> object:
+    if not isinstance(table, Mapping) or not isinstance(file := table.get("outline"), str):
+        return table
+    if table.get("shape", "polygon") != "polygon" or "points" in table:
+        raise SceneError(f"body.{name}: outline = {file!r} is its shape; delete shape and points")
+    try:
+        points = read_outline(file, base, table.get("outline_unit"))
+    except SceneError as problem:
+        raise SceneError(f"body.{name}: {problem}") from None
+    others = {key: value for key, value in table.items() if key not in ("outline", "outline_unit")}
+    return {"shape": "polygon", **others, "points": points}
