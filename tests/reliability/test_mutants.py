@@ -11,6 +11,7 @@ import pytest
 from hostile import as_toml, command_line, mutated
 
 import wakeflow as wf
+from support import shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import LONGEST, WakeflowError
 from wakeflow.planning.make import make_plan
@@ -59,6 +60,32 @@ def test_a_mutated_scene_is_planned_or_refused_in_one_line(first: int, tmp_path:
             ) from problem
     print(f"seed {SEED}: {accepted} of {count} accepted")
     assert accepted > 0.02 * count
+
+
+CROSSED = [[0.0, 0.0], [0.02, 0.02], [0.02, 0.0], [0.0, 0.03]]
+FLAT = [[-0.02, 0.0], [0.02, 0.0], [0.0, -0.02]]
+NAMED: dict[str, tuple[str, dict[str, Any], str]] = {
+    "wide": ("labyrinth", {"fraction.wheat.size": "10 mm"}, "do not pass the gap of"),
+    "crossing": ("rhombus", {"body": {"one": {"shape": "polygon", "points": CROSSED}}}, "the outline crosses itself"),
+    "level": (
+        "rhombus",
+        {"body": {"one": {"shape": "polygon", "points": FLAT, "at": [0.0, -0.1]}}},
+        "body.one has a level face",
+    ),
+    "wall": ("rhombus", {"body.rhombus.at": ["180 mm", 0]}, "leave a gap to the wall"),
+    "dots": ("rhombus", {"bin": {"a.b": {"from": 0.0, "to": 0.1}}}, "a.b"),
+}
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_what_mutants_found_has_a_line_of_its_own(name: str) -> None:
+    """Refused, or said by the plan."""
+    scene, changes, words = NAMED[name]
+    try:
+        said = list(make_plan(shipped(scene).replace(changes), rung="none").warnings)
+    except WakeflowError as problem:
+        said = [str(problem)]
+    assert [is_one_line(one) for one in said if words in one] == [True], said
 
 
 def check_words(number: int, scene: Path, run: Path, out: Path) -> int:
