@@ -2,11 +2,9 @@
 
 import json
 import math
-import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -159,7 +157,7 @@ COARSE = {
     "feed.count": 64,
 }
 RUN = """
-import json, sys
+import json, os, signal, sys
 from pathlib import Path
 from wakeflow.core.store import Store
 from wakeflow.pipeline.pipeline import Pipeline
@@ -168,7 +166,10 @@ from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 span.START_UP = 4.0
 scene = Scene.load(sys.argv[1]).replace(json.loads(sys.argv[2]))
-Pipeline(scene, make_plan(scene, rung="3d"), store=Store(Path(sys.argv[3]))).solution
+def hear(stage, text):
+    if "three dimensions, t = " in text and list(Path(sys.argv[3]).glob("airflow/*/case/packed/*.npy")):
+        os.kill(os.getpid(), signal.SIGKILL)
+Pipeline(scene, make_plan(scene, rung="3d"), store=Store(Path(sys.argv[3])), listener=hear).solution
 """
 
 
@@ -177,19 +178,15 @@ def packed_of(root: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.openfoam
+@pytest.mark.timeout(3600)  # two airflows, each a minute of a core of its own
 def test_a_coarse_airflow_from_plan_to_landings_killed_on_the_way(
     cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(span_module, "START_UP", 4.0)
     scene = Scene.load(cases / "rhombus.toml").replace(COARSE)
     words = [sys.executable, "-c", RUN, str(cases / "rhombus.toml"), json.dumps(COARSE), str(tmp_path / "killed")]
-    child = subprocess.Popen(words, start_new_session=True)
-    until = time.monotonic() + 120
-    while time.monotonic() < until and not list((tmp_path / "killed").glob("airflow/*/case/packed/*.npy")):
-        assert child.poll() is None
-        time.sleep(0.1)
-    os.killpg(child.pid, signal.SIGKILL)
-    child.wait()
+    # It kills itself in the middle of a segment: on a busy machine, who looks from outside may look when it is over
+    assert subprocess.run(words, check=False).returncode == -signal.SIGKILL
     told: list[str] = []
     # The tracker is compiled in the session's own cache; beside OpenFOAM it would be compiled once more, in this one.
     monkeypatch.setattr("wakeflow.pipeline.track_stage.Compilation.begin", lambda *_, **__: None)

@@ -1,5 +1,6 @@
 """A disk that is full, a terminal without letters, a home that is not there: one line, and what is finished is kept."""
 
+import itertools
 import os
 import resource
 import shutil
@@ -7,15 +8,22 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from support import CASES, working_in
 from wakeflow.core.errors import FoamError
+from wakeflow.core.store import is_marked, kept_stages
 from wakeflow.foam.watch import Watch
 
 SMALL = ("--set", "feed.count=64")
+COARSE = (*SMALL, "--rung", "draft", "--set", "numerics.mesh_scale=4", "--set", "numerics.tolerance=1e-3")
+SCENES = (
+    pytest.param("vacuum", SMALL),
+    pytest.param("rhombus", COARSE, marks=[pytest.mark.slow, pytest.mark.openfoam]),
+)
 
 
 def started(words: list[str], environment: dict[str, str], before: Callable[[], None] | None = None) -> tuple[int, str]:
@@ -66,11 +74,122 @@ def test_a_file_of_limited_size_is_one_line_and_the_same_command_goes_on(
     assert started(words, plain) == (0, "")
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root writes everywhere")
-def test_a_folder_that_cannot_be_written_is_one_line(cases: Path, tmp_path: Path, plain: dict[str, str]) -> None:
-    (tmp_path / "o").mkdir(mode=0o500)
-    code, said = started(["run", str(cases / "vacuum.toml"), "--out", str(tmp_path / "o")], plain)
-    assert (code, said.count("\n")) == (2, 1)
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Callable[[str], Path]]:
+    """A disk of its own, mounted and mounted again with the options it is called with: only root may do so."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+
+    def mounted(options: str) -> Path:
+        how = f"remount,{options}" if folder.is_mount() else options
+        command = ["mount", "-t", "tmpfs", "-o", how, "none", str(folder)]
+        if subprocess.run(command, check=False, capture_output=True).returncode != 0:
+            pytest.skip("mounting a small disk is not allowed here")
+        return folder
+
+    yield mounted
+    if folder.is_mount():
+        subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+@pytest.mark.parametrize("which", ["out", "cache"])
+def test_a_folder_that_cannot_be_written_is_one_line(
+    which: str, cases: Path, tmp_path: Path, plain: dict[str, str], disk: Callable[[str], Path]
+) -> None:
+    places = {"out": tmp_path / "o", "cache": tmp_path / "cache"} | {which: disk("ro") / "folder"}
+    words = ["run", str(cases / "vacuum.toml"), *SMALL, "--out", str(places["out"]), "--quiet"]
+    code, said = started(words, plain | {"WAKEFLOW_CACHE": str(places["cache"])})
+    assert (code, said.count("\n")) == (2, 1), said
+    assert "choose another --out" in said
+
+
+def stages_of(cache: Path) -> set[str]:
+    """The finished stages of a cache, none where there is no cache yet."""
+    found = kept_stages(cache) if is_marked(cache) else []
+    return {f"{one.stage}/{one.folder.name}" for one in found if one.finished}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "how"), SCENES)
+def test_a_disk_that_is_full_at_every_stage_is_one_line_and_room_lets_it_go_on(
+    name: str, how: tuple[str, ...], cases: Path, plain: dict[str, str], disk: Callable[[str], Path]
+) -> None:
+    """Results and cache on one disk that is a third larger each time until they fit."""
+    finished: set[str] = set()
+    for number in itertools.count():
+        room = round(16_384 * 1.4**number)
+        folder = disk(f"size={room}")
+        words = ["run", str(cases / f"{name}.toml"), *how, "--out", str(folder / "o"), "--quiet"]
+        code, said = started(words, plain | {"WAKEFLOW_CACHE": str(folder / "cache")})
+        kept = stages_of(folder / "cache")
+        assert finished <= kept, room
+        finished = kept
+        if code == 0:
+            break
+        first, *more = said.splitlines()
+        assert code == 3, (room, said)
+        assert all(line.startswith("  ") for line in more), (room, said)
+        assert "free some space" in first, (room, said)
+    print(f"{name}: {number} times full, up to {room} bytes, with {len(finished)} stages")
+    assert number > 3
+    assert not [*folder.rglob("*.tmp"), *folder.rglob("*.part")]
+
+
+LIMITS: dict[str, Callable[[], None]] = {
+    "64 open files": lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64)),
+    "1 GB of memory": lambda: resource.setrlimit(resource.RLIMIT_DATA, (10**9, 10**9)),
+    "one core": lambda: os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:1]),
+}
+
+
+@pytest.fixture(scope="module")
+def unlimited(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, tuple[str, ...]], bytes]:
+    """separation.csv of a scene on this machine as it is."""
+    folder = tmp_path_factory.mktemp("unlimited")
+
+    def table(name: str, how: tuple[str, ...]) -> bytes:
+        if not (folder / name).exists():
+            words = ["run", str(CASES / f"{name}.toml"), *how, "--out", str(folder / name), "--quiet"]
+            assert started(words, {**os.environ, "WAKEFLOW_CACHE": str(folder / "cache")}) == (0, "")
+        return (folder / name / "separation.csv").read_bytes()
+
+    return table
+
+
+@pytest.mark.parametrize("limit", LIMITS)
+@pytest.mark.parametrize(("name", "how"), SCENES)
+def test_little_of_the_machine_is_enough_for_the_same_answer(
+    limit: str, name: str, how: tuple[str, ...], cases: Path, tmp_path: Path, plain: dict[str, str],
+    unlimited: Callable[[str, tuple[str, ...]], bytes],
+) -> None:  # fmt: skip
+    words = ["run", str(cases / f"{name}.toml"), *how, "--out", str(tmp_path / "o"), "--quiet"]
+    assert started(words, plain, LIMITS[limit]) == (0, "")
+    assert (tmp_path / "o" / "separation.csv").read_bytes() == unlimited(name, how)
+
+
+def test_memory_that_is_not_enough_is_one_line(cases: Path, tmp_path: Path, plain: dict[str, str]) -> None:
+    """Of addresses, so little that the pictures' library is not loaded after the work is done."""
+    words = ["run", str(cases / "vacuum.toml"), *SMALL, "--out", str(tmp_path / "o"), "--quiet"]
+    room = 1_200_000_000
+    code, said = started(words, plain, lambda: resource.setrlimit(resource.RLIMIT_AS, (room, room)))
+    assert (code, said.count("\n")) == (3, 1), said
+    assert "the memory is full" in said
+    assert started(words, plain) == (0, "")
+
+
+def test_a_clock_that_is_set_back_changes_nothing(cases: Path, tmp_path: Path, plain: dict[str, str]) -> None:
+    """All that a run left is of tomorrow."""
+    words = ["run", str(cases / "vacuum.toml"), *SMALL, "--out", str(tmp_path / "o"), "--quiet"]
+    assert started(words, plain) == (0, "")
+    table, stages = (tmp_path / "o" / "separation.csv").read_bytes(), stages_of(tmp_path / "cache")
+    tomorrow = time.time() + 86_400
+    for path in tmp_path.rglob("*"):
+        os.utime(path, (tomorrow, tomorrow))
+    assert started(words, plain) == (0, "")
+    assert (tmp_path / "o" / "separation.csv").read_bytes() == table
+    assert stages_of(tmp_path / "cache") == stages
+    code, said = started(["clean", "--everything", "--yes"], plain)
+    assert (code, stages_of(tmp_path / "cache")) == (0, set()), said
 
 
 @pytest.mark.parametrize("name", ["a b", "é ü", "=1+1", "-x", "a'b\"c", "x" * 200, "$(id)", "a%sb", "a\nb"])
@@ -170,3 +289,32 @@ def test_a_solver_that_prints_garbage_is_an_error_of_the_solver(line: str, tmp_p
     with pytest.raises(FoamError, match=r"the solver printed .*, which holds no number") as caught:
         watch(line)
     assert str(caught.value).isprintable()
+
+
+@pytest.mark.openfoam
+def test_a_solver_that_hangs_and_ignores_being_told_to_end_is_ended_by_ctrl_c(
+    cases: Path, tmp_path: Path, plain: dict[str, str]
+) -> None:
+    (tmp_path / "bin").mkdir()
+    deaf = tmp_path / "bin" / "simpleFoam"
+    deaf.write_text(
+        f'#!/bin/sh\n[ $# = 0 ] || exec {shutil.which("simpleFoam")} "$@"\n'
+        "trap '' TERM INT\necho Time = 1\nwhile :; do sleep 1; done\n"
+    )
+    deaf.chmod(0o755)
+    words = ["run", str(cases / "rhombus.toml"), *COARSE, "--out", str(tmp_path / "o"), "--quiet"]
+    environment = plain | {"PATH": f"{deaf.parent}:{os.environ['PATH']}"}
+    child = subprocess.Popen(
+        [sys.executable, "-m", "wakeflow.cli", *words], env=environment, stderr=subprocess.PIPE, text=True
+    )
+    until = time.monotonic() + 200
+    while not list(tmp_path.rglob("log.simpleFoam")) and time.monotonic() < until:
+        assert child.poll() is None
+        time.sleep(0.1)
+    child.send_signal(signal.SIGINT)
+    _, said = child.communicate(timeout=30)
+    assert (child.returncode, said) == (
+        130,
+        "wakeflow: interrupted; what is finished is kept, the same command goes on\n",
+    )
+    assert not working_in(tmp_path / "cache")

@@ -1,7 +1,13 @@
 """What set-up installs: versions within the bounds of pyproject.toml, under licences that the program's own allows."""
 
+import os
+import subprocess
+import sys
+import sysconfig
 import tomllib
+from pathlib import Path
 
+import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
@@ -29,3 +35,36 @@ def test_every_licence_is_listed_and_may_be_passed_on_with_the_program() -> None
         licence = dependencies.licence_of(made)
         assert dependencies.COMPATIBLE.search(licence), f"{name}: {licence}"
     assert not [name for name in locked() if f" {name}" not in page.replace(",", " ")]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_the_wheel_runs_elsewhere_without_openfoam(tmp_path: Path) -> None:
+    """In an environment of its own, which takes the dependencies from this one; no program but Python is found."""
+    subprocess.run([sys.executable, "-m", "venv", tmp_path / "venv"], check=True)
+    python = tmp_path / "venv" / "bin" / "python"
+    pip = [python, "-m", "pip", "--quiet", "--disable-pip-version-check"]
+    subprocess.run([*pip, "wheel", "--no-deps", "--wheel-dir", tmp_path / "dist", ROOT], check=True)
+    subprocess.run([*pip, "install", "--no-deps", *(tmp_path / "dist").glob("*.whl")], check=True)
+    (there,) = (tmp_path / "venv").glob("lib/python3*/site-packages")
+    (there / "dependencies.pth").write_text(sysconfig.get_path("purelib"))
+    environment = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "WAKEFLOW_CACHE")}
+
+    def said(*words: str) -> tuple[int, str]:
+        done = subprocess.run(
+            [python, "-m", "wakeflow.cli", *words], cwd=tmp_path, capture_output=True, text=True, check=False,
+            env=environment | {"PATH": str(python.parent), "WAKEFLOW_KERNELS": str(tmp_path / "kernels")},
+        )  # fmt: skip
+        assert "Traceback" not in done.stderr
+        return done.returncode, done.stdout + done.stderr
+
+    where = subprocess.run(
+        [python, "-c", "import wakeflow; print(wakeflow.__file__)"], capture_output=True, cwd=tmp_path
+    )
+    assert str(there) in where.stdout.decode()
+    assert said("new", "vacuum", "my.toml")[0] == 0
+    code, table = said("doctor")
+    assert code == 3
+    assert "simpleFoam" in table
+    assert said("run", "my.toml", "--set", "feed.count=64")[0] == 0
+    assert (tmp_path / "runs" / "my+feed.count=64" / "report.html").exists()

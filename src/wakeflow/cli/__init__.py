@@ -66,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()  # the reader left; nothing more can be said
         return 0
-    except (CycloptsError, WakeflowError, OSError, MemoryError, RecursionError) as problem:
+    except (CycloptsError, WakeflowError, OSError, MemoryError, ImportError, RecursionError) as problem:
         return _told(problem, sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt as problem:
         _complain("interrupted; what is finished is kept, the same command goes on")
@@ -88,7 +88,7 @@ def _told(problem: Exception, words: Sequence[str]) -> int:
         return problem.exit_code
     elif isinstance(problem, OSError):
         return _of_the_system(problem)
-    elif isinstance(problem, MemoryError):
+    elif isinstance(problem, MemoryError) or "failed to map segment" in str(problem):  # of a library, as it is loaded
         _complain("the memory is full; what is finished is kept: close other programs or lower feed.count")
         return ProgramError.exit_code
     elif any(word.startswith(("[", "{")) for word in words):

@@ -197,15 +197,16 @@ def show_whole_plan(plan: Plan) -> None:
 
 
 def _stages_table(stages: Sequence[StageCost]) -> Table:
-    """Every stage in order, and what it is expected to take here."""
+    """Every stage in order, and what it is expected to take here: seconds and memory."""
     rows = [
         [
             stage.name + (f" ({stage.times} times)" if stage.times > 1 else ""),
             f"{stage.whole:.0f}" if stage.whole >= 1.0 else "< 1",
+            f"{stage.memory / 1e6:.0f}",
         ]
         for stage in stages
     ]
-    return screen_table(["stage", "s"], rows, "what is done, in order")
+    return screen_table(["stage", "s", "MB"], rows, "what is done, in order")
 
 
 def _grouped(rows: Sequence[LeftOut]) -> dict[tuple[str, str], list[LeftOut]]:

@@ -321,4 +321,8 @@ def _end_here(place: TaskPlace) -> None:
 
 
 if __name__ == "__main__":
-    _serve(int(sys.argv[1]))
+    try:
+        _serve(int(sys.argv[1]))
+    except SystemExit:  # all is unwound: taking libraries down as well takes seconds on a busy machine
+        sys.stdout.flush()
+        os._exit(ENDED)

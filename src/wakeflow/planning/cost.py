@@ -7,6 +7,7 @@ scenes on two cores of 2020s hardware. What this machine makes of the seconds is
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from ..funnel import CODE as POURING
@@ -17,7 +18,7 @@ from .airflow import AirflowPlan
 from .collisions import CLOCK, CollisionPlan
 from .plan import AT_ONCE, COMPARED, REPLICATES, CostEstimate, FractionPlan, gathered, replicate_size
 from .stages import FLIGHTS, OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, error_sources, stages
-from .wake import SpanCost, cost_of
+from .wake import MEMORY, SpanCost, cost_of
 
 # -- What an airflow will cost, before its mesh is made ----------------------------------------------------------------
 SECONDS = {"steady": 17.0, "time-resolved": 81.0}  # of solving on 2020s hardware at the usual mesh, a body, one core
@@ -86,7 +87,10 @@ READ = {"steady": 1.0, "time-resolved": 4.5}  # s: the field of a solved airflow
 PASSES, AGAIN_UNDER_FORCE = 3, 0.5  # of the air that feels the granules; a solution under force over a first one
 ROUGHLY = 0.4  # of the time of a flight: to the tolerance at which the force on the air is gathered
 RESIDENCE = 5.0  # s
-PROGRAM = 4e8  # bytes: the interpreter with its libraries, and a field
+PROGRAM = 4e8  # bytes: the interpreter with its libraries
+IN_AIR = 1.8e8  # bytes: the kernels of a solved airflow and its field
+BYTES_IN_TIME = 200.0  # bytes of memory a cell and snapshot: a time-resolved field
+MESHER, SOLVER = 1.5e8, 1e8  # bytes: the process of Gmsh or LIGGGHTS; of OpenFOAM without its cells
 BYTES_IN_FLIGHT = 1500.0  # bytes of memory a granule that is fed and flown at the time
 BYTES_LANDED = 120.0  # bytes of memory a granule: its row of landings
 FILES = 1e6  # bytes: tables and report
@@ -120,14 +124,30 @@ def estimate_cost(
     scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], expected: Sequence[StageCost]
 ) -> CostEstimate:
     """What a run of these ``expected`` stages costs."""
-    count = _fed(scene)
-    at_once = max(min(count, AT_ONCE), count // REPLICATES)
-    air, deep = airflow_cost(scene, airflow), span_cost(scene, airflow)
+    beside = MESHER if any(stage.when == "beside" for stage in expected) else 0.0
+    air, kept = airflow_cost(scene, airflow), BYTES_STORED * _fed(scene) * len(fractions)
     return CostEstimate(
         seconds=wall_seconds(expected),
-        memory=max(PROGRAM + BYTES_IN_FLIGHT * at_once + BYTES_LANDED * count, deep.memory),
-        disk=FILES + air.disk + BYTES_STORED * count * len(fractions),
+        memory=max(stage.memory for stage in expected) + beside,
+        disk=FILES + air.disk + kept,
     )
+
+
+def memory_of(work: Workload, key: StageKey) -> float:
+    """Bytes that a run holds at most in a stage, with the program that the stage starts; good to a factor of 1.5."""
+    cells, count = typical_cells(work.scene, work.airflow), _fed(work.scene)
+    held = PROGRAM + (IN_AIR if work.airflow.stepping is not None else 0.0)
+    if work.airflow.stepping == "time-resolved" and work.airflow.span is None:
+        held += BYTES_IN_TIME * SNAPSHOTS["time-resolved"] * cells
+    at_once = max(min(count, AT_ONCE), count // REPLICATES)
+    more = {
+        "funnel": MESHER,
+        "mesh": MESHER,
+        "airflow": SOLVER + MEMORY * cells,
+        FLIGHTS: BYTES_IN_FLIGHT * at_once + BYTES_LANDED * count,
+        "slab": 0.0 if work.crowd is None else work.crowd.memory,
+    }
+    return held + more.get(key.stage.work, 0.0)
 
 
 def wall_seconds(expected: Sequence[StageCost], cores: int = 2) -> float:
@@ -153,7 +173,8 @@ def expected_stages(
     again = [cost for source in sources for cost in source.costs(work)]
     found = [*(cost for name in stages for cost in stages[name].cost(work)), *again]
     found.sort(key=lambda cost: StageCost.ORDER.index(cost.when))
-    return (*found, StageCost(StageKey(OWN, "report"), REPORT, "after"))
+    found.append(StageCost(StageKey(OWN, "report"), REPORT, "after"))
+    return tuple(replace(cost, memory=memory_of(work, cost.key)) for cost in found)
 
 
 def flown_again(work: Workload, name: str, times: float, label: AirLabel = OWN, *, more: float = 0.0) -> StageCost:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import combinations
 
 import numpy as np
 
-from ..core.geometry import normals
+from ..core.geometry import distance_between, normals
 from ..core.graded import Notice, information, less_sure, void
+from ..core.quantities import metres
 from ..funnel import summary
 from ..scene import Scene
 from ..scene.fraction import COEFFICIENTS
@@ -28,7 +30,10 @@ SEAM = 0.1  # of a record's peak acceleration: a larger jump from its end to its
 
 
 def body_checks(scene: Scene) -> Iterator[Notice]:
-    """One each: level faces, faces that friction alone makes a granule stay on, a record with a jump."""
+    """One each: gaps too narrow for granules, level faces, faces that friction alone makes a granule stay on, a record
+    with a jump.
+    """
+    yield from _narrow_gaps(scene)
     for name, body in scene.body.items():
         across, up = normals(body.outline()).T
         slopes = np.unique(np.round(np.abs(across[up > 0]) / up[up > 0], 9))  # tangents
@@ -50,6 +55,21 @@ def body_checks(scene: Scene) -> Iterator[Notice]:
         yield less_sure(
             "vibration.samples: from the record's end to its beginning the acceleration jumps by "
             f"{vibration.record.seam:.0%} of its peak; give a whole number of periods"
+        )
+
+
+def _narrow_gaps(scene: Scene) -> Iterator[Notice]:
+    """The coarsest granules do not pass the narrowest gap."""
+    outlines = {f"body.{name}": body.outline() for name, body in scene.body.items()}
+    half = 0.5 * scene.channel.width
+    gaps = [(half - float(np.abs(one[:, 0]).max()), f"{name} and the wall") for name, one in outlines.items()]
+    for (name, one), (other_name, other) in combinations(outlines.items(), 2):
+        gaps.append((distance_between(one, other), f"{name} and {other_name}"))
+    gap, where = min(gaps, default=(math.inf, ""))
+    size, kind = max((float(one.diameters(np.array([0.99]))[0]), name) for name, one in scene.fraction.items())
+    if size > gap:
+        yield less_sure(
+            f"{kind}: granules of {metres(size, 3)} do not pass the gap of {metres(gap, 3)} between {where}"
         )
 
 

@@ -202,11 +202,16 @@ def _meets(outline: Array, points: list[list[float]]) -> bool:
 
 
 def _bins_apart(scene: SceneTables) -> Iterator[str]:
-    placed = [(n, b) for n, b in scene.bin.items() if b.points is None]
-    for (name, one), (other_name, other) in itertools.combinations(placed, 2):
-        low, high = max(known(one.start), known(other.start)), min(known(one.to), known(other.to))
-        if one.on == other.on and high - low > 1e-9:
-            yield f"bin.{name} and bin.{other_name} overlap from {metres(low)} to {metres(high)}"
+    placed = ((b.on, known(b.start), known(b.to), n) for n, b in scene.bin.items() if b.points is None)
+    reached: tuple[str, float, float, str] | None = None  # of those before on its side, the bin that reaches farthest
+    for one in sorted(placed):
+        if reached is None or one[0] != reached[0]:
+            reached = one
+            continue
+        low, high = one[1], min(one[2], reached[2])
+        if high - low > 1e-9:
+            yield f"bin.{reached[3]} and bin.{one[3]} overlap from {metres(low)} to {metres(high)}"
+        reached = max(reached, one, key=lambda bin_: bin_[2])
 
 
 def _inlets_fit(scene: SceneTables) -> Iterator[str]:
