@@ -169,7 +169,8 @@ scene = Scene.load(sys.argv[1]).replace(json.loads(sys.argv[2]))
 def hear(stage, text):
     if "three dimensions, t = " in text and list(Path(sys.argv[3]).glob("airflow/*/case/packed/*.npy")):
         os.kill(os.getpid(), signal.SIGKILL)
-Pipeline(scene, make_plan(scene, rung="3d"), store=Store(Path(sys.argv[3])), listener=hear).solution
+plan = make_plan(scene, rung="3d", force=json.loads(sys.argv[4]))
+Pipeline(scene, plan, store=Store(Path(sys.argv[3])), listener=hear).solution
 """
 
 
@@ -184,9 +185,9 @@ def test_a_coarse_airflow_from_plan_to_landings_killed_on_the_way(
 ) -> None:
     monkeypatch.setattr(span_module, "START_UP", 4.0)
     scene = Scene.load(cases / "rhombus.toml").replace(COARSE)
-    words = [sys.executable, "-c", RUN, str(cases / "rhombus.toml"), json.dumps(COARSE), str(tmp_path / "killed")]
+    words = [str(cases / "rhombus.toml"), json.dumps(COARSE), str(tmp_path / "killed"), json.dumps(OFF)]
     # It kills itself in the middle of a segment: on a busy machine, who looks from outside may look when it is over
-    assert subprocess.run(words, check=False).returncode == -signal.SIGKILL
+    assert subprocess.run([sys.executable, "-c", RUN, *words], check=False).returncode == -signal.SIGKILL
     told: list[str] = []
     # The tracker is compiled in the session's own cache; beside OpenFOAM it would be compiled once more, in this one.
     monkeypatch.setattr("wakeflow.pipeline.track_stage.Compilation.begin", lambda *_, **__: None)

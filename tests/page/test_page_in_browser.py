@@ -81,15 +81,21 @@ def _becomes(opened: Any, key: str, pattern: str) -> str:
     return found
 
 
+# That both bins at a divider have the same new end, in the form and in the file. One look at all: on a busy machine
+# the answer to an earlier part of the way may be on the page when the mouse is up
+DRAGGED = """([key, other, pattern]) => {
+  const [to, from] = [key, other].map((one) => document.querySelector(`[data-key='${one}']`).value);
+  const text = document.getElementById("text").value;
+  return new RegExp(pattern).test(to) && from === to && text.includes(`to = "${to}"`);
+}"""
+
+
 def test_a_divider_is_dragged_and_a_wrong_speed_is_told_as_it_is_typed(page: Served, browser: Any) -> None:
     """The short one, of the default suite."""
     with _opened(page, browser) as opened:
         _drag(opened, "divider bin.middle.to", (20, 0))
-        moved = _becomes(opened, "bin.middle.to", r"^(8[1-9]|9\d|1\d\d) mm$")
-        assert _value(opened, "bin.inner-right.from").input_value() == moved
-        text = opened.locator("#text").input_value()
-        assert f'to = "{moved}"' in text
-        assert "# below the suction zone" in text
+        _wait(opened, DRAGGED, arg=["bin.middle.to", "bin.inner-right.from", r"^(8[1-9]|9\d|1\d\d) mm$"])
+        assert "# below the suction zone" in opened.locator("#text").input_value()
         speed = _value(opened, "air.speed")
         speed.fill("1,5 m/s")
         _wait(opened, "document.getElementById('mistake').textContent")

@@ -202,8 +202,8 @@ def select_terms(
     share; ``whole``: terms that are computed for the run as a whole, of all fractions together; ``crowded``: why
     collisions cannot be, None where they can.
 
-    What acts on granules that turn is computed wherever a body makes them
-    turn, however little it moves: the spin is known there.
+    What acts on granules that turn is computed wherever a body makes them turn, however little it moves: the spin is
+    known there.
     Raises SceneError where a force that this version cannot compute could move more than the accuracy asked for.
     """
     limit = limit_of(scene, target)

@@ -89,8 +89,8 @@ def _known_shares(scene: Scene, plan: Plan) -> dict[str, dict[str, Entry]]:
         return {}
     ends = {place: (bin_.line(scene.channel) - body.at) / scene.width for place, bin_ in scene.bin.items()}
     found: dict[str, dict[str, Entry]] = {}
+    loading = _loading(scene) if plan.airflow.loaded else 0.0
     for name, how in plan.fractions.items():
-        loading = _loading(scene) if plan.airflow.loaded else 0.0
         # Without a run under such a load, one in air that does not feel the granules says how far it may be
         for one in list(_like(scene, how, loading)) or list(_like(scene, how, 0.0)):
             for place, line in ends.items():
