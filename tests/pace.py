@@ -114,7 +114,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as out:
         for name in asked.scenes or SCENES:
             result, clock = measured(name, asked.budget, Path(out))
-            settings = f"{result.scene['feed']['count']}, {result.scene['numerics']['mesh_scale']:g}"
+            scene = wf.Scene.parse(result.scene)
+            settings = f"{scene.feed.count}, {scene.numerics.mesh_scale:g}"
             known = asked.whole is not None and (asked.whole / name / "result.json").exists()
             held = agreement(result, Result.load(asked.whole / name)) if known else "–"
             print(f"| {name} | {clock.spent:.0f} | {clock.now:.0f} | {settings} | {held} |")

@@ -5,6 +5,7 @@ import math
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -23,6 +24,8 @@ from wakeflow.laws import span as span_module
 from wakeflow.laws.shape import shapes
 from wakeflow.laws.span import Span
 from wakeflow.meshing import plan_mesh
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.pipeline.span_air import SpanAir
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.wake import cost_of, family_of
 from wakeflow.scene import Scene
@@ -141,6 +144,16 @@ def test_the_plan_states_the_cost_before_and_takes_the_scenes_span(rhombus: Scen
     standard = make_plan(rhombus, rung="standard")
     assert plan.estimate["seconds"] > 10 * standard.estimate["seconds"]
     assert plan.summary()["airflow"]["span"] == {"depth": 3.0, "layers": 24, "sheddings": 10.0}
+
+
+def test_it_is_solved_under_the_granules_force(rhombus: Scene) -> None:
+    plan = make_plan(rhombus, rung="3d")
+    assert plan.airflow.loaded
+    kind = Pipeline(rhombus, plan).kind
+    assert isinstance(kind, SpanAir)
+    loading = SimpleNamespace(force="what they exert")
+    assert replace(kind, loading=lambda: loading).solve.keywords == {"force": loading.force}  # type: ignore[attr-defined]
+    assert replace(kind, loading=lambda: None).solve.keywords == {"force": None}  # type: ignore[attr-defined]
 
 
 def test_a_laminar_wake_has_no_such_rung_and_one_below_shedding_is_steady(rhombus: Scene) -> None:

@@ -106,15 +106,20 @@ def _report(found: _Found, scenes: int, seconds: float) -> Report:
     shares = whole[0]
     groups = [tally_of(group, [row for row in shares if row.group == group]) for group in GROUPS]
     kinds = [tally_of(label, rows) for label, rows in zip(LABELS, whole, strict=True)]
+    sharp = [
+        tally_of(f"{label}, without the {DOUBTED}", [row for row in rows if row.group != DOUBTED])
+        for label, rows in zip(LABELS, whole, strict=True)
+    ]
     alone = [
         tally_of("granules", found.sampling),
         tally_of("granules and steps", found.numerical),
         tally_of("inputs", found.inputs),
         tally_of("mesh and averaging, laminar", found.laminar),
     ]
-    sharp = tally_of("shares", [row for row in shares if row.group != DOUBTED])
-    wakes, asked = left_out_wakes(), gates(kinds[0], groups, sharp, found.bounds)
-    groups_told, kinds_told, parts = ([tally.table() for tally in tallies] for tallies in (groups, kinds, alone))
+    wakes, asked = left_out_wakes(), gates(kinds[0], groups, sharp[0], found.bounds)
+    groups_told, kinds_told, parts = (
+        [tally.table() for tally in tallies] for tallies in (groups, kinds + sharp, alone)
+    )
     facts: dict[str, Any] = {
         "scenes": scenes, "seconds": seconds, "groups": groups_told, "kinds": kinds_told, "parts": parts,
         "bounds": _bounds(found.bounds), "wakes": wakes, "gates": asked,

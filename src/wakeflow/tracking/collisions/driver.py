@@ -144,8 +144,10 @@ class _Run:
     def _constants(self, some: Granules) -> Array:
         """Those of the tracker (n, CONSTANTS), of the forces of each granule's fraction."""
         slab, own = self.slab, self.slab.collisions.forces
-        found = pack_granules(some, slab.field, slab.forces, slab.gravity)
-        for number in np.unique(some.fraction) if own else ():
+        if not own:
+            return pack_granules(some, slab.field, slab.forces, slab.gravity)
+        found = np.zeros((len(some), at.CONSTANTS))
+        for number in np.unique(some.fraction):
             mine, acting = some.fraction == number, [name for name in slab.forces if name in own[number]]
             found[mine] = pack_granules(some[mine], slab.field, acting, slab.gravity)
         return found
