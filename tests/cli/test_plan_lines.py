@@ -51,6 +51,10 @@ def test_all_tells_bounds_stages_and_every_warning(cases: Path, capsys: pytest.C
     assert main(["plan", str(cases / "rhombus.toml"), "--all", "--picture", "machine.svg"]) == 0
     out = capsys.readouterr().out
     assert all(word in out for word in ("left out below", "basset-history", "draft airflow", "for information", "* "))
+    assert "on two cores (= is " in out
+    (airflow,) = re.findall(r"^ *airflow ( +)(=+) ", out, re.MULTILINE)
+    (grid,) = re.findall(r"^ *grid x 1.5 airflow ( +)(=+) ", out, re.MULTILINE)
+    assert len(airflow[1]) > len(grid[1])
     assert "<svg" in Path("machine.svg").read_text()
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from support import CASES, shipped
@@ -15,7 +16,7 @@ from wakeflow.core.files import write_json
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store
 from wakeflow.pipeline.cache import StageCache, StageTime, code_of
-from wakeflow.planning.cost import COMPILE, wall_seconds
+from wakeflow.planning.cost import COMPILE, begins, wall_seconds
 from wakeflow.planning.machine_rates import STARTS, learn, on_this_machine
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
@@ -112,6 +113,9 @@ def test_what_needs_no_airflow_is_done_beside_it() -> None:
     stages = [StageCost("airflow", 100.0, "answer"), StageCost("grid x 1.5 airflow", 30.0, "beside", times=2)]
     assert wall_seconds(stages, cores=2) == wall_seconds(stages[:1])
     assert wall_seconds(stages, cores=1) == wall_seconds(stages[:1]) + 60.0
+    last = StageCost("tracks", 10.0, "after")
+    assert np.diff(list(begins([*stages, last], cores=2))).tolist() == [0.0, 100.0]
+    assert np.diff(list(begins([*stages, last], cores=1))).tolist() == [100.0, 60.0]
 
 
 @pytest.mark.parametrize(

@@ -183,7 +183,7 @@ def test_diffusion_out_of_a_box_decays_as_its_series() -> None:
     rms, life, side = 1.0, 0.02, 0.5  # m/s, s, m
     k, lid = np.full(9, 1.5 * rms**2), PLATE + np.array([0.0, side / 2])
     field = field_of(lambda x: 0.0 * x, n=2, low=-side / 2, high=side / 2, k=k, dissipation=LIFETIME * k / life)
-    result = found(field, outline=lid, count=2048)
+    result = found(field, outline=lid, count=8192)
     time = np.arange(0.0, 40.0, 0.1) * WIDTH / SPEED
     edge = 1.460 * rms * life
     share = slab(time * rms**2 * life, side + 2 * edge) * slab(time * rms**2 * life, 2 * (side + edge))

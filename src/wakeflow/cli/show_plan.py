@@ -10,7 +10,7 @@ from ..core.process import cores
 from ..core.quantities import duration, metres, say, speaking
 from ..core.store import cache_root
 from ..pipeline.airflow_kinds import airflow_kinds
-from ..planning.cost import typical_cells, wall_seconds
+from ..planning.cost import begins, typical_cells, wall_seconds
 from ..planning.lifting import floor_notices, lifting_line
 from ..planning.machine_rates import on_this_machine
 from ..planning.plan import REPLICATES, replicate_size, whole_terms
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 
 UNITS = {"m": "mm", "kg/s": "kg/h", "rad": "deg"}  # what is said where a scene does not write its own
+BAR = 28  # letters of the bar chart of stages
 WORTH_TELLING = 0.04  # of the whole run time: a part that takes less is not named
 SIDE_BY_SIDE = 1.15  # parts that add up to so many times the whole run overlap
 
@@ -197,16 +198,19 @@ def show_whole_plan(plan: Plan) -> None:
 
 
 def _stages_table(stages: Sequence[StageCost]) -> Table:
-    """Every stage in order, and what it is expected to take here: seconds and memory."""
+    """Every stage in order, what it is expected to take here, seconds and memory, and when: a bar chart."""
+    second = BAR / max(wall_seconds(stages), 1e-9)
     rows = [
         [
             stage.name + (f" ({stage.times} times)" if stage.times > 1 else ""),
+            " " * int(second * begun) + "=" * max(1, round(second * stage.whole)),
             f"{stage.whole:.0f}" if stage.whole >= 1.0 else "< 1",
             f"{stage.memory / 1e6:.0f}",
         ]
-        for stage in stages
+        for stage, begun in zip(stages, begins(stages), strict=True)
     ]
-    return screen_table(["stage", "s", "MB"], rows, "what is done, in order")
+    title = f"what is done when, on two cores (= is {1 / second:.2g} s)"
+    return screen_table(["stage", "when", "s", "MB"], rows, title, left=2)
 
 
 def _grouped(rows: Sequence[LeftOut]) -> dict[tuple[str, str], list[LeftOut]]:

@@ -150,15 +150,23 @@ def memory_of(work: Workload, key: StageKey) -> float:
     return held + more.get(key.stage.work, 0.0)
 
 
-def wall_seconds(expected: Sequence[StageCost], cores: int = 2) -> float:
-    """Seconds until the last of the ``expected`` stages is done. What does not need the answer's own airflow is made
-    beside it, on another core where there is one.
+def begins(expected: Sequence[StageCost], cores: int = 2) -> Iterator[float]:
+    """When each of the ``expected`` stages begins (s after the start of a run). What does not need the answer's own
+    airflow is made beside it, on another core where there is one.
     """
-    spent = dict.fromkeys(StageCost.ORDER, 0.0)
+    free = dict.fromkeys(StageCost.ORDER, STARTED)
     for stage in expected:
-        spent[stage.when] += stage.whole
-    together = (max if cores > 1 else sum)((spent["answer"], spent["beside"]))
-    return STARTED + spent["first"] + together + spent["after"]
+        yield free[stage.when]
+        end = free[stage.when] + stage.whole
+        for when in StageCost.ORDER[StageCost.ORDER.index(stage.when) :]:
+            if (stage.when, when) != ("answer", "beside") or cores == 1:
+                free[when] = max(free[when], end)
+
+
+def wall_seconds(expected: Sequence[StageCost], cores: int = 2) -> float:
+    """Seconds until the last of the ``expected`` stages is done, see ``begins``."""
+    ends = [begun + stage.whole for begun, stage in zip(begins(expected, cores), expected, strict=True)]
+    return max(ends, default=STARTED)
 
 
 def expected_stages(

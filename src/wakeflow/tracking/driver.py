@@ -28,7 +28,7 @@ from .tracks import Tracks
 Array = NDArray[np.float64]
 BLOCK = 512  # granules handed to a thread at a time
 RECORD_POINTS = 1024  # points kept of a recorded track
-NOISE_STEP = 0.1  # of an eddy's lifetime: an interval of noise
+NOISE_STEP = 0.1  # an interval of noise, of an eddy's lifetime and the granule's response time
 EDDIES = 20.0  # lifetimes that a granule held by friction waits before it counts as resting
 MAX_STEPS = 1_000_000  # of a track, also points of a record; then it is STOPPED
 REACH = 1e-6  # of ``length``: the mesh's edge this near to an outline at rest is covered by it, round-off of meshes

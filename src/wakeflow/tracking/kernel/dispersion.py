@@ -21,6 +21,9 @@ from .locate import barycentric
 _crossing = compiled(turbulence.crossing_times)
 _langevin = compiled(turbulence.langevin)
 _normals = compiled(normal_pair)
+# An interval of noise is ``rules.noise`` of the time in which the fluctuation may carry the granule elsewhere: of the
+# eddies' lifetime as it sees them and its own response time, but at most of so many lifetimes
+LONGEST = 5.0
 MIN_INTERVALS = 64  # of a flight
 EARLY = 1e-6  # of a beat: round-off
 PASSAGE = 0.02  # of the time air or granule need for a body's length: an interval of Brownian motion, least of eddies'
@@ -81,8 +84,10 @@ def _eddies(state, ints, grain, table, rules, seen, least, rest, beat):
     slip = math.sqrt(ex * ex + ey * ey)
     ex, ey = (ex / slip, ey / slip) if slip > 0.0 else (1.0, 0.0)
     along, across = _crossing(life, slip, rms)
-    span = _on_beat(max(rules.noise * min(along, across), least), rest, beat)
-    stokes = life * drag_rate(grain, table, slip * slip)
+    rate, brief = drag_rate(grain, table, slip * slip), min(along, across)
+    span = rules.noise * min(brief + (1.0 / rate if rate > 0.0 else math.inf), LONGEST * brief)
+    span = _on_beat(max(span, least), rest, beat)
+    stokes = life * rate
     drift = stokes / (1.0 + stokes) if stokes < 1e100 else 1.0  # 1 / (1 + St), St = 1 / (rate x lifetime)
     for side in range(2):
         dx, dy = (ex, ey) if side == 0 else (-ey, ex)

@@ -61,7 +61,7 @@ class Rules(NamedTuple):
     rest: float  # s, a granule held this long in a repeating field rests
     coarse: float  # s, a longer step between looks at a field that changes in time would miss how it does
     shaken: float  # m/s2, largest acceleration of the mesh
-    noise: float  # part of an eddy's lifetime over which a fluctuation's mean is drawn
+    noise: float  # part of an eddy's lifetime and the response time over which a fluctuation's mean is drawn
     seed: int  # of the random streams
     march: int  # 1: several triangles in one go where that is worth it
     left: float  # m, box about all bodies in all their places
