@@ -122,6 +122,15 @@ def test_air_loading() -> None:
     assert answers[1]["cd"] < answers[0]["cd"]
 
 
+@pytest.mark.slow
+@pytest.mark.openfoam
+def test_shares_do_not_depend_on_the_intervals_of_noise() -> None:
+    """On a coarse mesh; a change of four standard errors comes once in thousands."""
+    for row in study("intervals", "rhombus", "--repeats", 1, "--coarse"):
+        change, error = (float(word) for word in row["change"].split(" ± ")) if row["change"] != "-" else (0.0, 1.0)
+        assert abs(change) < 4.0 * error, row["name"]
+
+
 @pytest.mark.openfoam
 def test_domain() -> None:
     """Two rows: the distances asked for, and those that the program chooses."""
