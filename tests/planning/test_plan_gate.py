@@ -18,7 +18,7 @@ from proofs.studies import bounds as gates
 from support import CASES, landings_in, shipped
 from wakeflow.answer.shares import BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.budget.budget import total_notices
-from wakeflow.budget.comparison import free_ends
+from wakeflow.budget.comparison import compared, free_ends
 from wakeflow.budget.truncation import most_crossing, truncation_terms
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
@@ -522,9 +522,7 @@ def test_granules_flown_in_parts_land_where_they_land_at_once(tmp_path: Path, mo
     whole = Flight(scene, make_plan(scene), Realisations(None), 1e-6)
     whole.fly_all(tmp_path, drawn=True)
     at_once = load_tracked(tmp_path, scene)
-    held = dict(at_once.landings)
     monkeypatch.setattr(flying, "AT_ONCE", 48)  # three replicates of sixteen at a time
-    monkeypatch.setattr(landings, "KEPT", 0)
     parts = tmp_path / "parts"
     parts.mkdir()
     whole.fly_all(parts, drawn=True)
@@ -533,13 +531,38 @@ def test_granules_flown_in_parts_land_where_they_land_at_once(tmp_path: Path, mo
         one, other = at_once.landings[name], in_parts.landings[name]
         for column in ("position", "bin", "replicate", "diameter", "fate", "time", "impacts"):
             np.testing.assert_array_equal(getattr(one, column), getattr(other, column), err_msg=column)
-        assert in_parts.landings[name] is not other  # read anew: nothing large is held
-        assert held[name] is at_once.landings[name]
         assert at_once.fates[name] == in_parts.fates[name]
         assert sum(in_parts.fates[name].values()) == 256
         for a, b in zip(at_once.drawn[name], in_parts.drawn[name], strict=True):
             np.testing.assert_array_equal(a["position"], b["position"])
     assert set(at_once.fates[name]) == {fate.name.lower() for fate in Fate}
+
+
+def test_of_very_many_granules_all_are_counted_and_a_balanced_part_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = shipped("vacuum", {"feed.count": 4096})
+    whole = Pipeline(scene, make_plan(scene))
+    every, drawn = whole.tracks(), whole.draw_stage.fly()
+    monkeypatch.setattr(flying, "AT_ONCE", 64)  # a quarter of a replicate at a time
+    monkeypatch.setattr(landings, "KEPT", 1024)
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path))
+    pipeline = Pipeline(scene, make_plan(scene))
+    tracked, few = pipeline.tracks(), pipeline.draw_stage.fly()
+    for name in scene.fraction:
+        one, other = every.landings[name], tracked.landings[name]
+        assert (one.size, other.size, len(other.bin)) == (4096.0, 4096.0, 1024)
+        kept = np.arange(4096) % 64 < 16
+        np.testing.assert_array_equal(one.position[kept], other.position)
+        bins = len(scene.bin)
+        np.testing.assert_array_equal(one.counts(bins), other.counts(bins))
+        np.testing.assert_array_equal(compared(one).counts(bins), compared(other).counts(bins))
+        assert (every.fates[name], every.injected[name]) == (tracked.fates[name], tracked.injected[name])
+        assert other.diameter.mean() == pytest.approx(one.diameter.mean(), rel=1e-2)
+        for flown, own in zip(drawn.varied[name].position, few.varied[name].position, strict=True):
+            np.testing.assert_array_equal(flown[:16], own)
+        np.testing.assert_array_equal(few.own[name].bin[5], drawn.own[name].bin[5][:16])
+    assert separate(scene, every.landings) == separate(scene, tracked.landings)
 
 
 def test_a_plan_is_complete_when_it_is_made_and_cannot_be_changed(draft: Scene) -> None:

@@ -111,6 +111,7 @@ def stages_of(cache: Path) -> set[str]:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(7200)
 @pytest.mark.parametrize(("name", "how"), SCENES)
 def test_a_disk_that_is_full_at_every_stage_is_one_line_and_room_lets_it_go_on(
     name: str, how: tuple[str, ...], cases: Path, plain: dict[str, str], disk: Callable[[str], Path]

@@ -27,7 +27,13 @@ def begin(words: tuple[str, ...] | list[str], cache: Path, cwd: Path | None = No
     environment = {**os.environ, "WAKEFLOW_CACHE": str(cache)}
     command = [sys.executable, "-m", "wakeflow.cli", *words]
     return subprocess.Popen(
-        command, env=environment, stderr=subprocess.PIPE, text=True, cwd=cwd, start_new_session=True
+        command,
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=cwd,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # ignored in the background
     )
 
 

@@ -291,9 +291,10 @@ def flown_by_chance(flight: Flight, folder: Path, *, drawn: bool) -> None:
         count = len(replicate)
         place = rng.integers(len(flight.scene.bin), size=count)
         flat = np.zeros(count, dtype=np.int32)
-        columns = dict.fromkeys(("time", "impacts", "injected", "realisation", "cycle"), flat)
+        columns = dict.fromkeys(("time", "impacts", "realisation", "cycle"), flat)
         columns |= {"position": rng.normal(size=(count, 2)), "bin": place, "replicate": replicate}
         columns |= {"diameter": flat + 1e-3, "fate": flat + int(Fate.BINNED)}
+        columns |= {"injected": np.array(0), "fates": np.bincount(columns["fate"], minlength=len(Fate))}
         np.savez(folder / f"{name}.npz", **columns)
 
 

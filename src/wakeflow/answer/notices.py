@@ -67,7 +67,7 @@ def notices(
 def _passing(pipeline: Pipeline, tracked: Tracked) -> Iterator[Notice]:
     """Of fractions whose first impact follows eq. (2): the granules that do not meet the body."""
     for name, met in tracked.injected.items():
-        count = len(tracked.landings[name].bin)
+        count = round(tracked.landings[name].size)
         if pipeline.plan.fractions[name].mode == "injected" and met < count:
             yield information(
                 f"{name}: {count - met} of {count} granules fall beside the body or the air carries them round it; "

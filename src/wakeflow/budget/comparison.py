@@ -61,7 +61,8 @@ class Comparison(Generic[Key]):
 def compared(landing: Landings) -> Landings:
     """The landings of the replicates that fly in comparisons."""
     kept = landing.replicate < COMPARED
-    return replace(landing, **{name: values[kept] for name, values in vars(landing).items() if values is not None})
+    own = {name: values[kept] for name, values in vars(landing).items() if values is not None and name != "table"}
+    return replace(landing, **own, table=None if landing.table is None else landing.table[:COMPARED])
 
 
 def shares_of(pipeline: Pipeline, tracked: Tracked) -> Shares:

@@ -202,13 +202,15 @@ def feedstock(
     field_period: float | None,
     replicates: Sequence[int] = range(REPLICATES),
     variation: GranuleVariation = AS_GIVEN,
+    part: range | None = None,
 ) -> Feedstock:
     """The granules of one fraction as they enter the field; ``field_period`` (s) of a time-resolved airflow.
 
-    ``replicates``: only those, the same granules as among all, but for what a ``variation`` changes of each.
+    ``replicates``: only those, and of each a ``part``, the same granules as among all, but for what a ``variation``
+    changes of each.
     """
     fraction_plan = plan.fractions[name]
-    points, traits, replicate, born = _born(scene, fraction_plan, name, replicates)
+    points, traits, replicate, born = _born(scene, fraction_plan, name, replicates, part)
     grains, x = varied_granules(born, variation), scene.feed.places(points[:, 0])
     diameter = grains.diameter
     if not scene.body:
@@ -234,24 +236,24 @@ def feedstock(
         since = time[i] - passing
         position[i] = np.stack([x[i], height[i] - since * (fall[i] + 0.5 * pull * since)], axis=1)
         came[i, 1] = -(fall[i] + pull * since)
-        xi = blows_of(name, scene.feed.count, scene.feed.seed, replicates)
+        xi = blows_of(name, scene.feed.count, scene.feed.seed, replicates, part)
         velocity[i], spin[i] = _rebound(grains[i], -came[i, 1], normal[i], wall, traits[i, 3], xi[i])
     entered = grains.replace(position=position, velocity=velocity, time=time, spin=spin, arrival=came)
     return Feedstock(entered, replicate, injected)
 
 
 def _born(
-    scene: Scene, plan: FractionPlan, name: str, replicates: Sequence[int]
+    scene: Scene, plan: FractionPlan, name: str, replicates: Sequence[int], part: range | None
 ) -> tuple[Array, Array, NDArray[np.int64], Granules]:
     """Random numbers (n, 4 or more) of where and when granules come and of what each has of its own (n, TRAITS), the
     replicate (n,) of each, and the granules, at rest at the origin.
     """
     fraction, feed = scene.fraction[name], scene.feed
     measured = isinstance(fraction.terminal_velocity, Speeds)
-    points, replicate = samples(name, feed.count, feed.seed, replicates, PLACED if measured else 4)
+    points, replicate = samples(name, feed.count, feed.seed, replicates, PLACED if measured else 4, part)
     traits = np.zeros((len(points), TRAITS))
     if fraction.varies:
-        traits = traits_of(name, feed.count, feed.seed, replicates)
+        traits = traits_of(name, feed.count, feed.seed, replicates, part)
     settling = fraction.settling(points[:, 4] if measured else traits[:, 2])
     diameter = fraction.diameters(points[:, 1])
     return points, traits, replicate, granules_of(fraction, plan, diameter, settling, traits[:, :2])

@@ -28,6 +28,7 @@ from ..planning.plan import INPUT_SAMPLES, REPLICATES, SAME_AIR, replicate_size
 from ..planning.unknowns import FARTHEST, Unknown, unknown_kinds, unknowns, variation_at
 from ..planning.variation import AirVariation, Variation
 from .cache import code_of
+from .landings import BLOCKS, block_of
 
 if TYPE_CHECKING:
     from ..field import FlowField
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-PARTS = INPUT_SAMPLES // REPLICATES  # of a replicate: each flies under one draw
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ class DrawStage:
             made = self.variation(number)
             airs = airs or self.air(made.air)
             replicate = number % REPLICATES
-            part = _part(replicate_size(self.tracks.scene.feed.count), number // REPLICATES)
+            part = _part(self.tracks.scene.feed.count, number // REPLICATES)
             found.append(self.fly_under(made, airs, tracked, replicate, part))
         return found
 
@@ -156,15 +156,17 @@ class DrawStage:
         """Draw ``number``."""
         return variation_at(self.tracks.scene, self.tracks.plan, self.unknowns, self.design[number])
 
-    def fly_under(self, made: Variation, airs: Realisations, tracked: Tracked, replicate: int, part: slice) -> Columns:
+    def fly_under(self, made: Variation, airs: Realisations, tracked: Tracked, replicate: int, part: range) -> Columns:
         """The landing of each granule in a ``part`` of a replicate under the draw ``made``, whose air is in ``airs``
         ("varied.NAME.position", "varied.NAME.bin"), and its own ("own.NAME.position", "own.NAME.bin").
         """
         flight = replace(self.tracks.flight(made.fed(self.tracks.scene), airs), workers=1)
         found: Columns = {}
+        block, kept = block_of(replicate_size(self.tracks.scene.feed.count))
+        first = part.start // block * kept
         for name in self.tracks.scene.fraction:
             landing = tracked.landings[name]
-            mine = np.flatnonzero(landing.replicate == replicate)[part]
+            mine = np.flatnonzero(landing.replicate == replicate)[first : first + len(part)]
             ends = {"own": (landing.position[mine], landing.bin[mine])}
             ends["varied"] = flight.fly_part(name, replicate, part, made.of(name))
             for which, (position, bin_) in ends.items():
@@ -197,12 +199,10 @@ def _entering(scene: Scene) -> float:
     return math.inf if air is None or air.case is not None else entering_energy(air.turbulence, air.speed)
 
 
-def _part(size: int, number: int) -> slice:
-    """Part ``number`` of PARTS of a replicate of ``size`` granules; all of a replicate that is too small to be parted.
-
-    Blocks of 2^m points of a Sobol set are balanced samples themselves.
-    """
-    if size < PARTS:
-        return slice(0, size)
-    step = size // PARTS
-    return slice(number * step, (number + 1) * step)
+def _part(count: int, number: int) -> range:
+    """What of block ``number`` of a replicate is kept; all of a replicate that is too small to be parted."""
+    size = replicate_size(count)
+    if size < BLOCKS:
+        return range(size)
+    block, kept = block_of(size)
+    return range(number * block, number * block + kept)

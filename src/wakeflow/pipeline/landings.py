@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.tables import Columns, save_arrays
+from ..core.tables import AnyArray, Columns, save_arrays
+from ..planning.plan import INPUT_SAMPLES, KEPT, REPLICATES
 from ..scene import Scene
 from ..tracking import Fate, Granules, Tracks
 
@@ -59,7 +60,8 @@ class Landings:
     ``realisation`` (n,) of the airflow and ``cycle`` (n,) of the shedding in it at which the granule was released. Of
     granules that meet others: ``weight`` (n,), what each represents, its mean such that the sum is the number of equal
     granules that would be as large a sample, and ``meetings`` (n,) with others; None where each flies alone. ``drag``
-    (n,): the factor on its drag law.
+    (n,): the factor on its drag law. ``table`` (replicates, bins + 1, cycles): the count of all granules, where these
+    are more than the n of them that are kept, a balanced sample.
     """
 
     position: Array
@@ -74,10 +76,13 @@ class Landings:
     weight: Array | None = None
     meetings: NDArray[np.int32] | None = None
     drag: NDArray[np.float32] | None = None
+    table: NDArray[np.int64] | None = None
 
     @property
     def size(self) -> float:
         """How many granules of equal mass the landings are worth."""
+        if self.table is not None:
+            return float(self.table.sum())
         return float(len(self.bin)) if self.weight is None else float(self.weight.sum())
 
     @property
@@ -95,11 +100,19 @@ class Landings:
         """Share of every replicate in every bin, (replicates, bins + 1); the last column is elsewhere. Where bins have
         ``images`` (bins + 1) in a mirrored machine the mean of both.
         """
-        replicates = int(self.replicate.max()) + 1
+        table = self.tally(bins)[:, :, 0]
+        return np.asarray(pooled(table / table.sum(axis=1, keepdims=True), images))
+
+    def tally(self, bins: int, cycles: int = 1) -> AnyArray:
+        """Granules by their weight, (replicates, bins + 1, cycles), elsewhere last; of all cycles where that is one."""
+        if self.table is not None:
+            return self.table if cycles > 1 else self.table.sum(axis=2, keepdims=True)
+        shape = int(self.replicate.max()) + 1, bins + 1, cycles
         place = np.where(self.bin >= 0, self.bin, bins).astype(np.int64)
         place += self.replicate.astype(np.int64) * (bins + 1)
-        table = np.bincount(place, self.weight, minlength=replicates * (bins + 1)).reshape(replicates, bins + 1)
-        return np.asarray(pooled(table / table.sum(axis=1, keepdims=True), images))
+        if cycles > 1:
+            place = place * cycles + self.cycle
+        return np.bincount(place, self.weight, minlength=int(np.prod(shape))).reshape(shape)
 
 
 def pooled(values: Array, images: Sequence[int] | None) -> Array:
@@ -117,58 +130,70 @@ def fates_of(fate: NDArray[np.int8]) -> dict[str, int]:
     return {one.name.lower(): int(np.sum(fate == one)) for one in Fate}
 
 
-KEPT = 2**20  # granules of a fraction whose landings stay in memory
+BLOCKS = INPUT_SAMPLES // REPLICATES  # of a replicate: a draw of what is unknown flies one, a mirror image two
+
+
+def block_of(size: int) -> tuple[int, int]:
+    """Granules in each block of a replicate of ``size``, and how many of them, the first ones, have their landings
+    kept. Blocks of 2^m points of a Sobol set, and what they begin with, are balanced samples themselves.
+    """
+    block = max(1, size // BLOCKS)
+    return block, min(block, max(1, KEPT // (REPLICATES * BLOCKS)))
+
+
+class LandingCount:
+    """The granules of one fraction as they land, part by part: all are counted, and KEPT of them are kept.
+
+    ``size`` of a replicate, number of ``bins``, and of ``cycles`` of the airflow.
+    """
+
+    def __init__(self, size: int, replicates: int, bins: int, cycles: int) -> None:
+        self._size, self._bins, self._kept = size, bins, list[Columns]()
+        self._table = np.zeros((replicates, bins + 1, cycles), dtype=np.int64)
+        self._injected, self._fates = 0, np.zeros(len(FATES), dtype=np.int64)
+
+    def add(self, part: Columns, first: int) -> None:
+        """Whole replicates, or granules of one from its number ``first`` on; ``part`` as of ``tracks``."""
+        injected, (block, few) = part.pop("injected"), block_of(self._size)
+        self._injected += int(injected.sum())
+        self._fates += list(fates_of(part["fate"]).values())
+        here = Landings(**part).tally(self._bins, self._table.shape[2])
+        self._table[: len(here)] += here
+        rows = (first + np.arange(len(injected))) % block < few
+        self._kept.append({key: values[rows] for key, values in part.items()})
+
+    def save(self, path: Path) -> None:
+        """Keep the rows in the order of their replicates, and the counts."""
+        columns = {key: np.concatenate([part.pop(key) for part in self._kept]) for key in list(self._kept[0])}
+        order = np.argsort(columns["replicate"], kind="stable")
+        columns = {key: values[order] for key, values in columns.items()}
+        counts = {"injected": np.array(self._injected), "fates": self._fates}
+        some = {} if len(order) == self._table.sum() else {"table": self._table}
+        save_arrays(path, {**columns, **counts, **some})
 
 
 @dataclass(frozen=True)
 class Tracked:
-    """What the tracker found: landings and drawn tracks by fraction, how many were injected, counts of fates.
+    """What the tracker found: landings and drawn tracks by fraction, how many were injected, counts of fates."""
 
-    ``landings`` of very many granules are read from their file each time they are asked for.
-    """
-
-    landings: Mapping[str, Landings]
+    landings: dict[str, Landings]
     drawn: dict[str, list[Columns]]
     injected: dict[str, int]
     fates: dict[str, dict[str, int]]
 
 
-@dataclass(frozen=True)
-class _Kept(Mapping[str, Landings]):
-    """Landings by fraction in a folder, held in memory unless they are very many."""
-
-    folder: Path
-    names: tuple[str, ...]
-    held: dict[str, Landings]
-
-    def __getitem__(self, name: str) -> Landings:
-        if name in self.held:
-            return self.held[name]
-        if name not in self.names:
-            raise KeyError(name)
-        with np.load(self.folder / f"{name}.npz") as data:
-            found = Landings(**{key: data[key] for key in data.files if key != "injected"})
-        if len(found.bin) <= KEPT:
-            self.held[name] = found
-        return found
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.names)
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-
 def load_tracked(folder: Path, scene: Scene) -> Tracked:
     """What ``Flight.fly_all`` kept in a folder."""
-    landings = _Kept(folder, tuple(scene.fraction), {})
+    landings: dict[str, Landings] = {}
     drawn: dict[str, list[Columns]] = {}
     injected: dict[str, int] = {}
     fates: dict[str, dict[str, int]] = {}
     for name in scene.fraction:
         with np.load(folder / f"{name}.npz") as data:
-            injected[name] = int(data["injected"].sum())
-            fates[name] = fates_of(data["fate"])
+            columns = {key: data[key] for key in data.files}
+        injected[name] = int(columns.pop("injected"))
+        fates[name] = dict(zip(FATES, columns.pop("fates").tolist(), strict=True))
+        landings[name] = Landings(**columns)
         file = folder / f"{name}.drawn.npz"
         drawn[name] = load_recorded_tracks(file) if file.exists() else []
     return Tracked(landings, drawn, injected, fates)

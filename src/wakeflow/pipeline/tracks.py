@@ -6,6 +6,7 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from .. import tracking
 from ..core.errors import SceneError, known
-from ..core.tables import AnyArray, Columns, save_arrays
+from ..core.tables import AnyArray, Columns
 from ..field import FlowField
 from ..injection.feed import Feedstock, feedstock
 from ..injection.first_contact import motion_of
@@ -24,12 +25,13 @@ from ..planning.variation import GranuleVariation
 from ..scene import Scene
 from ..scene.pictures import TRACKS_RECORDED
 from ..tracking import Body, Granules, Tracks
-from .landings import Landings, paths_of, save_recorded_tracks
+from .landings import LandingCount, Landings, paths_of, save_recorded_tracks
 from .realisations import Realisations
 
 Array = NDArray[np.float64]
 COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture of its own asks for
 WALL = 0.05  # thickness of the channel's walls in channel widths; only their inner faces are ever met
+STREAMS = 4  # of random numbers that the replicates have each: of landings, pictures, mirror images, own pictures
 PATIENCE = 40.0  # channel heights at air speed before a granule counts as airborne
 HOVERING = 1e4  # the same where there is no body: granules of almost the air speed hang in it, and steps are cheap
 
@@ -55,38 +57,41 @@ class Flight:
         for name in self.scene.fraction:
             if (folder / f"{name}.npz").exists():
                 continue
-            parts, shown = [], []
-            for part, paths in self._fly_parts(name, drawn=drawn):
-                parts.append(part)
-                shown += paths
+            count = LandingCount(self._size, self.replicates, len(self.scene.bin), self.airs.cycles)
+            shown = [path for paths in self._fly_parts(name, count, drawn=drawn) for path in paths]
             if drawn:
                 save_recorded_tracks(folder / f"{name}.drawn.npz", shown)
-            columns = {key: np.concatenate([part.pop(key) for part in parts]) for key in list(parts[0])}
-            order = np.argsort(columns["replicate"], kind="stable")
-            save_arrays(folder / f"{name}.npz", {key: values[order] for key, values in columns.items()})
+            count.save(folder / f"{name}.npz")
 
-    def _fly_parts(self, name: str, *, drawn: bool) -> Iterator[tuple[Columns, list[Columns]]]:
-        """Columns of landings of a fraction, and tracks for pictures: of one realisation of the airflow after the
-        other, and of whole replicates, so that memory grows neither with the number of fields nor with that of
-        granules.
+    @property
+    def _size(self) -> int:
+        """Granules of a replicate."""
+        return replicate_size(self.scene.feed.count)
+
+    def _fly_parts(self, name: str, landed: LandingCount, *, drawn: bool) -> Iterator[list[Columns]]:
+        """Tracks for pictures, and all landings of a fraction into ``landed``: of one realisation of the airflow after
+        the other, and AT_ONCE granules at a time, so that memory grows neither with the number of fields nor with that
+        of granules.
         """
-        airs, size = len(self.airs), replicate_size(self.scene.feed.count)
-        step, done, count = max(1, AT_ONCE // size), 0, self.replicates * size
+        airs, size, done = len(self.airs), self._size, 0
+        step, whole, count = max(1, AT_ONCE // size), range(size), self.replicates * size
+        parts = [whole[i : i + AT_ONCE] for i in range(0, size, AT_ONCE)]
         chosen = np.linspace(0, count - 1, min(TRACKS_RECORDED, count)).astype(int) if drawn else np.zeros(0, dtype=int)
         for number in range(min(airs, self.replicates)):
             flight = replace(self, airs=Realisations(self.airs.make(number)))
             images, own = flight._images(), range(number, self.replicates, airs)
-            for replicates in (own[i : i + step] for i in range(0, len(own), step)):
+            for replicates, part in product((own[i : i + step] for i in range(0, len(own), step)), parts):
                 self.tell(f"{name}: injecting {done} of {count}")
-                feed = feedstock(self.scene, self.plan, name, self.airs.period, replicates)
-                paths = flight._drawn(name, feed, chosen, replicates)
-                told = len(replicates) < self.replicates
+                feed = feedstock(self.scene, self.plan, name, self.airs.period, replicates, part=part)
+                stream = replicates[0] + STREAMS * REPLICATES * parts.index(part)
+                yield flight._drawn(name, feed, chosen, replicates, part, stream)
+                told = len(feed.replicate) < count
                 tell = partial(self._tell_part, done, count) if told else self.tell
-                second = _second_half(feed, size, replicates)
-                tracks = replace(flight, tell=tell)._fly_halves(name, feed.granules, second, images, replicates[0])
+                second = _second_half(feed, size, replicates, part.start)
+                tracks = replace(flight, tell=tell)._fly_halves(name, feed.granules, second, images, stream)
                 cycle = self.airs.cycle_of(feed.granules.time)
-                yield landing_columns(feed, tracks, len(self.scene.bin), number, cycle), paths
-                done += size * len(replicates)
+                landed.add(landing_columns(feed, tracks, len(self.scene.bin), number, cycle), part.start)
+                done += len(feed.replicate)
 
     def landings(self, name: str) -> Landings:
         """Where all granules of a fraction land, in air that does not vary."""
@@ -95,12 +100,18 @@ class Flight:
         parts.pop("injected")
         return Landings(**parts)
 
-    def _drawn(self, name: str, feed: Feedstock, chosen: Iterable[int], replicates: range) -> list[Columns]:
-        """Tracks for pictures of those of the ``chosen`` granules, numbered through all replicates, that are here."""
-        size = len(feed.replicate) // len(replicates)
-        here = [i * size + g % size for i, r in enumerate(replicates) for g in chosen if g // size == r]
+    def _drawn(
+        self, name: str, feed: Feedstock, chosen: Iterable[int], replicates: range, part: range, stream: int
+    ) -> list[Columns]:
+        """Tracks for pictures of those of the ``chosen`` granules, numbered through all replicates, that are here: in
+        this ``part`` of each of the ``replicates``.
+        """
+        of = [divmod(int(g), self._size) for g in chosen]
+        here = [
+            i * len(part) + k - part.start for i, r in enumerate(replicates) for own, k in of if own == r and k in part
+        ]
         grains = feed.granules[np.array(here, dtype=int)]
-        tracks = self.fly(name, grains, record=COARSE, stream=REPLICATES + replicates[0])
+        tracks = self.fly(name, grains, record=COARSE, stream=REPLICATES + stream)
         return paths_of(tracks, grains, len(self.scene.bin))
 
     def fly_pictured(self, folder: Path, names: Sequence[str], count: int, body_speed: float | None) -> None:
@@ -122,16 +133,16 @@ class Flight:
             )
 
     def fly_part(
-        self, name: str, replicate: int, part: slice, variation: GranuleVariation
+        self, name: str, replicate: int, part: range, variation: GranuleVariation
     ) -> tuple[Array, NDArray[np.int16]]:
         """Where (m, 2) m each granule of a ``part`` of a ``replicate`` lands, those of the answer but for the
         ``variation``, and the index of its bin (m,), -1 for elsewhere.
         """
         alone = range(replicate, replicate + 1, len(self.airs))
         flight = replace(self, airs=Realisations(self.airs.make(replicate % len(self.airs))))
-        feed = feedstock(self.scene, self.plan, name, self.airs.period, alone, variation)
-        second = _second_half(feed, len(feed.replicate), alone)[part]
-        tracks = flight._fly_halves(name, feed.granules[part], second, flight._images(), replicate)
+        feed = feedstock(self.scene, self.plan, name, self.airs.period, alone, variation, part)
+        second = _second_half(feed, self._size, alone, part.start)
+        tracks = flight._fly_halves(name, feed.granules, second, flight._images(), replicate)
         return tracks.position, tracks.ends(len(self.scene.bin))[0].astype(np.int16)
 
     def _meeting(self, name: str, feed: Feedstock, body_speed: float) -> int:
@@ -206,15 +217,16 @@ def seed_of(seed: int, name: str, stream: int) -> int:
     return int(state[0] >> np.uint64(1))
 
 
-def _second_half(feed: Feedstock, size: int, replicates: range) -> NDArray[np.bool_]:
-    """The second half of each of some ``replicates`` of ``size`` granules; of single granules every other one.
+def _second_half(feed: Feedstock, size: int, replicates: range, first: int = 0) -> NDArray[np.bool_]:
+    """The second half of each of some ``replicates`` of ``size`` granules, from number ``first`` on; of single granules
+    every other one.
 
     Both halves of a Sobol sample of 2^m points are balanced samples themselves, in every coordinate (blocks of a
     (t, s)-sequence are nets: Niederreiter 1987, Monatsh. Math. 104, 273).
     """
     if size == 1:
         return np.asarray((feed.replicate // replicates.step) % 2 == 1)
-    return np.arange(len(feed.replicate)) % size >= size // 2
+    return (first + np.arange(len(feed.replicate))) % size >= size // 2
 
 
 def _interleaved(second: NDArray[np.bool_], tracks: Tracks, second_tracks: Tracks) -> Tracks:
@@ -268,7 +280,7 @@ def end_lines(scene: Scene) -> list[Array]:
 def landing_columns(
     feed: Feedstock, tracks: Tracks, bins: int, realisation: int = 0, cycle: NDArray[np.uint16] | None = None
 ) -> Columns:
-    """What is kept of each landing, 40 bytes a granule; ``cycle`` (n,) of the shedding at its release."""
+    """What is kept of a landing, 40 bytes a granule; ``cycle`` (n,) of the shedding at its release."""
     bin_, fate = tracks.ends(bins)
     return {
         "position": tracks.position,

@@ -20,7 +20,8 @@ from .stages import StageCost
 from .terms import COLLISIONS, LeftOut
 
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
-AT_ONCE = 2**17  # granules that are fed and flown at a time, or one replicate where it has more
+AT_ONCE = 2**17  # granules that are fed and flown at a time
+KEPT = 2**20  # granules of a fraction whose landings are kept; of more, all are counted and so many kept
 COMPARED = 4  # of the replicates fly again in each comparison with another airflow, step or mesh
 INPUT_SAMPLES = 64  # of everything that is not known exactly; their regression has some forty degrees of freedom
 GATHERED = 2048  # granules of a fraction whose force on the air is gathered. Chosen: a hundred pass every box there

@@ -69,13 +69,10 @@ class Tally(NamedTuple):
     @classmethod
     def every(cls, landing: Landings, bins: int, cycles: int, images: Sequence[int] | None = None) -> list[Tally]:
         """The tally of every bin, with that of its image where there are ``images``, and of what landed elsewhere."""
-        replicates = int(landing.replicate.max()) + 1
-        realisation = np.zeros(replicates, dtype=np.int64)
+        found = landing.tally(bins, cycles)
+        realisation = np.zeros(len(found), dtype=np.int64)
         realisation[landing.replicate] = landing.realisation
-        place = np.where(landing.bin >= 0, landing.bin, bins).astype(np.int64)
-        place = (place * replicates + landing.replicate) * cycles + landing.cycle
-        shape = bins + 1, replicates, cycles
-        hits = np.bincount(place, landing.weight, minlength=int(np.prod(shape))).reshape(shape).astype(float)
+        hits = np.ascontiguousarray(np.swapaxes(found, 0, 1)).astype(float)
         return [cls(inside, hits.sum(axis=0), realisation) for inside in pooled(hits.T, images).T]
 
     @property

@@ -43,7 +43,7 @@ from wakeflow.pipeline.landings import Landings
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.planning.collision_rates import encounters
-from wakeflow.planning.plan import INPUT_SAMPLES, SAME_AIR
+from wakeflow.planning.plan import INPUT_SAMPLES, SAME_AIR, replicate_size
 from wakeflow.planning.terms import COLLISIONS, LOADING, limit_of
 from wakeflow.planning.variation import Variation
 from wakeflow.report.canvas import fraction_colours
@@ -80,13 +80,14 @@ def moved(scene: wf.Scene, draws: Sequence[int]) -> Iterator[tuple[str, Moved, f
     """What the numbered ``draws`` change of each fraction's shares, and the factor that is taken for it."""
     pipeline = piped(scene, force=MEET)
     crowd, tracked, stage, bins = pipeline.crowd(), pipeline.tracks(), pipeline.draw_stage, len(scene.bin)
+    size = replicate_size(scene.feed.count)
     meet: dict[str, list[Array]] = {name: [] for name in scene.fraction}
     alone: dict[str, list[Array]] = {name: [] for name in scene.fraction}
     for number in draws:
         made = stage.variation(number)
         airs = stage.air(made.air)
         drawn = _flown_drawn(pipeline, number, made, airs)
-        flown = [stage.fly_under(made, airs, tracked, replicate, slice(None)) for replicate in range(DRAWS_ALONE)]
+        flown = [stage.fly_under(made, airs, tracked, replicate, range(size)) for replicate in range(DRAWS_ALONE)]
         for name in scene.fraction:
             one, other = (landings[name].counts(bins).mean(axis=0) for landings in (drawn, crowd.landings))
             meet[name].append(one - other)
