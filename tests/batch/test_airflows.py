@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -131,3 +132,20 @@ def test_runs_in_one_airflow_share_the_fields_files(tmp_path: Path) -> None:
     wf.run(scene.replace({"air.speed": 5.0}), tmp_path / "heavy", force=ALONE)  # another airflow in the second folder
     assert not first.samefile(second)
     assert first.read_bytes() == before
+
+
+def test_the_time_left_of_a_sweep_falls_while_nothing_ends_and_never_grows_by_more_than_a_quarter(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(run_agenda.time, "monotonic", lambda: now[0])
+    progress = run_agenda.SweepProgress(3, 30.0, started=0.0)
+    step = SimpleNamespace(seconds=10.0)
+    now[0] = 20.0
+    progress.ended(step, "")  # type: ignore[arg-type]
+    assert str(progress) == "1 of 3 stages, about 40 s left"
+    now[0] = 45.0
+    assert str(progress) == "1 of 3 stages, about 15 s left"
+    now[0] = 80.0  # the second step takes three times as long
+    progress.ended(step, "")  # type: ignore[arg-type]
+    assert str(progress) == "2 of 3 stages, at least 19 s left"

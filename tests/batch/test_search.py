@@ -16,6 +16,8 @@ from wakeflow.batch.history import DesignPoint, Evaluation, History, at_random
 from wakeflow.batch.task import Goal, QuantityLimit, SearchTask, read_search_file
 from wakeflow.cli.show_many import show_search
 from wakeflow.core.errors import SceneError
+from wakeflow.core.graded import Grade
+from wakeflow.planning.make import make_plan
 
 FILE = f"""
 [search]
@@ -250,18 +252,33 @@ def test_a_quantity_that_is_not_there_is_named() -> None:
         explore(task(100.0, goals=(Goal("god"),)), hill)
 
 
+AXES = (axis_of_text("feed.height=60:140:2 mm"),)
+
+
 def test_levels_that_the_budget_does_not_pay_for_are_left_out_and_said() -> None:
-    scene = shipped("rhombus")
-    levels = ({"numerics.rung": "none", "feed.count": 64}, {"numerics.rung": "draft"})
-    axes = (axis_of_text("feed.height=60:140:2 mm"),)
-    task, said = SearchTask(scene, axes, (Goal("recovery.wheat"),), budget=30.0, levels=levels), list[str]()
+    levels = ({"feed.count": 64}, {"feed.count": 2**17})
+    task, said = SearchTask(shipped("vacuum"), AXES, (Goal("recovery.wheat"),), budget=4.0, levels=levels), list[str]()
     kept, price = affordable(task, said.append)
     assert kept.levels == levels[:1]
-    assert price(0) < 30.0 < price(1)
+    assert price(0) < 4.0 < price(1)
     assert "does not pay for the finest 1 of 2 levels" in said[0]
     assert affordable(replace(task, budget=1e4), said.append)[0] == replace(task, budget=1e4)
-    with pytest.raises(SceneError, match=r"budget = 30 s: one design takes about .* of one core"):
-        affordable(replace(task, levels=levels[1:]), said.append)
+
+
+def test_where_the_levels_that_are_paid_for_are_void_the_finest_is_one_of_quick_answers() -> None:
+    alone = {"force.air-loading": "off", "force.collisions": "off", "numerics.mesh_scale": 3.0, "feed.count": 64}
+    levels = ({"numerics.rung": "draft", **alone}, {"numerics.rung": "draft"})
+    task, said = SearchTask(shipped("rhombus"), AXES, (Goal("recovery.wheat"),), 60.0, levels=levels), list[str]()
+    kept, price = affordable(task, said.append)
+    assert len(kept.levels) == 2
+    assert kept.levels[0] == levels[0]
+    assert price(0) + price(1) <= 60.0
+    notices = [make_plan(task.scene.replace(level)).notices for level in kept.levels]
+    void = [any(one.grade is Grade.VOID for one in found) for found in notices]
+    assert void == [True, False]
+    assert "the answer is of quick settings" in said[0]
+    with pytest.raises(SceneError, match=r"budget = 10 s: one design takes about .* of one core"):
+        affordable(replace(task, budget=10.0), said.append)
 
 
 def test_a_search_keeps_its_budget_however_many_designs_are_asked_for_at_a_time() -> None:

@@ -96,6 +96,20 @@ def test_the_feed_takes_the_funnels_rate(cases: Path) -> None:
     assert any("LIGGGHTS" in line for line in make_plan(scene).used)
 
 
+def test_beads_that_are_not_computed_leave_the_funnel_by_beverloos_law(cases: Path, tmp_path: Path) -> None:
+    """The answer says so."""
+    scene = wf.Scene.load(cases / "funnel.toml", {"funnel.computed": False, "feed.count": 64})
+    result = wf.run(scene, out=tmp_path, rung="none", force={"collisions": False}, report=False)
+    assert result.funnel is None
+    assert not {"bed", "funnel"} & set(result.seconds)
+    assert any("Beverloo's law" in line for line in result.warnings)
+    assert scene.funnel is not None
+    flow = sum(result.table["separation"]["throughput"].values())
+    assert flow == pytest.approx(3600.0 * scene.funnel.expected_rate, rel=1e-6)
+    with pytest.raises(SceneError, match="beads are not computed"):
+        wf.run(scene, out=tmp_path, until="funnel")
+
+
 @pytest.mark.parametrize("changes", [{}, {"half_angle": 1.2}, {"width": 0.02}, {"low": 1.0e-3, "high": 2.0e-3}])
 def test_the_loose_heap_touches_nothing(changes: dict[str, Any]) -> None:
     from scipy.spatial import cKDTree

@@ -95,8 +95,8 @@ def loaded(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
     return wf.run(loaded_scene(), tmp_path_factory.mktemp("loaded"), force=CALM)
 
 
-def loaded_pipeline(rung: str = "draft", force: dict[str, bool] | None = None) -> Any:
-    asked = loaded_scene().replace({"numerics.rung": rung})
+def loaded_pipeline(rung: str = "draft", force: dict[str, bool] | None = None, passes: int = 3) -> Any:
+    asked = loaded_scene().replace({"numerics.rung": rung, "numerics.loading_passes": passes})
     return Pipeline(asked, make_plan(asked, force={**CALM, **(force or {})}))
 
 
@@ -213,6 +213,17 @@ def test_where_granules_meet_the_last_pass_is_under_the_force_of_those(loaded: w
     assert loading.summary.passes == len(alone) + 1
     assert loading.force is last.force
     assert loading.last_change("chaff", 0) == last.gathered.shares["chaff"][0] - before[-1].gathered.shares["chaff"][0]
+
+
+@pytest.mark.openfoam
+def test_a_single_pass_is_under_the_force_of_granules_alone_and_all_that_it_moves_is_its_error(
+    loaded: wf.Result,
+) -> None:
+    once = loaded_pipeline(force={COLLISIONS: True}, passes=1).loading
+    assert once.summary.passes == 1
+    assert once.passes[0].key == loaded_pipeline().loading.passes[0].key
+    moved = once.passes[0].gathered.shares["chaff"][0] - once.first.shares["chaff"][0]
+    assert once.last_change("chaff", 0) == moved != 0.0
 
 
 @pytest.mark.openfoam

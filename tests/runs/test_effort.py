@@ -12,6 +12,7 @@ import wakeflow as wf
 from support import shipped
 from wakeflow.answer.result import Request
 from wakeflow.core.errors import SceneError
+from wakeflow.core.graded import Grade
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import gathered
 from wakeflow.runs import effort
@@ -37,7 +38,7 @@ def planned_once(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("name", "seconds"),
     [("rhombus", 40.0), ("prism", 40.0), ("wheat-straw-dust", 40.0), ("aspirator", 40.0), ("vacuum", 40.0),
-     ("labyrinth", 65.0)],
+     ("funnel", 40.0), ("labyrinth", 65.0)],
 )  # fmt: skip
 def test_a_quick_answer_is_planned_within_about_half_a_minute(name: str, seconds: float) -> None:
     """No time-resolved wake, and no finer than the scene; a machine that is not symmetric takes twice as long."""
@@ -48,6 +49,30 @@ def test_a_quick_answer_is_planned_within_about_half_a_minute(name: str, seconds
     assert scene.feed.count <= own.feed.count
     assert scene.numerics.mesh_scale >= own.numerics.mesh_scale
     assert plan.estimate["seconds"] <= seconds
+    assert not any(notice.grade is Grade.VOID for notice in plan.notices)
+
+
+@pytest.mark.parametrize(
+    ("name", "passes", "loaded"), [("rhombus", 3, True), ("prism", 1, True), ("labyrinth", 3, False)]
+)
+def test_a_quick_answer_lets_the_air_feel_the_granules_as_often_as_time_allows(
+    name: str, passes: int, loaded: bool
+) -> None:
+    scene, request = QUICK.of(shipped(name), ASKED)
+    plan = make_plan(scene, rung=request.rung, force=request.force)
+    assert plan.airflow.loaded == loaded
+    assert scene.numerics.loading_passes == passes
+
+
+def test_a_quick_answer_computes_no_beads_and_flies_a_dense_feed_in_a_thinner_slab() -> None:
+    own = shipped("funnel")
+    scene, request = QUICK.of(own, ASKED)
+    crowds = [make_plan(one, rung="draft", force=request.force).crowd for one in (own, scene)]
+    assert scene.funnel is not None
+    assert not scene.funnel.computed
+    assert crowds[0] is not None
+    assert crowds[1] is not None
+    assert crowds[1].depth < crowds[0].depth
 
 
 def test_no_more_granules_load_the_air_than_are_asked_for() -> None:

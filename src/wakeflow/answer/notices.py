@@ -51,7 +51,7 @@ def notices(
     """
     solved = airflow is not None and not pipeline.kind.at_once
     found = list(_airflow_notices(scene, pipeline, airflow)) if solved and airflow is not None else []
-    found += [] if funnel is None else [less_sure(line) for line in funnel_notices(funnel)]
+    found += [less_sure(line) for line in funnel_notices(scene.funnel, funnel)]
     if tracked is not None:
         if slab is not None and slab.jammed:
             found.append(void(f"the feed jams in {slab.jammed} of {slab.replicates} replicates: {JAM}"))

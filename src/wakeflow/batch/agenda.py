@@ -10,6 +10,7 @@ other.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
@@ -23,7 +24,6 @@ from ..answer.result import Request
 from ..core.errors import ProgramError, SceneError
 from ..core.executor import Cluster
 from ..core.lazy import cached_property
-from ..core.quantities import duration
 from ..core.store import content_key
 from ..pipeline.air_loading import exerted_by
 from ..pipeline.airflow_kinds import CaseAir
@@ -35,6 +35,7 @@ from ..planning.make import make_plan
 from ..planning.messages import unfelt, unfelt_line
 from ..planning.plan import Plan
 from ..runs import answer_key
+from ..runs.progress import time_left
 from ..scene import Scene
 from .variant import SCENES_PER_LINE, Variant
 from .work import Job, finished, fly_scene, solve_airflow_of
@@ -275,22 +276,29 @@ class SweepProgress:
     failed: int = 0
     behind: float = 0.0
     started: float = field(default_factory=time.monotonic)
+    paced: float = 0.0  # seconds after which the last step ended
+    least: float = math.inf  # seconds left as reported so far
 
     def ended(self, step: Step, problem: str) -> None:
         """Count a step."""
         self.done += 1
         self.failed += bool(problem)
         self.behind += step.seconds
+        self.paced = time.monotonic() - self.started
 
     @property
     def left(self) -> float | None:
         """Seconds left, if what is left costs what is behind has cost; None before anything is behind."""
         if not self.behind:
             return None
-        return (time.monotonic() - self.started) * (self.expected - self.behind) / self.behind
+        whole = self.paced * self.expected / self.behind
+        return max(whole - (time.monotonic() - self.started), 0.0)
 
     def __str__(self) -> str:
-        left = "" if self.left is None or self.done == self.steps else f", about {duration(self.left)} left"
+        seconds, left = self.left, ""
+        if seconds and self.done < self.steps:
+            self.least = min(self.least, seconds)
+            left = f", {time_left(seconds, self.least)} left"
         failed = f", {self.failed} failed" if self.failed else ""
         return f"{self.done} of {self.steps} stages{failed}{left}"
 

@@ -18,11 +18,13 @@ from ..answer.result import VOID, Result
 from ..answer.table import Entry, TableQuantity
 from ..core.errors import SceneError
 from ..core.files import made_folder, path_of
+from ..core.graded import Grade
 from ..core.process import check_workers, cores
 from ..core.quantities import duration
 from ..core.record import JsonMapping, JsonTable
 from ..pipeline.cache import Listener
 from ..planning.make import make_plan
+from ..runs.effort import quick_keys
 from ..runs.progress import as_listener
 from ..scene import Scene
 from .compute import Sweep, executor_on, sweep
@@ -185,26 +187,47 @@ def search(
 
 def affordable(task: SearchTask, tell: Callable[[str], None]) -> tuple[SearchTask, Price]:
     """The task without the finest levels of which the budget does not pay for one design, and what a design of each
-    level is expected to cost; says what is left out.
+    level is expected to cost; says what is left out. Where every answer of the levels that stay would be void, or none
+    stays, the finest is one of quick answers.
 
     Raises SceneError where the budget does not pay for a single design.
     """
-    levels = range(len(task.levels))
-    prices = [_expected_price(task.scene.replace(task.levels[level])) for level in levels]
-    kept = max((n for n in levels if sum(prices[: n + 1]) <= task.budget), default=None)
-    if kept is None and prices[0] <= OVERSPENT * task.budget:
-        kept = 0
-    if kept is None:
+    levels = task.levels
+    prices = [_expected_price(_at(task, level)) for level in levels]
+    kept = _paid(prices, task.budget) or int(prices[0] <= OVERSPENT * task.budget)
+    if kept == len(levels):
+        return task, prices.__getitem__
+    told = (
+        f"done the budget of {duration(task.budget)} does not pay for the finest {len(levels) - kept} of {len(levels)} "
+        f"levels, where a design takes about {duration(prices[-1])}: the answer is of "
+    )
+    if kept and not _void(_at(task, levels[kept - 1])):
+        tell(f"{told}level {kept}")
+        return replace(task, levels=levels[:kept]), prices.__getitem__
+    quick = {**levels[-1], **quick_keys(_at(task, levels[-1]))}
+    price = _expected_price(_at(task, quick))
+    if price > OVERSPENT * task.budget:
         raise SceneError(
-            f"search.budget = {duration(task.budget)}: one design takes about {duration(prices[0])} of one core; give "
-            "more, or coarser settings in [[search.level]]"
+            f"search.budget = {duration(task.budget)}: one design takes about {duration(min(price, prices[0]))} of one "
+            "core; give more, or coarser settings in [[search.level]]"
         )
-    if left_out := len(task.levels) - kept - 1:
-        tell(
-            f"done the budget of {duration(task.budget)} does not pay for the finest {left_out} of {len(task.levels)} "
-            f"levels, where a design takes about {duration(prices[-1])}: the answer is of level {kept + 1}"
-        )
-    return replace(task, levels=task.levels[: kept + 1]), prices.__getitem__
+    kept = _paid(prices[:kept], task.budget - price)
+    tell(f"{told}quick settings, about {duration(price)} a design")
+    return replace(task, levels=(*levels[:kept], quick)), [*prices[:kept], price].__getitem__
+
+
+def _paid(prices: Sequence[float], budget: float) -> int:
+    """Of how many levels, the coarsest first, a ``budget`` pays for a design of each."""
+    return sum(sum(prices[: level + 1]) <= budget for level in range(len(prices)))
+
+
+def _at(task: SearchTask, level: JsonMapping) -> Scene:
+    return task.scene.replace(level)
+
+
+def _void(scene: Scene) -> bool:
+    """Whether the plan says that an answer will be worth nothing."""
+    return any(notice.grade is Grade.VOID for notice in make_plan(scene).notices)
 
 
 def _expected_price(scene: Scene) -> float:

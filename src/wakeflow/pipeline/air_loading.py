@@ -35,7 +35,6 @@ from .slab import steady_after
 from .solved_air import SolvedAir
 
 Array = NDArray[np.float64]
-MAX_PASSES = 3  # solutions under a force
 TOWARDS = 0.7  # of the way to the force gathered last. Chosen: slower air drags less, so that the whole way oversteps
 
 
@@ -71,7 +70,7 @@ class AirLoading:
 
     @cached_property
     def passes(self) -> tuple[Pass, ...]:
-        """Every pass, until the shares are within the accuracy asked for, or after MAX_PASSES."""
+        """Every pass, until the shares are within the accuracy asked for, or after as many as the scene allows."""
         return tuple(self._passes())
 
     @property
@@ -126,14 +125,15 @@ class AirLoading:
 
     def _passes(self) -> Iterator[Pass]:
         before, start, force = self.first, self.steady.solution, self.first.force
-        for number in range(MAX_PASSES):
+        most = self.scene.numerics.loading_passes
+        for number in range(most):
             made = self._pass(force, start, before)
             yield made
             if made.change <= self.plan.target_error:
                 break
             before, start, force = made.gathered, (made.key, made.folder), force.towards(made.gathered.force, TOWARDS)
             self.cache.tell("air-loading", f"pass {number + 1}: shares moved by up to {100 * made.change:.2g} points")
-        if self.plan.crowd is not None:
+        if self.plan.crowd is not None and most > 1:
             among = self._among_others(made)
             yield self._pass(among.force, (made.key, made.folder), made.gathered, among)
 

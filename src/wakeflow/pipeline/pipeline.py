@@ -83,8 +83,8 @@ class Pipeline:
 
     @cached_property
     def funnel(self) -> FunnelSummary | None:
-        """What the scene's feed funnel delivers; None without one."""
-        if self.scene.funnel is None:
+        """What the scene's feed funnel delivers; None without one, and where its beads are not computed."""
+        if self.scene.funnel is None or not self.scene.funnel.computed:
             return None
         return compute_funnel(self.scene.funnel, self.cache.make, partial(self.cache.tell, "funnel"))
 

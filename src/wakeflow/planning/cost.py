@@ -84,7 +84,7 @@ WITHOUT_AIR = 30e-6  # s of both cores: of a flight from impact to impact
 EACH_STAGE = 0.5  # s of a stage in which granules fly, however few they are
 MESHED = 0.5, 3.0e-4  # s of a mesh, and of each cell
 READ = {"steady": 1.0, "time-resolved": 4.5}  # s: the field of a solved airflow
-PASSES, AGAIN_UNDER_FORCE = 3, 0.5  # of the air that feels the granules; a solution under force over a first one
+AGAIN_UNDER_FORCE = 0.5  # a solution under force over a first one
 ROUGHLY = 0.4  # of the time of a flight: to the tolerance at which the force on the air is gathered
 RESIDENCE = 5.0  # s
 PROGRAM = 4e8  # bytes: the interpreter with its libraries
@@ -202,7 +202,7 @@ def slab_again(work: Workload, name: str, part: float) -> Iterator[StageCost]:
 
 
 def _pouring(work: Workload) -> Iterator[StageCost]:
-    if work.scene.funnel is not None:
+    if work.scene.funnel is not None and work.scene.funnel.computed:
         yield StageCost(StageKey(OWN, "funnel"), estimated_seconds(work.scene.funnel), "first")
 
 
@@ -250,7 +250,7 @@ def _gathering(work: Workload) -> Iterator[StageCost]:
 def _gathering_in_slab(work: Workload) -> Iterator[StageCost]:
     """COMPARED replicates of the slab, each three times as long as it takes to start up."""
     crowd = work.crowd
-    if work.airflow.loaded and crowd is not None:
+    if work.airflow.loaded and crowd is not None and _passes(work) > 1:
         steady = work.airflow.stepping == "steady"
         part = COMPARED * 3.0 * crowd.start_up / (crowd.replicates * (crowd.operation + 2.0 * crowd.start_up))
         key = StageKey(AirLabel(draft=not steady), "slab-momentum")
@@ -258,8 +258,9 @@ def _gathering_in_slab(work: Workload) -> Iterator[StageCost]:
 
 
 def _passes(work: Workload) -> int:
-    """Under the force of granules alone, and one under that of those that meet."""
-    return PASSES + (work.crowd is not None)
+    """Under the force of granules alone, and one under that of those that meet where it is not solved for only once."""
+    most = work.scene.numerics.loading_passes
+    return most + (most > 1 and work.crowd is not None)
 
 
 def _loading(work: Workload) -> Iterator[StageCost]:

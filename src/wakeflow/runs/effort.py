@@ -12,10 +12,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from ..answer.result import Request, Result
 from ..core.errors import SceneError
 from ..core.process import cores
 from ..core.quantities import duration, quantity
+from ..core.record import JsonTable
 from ..core.store import cache_root
 from ..pipeline.cache import Listener
 from ..planning.cost import REPORT, wall_seconds
@@ -24,6 +27,7 @@ from ..planning.make import make_plan
 from ..planning.plan import Plan
 from ..planning.terms import LOADING
 from ..scene import Scene
+from ..scene.changes import flat
 
 STAGE = "budget"  # as the listener hears of it
 SOLVED = ("steady", "time-resolved")
@@ -31,15 +35,18 @@ OVERTIME = 1.15  # of a budget: where a round that took longer than expected is 
 # Of a whole channel, whose air takes several times as long as half of one: times a mesh's edges, up to the coarsest
 # that a scene may ask for, and a part of the granules of a quick answer; chosen
 WHOLE_CHANNEL, COARSEST, FEWER = 4.0 / 3.0, 4.0, 2
+FEW_IN_FLIGHT, THINNEST = 500.0, 5.0  # granules in a thin slab; its depth in the coarsest granules, at least; chosen
+ROUNDING = 1e-3
 SURELY = 0.7  # of what is left: what a round is expected to take at most; expectations are good to a factor of two
 
 
 @dataclass(frozen=True)
 class Effort:
     """Settings no finer than these: ``granules`` of a fraction, cells' edges ``mesh`` times the usual, the tracker's
-    ``tolerance``; without ``in_time`` no time-resolved wake; from ``unloaded_from`` seconds on that solving
-    for it would take, without the granules' force on the air, and half of the granules where the whole channel is
-    solved. None: as the scene says.
+    ``tolerance``; without ``in_time`` no time-resolved wake. Where the granules' force on the air would take longer
+    than ``force_within`` seconds it is solved for once, and not at all where that takes longer too; then a dense feed
+    is flown in a thin slab, the beads of a funnel are not computed, and a whole channel gets half of the granules.
+    None: as the scene says.
     """
 
     name: str
@@ -47,7 +54,7 @@ class Effort:
     mesh: float | None = None
     tolerance: float | None = None
     in_time: bool = False
-    unloaded_from: float | None = None
+    force_within: float | None = None
 
     def of(self, scene: Scene, request: Request) -> tuple[Scene, Request]:
         """The scene with these settings where its own are finer, and how to ask for it."""
@@ -56,34 +63,56 @@ class Effort:
             changes["feed.count"] = min(self.granules, scene.feed.count)
         if self.tolerance is not None:
             changes["numerics.tolerance"] = max(self.tolerance, own.tolerance)
-        plan = make_plan(scene, rung=request.rung, force=request.force, target_error=request.target_error)
+        if self.force_within is not None and scene.funnel is not None:
+            changes["funnel.computed"] = False
+        plan = _planned(scene, request)
         if plan.airflow.stepping in SOLVED:
             if not self.in_time:
                 request = replace(request, rung="draft")
-                plan = make_plan(scene, rung="draft", force=request.force, target_error=request.target_error)
+                plan = _planned(scene, request)
             if self.mesh is not None:
                 whole = 1.0 if plan.airflow.half else WHOLE_CHANNEL  # whose solution takes several times as long
                 changes["numerics.mesh_scale"] = max(min(whole * self.mesh, COARSEST), own.mesh_scale)
-            if self.unloaded_from is not None:
-                request = self._unloaded(scene.replace(changes), request)
-                if self.granules is not None and not plan.airflow.half:
-                    changes["feed.count"] = min(self.granules // FEWER, scene.feed.count)
-        return scene.replace(changes), request
-
-    def _unloaded(self, scene: Scene, request: Request) -> Request:
-        """The request without the granules' force on the air where solving for it takes too long: its bound is then in
-        the interval.
-        """
-        plan = make_plan(scene, rung=request.rung, force=request.force, target_error=request.target_error)
-        takes = sum(
-            one.whole for one in plan.stages if one.key.heading == "air loading" or one.key.name == "loaded-airflow"
-        )
-        if LOADING in request.force or takes <= (self.unloaded_from or 0.0):
-            return request
-        return replace(request, force={**request.force, LOADING: False})
+            if self.force_within is not None and self.granules is not None and not plan.airflow.half:
+                changes["feed.count"] = min(self.granules // FEWER, scene.feed.count)
+        scene = scene.replace(changes)
+        return (scene, request) if self.force_within is None else _roughly(scene, request, self.force_within)
 
 
-QUICK = Effort("quick", 256, 3.0, 1e-3, unloaded_from=11.0)
+def _planned(scene: Scene, request: Request) -> Plan:
+    return make_plan(scene, rung=request.rung, force=request.force, target_error=request.target_error)
+
+
+def _roughly(scene: Scene, request: Request, seconds: float) -> tuple[Scene, Request]:
+    """With the granules' force on the air solved for once where all passes take longer than ``seconds``; without it
+    where one does too: its bound is then in the interval.
+    """
+    if LOADING not in request.force and _loading_seconds(scene, request) > seconds:
+        once = scene.replace({"numerics.loading_passes": 1})
+        if _loading_seconds(once, request) <= seconds:
+            scene = once
+        else:
+            request = replace(request, force={**request.force, LOADING: False})
+    return _thin(scene, request), request
+
+
+def _loading_seconds(scene: Scene, request: Request) -> float:
+    """What the granules' force on the air is expected to take."""
+    stages = _planned(scene, request).stages
+    return sum(one.whole for one in stages if one.key.heading == "air loading" or one.key.name == "loaded-airflow")
+
+
+def _thin(scene: Scene, request: Request) -> Scene:
+    """The scene with a slab no deeper than it takes for FEW_IN_FLIGHT granules: what that changes is measured."""
+    crowd = _planned(scene, request).crowd
+    many = 0.0 if crowd is None else sum(crowd.in_flight.values()) / FEW_IN_FLIGHT
+    if crowd is None or many <= 1.0 + ROUNDING:
+        return scene
+    coarsest = max(float(one.diameters(np.array([0.5]))[0]) for one in scene.fraction.values())
+    return scene.replace({"collisions.depth": min(crowd.depth, max(THINNEST * coarsest, crowd.depth / many))})
+
+
+QUICK = Effort("quick", 256, 3.0, 1e-3, force_within=11.0)
 EFFORTS = (
     QUICK,
     Effort("coarse", 1024, 2.0, 1e-3),
@@ -161,7 +190,7 @@ class Within:
         seen: list[Any] = []
         for effort in EFFORTS:
             scene, request = effort.of(self.scene, self.request)
-            plan = make_plan(scene, rung=request.rung, force=request.force, target_error=request.target_error)
+            plan = _planned(scene, request)
             what = scene.tables(), plan.rung
             if what not in seen:
                 seen.append(what)
@@ -218,4 +247,12 @@ def quick_settings(scene: Scene, how: Mapping[str, Any]) -> tuple[Scene, dict[st
     """The scene of a quick answer and how to ask for it: ``rung``, ``force`` and ``target_error`` as of a plan."""
     request = Request.asked(None, how.get("rung"), how.get("force"), how.get("target_error"), None)
     coarse, asked = QUICK.of(scene, request)
-    return coarse, {**how, "rung": asked.rung}
+    return coarse, {**how, "rung": asked.rung, "force": asked.force}
+
+
+def quick_keys(scene: Scene) -> JsonTable:
+    """What a quick answer changes of a scene, by dotted key."""
+    coarse, asked = QUICK.of(scene, Request.asked())
+    own, switches = flat(scene.tables()), {f"force.{term}": on for term, on in asked.force.items()}
+    found = {key: value for key, value in flat(coarse.tables()).items() if own.get(key) != value}
+    return {**found, **({} if asked.rung is None else {"numerics.rung": asked.rung}), **switches}

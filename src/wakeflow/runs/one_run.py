@@ -123,8 +123,8 @@ def _check(scene: Scene, folder: Path, request: Request, workers: int | None) ->
     """Raise SceneError where a run cannot be made as it was asked for."""
     if request.until not in (None, *STOPS):
         raise SceneError(f"until = {request.until!r}: choose funnel, mesh, airflow or tracks")
-    if request.until == "funnel" and scene.funnel is None:
-        raise SceneError("until = 'funnel': the scene has no [funnel] table")
+    if request.until == "funnel" and (scene.funnel is None or not scene.funnel.computed):
+        raise SceneError("until = 'funnel': the scene has no [funnel] table, or one whose beads are not computed")
     check_workers(workers)
     if request.near is not None and Path(request.near).resolve() == folder.resolve():
         raise SceneError(f"--near {request.near}: is the run's own folder; name another run")

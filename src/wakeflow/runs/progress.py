@@ -126,15 +126,18 @@ class RunProgress:
         if left is None:
             return ""
         self.least = min(self.least, left)
-        beyond = left > GROWS * self.least
-        told = f"at least {duration(GROWS * self.least)}" if beyond else f"about {duration(left)}"
-        return f"stage {self.number} of {len(self.expected)}, {told} left"
+        return f"stage {self.number} of {len(self.expected)}, {time_left(left, self.least)} left"
 
     @property
     def from_cache(self) -> str:
         """How many stages came from the cache, in a line; empty for none."""
         count = len(self.cached)
         return f"{count} stage{'s' if count > 1 else ''} from the cache" if count else ""
+
+
+def time_left(seconds: float, least: float) -> str:
+    """A time left in words, which never grows by more than a quarter above the ``least`` one reported before."""
+    return f"at least {duration(GROWS * least)}" if seconds > GROWS * least else f"about {duration(seconds)}"
 
 
 PLAIN_EVERY = 10.0  # s between lines of a stage when the output is not a terminal

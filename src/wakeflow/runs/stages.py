@@ -43,6 +43,8 @@ def stages_of(
     """The stages of a scene, fed by its funnel where it has one, and what that funnel delivers; ``planned`` hears of
     the plan before, which may have been ``made`` elsewhere.
     """
+    if scene.funnel is not None and not scene.funnel.computed:
+        scene = scene.fed()
     planner, rung = Planner(scene.fed(), request.force, request.target_error), request.rung
     if made is not None:
         planner.keep(rung, made)

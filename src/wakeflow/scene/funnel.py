@@ -27,6 +27,9 @@ class Funnel(Table):
     defaults are this program's.
     """
 
+    computed: bool = Field(
+        True, description="bead by bead, with LIGGGHTS; false: the rate is that of Beverloo's law, at rest"
+    )
     orifice: Length = Field(0.010, description="inner diameter of the outlet")
     half_angle: SlopeAngle = Field(math.radians(30), description="of the cone, its wall from the vertical")
     width: Length | None = Field(

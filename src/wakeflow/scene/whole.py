@@ -103,6 +103,9 @@ class Numerics(Table):
     ranks: Annotated[Literal["auto"] | int, BeforeValidator(_ranks)] = Field(
         "auto", description="MPI processes of an airflow, 1 to 256; auto: by its cells alone, two from 60 000 on"
     )
+    loading_passes: Annotated[int, Field(ge=1, le=10)] = Field(
+        3, description="solutions under the granules' force on the air, at most; 1: once, its whole effect its error"
+    )
     keep: Annotated[int, Field(ge=0, le=1_000_000)] = Field(
         2000, description="granules kept in granules.npz per fraction"
     )
