@@ -15,8 +15,14 @@ names="rhombus-film rhombus-tracks rhombus-pressure rhombus-inputs rhombus-curve
   throughput-labyrinth tracker-error-time paper-fig2 paper-fig4 paper-fig6 paper-fig7 paper-fig7-flows"
 
 run() { "$bin/wakeflow" run "$1" --out "$runs/$2" --quiet; }
-take() { # a picture that is there
-  cp "$1" "$kept/.$2.part" && mv "$kept/.$2.part" "$kept/$2"
+small='import sys; from PIL import Image
+Image.open(sys.argv[1]).convert("RGB").quantize(128, dither=0).save(sys.argv[2], "PNG", optimize=True)'
+take() { # a picture that is there, a PNG with few colours: a third of its size
+  case $2 in
+    *.png) "$bin/python" -c "$small" "$1" "$kept/.$2.part" ;;
+    *) cp "$1" "$kept/.$2.part" ;;
+  esac
+  mv "$kept/.$2.part" "$kept/$2"
   echo "$kept/$2"
 }
 
@@ -33,7 +39,7 @@ draw() {
       "$bin/wakeflow" verify cases/rhombus.toml
       take runs/verify/curves-rhombus.png "$1.png" ;;
     labyrinth-tracks)
-      run cases/labyrinth.toml labyrinth
+      "$bin/wakeflow" run cases/labyrinth.toml --quick --out "$runs/labyrinth" --quiet # not an hour for its tracks
       take "$runs/labyrinth/figures/tracks.png" "$1.png" ;;
     throughput)
       "$bin/python" tests/proofs/studies throughput "$runs/$1.png" --scene rhombus --rung draft

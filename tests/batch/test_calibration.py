@@ -9,7 +9,8 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.batch.calibration import Posterior, discrepancy_of
+from wakeflow.batch.calibration import Posterior
+from wakeflow.batch.calibration_update import discrepancy_of
 from wakeflow.batch.protocol import protocol
 from wakeflow.budget.agreement import AGREES, CANNOT_TELL, DISAGREES, agreement_in
 from wakeflow.cli import main

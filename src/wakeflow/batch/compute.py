@@ -151,14 +151,10 @@ def sweep(
     """
     from filelock import FileLock, Timeout
 
-    folder, found, (listener, _) = path_of(out, "out"), _variants(scenes), as_listener(listener)
-    check_workers(workers)
-    if workers is not None and scheduler is not None:
-        raise SceneError(f"workers = {workers}: of this machine; those of a scheduler are its own")
+    found, (listener, _) = _variants(scenes), as_listener(listener)
+    _check_workers(workers, scheduler)
     count, request = workers or cores(), Request.asked(None, rung, force, target_error)
-    made_folder(folder)
-    if not (folder / ".lock").exists():
-        sums.refuse_foreign(folder, [folder / name for name in (TABLE, WIDE, PARQUET)])
+    folder = _folder_of(out)
     try:
         with FileLock(folder / ".lock", timeout=0):
             remove_drafts(folder)
@@ -174,6 +170,22 @@ def sweep(
             return rows.finish(figures=figures)
     except Timeout:
         raise SceneError(f"another sweep is writing to {folder}; wait for it or choose another --out") from None
+
+
+def _check_workers(workers: int | None, scheduler: object) -> None:
+    """Raise SceneError where ``workers`` are no number, or not of this machine."""
+    check_workers(workers)
+    if workers is not None and scheduler is not None:
+        raise SceneError(f"workers = {workers}: of this machine; those of a scheduler are its own")
+
+
+def _folder_of(out: Path | str) -> Path:
+    """The folder of a sweep, made where there is none. Raises SceneError where it holds what no sweep wrote."""
+    folder = path_of(out, "out")
+    made_folder(folder)
+    if not (folder / ".lock").exists():
+        sums.refuse_foreign(folder, [folder / name for name in (TABLE, WIDE, PARQUET)])
+    return folder
 
 
 def _variants(scenes: Scenes) -> list[Variant]:

@@ -26,7 +26,8 @@ from ..scene import RESERVED_BIN, Scene
 from ..scene.measured import BY_CHANCE
 from ..scene.whole import States
 from ..statistics.joint import JointShares
-from .calibration import DISCREPANCY, discrepancy_of, widest_recovery
+from .calibration import widest_recovery
+from .calibration_update import DISCREPANCY, discrepancy_of
 
 if TYPE_CHECKING:
     from ..planning.plan import Plan

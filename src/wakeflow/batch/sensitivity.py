@@ -30,7 +30,7 @@ from ..runs import run
 from ..scene import Scene
 from ..scene.messages import unit_of
 from ..scene.whole import States
-from ..statistics.inputs import SWEEP, InputMove, Remaining, grouped, least_sure, regressed_moves, remaining
+from ..statistics.moves import SWEEP, InputMove, Remaining, grouped, least_sure, regressed_moves, remaining
 from .axis import Axis, axes_of, axis_of_text
 from .compute import Sweep, sweep
 from .variant import Variant, variants

@@ -18,7 +18,7 @@ from ..core.quantities import duration, say, speaking, split_quantity
 from ..report.many import input_words, main_quantities
 from ..report.sketch import UNITS
 from ..report.words import NO_VALUE, difference_text, part_text, percent
-from ..statistics.inputs import InputMove, Remaining
+from ..statistics.moves import InputMove, Remaining
 from .screen import print_lines, screen_table
 from .show_result import measure_next
 

@@ -44,8 +44,8 @@ def calibrate(
         A CSV file: fraction,bin,share,uncertainty. Share from 0 to 1, or the column mass or count; an empty fraction is
         a tray that was not sorted.
     """
-    from ..batch.calibration import DISCREPANCY
     from ..batch.calibration import calibrate as find
+    from ..batch.calibration_update import DISCREPANCY
     from ..runs.progress import live
     from .show_trays import show_calibration
 

@@ -6,7 +6,7 @@ import json
 import os
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
@@ -72,14 +72,8 @@ def plan(
         show_whole_plan(made)
     else:
         show_plan(made, asked, units_written(scene))
-    if as_json and picture is None:
-        return
-    path = picture or folder.with_name(f"{folder.name}-plan.png")
-    _draw(path, asked, scene)
-    if not as_json:
-        print(f"drawing: {path}")
-    if show:
-        _open(path)
+    if picture is not None or not as_json:
+        _draw(picture or folder.with_name(f"{folder.name}-plan.png"), asked, scene, told=not as_json, show=show)
 
 
 def open_(
@@ -169,9 +163,7 @@ def animate(
     """
     from ..core import sums
     from ..core.store import bytes_of
-    from ..report.film import show_film, write_film
-    from ..runs import film_of
-    from ..runs.progress import live
+    from ..report.film import show_film
 
     path = out or run_folder / "figures" / f"film.{format_}"
     if path.suffix != f".{format_}":
@@ -179,16 +171,27 @@ def animate(
     if out is None:
         sums.claim(run_folder, [path])
     lasting, bytes_ = None if span is None else _seconds(span), bytes_of(most)
-    with live(enabled=not quiet) as listener:
-        scene, air, film = film_of(run_folder, lasting, fractions, listener)
-        listener("film", "drawing")
-        write_film(path, film, scene, air, seconds=seconds, size=size, most=bytes_)
-        listener("film", "done")
+    _film(run_folder, path, lasting, fractions, quiet=quiet, seconds=seconds, size=size, most=bytes_)
     if out is None:
         show_film(run_folder, path)
         sums.note(run_folder, [path, run_folder / "report.html"])
     if not quiet:
         print(f"{path}, {path.stat().st_size / 1e6:.2g} MB")
+
+
+def _film(
+    run_folder: Path, path: Path, lasting: float | None, fractions: tuple[str, ...], *, quiet: bool, **how: Any
+) -> None:
+    """Draw the film of a finished run, ``lasting`` so many seconds of the machine's time."""
+    from ..report.film import write_film
+    from ..runs import film_of
+    from ..runs.progress import live
+
+    with live(enabled=not quiet) as listener:
+        scene, air, film = film_of(run_folder, lasting, fractions, listener)
+        listener("film", "drawing")
+        write_film(path, film, scene, air, **how)
+        listener("film", "done")
 
 
 def materials(name: str | None = None, *, file: Path | None = None, new: Path | None = None) -> None:
@@ -236,12 +239,16 @@ def _seconds(span: str) -> float:
     return found
 
 
-def _draw(path: Path, asked: Scene, scene: Path) -> None:
-    """Draw what a scene file asks for, in the units that it writes."""
+def _draw(path: Path, asked: Scene, scene: Path, *, told: bool, show: bool) -> None:
+    """Draw what a scene file asks for, in the units that it writes; print the picture's path, and open it."""
     from ..report.sketch import write_sketch
     from ..scene import units_written
 
     write_sketch(path, asked, units_written(scene))
+    if told:
+        print(f"drawing: {path}")
+    if show:
+        _open(path)
 
 
 def _open(path: Path) -> None:

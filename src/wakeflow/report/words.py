@@ -136,10 +136,16 @@ def headline(result: Result) -> list[str]:
             continue
         places = result.targets(name)
         pure = [(place, (shares.purity.get(place) or {}).get(name)) for place in places]
-        known = [f"{purity(one)} % in {place}" for place, one in pure if one is not None]
-        least = dict.fromkeys(text.partition(" in ")[0] for text in known)
-        where = f"{' or '.join(least)} of what lies there" if len(least) == 1 else ", ".join(known)
-        of_bin = f"; it makes up {where}" if known else ""
+        known = [(purity(one), place) for place, one in pure if one is not None]
+        parts = list(dict.fromkeys(part for part, _ in known))
+        of_bin = ""
+        if len(parts) == 1 and parts[0].startswith(UNKNOWN_ERROR):
+            ends = parts[0].removeprefix(f"{UNKNOWN_ERROR} ").replace(")", " %)")
+            of_bin = f"; which part of what lies there is {name} is not known {ends}"
+        elif len(parts) == 1:
+            of_bin = f"; it makes up {parts[0]} % of what lies there"
+        elif known:
+            of_bin = f"; it makes up {', '.join(f'{part} % in {place}' for part, place in known)}"
         told.append(f"Of the {name}, {percent(number)} % lands in {' or '.join(places)}{of_bin}.")
     return told
 

@@ -18,7 +18,7 @@ the answer is a covariate (Owen, Monte Carlo theory, methods and examples, ch. 8
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
 from operator import add
@@ -27,9 +27,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.measurements import target_number
-from ..answer.shares import InputPart, InputSummary, LandingResults
-from ..answer.table import is_part
+from ..answer.shares import InputPart, InputSummary
 from ..core.lazy import cached_property
 from ..core.number import Number
 from ..laws.size import normal_points
@@ -322,140 +320,3 @@ def inputs_of(inputs: Inputs | None) -> tuple[dict[str, InputSummary] | None, Pa
         ranges = ((place, inputs.of_share(name, [place])) for place in shares)
         parts[name] = {place: dict(over.effects) for place, over in ranges if over.effects}
     return known, parts
-
-
-# -- Which input moves which number of an answer by how much -----------------------------------------------------------
-SHARE = "share."
-REGRESSION, SWEEP = "regression", "sweep"
-
-
-@dataclass(frozen=True)
-class InputMove:
-    """What one input alone does to a number of the answer.
-
-    ``quantity`` as in a sweep's table, its ``value`` and ``measure`` ("1" for parts of a whole); the input's ``key``,
-    the ends ``low`` and ``high`` that it was taken to, and their ``unit``; ``at_low`` and ``at_high``: the changes of
-    the quantity there, None where that was not computed, with the half ``error`` of their 95 % interval, None where
-    unknown. From the regression on a run's draws also the input's part ``index`` of the quantity's variance
-    (first-order index), known to +- ``index_error``. ``how``: regression, or sweep.
-    """
-
-    quantity: str
-    value: float
-    measure: str
-    key: str
-    low: float
-    high: float
-    unit: str
-    at_low: float | None
-    at_high: float | None
-    error: float | None
-    index: float | None
-    index_error: float | None
-    how: str
-
-    @property
-    def is_part(self) -> bool:
-        """Whether the quantity is a part of a whole, whose changes are reported in percentage points."""
-        return self.measure == "1" and is_part(self.quantity)
-
-    @property
-    def reach(self) -> float:
-        """The larger of the two changes."""
-        return max(abs(self.at_low or 0.0), abs(self.at_high or 0.0))
-
-
-def regressed_moves(landings: LandingResults | None) -> list[InputMove]:
-    """What the regression on a run's draws says of every share, and of recoveries and purities of targets; nothing
-    where no input is unknown, or where an older version that did not tell directions made the result.
-    """
-    if landings is None or landings.measure_next is None:
-        return []
-    known, found = landings.inputs or {}, []
-    for quantity, value, parts in _quantities(landings):
-        for key, part in parts.items():
-            if part.rise is None:
-                return []
-            number = known[key]
-            found.append(
-                InputMove(
-                    quantity, value, "1", key, number.low, number.high, number.unit, -part.rise, part.rise,
-                    part.uncertainty, part.variance, part.error, REGRESSION,
-                )
-            )  # fmt: skip
-    return found
-
-
-def _quantities(landings: LandingResults) -> Iterator[tuple[str, float, Mapping[str, InputPart]]]:
-    """Name and value of every number that the draws tell of, and what each unknown does to it."""
-    for name, parts in (landings.of_targets or {}).items():
-        number = target_number(landings, name)
-        if number is not None:
-            yield name, number.value, parts
-    for name, places in (landings.measure_next or {}).items():
-        for place, parts in places.items():
-            yield f"{SHARE}{name}.{place}", landings.separation.fractions[name][place].value, parts
-
-
-def grouped(moves: Iterable[InputMove]) -> dict[str, list[InputMove]]:
-    """The moves of each quantity, the largest first."""
-    found: dict[str, list[InputMove]] = {}
-    for one in moves:
-        found.setdefault(one.quantity, []).append(one)
-    return {name: sorted(members, key=lambda one: -one.reach) for name, members in found.items()}
-
-
-def least_sure(moves: Mapping[str, Sequence[InputMove]]) -> list[str]:
-    """Of each fraction the recovery; without one the share that its inputs move most, in squares."""
-    recovered = {name.split(".")[1]: name for name in moves if name.startswith("recovery.")}
-    worst: dict[str, tuple[float, str]] = {}
-    for name, members in moves.items():
-        fraction = name.split(".")[1]
-        if name == recovered.get(fraction) or (name.startswith(SHARE) and fraction not in recovered):
-            moved = math.hypot(*(one.reach for one in members))
-            if moved > worst.get(fraction, (-1.0, ""))[0]:
-                worst[fraction] = moved, name
-    return [name for _, name in worst.values()]
-
-
-# -- What measuring an input would leave of an interval ----------------------------------------------------------------
-@dataclass(frozen=True)
-class Remaining:
-    """What is left of the 95 % interval of a fraction's recovery once an input is known better: of the input's ``key``
-    in ``unit``, half of the interval ``now`` and as it is to be ``measured``; half of the recovery's interval then,
-    ``alone`` and ``together`` with all inputs before it.
-    """
-
-    key: str
-    unit: str
-    now: float
-    measured: float
-    alone: float
-    together: float
-
-
-def remaining(
-    landings: LandingResults, fraction: str, targets: Sequence[str], measured: Mapping[str, float]
-) -> list[Remaining]:
-    """What measuring leaves of the recovery of a ``fraction`` in its ``targets``, the input that moves it most first.
-
-    ``measured``: half of the 95 % interval of an input (SI) as it is to be known; empty: each in turn exactly. By the
-    regression on the draws: an input whose interval shrinks to the part f takes 1 - f^2 of its own variance away, at
-    most all of it. Empty where no recovery is known or nothing told how it is moved.
-    """
-    found, known = landings.separation.recovery.get(fraction), landings.inputs or {}
-    if found is None or not landings.measure_next:
-        return []
-    places = [landings.measure_next.get(fraction, {}).get(one, {}) for one in targets]
-    moved = {key: sum(part.rise or 0.0 for place in places if (part := place.get(key))) for key in known}
-    rows, half, left = [], found.half, found.half**2
-    for key in sorted((key for key in known if moved[key]), key=lambda one: -abs(moved[one])):
-        if measured and key not in measured:
-            continue
-        own = 0.5 * (known[key].high - known[key].low)
-        then = min(own, measured.get(key, 0.0))
-        less = moved[key] ** 2 * (1.0 - (then / own) ** 2)
-        left -= less
-        alone, together = (math.sqrt(max(0.0, one)) for one in (half**2 - less, left))
-        rows.append(Remaining(key, known[key].unit, own, then, alone, together))
-    return rows

@@ -21,15 +21,8 @@ from proofs.coverage.flown import Predicted, chance_of, predicted, with_bins
 from proofs.coverage.report import HELD, OVERALL
 from proofs.coverage.scenes import GROUPS, VariedScene, varied_scenes
 from proofs.report import Report, Row, Table, Tell
-from wakeflow.batch.calibration import (
-    DISCREPANCY,
-    TELLS,
-    Updated,
-    discrepancy_of,
-    inputs_after,
-    separation_after,
-    updated,
-)
+from wakeflow.batch.calibration import TELLS, inputs_after, separation_after
+from wakeflow.batch.calibration_update import DISCREPANCY, Updated, discrepancy_of, updated
 from wakeflow.budget.agreement import DISAGREES
 from wakeflow.core.store import Store, cache_root
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown, unknown_kinds

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...answer.shares import SHARE_UNIT
-from ...statistics.inputs import InputMove, grouped, least_sure, regressed_moves
+from ...statistics.moves import InputMove, grouped, least_sure, regressed_moves
 from ..canvas import BLUE, COLOURS, INK, VERMILION, new_figure, save
 from ..outcome import add_figure
 from ..words import condensed, source_seconds
