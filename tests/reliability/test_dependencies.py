@@ -59,7 +59,7 @@ def test_the_wheel_runs_elsewhere_without_openfoam(tmp_path: Path) -> None:
         return done.returncode, done.stdout + done.stderr
 
     where = subprocess.run(
-        [python, "-c", "import wakeflow; print(wakeflow.__file__)"], capture_output=True, cwd=tmp_path
+        [python, "-c", "import wakeflow; print(wakeflow.__file__)"], capture_output=True, cwd=tmp_path, env=environment
     )
     assert str(there) in where.stdout.decode()
     assert said("new", "vacuum", "my.toml")[0] == 0

@@ -16,7 +16,7 @@ from ..laws.forces import forces
 from ..scene import Scene
 from .airflow import AirflowPlan
 from .collisions import CLOCK, CollisionPlan
-from .plan import AT_ONCE, COMPARED, REPLICATES, CostEstimate, FractionPlan, gathered, replicate_size
+from .plan import AT_ONCE, COMPARED, KEPT, REPLICATES, CostEstimate, FractionPlan, gathered, replicate_size
 from .stages import FLIGHTS, OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, error_sources, stages
 from .wake import MEMORY, SpanCost, cost_of
 
@@ -91,8 +91,8 @@ PROGRAM = 4e8  # bytes: the interpreter with its libraries
 IN_AIR = 1.8e8  # bytes: the kernels of a solved airflow and its field
 BYTES_IN_TIME = 200.0  # bytes of memory a cell and snapshot: a time-resolved field
 MESHER, SOLVER = 1.5e8, 1e8  # bytes: the process of Gmsh or LIGGGHTS; of OpenFOAM without its cells
-BYTES_IN_FLIGHT = 1500.0  # bytes of memory a granule that is fed and flown at the time
-BYTES_LANDED = 120.0  # bytes of memory a granule: its row of landings
+BYTES_IN_FLIGHT = 1000.0  # bytes of memory a granule that is fed and flown at the time
+BYTES_LANDED = 60.0  # bytes of memory a granule and fraction: its row of landings
 FILES = 1e6  # bytes: tables and report
 BYTES_A_CELL = 1500.0  # bytes of disk a cell: the mesh in text
 BYTES_A_SNAPSHOT = 80.0  # bytes of disk a cell and snapshot: its fields
@@ -125,7 +125,7 @@ def estimate_cost(
 ) -> CostEstimate:
     """What a run of these ``expected`` stages costs."""
     beside = MESHER if any(stage.when == "beside" for stage in expected) else 0.0
-    air, kept = airflow_cost(scene, airflow), BYTES_STORED * _fed(scene) * len(fractions)
+    air, kept = airflow_cost(scene, airflow), BYTES_STORED * min(_fed(scene), KEPT) * len(fractions)
     return CostEstimate(
         seconds=wall_seconds(expected),
         memory=max(stage.memory for stage in expected) + beside,
@@ -139,12 +139,11 @@ def memory_of(work: Workload, key: StageKey) -> float:
     held = PROGRAM + (IN_AIR if work.airflow.stepping is not None else 0.0)
     if work.airflow.stepping == "time-resolved" and work.airflow.span is None:
         held += BYTES_IN_TIME * SNAPSHOTS["time-resolved"] * cells
-    at_once = max(min(count, AT_ONCE), count // REPLICATES)
     more = {
         "funnel": MESHER,
         "mesh": MESHER,
         "airflow": SOLVER + MEMORY * cells,
-        FLIGHTS: BYTES_IN_FLIGHT * at_once + BYTES_LANDED * count,
+        FLIGHTS: BYTES_IN_FLIGHT * min(count, AT_ONCE) + BYTES_LANDED * min(count, KEPT) * work.fractions,
         "slab": 0.0 if work.crowd is None else work.crowd.memory,
     }
     return held + more.get(key.stage.work, 0.0)
