@@ -77,12 +77,14 @@ def test_a_quick_answer_computes_no_beads_and_flies_a_dense_feed_in_a_thinner_sl
 
 def test_no_more_granules_load_the_air_than_are_asked_for() -> None:
     assert [gathered(count) for count in (64, 512, 2048, 16384)] == [64, 512, 2048, 2048]
-    few, many = (make_plan(shipped("rhombus", {"feed.count": count})) for count in (512, 4096))
+    plans = (make_plan(shipped("rhombus", {"feed.count": count})) for count in (512, 1024, 4096))
 
     def loading(plan: wf.Plan) -> float:
         return sum(one.whole for one in plan.stages if one.name.endswith("draft momentum"))
 
-    assert 0.0 < loading(few) < 0.35 * loading(many)
+    few, twice, many = map(loading, plans)
+    assert 0.0 < few < twice
+    assert many - twice == pytest.approx((2048 - 1024) / 512 * (twice - few), rel=0.01)
 
 
 @pytest.mark.parametrize(("given", "seconds"), [("3 min", 180.0), ("90 s", 90.0), (45, 45.0)])
