@@ -236,6 +236,36 @@ def test_a_map_shows_no_difference_that_the_intervals_hide(
     assert told.count("0 to 100") == (4 if high == 1.0 else 0)
 
 
+def test_a_map_is_grey_where_nothing_is_known_and_leaves_out_what_nowhere_is(drawn: list[Any]) -> None:
+    table = _grid_of(0.0, 1.0)
+    empty = TableQuantity(float("nan"), name="purity.far.dust", unit="1")
+    table = replace(table, entries=[replace(one, quantities=(*one.quantities, empty)) for one in table.entries])
+    many.draw_map(Path("unused"), table, ["recovery.dust", "purity.near.dust", "purity.far.dust"], *table.inputs)
+    panels = [axes for axes in drawn[0].axes if axes.get_visible() and axes.texts]
+    assert len(panels) == 2
+    for axes, told in zip(panels, ("0", "unknown"), strict=True):
+        assert axes.collections[0].get_array().mask.all()  # type: ignore[union-attr]
+        assert told in [text.get_text() for text in axes.texts]
+    with pytest.raises(SceneError, match="nothing landed"):
+        many.draw_map(Path("unused"), table, ["purity.far.dust"], *table.inputs)
+
+
+def test_people_read_inputs_in_their_units_and_files_keep_the_si(drawn: list[Any]) -> None:
+    entries = [
+        Entry(f"{rate}", {"feed.rate": rate / 3600.0, "channel.width": [0.1, 0.2][: rate // 100] or 0.1}, DONE, "",
+              (TableQuantity(0.5, 0.4, 0.6, name="recovery.dust", unit="1"),))
+        for rate in (0, 100, 200)
+    ]  # fmt: skip
+    table = ResultTable(entries)
+    read = table.read_in({"kg/s": "kg/h", "m": "mm"})
+    assert [one.inputs["feed.rate"] for one in read.entries] == [0.0, 100.0, 200.0]
+    assert read.headings == ["feed.rate (kg/h)", "channel.width (m)"]  # not a number in each scene
+    assert [one.inputs["channel.width"] for one in read.entries] == [one.inputs["channel.width"] for one in entries]
+    assert table.tidy().heads[2] == "feed.rate (kg/s)"
+    many.draw_lines(Path("unused"), table, ["recovery.dust"], "feed.rate")
+    assert drawn[0].axes[0].get_xlabel() == "feed.rate (kg/h)"
+
+
 def test_a_few_scenes_are_named_at_their_points(drawn: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
     many.draw_trade_off(Path("unused"), _grid_of(0.0, 0.0))
     [axes] = drawn[0].axes

@@ -11,7 +11,7 @@ import wakeflow as wf
 from support import CASES, Here, shipped
 from wakeflow.answer.table import TableQuantity
 from wakeflow.batch.axis import Axis, axis_of_text
-from wakeflow.batch.designs import affordable, explore
+from wakeflow.batch.designs import affordable, explore, with_fan
 from wakeflow.batch.history import DesignPoint, Evaluation, History, at_random
 from wakeflow.batch.task import Goal, QuantityLimit, SearchTask, read_search_file
 from wakeflow.cli.show_many import show_search
@@ -250,6 +250,34 @@ def test_several_goals_have_a_front_and_a_middle() -> None:
 def test_a_quantity_that_is_not_there_is_named() -> None:
     with pytest.raises(SceneError, match=r"level 1 has no quantity 'god'; did you mean 'good'"):
         explore(task(100.0, goals=(Goal("god"),)), hill)
+
+
+def test_pressure_drop_and_fan_power_are_goals(tmp_path: Path) -> None:
+    path = tmp_path / "search.toml"
+    path.write_text(FILE.replace("airflow.fan_power", "airflow.pressure_drop"))
+    assert read_search_file(path).goals[1] == Goal("airflow.pressure_drop", -1)
+
+    def evaluate(level: int, places: Sequence[DesignPoint]) -> list[Evaluation]:
+        """The air's speed is the first input: its pressure drop goes with the square, and more recover in fast air."""
+        found = []
+        for place, one in zip(places, hill(level, places), strict=True):
+            drop, rate = 1.0 + 8.0 * place[0] ** 2, 0.2 + 0.8 * place[0]
+            air = {
+                "airflow.pressure_drop": TableQuantity(drop, 0.9 * drop, 1.1 * drop, name="drop", unit="Pa"),
+                "airflow.flow_rate": TableQuantity(rate, name="rate", unit="m^2/s"),
+                "good": replace(one.quantities["good"], value=place[0], low=place[0] - 0.01, high=place[0] + 0.01),
+            }
+            found.append(Evaluation(COST[level], with_fan(air)))
+        return found
+
+    for goal in ("airflow.pressure_drop", "airflow.fan_power"):
+        history = explore(task(400.0, goals=(Goal("good"), Goal(goal, -1))), evaluate)
+        assert len(history.front()) >= 3  # more of the one costs more of the other: every speed is a best one
+        least = explore(task(400.0, goals=(Goal(goal, -1),)), evaluate).recommended()
+        assert least is not None
+        assert least[0] < 0.1
+    quantities = evaluate(0, [(0.5, 0.0)])[0].quantities
+    assert tuple(quantities["airflow.fan_power"]) == pytest.approx((1.8, 1.62, 1.98))  # 3 Pa times 0.6 m2/s
 
 
 AXES = (axis_of_text("feed.height=60:140:2 mm"),)

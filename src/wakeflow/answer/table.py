@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, field, is_dataclass, replace
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,6 +17,7 @@ from ..core.errors import SceneError
 from ..core.files import atomic_write
 from ..core.lazy import cached_property
 from ..core.number import Number
+from ..core.quantities import converted
 from ..core.record import JsonMapping, columns
 from ..core.registry import did_you_mean
 from ..core.tables import Cell, CellTable
@@ -115,6 +116,7 @@ def _numbers(value: object, name: str, unit: str, errors: Mapping[str, float | N
 # -- One tidy table of many results ------------------------------------------------------------------------------------
 DONE, FAILED, OPEN = "done", "failed", "open"
 NUMBERS = ("value", "low", "high", "error", "numerical")
+DIGITS = 12  # of an input in another unit: 0.3, not 0.30000000000000004
 
 
 @dataclass(frozen=True)
@@ -141,6 +143,7 @@ class ResultTable:
 
     entries: Sequence[Entry]
     targets: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # bins where each fraction should land
+    units: Mapping[str, str] = field(default_factory=dict)  # of inputs by key, where they are not of the SI
 
     def __repr__(self) -> str:
         """How many scenes there are, and in what they differ."""
@@ -151,7 +154,19 @@ class ResultTable:
     def inputs(self) -> dict[str, str]:
         """The keys in which the scenes differ, and their units."""
         keys = dict.fromkeys(key for entry in self.entries for key in entry.inputs)
-        return {key: unit_of(key) for key in keys}
+        return {key: self.units.get(key) or unit_of(key) for key in keys}
+
+    def read_in(self, units: Mapping[str, str]) -> ResultTable:
+        """The table with its inputs in the units that people read, {"kg/s": "kg/h"}, of those that are numbers."""
+        said = {key: (unit, units[unit]) for key, unit in self.inputs.items() if unit in units}
+        said = {
+            key: unit for key, unit in said.items() if all(_plain(one.inputs.get(key, 0.0)) for one in self.entries)
+        }
+        entries = [
+            replace(one, inputs={key: _converted(value, said.get(key)) for key, value in one.inputs.items()})
+            for one in self.entries
+        ]
+        return replace(self, entries=entries, units={**self.units, **{key: unit for key, (_, unit) in said.items()}})
 
     @cached_property
     def headings(self) -> list[str]:
@@ -238,6 +253,15 @@ class ResultTable:
         with atomic_write(path, "wb") as stream:
             parquet.write_table(arrow.Table.from_pydict(self.tidy().columns()), stream)
         return True
+
+
+def _plain(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _converted(value: Any, units: tuple[str, str] | None) -> Any:
+    """A number in the second of two units that was in the first, without what converting does to its last digits."""
+    return value if units is None else float(f"{converted(value, *units):.{DIGITS}g}")
 
 
 def _cell(value: object) -> Cell:

@@ -288,7 +288,7 @@ class _Scenes:
         new = spent - self.counted  # a stage that took the very same time is the same one, from the cache
         self.counted |= new
         spent_here = max(MIN_DESIGN_TIME, sum(seconds for _, seconds in new))
-        return Evaluation(spent_here, _with_fan(entry.by_name), void=entry.reason == VOID)
+        return Evaluation(spent_here, with_fan(entry.by_name), void=entry.reason == VOID)
 
 
 def _nothing_found(history: History, scenes: _Scenes) -> str:
@@ -302,7 +302,7 @@ def _nothing_found(history: History, scenes: _Scenes) -> str:
     return f"every answer of the finest level is void, so that no design can be recommended; the first: {why}"
 
 
-def _with_fan(quantities: Mapping[str, TableQuantity]) -> Mapping[str, TableQuantity]:
+def with_fan(quantities: Mapping[str, TableQuantity]) -> Mapping[str, TableQuantity]:
     """The quantities with the power that the air takes, W per metre of depth: pressure drop times flow rate."""
     drop, rate = quantities.get("airflow.pressure_drop"), quantities.get("airflow.flow_rate")
     if drop is None or rate is None:

@@ -71,6 +71,7 @@ def show_table(table: ResultTable) -> None:
     """
     from rich.console import Console
 
+    table = table.read_in(UNITS)
     shown, names = table.entries[:MAX_ROWS], main_quantities(table)
     inputs = list(zip(_heads(table), *(_inputs(table, entry) for entry in shown), strict=True))
     numbers = list(
@@ -172,6 +173,7 @@ def _show_keys(table: ResultTable) -> None:
     """Print the keys in which scenes differ, a line each: of machines that have little in common."""
     from rich.console import Console
 
+    table = table.read_in(UNITS)
     rows = [
         [f"{key} ({unit})" if unit else key, *(_input_cell(entry.inputs.get(key)) for entry in table.entries)]
         for key, unit in table.inputs.items()

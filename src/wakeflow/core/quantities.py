@@ -30,7 +30,7 @@ FACTORS = {
     ("mm", "m"): 1e-3, ("m", "mm"): 1e3,
     ("um", "m"): 1e-6, ("m", "um"): 1e6,
     ("deg", "rad"): math.pi / 180, ("rad", "deg"): 180 / math.pi,
-    ("kg/hour", "kg/s"): 1 / 3600, ("kg/s", "kg/hour"): 3600.0,
+    ("kg/hour", "kg/s"): 1 / 3600, ("kg/s", "kg/hour"): 3600.0, ("kg/s", "kg/h"): 3600.0,
     ("g", "kg"): 1e-3, ("kg", "g"): 1e3,
     ("%", "1"): 1e-2, ("1", "%"): 1e2,
 }  # fmt: skip

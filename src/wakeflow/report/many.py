@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from textwrap import shorten
@@ -14,6 +15,8 @@ from numpy.typing import NDArray
 from ..answer.table import Entry, ResultTable, TableQuantity
 from ..core.errors import SceneError
 from .canvas import INK, fraction_colours, new_figure, save, text_width
+from .sketch import UNITS
+from .words import UNKNOWN_ERROR, UNKNOWN_SPAN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,6 +30,7 @@ LONGEST = 60  # letters of what tells a line from the others
 PANEL, HIGH = 4.4, 3.8  # inches, of a panel with lines
 NOTE_SIZE = 5.5  # points: of what is below a number
 LETTERS, ROW, SAMPLE = 7.0, 0.16, 0.45  # legends: points, inches a row, inches a line's sample takes
+UNKNOWN_COLOUR = "#dddddd"  # of a cell whose interval says too little for a colour
 CELLS_WITH_TEXT = 64  # a map of more cells has no numbers in them
 MAPS_ACROSS = 3  # in a row of a figure
 MARKERS = "osD^vP*X"
@@ -57,7 +61,7 @@ def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -
 
     Raises SceneError where a quantity or the input is not in the table.
     """
-    names = [table.quantity(name) for name in names]
+    table, names = table.read_in(UNITS), [table.quantity(name) for name in names]
     if key not in numeric_inputs(table):
         raise SceneError(f"{key}: takes no two numbers in this table (inputs: {', '.join(numeric_inputs(table))})")
     groups = {name: _groups(table, name, key) for name in names}
@@ -178,12 +182,19 @@ def _told(entry: Entry, keys: Sequence[str]) -> str:
 
 def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: str) -> None:
     """Draw quantities as colours over two inputs that form a grid, with the numbers and their 95 % intervals where
-    there is room. Raises SceneError where they form none: a value of each input for every scene, and no two scenes at
-    one place.
+    there is room; grey where the interval spans half of a whole. A quantity that no scene has a value of, such as the
+    purity of a bin that stays empty, has no panel.
+
+    Raises SceneError where the inputs form no grid, a value of each for every scene and no two scenes at one place,
+    and where no quantity has a value.
     """
+    table = table.read_in(UNITS)
     grid = grid_of(table, x, y)
     if grid is None:
         raise SceneError(f"{x} and {y} form no grid in this table; draw lines instead")
+    names = [name for name in names if _has_values(table, table.quantity(name))]
+    if not names:
+        raise SceneError("nothing landed in the bins of these quantities, so that there is nothing to draw")
     heads, across = dict(zip(table.inputs, table.headings, strict=True)), min(len(names), MAPS_ACROSS)
     down = -(-len(names) // across)
     figure = new_figure(0.8 + 3.4 * across, 3.2 * down)
@@ -191,7 +202,7 @@ def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: st
     for axes in panels[len(names) :]:
         axes.set_visible(False)
     for axes, name in zip(panels, names, strict=False):
-        drawn = _cells(axes, grid, name, table.names[table.quantity(name)])
+        drawn = _cells(axes, grid, name, table.names[name])
         figure.colorbar(drawn, ax=axes, label=_label(name, table.names[name]))
         axes.set(xlabel=heads[x], ylabel=heads[y])
     save(figure, path)
@@ -204,19 +215,27 @@ def _cells(axes: Axes, grid: _Grid, name: str, unit: str) -> Any:
     values, *arms = spots_of(found, scale).reshape(3, len(grid.y), len(grid.x))
     widths = arms[0] + arms[1]
     low, high = _colour_range(values, widths, percent=scale != 1.0)
-    drawn = axes.pcolormesh(grid.x, grid.y, values, shading="nearest", cmap="viridis", vmin=low, vmax=high)
+    unknown = (widths >= 100.0 * UNKNOWN_SPAN) & (scale != 1.0)
+    shown = np.ma.masked_array(values, unknown | np.isnan(values))
+    drawn = axes.pcolormesh(grid.x, grid.y, shown, shading="nearest", cmap="viridis", vmin=low, vmax=high)
+    axes.set_facecolor(UNKNOWN_COLOUR)
     if values.size > CELLS_WITH_TEXT:
         return drawn
     for (row, column), value in np.ndenumerate(values):
         if np.isnan(value):
             continue
-        at, ink = (grid.x[column], grid.y[row]), INK if value > 0.5 * (low + high) else "white"
-        known = widths[row, column] > 0.0
-        axes.text(*at, f"{value:.3g}", ha="center", va="bottom" if known else "center", fontsize=LETTERS, color=ink)
+        dark = value <= 0.5 * (low + high) and not unknown[row, column]
+        at, ink, known = (grid.x[column], grid.y[row]), "white" if dark else INK, widths[row, column] > 0.0
+        told = UNKNOWN_ERROR if unknown[row, column] and "purity." in name else f"{value:.3g}"
+        axes.text(*at, told, ha="center", va="bottom" if known else "center", fontsize=LETTERS, color=ink)
         if known:
             ends = f"{value - arms[0][row, column]:.3g} to {value + arms[1][row, column]:.3g}"
             axes.text(*at, ends, ha="center", va="top", fontsize=NOTE_SIZE, color=ink)
     return drawn
+
+
+def _has_values(table: ResultTable, name: str) -> bool:
+    return any(name in entry.by_name and math.isfinite(entry.by_name[name].value) for entry in table.done)
 
 
 def _colour_range(values: Array, widths: Array, *, percent: bool) -> tuple[float, float]:
@@ -254,7 +273,7 @@ def draw_trade_off(path: Path, table: ResultTable) -> None:
     """Draw purity against recovery of every fraction and target, a point a scene, and the front: scenes of which none
     other is better in both. A few scenes have numbers at their points, and what they are beside the picture.
     """
-    pairs = pairs_of(table)
+    table, pairs = table.read_in(UNITS), pairs_of(table)
     if not pairs:
         raise SceneError("no fraction of these scenes has a target; there is no purity against recovery to draw")
     named = _scene_texts(table)

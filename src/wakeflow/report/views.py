@@ -8,6 +8,7 @@ from ..answer.result import accessors
 from .html.template import page_template
 from .many import main_quantities
 from .plot import Plot
+from .sketch import UNITS
 from .words import bins_in_words, holds
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def result_card(result: Result) -> str:
 
 def table_card(table: ResultTable) -> str:
     """A row a scene as HTML: its inputs, and what the table is made for, in percent with 95 % intervals."""
-    return str(page_template("cards.html.j2").module.scenes(table, main_quantities(table), ROWS))
+    return str(page_template("cards.html.j2").module.scenes(table.read_in(UNITS), main_quantities(table), ROWS))
 
 
 accessors.add("plot", Plot)
