@@ -31,7 +31,9 @@ PANEL, HIGH = 4.4, 3.8  # inches, of a panel with lines
 NOTE_SIZE = 5.5  # points: of what is below a number
 LETTERS, ROW, SAMPLE = 7.0, 0.16, 0.45  # legends: points, inches a row, inches a line's sample takes
 UNKNOWN_COLOUR = "#dddddd"  # of a cell whose interval says too little for a colour
+GREY = f"grey: no answer, or an interval of {100 * UNKNOWN_SPAN:.0f} points or more"
 CELLS_WITH_TEXT = 64  # a map of more cells has no numbers in them
+MAX_TICKS = 10  # of a map's axis with a tick at each value
 MAPS_ACROSS = 3  # in a row of a figure
 MARKERS = "osD^vP*X"
 MAX_NUMBERED_SCENES = 8  # scenes whose points have their numbers
@@ -183,7 +185,7 @@ def _told(entry: Entry, keys: Sequence[str]) -> str:
 def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: str) -> None:
     """Draw quantities as colours over two inputs that form a grid, with the numbers and their 95 % intervals where
     there is room; grey where the interval spans half of a whole. A quantity that no scene has a value of, such as the
-    purity of a bin that stays empty, has no panel.
+    purity of a bin that stays empty, has no panel; those of two mirrored bins, which are the same, have one.
 
     Raises SceneError where the inputs form no grid, a value of each for every scene and no two scenes at one place,
     and where no quantity has a value.
@@ -192,20 +194,35 @@ def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: st
     grid = grid_of(table, x, y)
     if grid is None:
         raise SceneError(f"{x} and {y} form no grid in this table; draw lines instead")
-    names = [name for name in names if _has_values(table, table.quantity(name))]
-    if not names:
+    panels_of = _alike(table, [name for name in names if _has_values(table, table.quantity(name))])
+    if not panels_of:
         raise SceneError("nothing landed in the bins of these quantities, so that there is nothing to draw")
-    heads, across = dict(zip(table.inputs, table.headings, strict=True)), min(len(names), MAPS_ACROSS)
-    down = -(-len(names) // across)
+    heads, across = dict(zip(table.inputs, table.headings, strict=True)), min(len(panels_of), MAPS_ACROSS)
+    down = -(-len(panels_of) // across)
     figure = new_figure(0.8 + 3.4 * across, 3.2 * down)
     panels = figure.subplots(down, across, squeeze=False).ravel()
-    for axes in panels[len(names) :]:
+    for axes in panels[len(panels_of) :]:
         axes.set_visible(False)
-    for axes, name in zip(panels, names, strict=False):
+    for axes, (name, *others) in zip(panels, panels_of, strict=False):
         drawn = _cells(axes, grid, name, table.names[name])
-        figure.colorbar(drawn, ax=axes, label=_label(name, table.names[name]))
+        figure.colorbar(drawn, ax=axes, label="\n".join([_label(name, table.names[name]), *others]))
         axes.set(xlabel=heads[x], ylabel=heads[y])
+        if max(len(grid.x), len(grid.y)) <= MAX_TICKS:
+            axes.set(xticks=grid.x, yticks=grid.y)
+        if np.ma.is_masked(drawn.get_array()):
+            figure.supxlabel(GREY, fontsize=LETTERS)
     save(figure, path)
+
+
+def _alike(table: ResultTable, names: Sequence[str]) -> list[list[str]]:
+    """The quantities, those that have the same values in all scenes together."""
+    found: dict[object, list[str]] = {}
+    for name in names:
+        values = [entry.by_name.get(name) for entry in table.done]
+        found.setdefault(tuple(None if one is None else (*one, name.partition(".")[0]) for one in values), []).append(
+            name
+        )
+    return list(found.values())
 
 
 def _cells(axes: Axes, grid: _Grid, name: str, unit: str) -> Any:
