@@ -232,7 +232,7 @@ def test_what_upward_air_carries_out_has_its_own_bin() -> None:
     lost = Scene.parse(tables)
     caught = lost.with_top()
     assert [list(lost.bin), list(caught.bin)] == [["heavy"], ["heavy", "top"]]
-    assert np.array_equal(caught.bin["top"].line(caught.channel)[:, 0], [-0.1, 0.1])
+    assert np.array_equal(caught.bin["top"].line(caught)[:, 0], [-0.1, 0.1])
     assert lost.replace({"air.direction": "down"}).with_top().bin == lost.bin
     assert make_plan(lost).airflow.kind == "analytic"
 

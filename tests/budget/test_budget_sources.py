@@ -366,7 +366,7 @@ def landed(x: np.ndarray, scene: Scene) -> Landings:
     """Granules on the floor at ``x`` (n,) m."""
     bins = np.full(len(x), -1)
     for number, place in enumerate(scene.bin.values()):
-        (left, _), (right, _) = place.line(scene.channel)[[0, -1]]
+        (left, _), (right, _) = place.line(scene)[[0, -1]]
         bins[(x >= min(left, right)) & (x < max(left, right))] = number
     position = np.stack([x, np.full(len(x), scene.channel.bottom)], axis=1)
     return landings_in(bins, position=position, replicate=np.zeros(len(x), dtype=int))
@@ -393,7 +393,7 @@ def test_a_shift_moves_so_much_more_of_a_share(scene: Scene, alone: float, met: 
 def test_few_granules_near_an_end_make_no_large_factor(scene: Scene) -> None:
     nowhere = np.full(COUNT, 0.0)
     few, many = nowhere.copy(), nowhere.copy()
-    end = scene.bin["middle"].line(scene.channel)[-1][0]
+    end = scene.bin["middle"].line(scene)[-1][0]
     few[:4], many[: COUNT // 2] = end, end
     alone = landed(nowhere, scene)
     assert 1.0 < AmongOthers(scene, {"a": alone}, {"a": landed(few, scene)}).factor("a") <= 1.5

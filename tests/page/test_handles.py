@@ -53,7 +53,7 @@ def test_a_point_that_stays_leaves_the_machine(kind: str) -> None:
     for name, body in scene.body.items():
         assert np.allclose(after.body[name].outline(), body.outline(), atol=step_of(scene))
     for name, one in scene.bin.items():
-        assert np.allclose(after.bin[name].line(after.channel), one.line(scene.channel), atol=step_of(scene))
+        assert np.allclose(after.bin[name].line(after), one.line(scene), atol=step_of(scene))
     assert after.feed.position == pytest.approx(scene.feed.position, abs=step_of(scene))
 
 

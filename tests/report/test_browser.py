@@ -102,7 +102,7 @@ def test_a_bin_tells_its_shares_to_mouse_and_keyboard(page: Any, small_run: wf.R
     page.locator("#bin").select_option("choose")
     assert "Point at a bin" in told.text_content()
     scene = Scene.parse(small_run.scene)
-    line, channel = scene.bin["far"].line(scene.channel).mean(axis=0), scene.channel
+    line, channel = scene.bin["far"].line(scene).mean(axis=0), scene.channel
     page.locator("#machine").scroll_into_view_if_needed()
     box = page.locator("#machine").bounding_box()
     canvas = page.evaluate("[...['width', 'height'].map((side) => document.getElementById('machine')[side])]")

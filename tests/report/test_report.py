@@ -104,7 +104,7 @@ def _landings(scene: Scene, seed: int = 7) -> dict[str, Landed]:
         bins = rng.integers(-1, len(scene.bin), 500) if i < len(scene.fraction) - 1 else np.full(500, -1)
         x, y = np.full(500, 0.0), np.full(500, scene.channel.top)
         for j, bin_ in enumerate(scene.bin.values()):
-            here, line = bins == j, bin_.line(scene.channel)
+            here, line = bins == j, bin_.line(scene)
             part = rng.uniform(0.05, 0.95, int(here.sum()))[:, None]
             x[here], y[here] = (line[0] + part * (line[-1] - line[0])).T
         found[name] = Landed(x, y, rng.uniform(0.5, 1.5, 500), bins)
@@ -593,7 +593,7 @@ def test_the_page_says_what_the_result_says(scene: Scene, page: Path) -> None:
     tables, separation = told_page.tables, _separation(_outcome(scene).result)
     head, *rows = tables["separation"]
     bins = head[1:-1]
-    middles = {name: bin_.line(scene.channel)[:, 0].mean() for name, bin_ in scene.bin.items()}
+    middles = {name: bin_.line(scene)[:, 0].mean() for name, bin_ in scene.bin.items()}
     assert bins == [*sorted(scene.bin, key=lambda name: middles[name]), "elsewhere"]  # from left to right
     for row, (name, places) in zip(rows, separation.fractions.items(), strict=False):
         assert row == [name, *(percent(places[b]) for b in bins), percent(separation.recovery[name])]

@@ -230,7 +230,7 @@ def test_the_machine_is_blocks_with_the_scenes_names(tmp_path: Path) -> None:
         assert found["points"][found["Polys"][0]][:, :2] == pytest.approx(body.outline(), abs=1e-6)
         assert found["numbers"]["frequency (Hz)"] == pytest.approx([1.0 / scene.vibration.period])
     for name, bin_ in scene.bin.items():
-        assert blocks["bins"][name]["points"][:, :2] == pytest.approx(bin_.line(scene.channel), abs=1e-6)
+        assert blocks["bins"][name]["points"][:, :2] == pytest.approx(bin_.line(scene), abs=1e-6)
 
 
 SIDES = {"soft": np.array([1.0, 1.0]), "hard": np.array([-1.0, 1.0])}  # of the vacuum scene: to the right, to the left

@@ -95,14 +95,16 @@ def free_ends(scene: Scene) -> BinEnds:
     An end in a corner of the channel is closed by the wall, unless a bin is on that wall.
     """
     channel, slack = scene.channel, SAME_PLACE * scene.channel.width
-    walls = {b.on for b in scene.bin.values() if b.points is None} & {"left", "right"}
+    walls = {b.side for b in scene.bin.values()} & {"left", "right"}
     ends: BinEnds = {}
     for place, collector in scene.bin.items():
-        line = collector.line(channel)
+        line = collector.line(scene)
+        if collector.points is None and collector.side is None:  # granules pass by a body over its outermost points
+            line = line[[line[:, 0].argmin(), line[:, 0].argmax()]]
         ends[place] = []
         for x, y in (line[0], line[-1]):
             side = "right" if x > 0 else "left"
-            closed = collector.points is None and abs(x) >= channel.width / 2 - slack and side not in walls
+            closed = collector.side is not None and abs(x) >= channel.width / 2 - slack and side not in walls
             if not closed:
                 ends[place].append((round(float(x), DIGITS), round(float(y), DIGITS)))
     every = list(points_of(ends, repeated=True))

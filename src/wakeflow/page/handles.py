@@ -175,13 +175,14 @@ def _bins(scene: Scene) -> Iterator[Handle]:
     """A divider moves the ends of the bins on both of its sides; corners of a line of points move alone."""
     ends: dict[tuple[str, float], list[str]] = {}
     for name, one in scene.bin.items():
-        if one.points is None:
+        if one.side is not None:
             for key, place in (("from", one.start), ("to", one.to)):
-                ends.setdefault((one.on, round(float(place or 0.0), 9)), []).append(f"bin.{name}.{key}")
+                ends.setdefault((one.side, round(float(place or 0.0), 9)), []).append(f"bin.{name}.{key}")
             continue
-        for i, (x, y) in enumerate(one.points):
+        points = one.points or []
+        for i, (x, y) in enumerate(points):
             yield Handle(f"bin.{name} point {i + 1}", f"bin {name}: point {i + 1}", f"bin.{name}.points",
-                         (float(x), float(y)), "xy", partial(_point, name, one.points, i))  # fmt: skip
+                         (float(x), float(y)), "xy", partial(_point, name, points, i))  # fmt: skip
     half, lines = scene.channel.width / 2, {"floor": scene.channel.bottom, "top": scene.channel.top}
     for (on, place), keys in sorted(ends.items()):
         level = on in lines

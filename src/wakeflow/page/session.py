@@ -295,7 +295,7 @@ class Session:
                 on: {"span": level if on in ("floor", "top") else upright, "profile": profile}
                 for on, profile in stored.profile().items()
             },
-            "on": {name: one.on for name, one in scene.bin.items() if one.points is None},
+            "on": {name: one.side for name, one in scene.bin.items() if one.side},
             "ends": stored.ends, "step": step_of(scene), **self._answer(stored, stored.ends),
         }  # fmt: skip
 

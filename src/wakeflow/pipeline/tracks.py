@@ -247,7 +247,11 @@ def bodies_and_walls(scene: Scene) -> list[Body]:
     stream enters.
     """
     motion = motion_of(scene)
-    found = [Body(body.outline(), motion=motion) for body in scene.body.values()]
+    places = scene.collecting
+    found = [
+        Body(one.outline(), motion=motion, capture=name in places, line=places.get(name, -1))
+        for name, one in scene.body.items()
+    ]
     half, thick = scene.channel.width / 2, WALL * scene.channel.width
     for side, inner, outer in (("left", -half, -half - thick), ("right", half, half + thick)):
         level = scene.channel.bottom - thick
@@ -263,18 +267,22 @@ def _openings(scene: Scene, side: str) -> list[tuple[float, float]]:
     """Where a wall is open, (from, to) along y in order: at bins, and where a secondary stream enters."""
     found = [inlet.span for inlet in scene.channel.inlet.values() if inlet.side == side]
     for bin_ in scene.bin.values():
-        if bin_.points is None and bin_.on == side:
+        if bin_.side == side:
             found.append((known(bin_.start), known(bin_.to)))
     return sorted(found)
 
 
 def end_lines(scene: Scene) -> list[Array]:
-    """Lines that end a track: the bins in the scene's order, then the floor and the top of the channel."""
+    """Lines that end a track: the bins in the scene's order, then the floor and the top of the channel. That of a bin
+    on a body lies where no granule comes: its body ends the track.
+    """
     channel = scene.channel
     half, slack = 0.5 * channel.width, 1e-6 * channel.width
     across = np.array([-half - WALL * channel.width, half + WALL * channel.width])
     borders = [np.stack([across, np.full(2, y)], axis=1) for y in (channel.bottom - slack, channel.top + slack)]
-    return [bin_.line(channel) for bin_ in scene.bin.values()] + borders
+    nowhere = borders[0] - (0.0, channel.width)
+    on_body = scene.collecting.values()
+    return [nowhere if i in on_body else one.line(scene) for i, one in enumerate(scene.bin.values())] + borders
 
 
 def landing_columns(

@@ -45,7 +45,7 @@ def flights(
     density, phi = fraction.properties.density, fraction.sphericity or 1.0
     _, omega = scene.motion
     upward = air.direction == "up"
-    sideways = not scene.body or any(b.points is not None or b.on in ("left", "right") for b in scene.bin.values())
+    sideways = not scene.body or any(b.side in (None, "left", "right") for b in scene.bin.values())
     scales = []
     for diameter, factor in _granules(scene, fraction, law, scale):
         fall = UniformFall(scene, air, diameter, density, law, phi, factor)

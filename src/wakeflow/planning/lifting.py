@@ -133,7 +133,7 @@ def lifting_notices(scene: Scene, fractions: Mapping[str, FractionPlan]) -> Iter
         elif all(_verdict(speed, fastest) == FALLS for speed in slow.values()):
             yield less_sure(f"the {blown} lifts no fraction, not even in the narrowest gap; a higher air.speed does")
     for name, speed in slow.items():
-        heights = [float(scene.bin[place].line(scene.channel)[:, 1].mean()) for place in scene.fraction[name].targets]
+        heights = [float(scene.bin[place].line(scene)[:, 1].mean()) for place in scene.fraction[name].targets]
         if not heights:
             continue
         key, rises = f"fraction.{name}.target", fastest if air.direction == "up" else -air.speed
@@ -153,9 +153,9 @@ def floor_notices(scene: Scene) -> Iterator[Notice]:
     covers it.
     """
     half, bins = scene.channel.width / 2, scene.bin.values()
-    if not any(place.points is None and place.on == "floor" for place in bins):
+    if not any(place.side == "floor" for place in bins):
         return  # a machine that collects elsewhere
-    lines = [place.line(scene.channel) for place in bins if place.points is not None or place.on == "floor"]
+    lines = [place.line(scene) for place in bins if place.points is not None or place.side == "floor"]
     reach, bare = -half, []
     for low, high in sorted((float(line[:, 0].min()), float(line[:, 0].max())) for line in lines):
         bare.append((reach, low))

@@ -82,12 +82,12 @@ def _interval(ends: Sequence[float]) -> Number:
 
 def _known_shares(scene: Scene, plan: Plan) -> dict[str, dict[str, Entry]]:
     """The entries for a machine like the scene's, by fraction and bin."""
-    if plan.airflow.wake is None or scene.airstream.direction != "down":
+    if plan.airflow.wake is None or scene.airstream.direction != "down" or scene.collecting:
         return {}
     body = next(iter(scene.body.values()))
     if abs(scene.feed.position - body.at[0]) > NEAR * scene.width:
         return {}
-    ends = {place: (bin_.line(scene.channel) - body.at) / scene.width for place, bin_ in scene.bin.items()}
+    ends = {place: (bin_.line(scene) - body.at) / scene.width for place, bin_ in scene.bin.items()}
     found: dict[str, dict[str, Entry]] = {}
     loading = _loading(scene) if plan.airflow.loaded else 0.0
     for name, how in plan.fractions.items():

@@ -52,7 +52,7 @@ TICKS = 9  # along x, where the map is as wide as it is high
 
 def bins_across(scene: Scene) -> list[str]:
     """The bins from left to right by their middles; those beside each other on a wall from the top down."""
-    middles = {name: bin_.line(scene.channel).mean(axis=0) for name, bin_ in scene.bin.items()}
+    middles = {name: bin_.line(scene).mean(axis=0) for name, bin_ in scene.bin.items()}
     return sorted(middles, key=lambda name: (round(float(middles[name][0]), 9), -float(middles[name][1])))
 
 
@@ -184,7 +184,7 @@ def draw_bins(axes: Axes, scene: Scene, scale: float) -> dict[str, float]:
              "right": ("left", "center")}  # fmt: skip
     margin = dict.fromkeys(outward, 0.0)
     for on in outward:
-        placed = {n: b.line(scene.channel) for n, b in scene.bin.items() if b.points is None and b.on == on}
+        placed = {n: b.line(scene) for n, b in scene.bin.items() if b.side == on}
         placed = dict(sorted(placed.items(), key=lambda item: float(item[1].sum())))
         room = {name: scale * float(np.ptp(line, axis=0).max()) for name, line in placed.items()}
         level = all(text_width(name, 8) < room[name] for name in placed) and on in ("floor", "top")
@@ -199,8 +199,8 @@ def draw_bins(axes: Axes, scene: Scene, scale: float) -> dict[str, float]:
             upright = not level and on in ("floor", "top")
             margin[on] = ((max(text_width(n, 8) for n in placed) + 0.1) if upright else 0.27) / scale
     for name, bin_ in scene.bin.items():
-        if bin_.points is not None:
-            line = bin_.line(scene.channel)
+        if bin_.side is None:
+            line = bin_.line(scene)
             axes.plot(*(MM * line).T, color=BARS[0], linewidth=4, solid_capstyle="butt", zorder=5)
             box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": INK, "linewidth": 0.5}
             axes.annotate(name, MM * line.mean(axis=0), fontsize=8, ha="center", va="center", zorder=6, bbox=box)

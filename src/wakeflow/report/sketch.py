@@ -166,7 +166,7 @@ def _names_room(scene: Scene, on: str, scale: float) -> float:
 
 def _bins_on(scene: Scene, on: str) -> dict[str, tuple[float, float]]:
     """The bins on a side of the channel, in order of place, with their ends (m) along it."""
-    ends = {n: (float(b.start or 0.0), float(b.to or 0.0)) for n, b in scene.bin.items() if not b.points and b.on == on}
+    ends = {n: (float(b.start or 0.0), float(b.to or 0.0)) for n, b in scene.bin.items() if b.side == on}
     return dict(sorted(ends.items(), key=lambda item: item[1]))
 
 
@@ -266,7 +266,7 @@ def _draw_vibration(sheet: _Sheet, scene: Scene) -> None:
 def _draw_bins(sheet: _Sheet, scene: Scene) -> None:
     """Bins as bars on their lines; those on the floor and the top with their names and limits along it."""
     for i, (_, bin_) in enumerate(sorted(scene.bin.items(), key=lambda item: _ends(item[1], scene))):
-        bar = MM * bin_.line(scene.channel)
+        bar = MM * bin_.line(scene)
         sheet.axes.plot(*bar.T, color=BARS[i % 2], linewidth=5, solid_capstyle="butt", clip_on=False, zorder=5)
     for on, y, away in (("floor", scene.channel.bottom, -1), ("top", scene.channel.top, 1)):
         placed = _bins_on(scene, on)
@@ -294,7 +294,7 @@ def _draw_bins(sheet: _Sheet, scene: Scene) -> None:
 
 def _ends(bin_: Bin, scene: Scene) -> tuple[str, float]:
     """Where a bin is in the order along its side."""
-    return bin_.on, float(bin_.line(scene.channel).sum())
+    return bin_.on, float(bin_.line(scene).sum())
 
 
 def _notes(scene: Scene) -> Iterator[_Note]:
@@ -317,11 +317,11 @@ def _notes(scene: Scene) -> Iterator[_Note]:
         corner = outline[np.argmin(outline[:, 0]) if left else np.argmax(outline[:, 0])]
         yield _Note((float(corner[0]), float(corner[1])), body_words(name, body, scene if i == 0 else None), left)
     for name, bin_ in scene.bin.items():
-        line = bin_.line(channel)
-        if bin_.points is not None:
+        line = bin_.line(scene)
+        if bin_.side is None:
             end = line[np.argmin(line[:, 0])] if line[:, 0].mean() < 0.0 else line[np.argmax(line[:, 0])]
             yield _Note((float(end[0]), float(end[1])), f"bin {name}", bool(line[:, 0].mean() < 0.0))
-        elif bin_.on in ("left", "right"):
+        elif bin_.side in ("left", "right"):
             ends = f"y {metres(float(line[0, 1]))} to {metres(float(line[1, 1]))}"
             yield _Note((float(line[0, 0]), float(line[:, 1].mean())), f"bin {name}: {ends}", bin_.on == "left")
 

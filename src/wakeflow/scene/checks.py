@@ -15,6 +15,7 @@ from ..core.errors import SceneError, known
 from ..core.geometry import contains, distance_between, edges, segments_cross
 from ..core.quantities import metres, quantity, say, speaking, spoken
 from ..core.registry import did_you_mean
+from .machine import SIDES
 from .measured import Measured, check_names
 from .messages import dotted, units_in
 from .pictures import STANDARD_FIGURES, Streamlines
@@ -97,7 +98,13 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
 
 
 def _captured_fall(scene: SceneTables) -> Iterator[str]:
-    """Refuse a capture speed where the first impact is no tracked one."""
+    """Refuse a capture speed, and a bin on the first body, where the first impact is no tracked one."""
+    first = next(iter(scene.body), None)
+    for name in (name for name, one in scene.bin.items() if one.side is None and one.on == first):
+        if scene.feed.mode == "injected":
+            yield f"bin.{name}.on = {first!r}: feed.mode = 'injected' lets all rebound; choose auto or resolved"
+        if scene.feed.start == "resting":
+            yield f"bin.{name}.on = {first!r}: granules that lie on the body would not leave it; let them fall"
     for name in (name for name, fraction in scene.fraction.items() if fraction.capture_speed):
         if scene.feed.mode == "injected":
             yield f"fraction.{name}.capture_speed: feed.mode = 'injected' lets all rebound; choose auto or resolved"
@@ -178,8 +185,13 @@ def _bins_exist(scene: SceneTables) -> Iterator[str]:
                 hint = f"no such bin{did_you_mean(target, known)} (known: {', '.join(known)})"
                 yield f"fraction.{name}.target = {target!r}: {hint}"
     for name, collector in scene.bin.items():
+        if collector.on not in (*SIDES, *scene.body):
+            known = [*SIDES, *scene.body]
+            hint = f"no side and no body{did_you_mean(collector.on, known)} (known: {', '.join(known)})"
+            yield f"bin.{name}.on = {collector.on!r}: {hint}"
+            continue
         half, slack = scene.channel.width / 2, 1e-9 * scene.channel.width
-        x, y = collector.line(scene.channel).T
+        x, y = collector.line(scene).T
         if (
             np.abs(x).max() > half + slack
             or y.min() < scene.channel.bottom - slack
@@ -202,7 +214,11 @@ def _meets(outline: Array, points: list[list[float]]) -> bool:
 
 
 def _bins_apart(scene: SceneTables) -> Iterator[str]:
-    placed = ((b.on, known(b.start), known(b.to), n) for n, b in scene.bin.items() if b.points is None)
+    collecting: dict[str, str] = {}
+    for name, bin_ in scene.bin.items():
+        if bin_.points is None and bin_.side is None and (other := collecting.setdefault(bin_.on, name)) != name:
+            yield f"bin.{other} and bin.{name} are both on body.{bin_.on}"
+    placed = ((b.side, known(b.start), known(b.to), n) for n, b in scene.bin.items() if b.side is not None)
     reached: tuple[str, float, float, str] | None = None  # of those before on its side, the bin that reaches farthest
     for one in sorted(placed):
         if reached is None or one[0] != reached[0]:
@@ -228,7 +244,7 @@ def _inlets_fit(scene: SceneTables) -> Iterator[str]:
             yield f"channel.inlet.{name} and channel.inlet.{other_name} overlap"
     for bin_name, collector in scene.bin.items():
         for name, one in placed:
-            if collector.points is None and collector.on == one.side:
+            if collector.side == one.side:
                 low, high = one.span
                 if min(high, collector.to or 0.0) - max(low, collector.start or 0.0) > 1e-9:
                     yield f"bin.{bin_name} overlaps channel.inlet.{name}"

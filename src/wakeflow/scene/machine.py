@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
@@ -32,6 +32,9 @@ from .table import (
     WithUnit,
     made_by,
 )
+
+if TYPE_CHECKING:
+    from .whole import SceneTables
 
 # -- [body.NAME], [channel], [air] and [vibration] ---------------------------------------------------------------------
 MAX_GAMMA = 50.0  # peak acceleration over g
@@ -232,18 +235,28 @@ class Vibration(Table):
 
 
 # -- [bin.NAME]: the collectors ----------------------------------------------------------------------------------------
+SIDES = ("floor", "top", "left", "right")  # of the channel
+
+
 class Bin(Table):
-    """[bin.NAME]: a collector, a stretch of the channel's boundary or a line of points."""
+    """[bin.NAME]: a collector: a stretch of the channel's boundary, a line of points, or a body that keeps what touches
+    it.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, populate_by_name=True)
     start: Coordinate | None = Field(None, alias="from", description="x on the floor or top, y on a side")
     to: Coordinate | None = None
-    on: Literal["floor", "left", "right", "top"] = Field("floor", description="the side of the channel it lies on")
+    on: Literal["floor", "left", "right", "top"] | Name = Field(
+        "floor", description="the side of the channel it lies on; or a body, which then keeps what touches it"
+    )
     points: list[Point] | None = Field(None, description="a polyline anywhere in the channel, instead of from and to")
 
     @model_validator(mode="after")
     def _one_place(self) -> Bin:
-        if self.points is not None:
+        if self.on not in SIDES:
+            if (self.start, self.to, self.points) != (None, None, None):
+                raise SceneError(f"on = {self.on!r} is the whole body of that name: leave out from, to and points")
+        elif self.points is not None:
             if self.start is not None or self.to is not None:
                 raise SceneError("give either points, or from and to")
             if len(self.points) < 2:
@@ -256,10 +269,19 @@ class Bin(Table):
             raise SceneError(f"from = {metres(self.start)} must be below to = {metres(self.to)}")
         return self
 
-    def line(self, channel: Channel) -> Array:
-        """The collector as a polyline, (k, 2) in metres."""
+    @property
+    def side(self) -> str | None:
+        """The side of the channel that it is a stretch of; None for a line of points and for a body."""
+        return self.on if self.points is None and self.on in SIDES else None
+
+    def line(self, scene: SceneTables) -> Array:
+        """The collector as a polyline, (k, 2) in metres; of a body its outline, closed."""
+        channel = scene.channel
         if self.points is not None:
             return np.asarray(self.points, dtype=float)
+        if self.side is None:
+            outline = scene.body[self.on].outline()
+            return np.vstack([outline, outline[:1]])
         along = np.array([known(self.start), known(self.to)])
         fixed = {"floor": channel.bottom, "top": channel.top, "left": -channel.width / 2, "right": channel.width / 2}[
             self.on

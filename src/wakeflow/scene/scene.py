@@ -136,7 +136,7 @@ class Scene(SceneTables):
         out is an answer, not lost. Itself otherwise, and where another bin has that name.
         """
         upward = self.air is not None and self.air.direction == "up"
-        if not upward or OVER_THE_TOP in self.bin or any(b.points is None and b.on == "top" for b in self.bin.values()):
+        if not upward or OVER_THE_TOP in self.bin or any(b.side == "top" for b in self.bin.values()):
             return self
         half = self.channel.width / 2
         top = Bin(on="top", start=-half, to=half)

@@ -131,7 +131,9 @@ SAME = 1e-9  # m, and of a unit vector: what is so near is the same
 
 
 def _same_line(one: Array, other: Array) -> bool:
-    """Whether two lines (k, 2) of points are one, from either end."""
+    """Whether two lines (k, 2) of points are one, from either end, or closed ones with the same corners."""
+    if len(one) == len(other) > 3 and all(np.array_equal(line[0], line[-1]) for line in (one, other)):
+        return are_symmetric([one, other * (-1.0, 1.0)])
     return one.shape == other.shape and any(np.allclose(one, way, rtol=0.0, atol=SAME) for way in (other, other[::-1]))
 
 
@@ -226,9 +228,14 @@ class SceneTables(Table):
         still = self.vibration is None or abs(float(self.vibration.along[0])) < SAME
         if not (self.symmetric and still and self.feed.symmetric) or own_air or self.funnel is not None:
             return None
-        lines = [place.line(self.channel) for place in self.bin.values()]
+        lines = [place.line(self) for place in self.bin.values()]
         found = [[i for i, other in enumerate(lines) if _same_line(other, line * (-1.0, 1.0))] for line in lines]
         return (*(one[0] for one in found), len(lines)) if all(found) else None
+
+    @property
+    def collecting(self) -> dict[str, int]:
+        """The bodies that keep what touches them, each with the place of its bin among the bins."""
+        return {one.on: i for i, one in enumerate(self.bin.values()) if one.points is None and one.side is None}
 
     @property
     def release(self) -> tuple[float, float]:

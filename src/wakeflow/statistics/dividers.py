@@ -141,7 +141,7 @@ def _line(scene: Scene, on: str) -> Array:
     if on not in scene.bin:
         known = [*lines, *scene.bin]
         raise SceneError(f"no line {on!r}{did_you_mean(on, known)} (known: {', '.join(known)})")
-    return scene.bin[on].line(channel)
+    return scene.bin[on].line(scene)
 
 
 def _along(line: Array, position: Array) -> tuple[Array, Array]:

@@ -78,13 +78,13 @@ class StoredLandings:
     def ends(self) -> dict[str, tuple[float, float]]:
         """The run's own dividers: from and to (m) of each bin that lies on a side."""
         bins = self.scene.bin.items()
-        return {name: (float(one.start or 0.0), float(one.to or 0.0)) for name, one in bins if one.points is None}
+        return {name: (float(one.start or 0.0), float(one.to or 0.0)) for name, one in bins if one.side}
 
     def profile(self, cells: int = 80) -> dict[str, dict[str, list[float]]]:
         """By side with bins and by fraction: the share of its mass that lands in each of ``cells`` along the side."""
         half, channel = self.scene.channel.width / 2, self.scene.channel
         found: dict[str, dict[str, list[float]]] = {}
-        for on in dict.fromkeys(one.on for one in self.scene.bin.values() if one.points is None):
+        for on in dict.fromkeys(one.side for one in self.scene.bin.values() if one.side):
             number = self.SIDES.index(on)
             span = (-half, half) if number < 2 else (channel.bottom, channel.top)
             here = self.side == number
@@ -116,7 +116,7 @@ class StoredLandings:
                 raise SceneError(f"bin.{name}: from = {1000 * low:g} mm must be below to = {1000 * high:g} mm")
         moved = {name: ends.get(name, pair) for name, pair in own.items()}
         for on in self.SIDES:
-            row = sorted((moved[name], name) for name in moved if self.scene.bin[name].on == on)
+            row = sorted((moved[name], name) for name in moved if self.scene.bin[name].side == on)
             for ((_, high), one), ((low, _), other) in pairwise(row):
                 if low < high - SAME:
                     raise SceneError(f"bins {one} and {other} overlap: {other} begins at {1000 * low:g} mm")
@@ -126,11 +126,11 @@ class StoredLandings:
         """The bin (n,) of every granule, -1 elsewhere; one that lies within the channel keeps its own."""
         found = np.where(self.side < 0, self.bin, -1)
         for i, (name, one) in enumerate(self.scene.bin.items()):
-            if one.points is not None:
+            if one.side is None:
                 found[self.bin == i] = i
             else:
                 low, high = ends[name]
-                here = (self.side == self.SIDES.index(one.on)) & (self.place >= low) & (self.place < high)
+                here = (self.side == self.SIDES.index(one.side)) & (self.place >= low) & (self.place < high)
                 found[here] = i
         return found
 

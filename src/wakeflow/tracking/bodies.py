@@ -72,7 +72,8 @@ class Motion:
 class Body:
     """A solid: a closed ``outline`` (k, 2) m, either way round, or an ``open`` polyline that is solid on its left side.
 
-    ``capture`` ends a track at first contact; ``restitution`` and ``friction`` replace the granules' own.
+    ``capture`` ends a track at first contact, which counts as crossing the ``line`` of that number, -1: none.
+    ``restitution`` and ``friction`` replace the granules' own.
     Raises SceneError for an outline that is no polygon.
     """
 
@@ -82,6 +83,7 @@ class Body:
     restitution: float | None = None
     friction: float | None = None
     open: bool = False
+    line: int = -1
 
     def __post_init__(self) -> None:
         points = np.array(self.outline, dtype=float)

@@ -43,7 +43,7 @@ def pack_walls(
     return Walls(
         rows_of_floats(tables.edges, 7), rows_of_ints(tables.edge_links, 3),
         rows_of_floats(tables.vertices, 2), rows_of_ints(tables.vertex_links, 3),
-        rows_of_floats(rows, width), rows_of_ints(tables.members, 6), *lines,
+        rows_of_floats(rows, width), rows_of_ints(tables.members, 7), *lines,
         rows_of_floats([frame + [0.0] * (at.SAMPLES - len(frame))], at.SAMPLES),
         restitution_table(restitution) if isinstance(restitution, Restitution) else np.zeros((0, 6)),
     )  # fmt: skip
@@ -75,7 +75,7 @@ def _add(tables: _Tables, number: int, body: Body, swing: MeshOscillation | None
     own = [-1.0 if value is None else value for value in (body.restitution, body.friction)]
     tables.bodies.append([*low, *high, *relative(body.motion, swing), *own, *_samples(body)])
     tables.members.append(
-        [first_edge, len(tables.edges), first_vertex, len(tables.vertices), not body.open, body.capture]
+        [first_edge, len(tables.edges), first_vertex, len(tables.vertices), not body.open, body.capture, body.line]
     )
 
 

@@ -130,10 +130,12 @@ class Tracks:
 
     def ends(self, bins: int) -> tuple[Index, Index]:
         """Where (n,) they ended, a place among the first ``bins`` lines or -1 for elsewhere, and their fates (n,): what
-        crossed a line after those, such as the floor of a channel, has escaped.
+        crossed a line after those, such as the floor of a channel, has escaped; what a body's bin captured is in it.
         """
         binned = (self.line >= 0) & (self.line < bins)
-        return np.where(binned, self.line, -1), np.where((self.fate == Fate.BINNED) & ~binned, Fate.ESCAPED, self.fate)
+        beyond = (self.fate == Fate.BINNED) & ~binned
+        fates = np.where(binned, Fate.BINNED, np.where(beyond, Fate.ESCAPED, self.fate))
+        return np.where(binned, self.line, -1), fates
 
     def counts(self) -> dict[Fate, int]:
         """How many tracks ended in each fate; adds up to all of them."""

@@ -247,6 +247,6 @@ def _places(machine: Machine, x: Array) -> NDArray[np.int64]:
     half = machine.scene.channel.width / 2
     place, at = np.full(len(x), -1), np.clip(x, -half, half)
     for number, bin_ in enumerate(machine.scene.bin.values()):
-        low, high = bin_.line(machine.scene.channel)[:, 0]
+        low, high = bin_.line(machine.scene)[:, 0]
         place[(at >= low) & (at <= high)] = number
     return place

@@ -99,15 +99,13 @@ def _walls_with_bins(scene: Scene) -> Iterator[_Wall]:
         ("right", "y on the right wall (mm)"),
     ):
         axis = 0 if on in ("floor", "top") else 1
-        placed = {
-            i: b.line(channel)[:, axis] for i, b in enumerate(scene.bin.values()) if b.points is None and b.on == on
-        }
+        placed = {i: b.line(scene)[:, axis] for i, b in enumerate(scene.bin.values()) if b.side == on}
         bins = {i: (float(a), float(b)) for i, (a, b) in sorted(placed.items(), key=lambda item: float(item[1][0]))}
         if bins:
             yield _Wall(title, (-half, half) if axis == 0 else (channel.bottom, channel.top), bins)
     for i, (name, bin_) in enumerate(scene.bin.items()):
-        if bin_.points is not None:
-            length = float(np.sum(np.hypot(*np.diff(bin_.line(channel), axis=0).T)))
+        if bin_.side is None:
+            length = float(np.sum(np.hypot(*np.diff(bin_.line(scene), axis=0).T)))
             yield _Wall(f"along {name} (mm)", (0.0, length), {i: (0.0, length)})
 
 
@@ -116,10 +114,10 @@ def _along(wall: _Wall, scene: Scene, landing: Landed) -> tuple[Array, Array]:
     here = np.isin(landing.bin, list(wall.bins))
     points = np.stack([np.asarray(landing.x)[here], np.asarray(landing.y)[here]], axis=1)
     bin_ = list(scene.bin.values())[next(iter(wall.bins))]
-    if bin_.points is None:
-        where = points[:, 0 if bin_.on in ("floor", "top") else 1]
+    if bin_.side is not None:
+        where = points[:, 0 if bin_.side in ("floor", "top") else 1]
     else:
-        where = along(bin_.line(scene.channel), points)[0]
+        where = along(bin_.line(scene), points)[0]
     return np.clip(where, *wall.span), np.asarray(landing.weight, dtype=float)[here]
 
 

@@ -76,7 +76,7 @@ def _bin(scene: Scene, result: Result, name: str) -> dict[str, object]:
         one: f"{purity(row, void=void)} %" for one, row in (found.purity[name] or {}).items()
     }  # fmt: skip
     return {
-        "name": name, "line": _flat(scene.bin[name].line(scene.channel)), "shares": shares, "purity": pure, "flow": flow
+        "name": name, "line": _flat(scene.bin[name].line(scene)), "shares": shares, "purity": pure, "flow": flow
     }  # fmt: skip
 
 

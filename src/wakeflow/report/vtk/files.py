@@ -112,7 +112,7 @@ def machine_blocks(scene: Scene) -> dict[str, dict[str, Any]]:
     }
     groups = {
         "bodies": {name: _body(scene, body.outline()) for name, body in scene.body.items()},
-        "bins": {name: lines_of([bin_.line(channel)]) for name, bin_ in scene.bin.items()},
+        "bins": {name: lines_of([bin_.line(scene)]) for name, bin_ in scene.bin.items()},
         "walls": {name: lines_of([ends]) for name, ends in walls.items()},
         "inlets": {name: lines_of([ends]) for name, ends in inlets.items()},
     }

@@ -72,8 +72,7 @@ def hit_wall(state, ints, own, grain, walls, rules, path, hold, h, kind, which):
     ints[at.CONTACT] = at.FREE
     hold[at.KIND] = at.FREE
     _, _, wx, wy, px, py = wall_displacement(walls.bodies, body, state[at.T])
-    if stays(state, grain, walls, body, nx, ny, wx, wy):
-        ints[at.FATE] = at.CAPTURED
+    if stays(state, ints, grain, walls, body, nx, ny, wx, wy):
         return
     e = restitution_of(state, grain, walls, body, nx, ny, wx, wy)
     if grain[at.NOISE] != 0.0:
@@ -132,8 +131,7 @@ def press(state, ints, own, grain, walls, rules, hold, h, pull):
             hit = touches = True
             _, off = grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
             nx, ny = hold[at.NX], hold[at.NY]
-            if stays(state, grain, walls, body, nx, ny, wx, wy):
-                ints[at.FATE] = at.CAPTURED
+            if stays(state, ints, grain, walls, body, nx, ny, wx, wy):
                 return True
             hold[at.KIND] = at.FREE
             vx, vy, vz = state[at.VX], state[at.VY], own[of.VZ]

@@ -84,8 +84,7 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
     last, one = (ints[at.PAIR], ints[at.PAIRED]) if before == at.FREE and ints[at.STUCK] > 1 else (before, other)
     ints[at.CONTACT] = ints[at.PAIR] = at.FREE
     _, _, wx, wy, _, _ = wall_displacement(walls.bodies, body, state[at.T])
-    if stays(state, grain, walls, body, nx, ny, wx, wy):
-        ints[at.FATE] = at.CAPTURED
+    if stays(state, ints, grain, walls, body, nx, ny, wx, wy):
         hold[at.KIND] = at.FREE
         return
     f = walls.bodies[body, at.BODY_FRICTION]

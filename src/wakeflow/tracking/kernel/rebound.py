@@ -16,14 +16,15 @@ SLOWEST = 1e-300  # m/s: has a logarithm
 
 
 @compiled
-def stays(state, grain, walls, body, nx, ny, wx, wy):
+def stays(state, ints, grain, walls, body, nx, ny, wx, wy):
     """Whether a granule ends at ``body``, whose surface moves with w and has the normal n there: the body captures what
-    touches it, or it comes slower than its capture speed.
+    touches it, or it comes slower than its capture speed. One that ends has that fate then, and the body's line.
     """
-    if walls.members[body, at.CAPTURES] == 1:
-        return True
     approach = -((state[at.VX] - wx) * nx + (state[at.VY] - wy) * ny)
-    return 0.0 <= approach < grain[at.CAPTURE]
+    ends = walls.members[body, at.CAPTURES] == 1 or 0.0 <= approach < grain[at.CAPTURE]
+    if ends:
+        ints[at.FATE], ints[at.LINE] = at.CAPTURED, walls.members[body, at.COUNTS_AS]
+    return ends
 
 
 @compiled
