@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofs.experiments import suspension
+from proofs.experiments import droplets, suspension
 from proofs.experiments.rebound import MEASURED, centre_angle, landing, rebound, run_rebound
 from proofs.experiments.report import NOT_COMPUTED
 
@@ -41,3 +41,20 @@ def test_a_leg_parts_nodes_and_internodes_of_straw(tmp_path: Path, monkeypatch: 
 
 def test_what_is_not_computed_says_why() -> None:
     assert all(row["computed"] is None and str(row["gate"]).startswith("none: ") for row in NOT_COMPUTED)
+
+
+def test_ideal_flow_is_langmuirs_cylinder() -> None:
+    """K 1 to 6: Langmuir & Blodgett 1946 as in docs/validation.md, the droplets' own radius aside."""
+    known = {0.487: 0.19, 1.096: 0.40, 1.948: 0.567, 1.46: 0.49, 3.288: 0.69, 5.845: 0.80}
+    for speed in (2.0, 6.0):
+        for size, kept in zip(droplets.SIZES, droplets.ideal(speed), strict=True):
+            stokes = droplets.WATER * size**2 / (18.0 * droplets.VISCOSITY) * speed / (0.5 * droplets.WIDTH)
+            assert kept == pytest.approx(known[min(known, key=lambda one: abs(one - stokes))], abs=0.015)
+
+
+@pytest.mark.slow
+def test_a_cylinder_keeps_fewer_droplets_than_ideal_flow_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(droplets, "CASES", (("cylinder", 2.0),))
+    found = droplets.run_droplets(tmp_path, count=256, scale=2.0)
+    assert found.missed == []
+    assert len(found.facts["rows"]) == len(droplets.SIZES)

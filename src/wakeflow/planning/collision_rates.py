@@ -193,7 +193,8 @@ def _side_by_side(one: _Slope, two: _Slope) -> tuple[float, float]:
     closing = np.sqrt((mine[:, None] - theirs[None]) ** 2 + jitter)  # (entries of one, of two, places)
     rate = above[:, None] * above[None] * closing / (mine[:, None] * theirs[None]) * width * one.within / ENTRIES
     met = rate.sum(axis=(1, 2))
-    return float(met.mean()), float((rate * closing).sum() / rate.sum())
+    whole = rate.sum()  # 0 where all go at one speed: none meets another
+    return float(met.mean()), float((rate * closing).sum() / whole) if whole > 0.0 else 0.0
 
 
 def _overtaking(one: _Fall, two: _Fall) -> tuple[float, float]:

@@ -283,7 +283,7 @@ def warning_lines(
     yield from magnitude_lines(scene)
     for name, fraction in scene.fraction.items():
         size = float(fraction.diameters(np.array([LARGE_QUANTILE]))[0])
-        if size > POINT * scene.width:
+        if scene.air is not None and size > POINT * scene.width:
             doubt = void if size > HARDLY * scene.width else less_sure
             yield doubt(
                 f"{name}: {size / scene.width:.0%} of the {'body' if scene.body else 'channel'}'s width; granules are "
