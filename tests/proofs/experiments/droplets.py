@@ -21,6 +21,7 @@ from wakeflow.scene import Scene
 SOURCE = "May & Clifford 1967, Ann. Occup. Hyg. 10, 83 (abstract read)"
 WIDTH, CURTAIN, CHANNEL = 0.010, 0.014, 0.200  # m: theirs were 1 to 29 mm wide, in a wind tunnel
 SIZES = (20e-6, 30e-6, 40e-6)  # m
+DROP = 0.25  # m above the body, where they enter from rest: ten and more relaxation times of the largest
 WATER, AIR, VISCOSITY = 1000.0, 1.2, 1.82e-5  # kg/m3, kg/m3, Pa s
 BODIES = {
     "cylinder": {"shape": "circle", "width": WIDTH},
@@ -37,15 +38,15 @@ COLUMNS = {
 
 
 def scene_of(body: str, speed: float, count: int, scale: float) -> Scene:
-    """Droplets that come with the air against a body that keeps them."""
+    """Droplets that come with the air against a body that keeps them, each alone."""
     return Scene.parse({
         "body": {body: BODIES[body]},
-        "channel": {"width": CHANNEL, "top": 0.12, "bottom": -0.15},
+        "channel": {"width": CHANNEL, "top": DROP + 0.05, "bottom": -0.15},
         "air": {"speed": speed, "density": AIR, "viscosity": VISCOSITY, "turbulence": 0.01},
-        "feed": {"speed": speed, "width": CURTAIN, "mode": "resolved", "count": count},
+        "feed": {"height": DROP, "width": CURTAIN, "mode": "resolved", "count": count},
         "fraction": {
             f"d{1e6 * size:.0f}": {
-                "size": size, "density": WATER, "restitution": 0.0, "friction": 1.0, "impact": "paper",
+                "size": size, "density": WATER, "restitution": 0.0, "friction": 1.0, "impact": "sphere",
             }
             for size in SIZES
         },
@@ -72,7 +73,7 @@ def run_droplets(folder: Path, tell: Tell = lambda _: None, count: int = 1024, s
     for body, speed in CASES:
         tell(f"droplets in {speed:g} m/s against a {body}")
         where = folder / f"droplets-{body}-{speed:g}"
-        found = run(scene_of(body, speed, count, scale), where, rung="draft", report=False)
+        found = run(scene_of(body, speed, count, scale), where, rung="draft", force={"collisions": False}, report=False)
         for size, theory in zip(SIZES, ideal(speed), strict=True):
             stokes = WATER * size**2 / (18.0 * VISCOSITY) * speed / (0.5 * WIDTH)
             part = found.share(f"d{1e6 * size:.0f}", "body").times(CURTAIN / (WIDTH + size))
