@@ -65,8 +65,9 @@ def rows(kind: type) -> list[tuple[str, str, str, str]]:
 def section(kind: type) -> str:
     """A section of the page."""
     about = fill(" ".join((kind.__doc__ or "").split("\n\n")[0].split()).replace("``", "`"), 120)
-    table = "\n".join(f"| {' | '.join(row)} |" for row in rows(kind))
-    return f"### {kind.__name__}\n\n{about}\n\n| key | type | unit | meaning |\n|---|---|---|---|\n{table}\n"
+    lines = [f"| {' | '.join(row)} |\n" for row in rows(kind)]
+    table = "".join(["\n| key | type | unit | meaning |\n|---|---|---|---|\n", *lines]) if lines else ""
+    return f"### {kind.__name__}\n\n{about}\n{table}"
 
 
 def page() -> str:
