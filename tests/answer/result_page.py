@@ -51,7 +51,7 @@ def _inner(kind: Any) -> Iterator[type]:
 
 
 def rows(kind: type) -> list[tuple[str, str, str, str]]:
-    """(key, type, unit, meaning) of every key of a record type, as the page says them; another type's keys by a link."""
+    """(key, type, unit, meaning) of every key of a record type; the keys of another type as a link."""
     bases = [base for base in kind.__mro__[1:] if is_dataclass(base) and base in set(records())]
     found = [("*its keys too*", word(base), "–", "") for base in bases]
     told = {row for base in bases for row in rows(base)}
