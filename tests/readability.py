@@ -1,7 +1,7 @@
 """How easily the documents and the messages are read: Flesch's reading ease, of one or of two versions.
 
-    python tests/readability.py             of README, tutorial and messages
-    python tests/readability.py HEAD~20     beside those of an earlier commit
+    python tests/readability.py             of README, all pages of docs, and the messages
+    python tests/readability.py HEAD~20     next to those of an earlier commit
 
 Flesch (1948, J. Appl. Psychol. 32, 221): 206.835 - 1.015 words a sentence - 84.6 syllables a word; 60 is plain English,
 30 a scientific paper. Code, tables, links and numbers are left out. Syllables are counted by groups of vowels.
@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PAGES = ("README.md", "docs/tutorial.md", "docs/measuring.md", "docs/commands.md", "docs/search.md", "docs/sweeps.md")
+PAGES = ("README.md", *sorted(f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md")))
 RAISED = ("SceneError", "less_sure", "void", "information")  # calls whose text a person reads
 LEAST_WORDS = 4  # of a sentence that counts
 
@@ -26,7 +26,7 @@ def prose(text: str) -> str:
     text = re.sub(r"```.*?```", "", text, flags=re.DOTALL)
     text = re.sub(r"!\[[^\]]*\]\([^)]*\)", "", text)
     text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
-    lines = [line for line in text.splitlines() if not re.match(r"\s*(\||#|<)", line)]
+    lines = [line for line in text.splitlines() if not re.match(r"\s*(\||#|<)| {4}", line)]
     return re.sub(r"`[^`]*`", "it", re.sub(r"^\s*([-*]|\d+\.)\s", ". ", "\n".join(lines), flags=re.MULTILINE))
 
 
@@ -86,7 +86,7 @@ def main(commit: str | None = None) -> None:
     now, before = texts(None), {} if commit is None else texts(commit)
     for name, text in now.items():
         told = ["{:5.1f} ({:4.1f} words)".format(*reading_ease(one)) for one in (before.get(name), text) if one]
-        print(f"{name:20s} {'  ->  '.join(told)}")
+        print(f"{name:24s} {'  ->  '.join(told)}")
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ import pytest
 from cyclopts import CycloptsError, MissingArgumentError
 
 import wakeflow
+from readability import prose, reading_ease
 from support import ROOT
 from wakeflow.cli import app
 from wakeflow.laws.forces import forces
@@ -24,6 +25,7 @@ from wakeflow.planning.terms import bounds
 SOURCE = ROOT / "src" / "wakeflow"
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
 TOP = {"src", "tests", "cases", "docs", "meshes", *wakeflow.LAYERS}  # a path begins with one of these
+EASE, WORDS = 73.0, 15.0  # of every page: Flesch's reading ease at least, words a sentence at most
 PRODUCED = ("runs/", "figures/", "cases/template/turbulence-models/")  # what a run writes, or an example would add
 SUFFIXES = (".py", ".toml", ".sh", ".j2", ".liggghts")
 COMMAND = re.compile(r"(?:^|\.venv/bin/)wakeflow (?=[a-z-])")
@@ -177,6 +179,14 @@ def _unclear(text: str, banned: dict[str, str]) -> list[str]:
 @pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=lambda path: path.name)
 def test_sentences_use_plain_words(page: Path) -> None:
     assert _unclear(_prose(page.read_text()), BANNED) == []
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=lambda path: path.name)
+def test_sentences_are_short_and_easy_to_read(page: Path) -> None:
+    """Plain English has a reading ease of 60; numbers and names of formulas make a page of physics look easier."""
+    ease, words = reading_ease(prose(page.read_text()))
+    assert ease > EASE, f"Flesch's reading ease {ease:.0f}: use shorter words and sentences"
+    assert words < WORDS, f"{words:.1f} words a sentence: make two sentences of the longest"
 
 
 def test_messages_and_docstrings_use_plain_words() -> None:

@@ -51,20 +51,23 @@ def _inner(kind: Any) -> Iterator[type]:
 
 
 def rows(kind: type) -> list[tuple[str, str, str, str]]:
-    """(key, type, unit, meaning) of every key of a record type, as the page says them."""
-    found = []
+    """(key, type, unit, meaning) of every key of a record type; the keys of another type as a link."""
+    bases = [base for base in kind.__mro__[1:] if is_dataclass(base) and base in set(records())]
+    found = [("*its keys too*", word(base), "–", "") for base in bases]
+    told = {row for base in bases for row in rows(base)}
     for column in columns(kind):
         key = "*its keys are here*" if column.flat else f"`{column.key}`"
         kind_word = word(column.kind).removesuffix(" or null") if column.absent or column.flat else word(column.kind)
         found.append((key, kind_word, column.unit or "–", column.meaning))
-    return found
+    return [row for row in found if row not in told]
 
 
 def section(kind: type) -> str:
     """A section of the page."""
     about = fill(" ".join((kind.__doc__ or "").split("\n\n")[0].split()).replace("``", "`"), 120)
-    table = "\n".join(f"| {' | '.join(row)} |" for row in rows(kind))
-    return f"### {kind.__name__}\n\n{about}\n\n| key | type | unit | meaning |\n|---|---|---|---|\n{table}\n"
+    lines = [f"| {' | '.join(row)} |\n" for row in rows(kind)]
+    table = "".join(["\n| key | type | unit | meaning |\n|---|---|---|---|\n", *lines]) if lines else ""
+    return f"### {kind.__name__}\n\n{about}\n{table}"
 
 
 def page() -> str:

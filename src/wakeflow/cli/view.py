@@ -99,7 +99,7 @@ def open_(
     from .show_plan import plan_lines
 
     if find_spec("tornado") is None:
-        raise SceneError("the page needs tornado: pip install 'wakeflow[page]', or sh cases/setup.sh")
+        raise SceneError("the page needs tornado: pip install 'wakeflow-separation[page]', or sh cases/setup.sh")
     from ..page.server import open_page
 
     open_page(what, plan_lines, port=port, browser=browser, ready=lambda address: print(address, flush=True))

@@ -1,4 +1,4 @@
-"""What a search finds at equal cost: both levels, either level alone, and balanced points without any search.
+"""What a search finds at equal cost: both levels, either level alone, and evenly spread points without any search.
 
 Shipped scenes without their air, which fly in parts of a second: a design's levels differ in how many granules are
 flown, and its cost is their number, so that the table does not depend on the machine. What each way recommends is flown
@@ -103,7 +103,7 @@ WAYS: dict[str, tuple[tuple[int, ...], Proposer]] = {
     "both levels": ((COARSE, FINE), by_estimator),
     "fine level alone": ((FINE,), by_estimator),
     "coarse level alone": ((COARSE,), by_estimator),
-    "balanced points": ((FINE,), at_random),
+    "evenly spread points": ((FINE,), at_random),
 }
 
 
