@@ -14,7 +14,7 @@ from ..planning.cost import begins, typical_cells, wall_seconds
 from ..planning.lifting import floor_notices, lifting_line
 from ..planning.machine_rates import on_this_machine
 from ..planning.plan import REPLICATES, replicate_size, whole_terms
-from ..report.machine_words import fall_words, motion_words
+from ..report.machine_words import fall_words, motion_words, tilt_words
 from .screen import MAX_WARNINGS, screen_table, warn
 
 if TYPE_CHECKING:
@@ -96,6 +96,8 @@ def _machine(scene: Scene) -> str:
     standing = ", ".join([f"{len(scene.body)} bodies", bodies[0], *bodies[len(scene.body) :]] if many else bodies)
     channel = scene.channel
     place = f"channel of {metres(channel.width)} x {metres(channel.top - channel.bottom)}"
+    if tilted := tilt_words(scene):
+        place += f", {tilted}"
     count = f"{len(scene.bin)} bin{'s' if len(scene.bin) > 1 else ''}"
     return f"{standing} in a {place}; {count}" if bodies else f"empty {place}; {count}"
 

@@ -81,7 +81,7 @@ def contact_points(outline: Array, x: Array, radius: Array) -> tuple[Array, Arra
 
 
 def arrival(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, speed: Array) -> Array:
-    """Downward speed (n,) m/s after falling ``drop`` (n,) m from ``speed`` (n,) m/s in the channel's uniform air.
+    """Speed of fall (n,) m/s after falling ``drop`` (n,) m from ``speed`` (n,) m/s in the channel's uniform air.
 
     NaN where they never get there (carried up). The same tracker and laws as everywhere, in a column of
     uniform flow; in a vacuum in closed form.
@@ -94,6 +94,8 @@ def arrival(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, spe
         0.0, np.ceil(np.log2((float(drop.max(initial=0.0)) + 0.5) / reach))
     )  # the same for any part of the granules
     flow = -scene.air.speed if scene.air.direction == "down" else scene.air.speed
+    if not scene.plumb.upright:
+        flow = 0.0  # what it falls before it comes into the channel is outside, where the air rests
     corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, reach), (-1.0, reach)])
     column = FlowField.from_arrays(
         corners,
@@ -214,7 +216,7 @@ def feedstock(
     grains, x = varied_granules(born, variation), scene.feed.places(points[:, 0])
     diameter = grains.diameter
     if not scene.body:
-        return Feedstock(entering(scene, grains, x), replicate, np.zeros(len(x), dtype=bool))
+        return Feedstock(hung(scene, entering(scene, grains, x)), replicate, np.zeros(len(x), dtype=bool))
     level, speed = fall_start(scene, 0.5 * diameter)
     time, spin = _times(scene, points[:, 2:], field_period), np.zeros(len(x))
     injected = np.zeros(len(x), dtype=bool)
@@ -239,7 +241,7 @@ def feedstock(
         xi = blows_of(name, scene.feed.count, scene.feed.seed, replicates, part)
         velocity[i], spin[i] = _rebound(grains[i], -came[i, 1], normal[i], wall, traits[i, 3], xi[i])
     entered = grains.replace(position=position, velocity=velocity, time=time, spin=spin, arrival=came)
-    return Feedstock(entered, replicate, injected)
+    return Feedstock(hung(scene, entered), replicate, injected)
 
 
 def _born(
@@ -271,10 +273,27 @@ def _pull(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, speed
 
 
 def entering(scene: Scene, grains: Granules, x: Array) -> Granules:
-    """The curtain where there is no body: at the feed's level, with the velocity it has there."""
-    y = min(scene.level, scene.channel.top - 1e-6 * scene.width)
-    velocity = np.broadcast_to(scene.entry, (len(x), 2))
-    return grains.replace(position=np.stack([x, np.full(len(x), y)], axis=1), velocity=velocity)
+    """The curtain where there is no body: at the feed's level, with the velocity it has there; as if the channel stood
+    upright.
+    """
+    y = np.minimum(scene.level, highest(scene, grains, x))
+    velocity = np.broadcast_to(scene.plumb.hung(scene.entry), (len(x), 2))
+    return grains.replace(position=np.stack([x, y], axis=1), velocity=velocity)
+
+
+def highest(scene: Scene, grains: Granules, x: Array) -> Array:
+    """Up to which height (n,) m granules of the feed at ``x`` (n,) m are in the channel; as if it stood upright."""
+    return scene.plumb.highest(x, 0.5 * grains.diameter, 1e-6 * scene.width)
+
+
+def hung(scene: Scene, grains: Granules) -> Granules:
+    """Granules of a feed that falls along -y, as they come where gravity is at an angle to the channel."""
+    plumb = scene.plumb
+    if plumb.upright:
+        return grains
+    came = None if grains.arrival is None else plumb.turned(grains.arrival)
+    position, velocity = plumb.placed(grains.position), plumb.turned(grains.velocity)
+    return grains.replace(position=position, velocity=velocity, arrival=came)
 
 
 def _rebound(
@@ -297,11 +316,11 @@ def _rebound(
 def _released(
     scene: Scene, plan: FractionPlan, grains: Granules, x: Array, level: Array, speed: Array
 ) -> tuple[Array, Array]:
-    """Where granules that the tracker takes from the start begin: at ``level``, or at the channel's top below it."""
-    top = scene.channel.top - 1e-6 * scene.width
+    """Where granules that the tracker takes from the start begin: at ``level``, or where they come into the channel."""
+    top = highest(scene, grains, x)
     velocity = np.stack([np.zeros(len(x)), -speed], axis=1)
     above = np.flatnonzero(level > top)
     if len(above):
-        fall = arrival(scene, plan, grains[above], level[above] - top, speed[above])
+        fall = arrival(scene, plan, grains[above], (level - top)[above], speed[above])
         velocity[above, 1] = -np.nan_to_num(fall, nan=0.0)
     return np.stack([x, np.minimum(level, top)], axis=1), velocity

@@ -79,8 +79,10 @@ class ImpactSummary:
 
 
 def impact_loads(scene: Scene, plan: Plan) -> ImpactSummary | None:
-    """What the stream does to the first body; None where there is none, or another may be met before it."""
-    if not scene.body or scene.obstacles:
+    """What the stream does to the first body; None where there is none, another may be met before it, or gravity is at
+    an angle to the channel.
+    """
+    if not scene.body or scene.obstacles or not scene.plumb.upright:
         return None
     name, body = next(iter(scene.body.items()))
     outline = body.outline()

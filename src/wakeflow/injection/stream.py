@@ -29,7 +29,7 @@ from ..planning.variation import AS_GIVEN, GranuleVariation, Variation
 from ..scene import Scene
 from ..tracking import Granules
 from .birth import varied_granules
-from .feed import entering, fall_start, granules_of
+from .feed import entering, fall_start, granules_of, highest, hung
 
 Array = NDArray[np.float64]
 FALLEN = 0.4  # of the way to the body, where granules from rest have come apart; chosen
@@ -85,7 +85,7 @@ def slab_stream(
     x, across = _apart(rng, granules, solid, depth)
     since = granules.time
     position = np.stack([x, granules.position[:, 1]], axis=1)
-    granules = granules.replace(position=position, time=begin + since, depth=across)
+    granules = hung(scene, granules.replace(position=position, time=begin + since, depth=across))
     counted = (since >= start_up) & (since < start_up + operation)
     return SlabFeed(granules, fraction, mass, counted, tracers)
 
@@ -151,10 +151,12 @@ def _tracers(crowd: CollisionPlan, name: str, rng: np.random.Generator, whole: f
     return time, fine * rng.random(count)
 
 
-def slab_top(scene: Scene, diameter: Array) -> Array:
-    """Height (n,) m at which granules of a ``diameter`` (n,) m enter the slab, as they come there alone."""
-    level, _ = fall_start(scene, 0.5 * diameter)
-    return np.minimum(level - FALLEN * (level - scene.level), scene.channel.top - 1e-6 * scene.width)
+def slab_top(scene: Scene, grains: Granules, x: Array) -> Array:
+    """Height (n,) m at which granules of the feed at ``x`` (n,) m enter the slab, as they come there alone; as if the
+    channel stood upright.
+    """
+    level, _ = fall_start(scene, 0.5 * grains.diameter)
+    return np.minimum(level - FALLEN * (level - scene.level), highest(scene, grains, x))
 
 
 def _born(
@@ -163,26 +165,26 @@ def _born(
     """Granules where the slab begins, as they come there alone from where the feed does."""
     if not scene.body:
         return entering(scene, grains, x)
-    top = scene.channel.top - 1e-6 * scene.width
+    plumb = scene.plumb
     level, speed = fall_start(scene, 0.5 * grains.diameter)
-    high = np.minimum(level, top)
+    high = np.minimum(level, highest(scene, grains, x))
     position, velocity = np.stack([x, high], axis=1), np.stack([np.zeros(len(x)), -speed], axis=1)
-    start = slab_top(scene, grains.diameter)
+    start = slab_top(scene, grains, x)
     if field is None or not len(x):
         velocity[:, 1] = -np.sqrt(speed**2 + 2.0 * GRAVITY * (level - start))
         return grains.replace(position=np.stack([x, start], axis=1), velocity=velocity)
     low = float(start.min())
-    line = np.array([(-scene.channel.width, low), (scene.channel.width, low)])
+    line = plumb.placed(np.array([(-scene.channel.width, low), (scene.channel.width, low)]))
     how = plan.fractions[name]
     whole = np.linspace(0.0, field.period or 0.0, len(x), endpoint=False)
     found = tracking.track(
-        field, grains.replace(position=position, velocity=velocity, time=whole), until=LONGEST, tolerance=TOLERANCE,
-        length=scene.width, drag=how.drag, forces=how.forces, lines=(line,), seed=seed,
+        field, hung(scene, grains.replace(position=position, velocity=velocity, time=whole)), until=LONGEST,
+        tolerance=TOLERANCE, length=scene.width, drag=how.drag, forces=how.forces, lines=(line,), seed=seed,
+        gravity=scene.gravity,
     )  # fmt: skip
     comes = (found.line == 0)[:, None]  # upward air does not let others come so far: they begin where the feed does
-    return grains.replace(
-        position=np.where(comes, found.position, position), velocity=np.where(comes, found.velocity, velocity)
-    )
+    fallen, speeds = plumb.seen(found.position), plumb.hung(found.velocity)
+    return grains.replace(position=np.where(comes, fallen, position), velocity=np.where(comes, speeds, velocity))
 
 
 def _apart(rng: np.random.Generator, grains: Granules, solid: NDArray[np.int64], depth: float) -> tuple[Array, Array]:

@@ -160,12 +160,12 @@ def _slope(key: str, body: Body, _: float, y: float) -> Changes:
 
 def _feed(scene: Scene) -> Iterator[Handle]:
     feed, level = scene.feed, scene.level
-    top = level + scene.release[0]
+    top = level + (scene.release[0] if scene.plumb.upright else 0.0)
     yield Handle("feed place", "feed: its middle", "feed.position", (feed.position, top), "x",
                  partial(_one, "feed.position", 0))  # fmt: skip
     yield Handle("feed width", "feed: its width", "feed.width", (feed.position + feed.width / 2, top), "x",
                  partial(_width, "feed.width", feed.position))  # fmt: skip
-    if feed.height is not None and scene.body:
+    if feed.height is not None and scene.body and scene.plumb.upright:
         yield Handle("feed height", "feed: its height over the body", "feed.height",
                      (feed.position - feed.width / 2, top), "y",
                      lambda _, y: {"feed.height": max(y - level, 0.0)})  # fmt: skip

@@ -19,9 +19,9 @@ from ..core.tables import save_arrays
 from ..field import FlowField
 from ..injection.feed import feedstock
 from ..injection.stream import SlabFeed, slab_top
-from ..laws.constants import GRAVITY
 from ..planning.plan import COMPARED, REPLICATES, Plan, gathered
 from ..scene import Scene
+from ..scene.plumb import Plumb
 from ..tracking import Granules, Tracks
 from ..tracking.momentum import force_on_the_air
 from .realisations import Realisations
@@ -59,7 +59,8 @@ class Gathered:
     @property
     def sampling(self) -> float:
         """Half of the 95 % interval of the force by the granules that it is gathered from, over the force."""
-        count, along = len(self.losses), self.losses[:, 1]
+        count, mean = len(self.losses), np.abs(self.losses.mean(axis=0))
+        along = self.losses[:, int(mean[0] > mean[1])]
         half = student(count - 1) * float(along.std(ddof=1)) / count**0.5
         return float(half / max(abs(along.mean()), 1e-300))
 
@@ -119,7 +120,7 @@ class Gatherer:
             tracks = flight.fly(name, feed.granules, record=POINTS, stream=STREAM)
             flow, how = self._flow(name), self._how(self.plan.fractions[name].forces)
             density += force_on_the_air(tracks, feed.granules, flow, self.boxes, **how).density
-            falling = _down_to(tracks, float(slab_top(self.scene, feed.granules.diameter).min()))
+            falling = _down_to(tracks, self._slab_begins(feed.granules), self.scene.plumb)
             before += force_on_the_air(falling, feed.granules, flow, self.boxes, **how).density
             lost = flow * _lost(tracks, feed.granules, **how)
             losses += [lost[feed.replicate == number].mean(axis=0) for number in range(COMPARED)]
@@ -167,12 +168,16 @@ class Gatherer:
             mass.append(masses.sum())
         return {"given": np.stack(given), "lost": np.stack(lost), "mass": np.array(mass)}
 
+    def _slab_begins(self, grains: Granules) -> float:
+        """Height (m) at which the first of a fraction's granules enter a slab; as if the channel stood upright."""
+        return float(slab_top(self.scene, grains, self.scene.plumb.seen(grains.position)[:, 0]).min())
+
     def _flow(self, name: str) -> float:
         """Of a fraction, kg/s per metre across the plane."""
         return self.scene.feed.mass_flow / self.scene.feed.depth * self.scene.mass_shares()[name]
 
     def _how(self, forces: Collection[str]) -> dict[str, Any]:
-        return {"air_density": self.air.density, "forces": forces}
+        return {"air_density": self.air.density, "forces": forces, "gravity": self.scene.gravity}
 
     def _both_images(self, density: Array, losses: Array, before: Array, *landed: Any) -> Gathered:
         force, above = ForceDensity(self.boxes, density), ForceDensity(self.boxes, before)
@@ -181,23 +186,29 @@ class Gatherer:
         return Gathered(force.mirrored(), losses * (0.0, 1.0), above.mirrored(), *landed)
 
 
-def _down_to(tracks: Tracks, level: float) -> Tracks:
-    """Recorded tracks as far as they first come down to a ``level`` (m); nothing of those that never do."""
+def _down_to(tracks: Tracks, level: float, plumb: Plumb) -> Tracks:
+    """Recorded tracks as far as they first come down to a ``level`` (m), as if the channel stood upright; nothing of
+    those that never do.
+    """
     cut = []
     for path in known(tracks.recorded):
-        end = int(np.argmax(path[:, 2] <= level))  # 0 where none is
+        height = plumb.seen(path[:, 1:3])[:, 1]
+        end = int(np.argmax(height <= level))  # 0 where none is
         high, low = path[max(end - 1, 0)], path[end]
-        share = (high[2] - level) / (high[2] - low[2]) if end else 0.0
+        top, bottom = height[max(end - 1, 0)], height[end]
+        share = (top - level) / (top - bottom) if end else 0.0
         cut.append(np.vstack([path[: max(end, 1)], high + share * (low - high)]))
     return replace(tracks, recorded=cut)
 
 
-def _lost(tracks: Tracks, grains: Granules, air_density: float, forces: Collection[str]) -> Array:
+def _lost(
+    tracks: Tracks, grains: Granules, air_density: float, forces: Collection[str], gravity: tuple[float, float]
+) -> Array:
     """Velocity (n, 2) m/s that each granule gave to the air on its whole way: what gravity gave it less what all but
     walls and others did, derived from the ends of the tracks alone.
     """
     gain = np.array([path[-1, 5:7] - path[0, 5:7] for path in known(tracks.recorded)]).reshape(-1, 2)
     lasted = np.array([path[-1, 0] - path[0, 0] for path in known(tracks.recorded)])
     lift = air_density / grains.density if "buoyancy" in forces else 0.0
-    fallen = -GRAVITY * (1.0 - lift) * lasted
-    return np.stack([-gain[:, 0], fallen - gain[:, 1]], axis=1)
+    fallen = np.stack([pull * (1.0 - lift) * lasted for pull in gravity], axis=1)
+    return np.asarray(fallen - gain)

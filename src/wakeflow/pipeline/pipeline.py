@@ -171,7 +171,7 @@ class Pipeline:
     def draft(self) -> Pipeline:
         """The same scene in its steady airflow: where a time-resolved one starts, and the other end of the bracket."""
         plan = known(self.planner).at(self.scene).plan("draft")
-        plan = replace(plan, airflow=replace(plan.airflow, loaded=self.plan.airflow.loaded))
+        plan = replace(plan, airflow=plan.airflow.feeling(self.scene, loaded=self.plan.airflow.loaded))
         grid = min(self.grid, len(plan.airflow.scales) - 1)
         return replace(self, plan=plan, grid=grid, label=self.label._replace(draft=True), whole=self)
 

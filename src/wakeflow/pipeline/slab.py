@@ -290,6 +290,7 @@ class SlabFlight:
             seed=seed_of(scene.feed.seed, "slab", number),
             bodies=bodies_and_walls(scene),
             lines=end_lines(scene),
+            gravity=scene.gravity,
             workers=1,
             record=record,
             collisions=tracking.Collisions(

@@ -205,6 +205,7 @@ class Flight:
             seed=seed_of(scene.feed.seed, name, stream),
             bodies=bodies_and_walls(scene),
             lines=end_lines(scene),
+            gravity=scene.gravity,
             record=record,
             workers=self.workers,
             progress=None if record else lambda done, total: self.tell(f"{name}: {done} of {total}"),

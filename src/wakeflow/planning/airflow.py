@@ -9,7 +9,7 @@ own case is measured, not solved (given).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -125,6 +125,13 @@ class AirflowPlan:
     def flown(self, scene: Scene) -> Scene:
         """The scene that granules are flown through."""
         return scene.with_top()
+
+    def feeling(self, scene: Scene, *, loaded: bool) -> AirflowPlan:
+        """This airflow, which the granules' force moves or not: where gravity is at an angle to the channel the air is
+        no mirror image of itself under that force. Air that feels no granules feels no gravity.
+        """
+        leans = loaded and not scene.plumb.upright
+        return replace(self, loaded=loaded, symmetric=self.symmetric and not leans, half=self.half and not leans)
 
     def notices(self, scene: Scene) -> Iterator[Notice]:
         """One for each way in which the airflow of ``scene`` differs from the real one."""

@@ -33,7 +33,7 @@ from ..laws.restitution import restitution_at
 from ..scene import Fraction, Scene
 from ..scene.fraction import COEFFICIENTS
 from .terms import COLLISIONS, bounds
-from .uniform_fall import UniformFall
+from .uniform_fall import Room, UniformFall
 
 Array = NDArray[np.float64]
 SIZES = (1 / 6, 1 / 2, 5 / 6)  # mass quantiles whose falls represent a fraction's, a third of its mass each
@@ -154,7 +154,7 @@ def shifted(scene: Scene, met: Encounters, scales: Sequence[FlightScales]) -> fl
     """
     if scales:
         return max(bounds[COLLISIONS].shift(flight) for flight in scales)
-    fall = math.sqrt(2.0 * (scene.level - scene.channel.bottom) / GRAVITY)
+    fall = math.sqrt(2.0 * scene.drop / GRAVITY)
     return min(1.0, met.heavier) * met.knock * fall / scene.width
 
 
@@ -246,7 +246,7 @@ def _slope(scene: Scene, fraction: Fraction, arrival: float, thrown: float) -> _
 def _fall(scene: Scene, fraction: Fraction, law: str, scale: float, diameter: float) -> _Fall:
     """From the feed to the body; without one to the channel's end."""
     above, speed = scene.release
-    down = above if scene.body else scene.level - scene.channel.bottom
+    down = above if scene.body else scene.drop
     if down <= 0.0:
         return _Fall(np.zeros(1), np.zeros(1), np.array([scene.feed.fall_speed]))
     if scene.air is None:
@@ -256,8 +256,8 @@ def _fall(scene: Scene, fraction: Fraction, law: str, scale: float, diameter: fl
     fall = UniformFall.of(scene, fraction, law, scale, diameter)
     if _sheltered(scene) and abs(fall.settling) > RECIRCULATION * scene.air.speed:
         fall = replace(fall, air=scene.air.model_copy(update={"speed": CALM * scene.air.speed}))
-    room = max(scene.channel.top - scene.level - (above if scene.body else 0.0), scene.width)
-    rows = np.array([(0.0, 0.0, speed), *fall.points(speed, down, room)])
+    room = Room(down, max(scene.channel.top - scene.level - above, scene.width)) if scene.body else fall.room
+    rows = np.array([(0.0, 0.0, speed), *fall.points(speed, room)])
     return _Fall(*rows.T)
 
 
@@ -265,7 +265,7 @@ def _sheltered(scene: Scene) -> bool:
     """Whether the curtain falls through the first body's wake, all the way from the feed: in upward air, no wider than
     the body and no higher than its wake is long.
     """
-    if not scene.body or scene.air is None or scene.air.direction == "down":
+    if not scene.body or scene.air is None or scene.air.direction == "down" or not scene.plumb.upright:
         return False
     high = scene.level + scene.release[0]
     return abs(scene.feed.position) + 0.5 * scene.feed.width <= 0.5 * scene.width and high <= SHELTER * scene.width
@@ -292,11 +292,12 @@ def _crossing(scene: Scene, thrown: float) -> float:
 
 
 def slope_of(scene: Scene) -> tuple[float, float]:
-    """Angle (rad) of the first body's faces that granules fall on, mean over their projected width; their length (m)
-    together.
+    """Angle (rad) to gravity of the first body's faces that granules fall on, less a right one, mean over their
+    projected width; their length (m) together.
     """
-    start, end = edges(known(scene.first_outline))
-    up = normals(known(scene.first_outline))[:, 1] > LEVEL
+    outline = scene.plumb.seen(known(scene.first_outline))
+    start, end = edges(outline)
+    up = normals(outline)[:, 1] > LEVEL
     across, length = np.abs(end - start)[up, 0], np.linalg.norm(end - start, axis=1)[up]
     beta = np.arccos(np.clip(across / length, 0.0, 1.0))
     return float(np.average(beta, weights=across)), float(length.sum())
@@ -311,7 +312,7 @@ def ejection_speed(scene: Scene, fraction: Fraction, arrival: float) -> float:
     granule, ends = fraction.properties, np.array([1.0 - RARE, RARE])
     restitutions, frictions = (fraction.coefficients(name, ends) for name in COEFFICIENTS)
     tilt = 2.0 * granule.rebound_scatter * np.array([[-1.0], [0.0], [1.0]])
-    across, up = np.abs(np.concatenate([normals(body.outline()) for body in scene.body.values()])).T
+    across, up = np.abs(np.concatenate([normals(scene.plumb.seen(one.outline())) for one in scene.body.values()])).T
     slope = np.clip(np.arctan2(across, up) + tilt, 0.0, 0.5 * np.pi)
     across, up = np.sin(slope), np.cos(slope)
     middle = restitution_at(granule.restitution, arrival * up)

@@ -178,10 +178,10 @@ def _simulated(scene: Scene, name: str, depth: float, stay: float, heaviest: flo
 def _stay(scene: Scene, fraction: Fraction, law: str, scale: float) -> float:
     """Seconds that a median granule is in the slab."""
     if scene.air is None:
-        drop = scene.level + (scene.release[0] if scene.body else 0.0) - scene.channel.bottom
+        drop = scene.drop + (scene.release[0] if scene.body else 0.0)
         speed = scene.release[1]
         free = (math.sqrt(speed**2 + 2.0 * GRAVITY * drop) - speed) / GRAVITY
-        return free + (math.sqrt(2.0 * (scene.level - scene.channel.bottom) / GRAVITY) if scene.body else 0.0)
+        return free + (math.sqrt(2.0 * scene.drop / GRAVITY) if scene.body else 0.0)
     return UniformFall.of(scene, fraction, law, scale, fraction.properties.diameter).times().whole
 
 

@@ -137,7 +137,9 @@ def _taken_from_the_air(scene: Scene, scales: Mapping[str, Sequence[FlightScales
     jet, no more than at the largest slip all the way. The curtain is as dense as about one of its granules in the mean.
     """
     air, feed = scene.airstream, scene.feed
-    stream = air.density * air.speed * min(feed.width, scene.channel.width) * feed.depth  # kg/s
+    tilt = abs(scene.channel.tilt)  # air that comes across the curtain passes it over all of its height
+    wide = feed.width * math.cos(tilt) + (scene.drop * math.sin(tilt) if tilt else 0.0)
+    stream = air.density * air.speed * min(wide, scene.channel.width) * feed.depth  # kg/s
     mass = feed.crowding * feed.mass_flow / stream
     shares = scene.mass_shares().items()
     given = sum(share * abs(scales[name][len(scales[name]) // 2].given) for name, share in shares)
@@ -200,7 +202,7 @@ def _stay(along: float, pull: float, length: float) -> float:
 
 def _share_on(scene: Scene, outline: Array) -> float:
     """Share of the curtain that falls within the width of ``outline``."""
-    x = outline[:, 0]
+    x = scene.plumb.seen(outline)[:, 0]
     places = scene.feed.places((np.arange(PLACES) + 0.5) / PLACES)
     return float(np.mean((places > x.min()) & (places < x.max())))
 

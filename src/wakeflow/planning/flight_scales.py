@@ -45,17 +45,22 @@ def flights(
     density, phi = fraction.properties.density, fraction.sphericity or 1.0
     _, omega = scene.motion
     upward = air.direction == "up"
-    sideways = not scene.body or any(b.side in (None, "left", "right") for b in scene.bin.values())
+    sideways = not (scene.body and scene.plumb.upright)
+    sideways |= any(b.side in (None, "left", "right") for b in scene.bin.values())
     scales = []
     for diameter, factor in _granules(scene, fraction, law, scale):
         fall = UniformFall(scene, air, diameter, density, law, phi, factor)
         times = fall.times()
         arrival = max(times.arrival, scene.feed.fall_speed)
-        slip = max(abs(arrival - fall.along), air.speed, abs(times.landing) - abs(fall.along))
+        slip = max(abs(complex(arrival - fall.along, fall.across)), air.speed, abs(times.landing) - abs(fall.along))
         stays = 0.0
         if scene.body and upward and abs(fall.settling) < air.speed:  # it falls into the wake, and leaves with the air
             stays = REACH * scene.width / (RECIRCULATION * air.speed) / (1.0 + times.tau * air.speed / scene.width)
-        thrown = arrival * ejection_speed(scene, fraction, arrival) if scene.body else abs(float(scene.entry[0]))
+        thrown = (
+            arrival * ejection_speed(scene, fraction, arrival)
+            if scene.body
+            else abs(float(scene.entry @ scene.plumb.across))
+        )
         scales.append(FlightScales(
             diameter=diameter, density=density, tau=times.tau, calm=not scene.body,
             arrival=arrival, thrown=thrown, slip=slip, settling=abs(fall.settling),

@@ -6,6 +6,7 @@ near wake, where it turns back. A granule that falls more slowly than the air ri
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -111,6 +112,7 @@ def _fate(scene: Scene, gap: Gap | None, name: str, speeds: Array) -> str:
     low, middle, high = (float(one) for one in speeds)
     spread = f"{low:.2g} to {high:.2g}" if f"{low:.2g}" != f"{high:.2g}" else f"{middle:.2g}"
     up = scene.airstream.direction == "up"
+    middle *= math.cos(scene.channel.tilt)
     verdict, where = _verdict(middle, scene.airstream.speed if up else -scene.airstream.speed), ""
     if gap is not None and verdict == FALLS:
         rises, place = (gap.speed, " beside it") if up else (TURNS_BACK * gap.speed, " behind it")
@@ -125,7 +127,8 @@ def lifting_notices(scene: Scene, fractions: Mapping[str, FractionPlan]) -> Iter
         return
     air, gap = scene.air, narrowest_gap(scene)
     fastest = air.speed if gap is None else gap.speed
-    slow = {name: float(terminal_velocities(scene, name, plan)[1]) for name, plan in fractions.items()}
+    along = math.cos(scene.channel.tilt)  # of the air, whose axis is the channel's
+    slow = {name: along * float(terminal_velocities(scene, name, plan)[1]) for name, plan in fractions.items()}
     blown = f"air of {say(air.speed, 'm/s', 3)} {air.direction}"
     if air.direction == "up" and len(slow) > 1:
         if all(_verdict(speed, air.speed) == LIFTED for speed in slow.values()):

@@ -75,7 +75,7 @@ def make_plan(
     known = approaches(flown, airflow)
     obstacle = FIRST_LOOK if chain else _why_none_collide(flown, known)
     crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
-    airflow = replace(airflow, loaded=feels_granules(flown, airflow, known, target, switches.get(LOADING)))
+    airflow = airflow.feeling(flown, loaded=feels_granules(flown, airflow, known, target, switches.get(LOADING)))
     rest = whole_terms(airflow, crowd), obstacle
     decided = {name: _decide(flown, name, one, airflow, switches, target, *rest) for name, one in known.items()}
     fractions = {name: one.plan for name, one in decided.items()}
@@ -281,7 +281,7 @@ def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> tuple[l
         scales = flights(scene, name, *law, NONE_MET, straight=False, turbulent=True)
         middle = scales[len(scales) // 2]
         shift = min(widest, max(moved_by_air(flight) for flight in scales))
-        carried = air.direction == "up" and middle.settling < air.speed
+        carried = air.direction == "up" and middle.settling * math.cos(scene.channel.tilt) < air.speed
         stokes = middle.tau * middle.arrival / (0.5 * scene.width)
         fate = "the air would carry it up" if carried else f"Stokes number of its fall {stokes:.2g}"
         why = f"drag on the way at the largest slip, {middle.slip:.2g} m/s; {fate}"
@@ -303,7 +303,7 @@ def _mode(scene: Scene, name: str, *, clear: bool) -> str:
     """Whether granules of a fraction are injected at the first body's face or released above it; ``clear``: no air
     turns them. The first impact of those that may stay at a wall or on the body is the tracker's.
     """
-    wanted = scene.feed.mode if scene.feed.start == "falling" else "resolved"
+    wanted = scene.feed.mode if scene.feed.start == "falling" and scene.plumb.upright else "resolved"
     if wanted != "auto":
         return wanted
     stay = scene.fraction[name].capture_speed or next(iter(scene.body), None) in scene.collecting

@@ -37,7 +37,7 @@ def body_checks(scene: Scene) -> Iterator[Notice]:
     for name, body in scene.body.items():
         if name in scene.collecting:  # they stay anyway
             continue
-        across, up = normals(body.outline()).T
+        across, up = normals(scene.plumb.seen(body.outline())).T
         slopes = np.unique(np.round(np.abs(across[up > 0]) / up[up > 0], 9))  # tangents
         if slopes[0] == 0.0:
             yield information(
@@ -150,6 +150,10 @@ def used_lines(
         brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
         share = brought / (scene.air.speed * scene.channel.width)
         yield f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air"
+    if not scene.plumb.upright:
+        side = "right" if scene.channel.tilt > 0.0 else "left"
+        angle = f"{math.degrees(abs(scene.channel.tilt)):.3g} deg"
+        yield f"gravity: {angle} from the channel's axis, to the {side} (channel.tilt)"
     if lifted := lifting_line(scene, fractions):
         yield f"lifting: {lifted}"
     for name, fraction in fractions.items():
@@ -176,7 +180,7 @@ def _fraction_line(scene: Scene, name: str, fraction: FractionPlan) -> str:
     impact = "injected by eq. (1)-(2)" if fraction.mode == "injected" else resolved
     stokes = ""
     if not math.isinf(fraction.stokes):
-        stokes = f" (approach Stokes number {fraction.stokes:.2g}{_turned(fraction)})"
+        stokes = f" (approach Stokes number {fraction.stokes:.2g}{_turned(scene, fraction)})"
     drag = "" if scene.air is None else f"; drag {fraction.drag} x {fraction.drag_scale:.3g}"
     rebound = _rebound_words(scene, name) if scene.body else ""
     fall = f", arrives at {fraction.arrival_speed:.3g} m/s"
@@ -209,11 +213,11 @@ def _rebound_words(scene: Scene, name: str) -> str:
     return f"; rebounds with {', '.join(parts)}, {turns}"
 
 
-def _turned(fraction: FractionPlan) -> str:
+def _turned(scene: Scene, fraction: FractionPlan) -> str:
     """What the air does to the fraction before the body."""
     turned = fraction.impaction
     if turned is None:
-        return ", the slopes lie in the wake"
+        return ", the slopes lie in the wake" if scene.plumb.upright else ", across the air"
     return (
         f", impaction efficiency {turned.efficiency:.2g}: {turned.missed:.2g} carried round the body, the landing of "
         f"the rest moved by up to {turned.shift:.2g} body widths"
@@ -309,7 +313,17 @@ def warning_lines(
 def _beyond_the_top(scene: Scene) -> Iterator[Notice]:
     """Where the feed begins above the channel, whose air is known up to its top."""
     begin, top = scene.level + float(scene.release[0]), scene.channel.top
-    if scene.body and scene.air is not None and begin > top:
+    if not scene.body or scene.air is None:
+        return
+    if not scene.plumb.upright:
+        middle = np.array([scene.feed.position])
+        inside = float(scene.plumb.highest(middle, np.zeros(1), 0.0)[0]) - scene.level
+        if scene.release[0] > inside:
+            yield information(
+                f"the feed begins {metres(scene.release[0], 3)} above the body, outside the channel: granules come in "
+                f"{metres(inside, 3)} above it, after a fall through air at rest"
+            )
+    elif begin > top:
         yield less_sure(
             f"the feed begins at y = {1e3 * begin:.0f} mm, above channel.top = {1e3 * top:.0f} mm: down to there "
             "granules fall through uniform air; channel.top higher, or feed.height lower"

@@ -1,6 +1,7 @@
-"""A granule's vertical fall through the channel's uniform air: how long it takes, and how fast it comes where.
+"""A granule's fall through the channel's uniform air: how long it takes, and how fast it comes where.
 
-One-dimensional exponential steps with the drag of their beginning: good to about 1 %, which is enough for bounds.
+Along gravity; where that is at an angle to the channel the air blows the granule across as well. Exponential steps
+with the drag of their beginning: good to about 1 %, which is enough for bounds.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ MIN_LANDING = 0.1  # of the air speed: what a landing speed is at least taken fo
 
 
 class FallPoint(NamedTuple):
-    """A point of a fall, downward positive."""
+    """A point of a fall; way and speed along gravity, downward positive."""
 
     time: float  # s
     way: float  # m
@@ -53,7 +54,7 @@ class FallTimes:
 
 @dataclass(frozen=True)
 class UniformFall:
-    """A vertical fall of one granule through the channel's uniform air; downward is positive."""
+    """A fall of one granule through the channel's uniform air; downward, along gravity, is positive."""
 
     scene: Scene
     air: Air
@@ -71,7 +72,11 @@ class UniformFall:
 
     @property
     def along(self) -> float:
-        """Velocity of the air (m/s), downward positive."""
+        """Velocity of the air (m/s) along gravity, downward positive."""
+        return self._blows * math.cos(self.scene.channel.tilt)
+
+    @property
+    def _blows(self) -> float:
         return self.air.speed if self.air.direction == "down" else -self.air.speed
 
     @property
@@ -86,20 +91,32 @@ class UniformFall:
 
     def times(self) -> FallTimes:
         """Times and speeds of the whole fall; without a body from the entry to the end."""
-        scene, channel = self.scene, self.scene.channel
-        top, speed = scene.level, scene.release[1]
-        if scene.body:
-            before, arrival = self.arrival()
-            points = self.points(0.0, -channel.bottom, channel.top)
-        else:
-            before, arrival = 0.0, abs(speed)
-            points = self.points(speed, top - channel.bottom, max(channel.top - top, channel.width))
+        scene, speed = self.scene, self.scene.release[1]
+        before, arrival = self.arrival() if scene.body else (0.0, abs(speed))
+        points = self.points(0.0 if scene.body else speed, self.room)
         time, _, landing = points[-1]
         reach = REACH * scene.width
         near = next((t for t, way, _ in points if abs(way) >= reach), time) if scene.body else time
         speeds = np.array([point.speed for point in points])
         tau = float(np.mean(self.tau(np.abs(self.along - speeds))))
-        return FallTimes(before + time, time, near, arrival, max(abs(landing), MIN_LANDING * abs(self.along)), tau)
+        return FallTimes(before + time, time, near, arrival, max(abs(landing), MIN_LANDING * abs(self._blows)), tau)
+
+    @property
+    def room(self) -> Room:
+        """What a granule can fall through from the body, or from its entry without one."""
+        scene, channel, tilt = self.scene, self.scene.channel, self.scene.channel.tilt
+        if scene.plumb.upright and scene.body:
+            return Room(-channel.bottom, channel.top)
+        down, up = scene.level - channel.bottom, max(channel.top - scene.level, channel.width)
+        if scene.plumb.upright:
+            return Room(down, up)
+        x, half = scene.feed.position, 0.5 * channel.width
+        return Room(down, up, half - x, half + x, tilt)
+
+    @property
+    def across(self) -> float:
+        """Velocity of the air (m/s) at a right angle to gravity."""
+        return -self._blows * math.sin(self.scene.channel.tilt)
 
     def arrival(self) -> Arrival:
         """At the top of the first body; without one at once."""
@@ -107,21 +124,38 @@ class UniformFall:
         if above == 0.0:
             return Arrival(0.0, speed)
         room = max(self.scene.channel.top - self.scene.level - above, self.scene.width)
-        time, _, arrival = self.points(speed, above, room)[-1]
+        time, _, arrival = self.points(speed, Room(above, room))[-1]
         return Arrival(time, arrival)
 
-    def points(self, speed: float, down: float, up: float) -> tuple[FallPoint, ...]:
-        """Points of the fall that begins with ``speed`` (m/s), until it has come ``down`` or ``up`` (m)."""
-        return _fall(self._granule, speed, down, up)
+    def points(self, speed: float, room: Room) -> tuple[FallPoint, ...]:
+        """Points of the fall that begins with ``speed`` (m/s) along gravity, until it has come to the room's end."""
+        return _fall(self._granule, speed, room)
 
     @property
     def _granule(self) -> _Granule:
         own = self.diameter, self.density, self.law, self.sphericity, self.scale
-        return _Granule(*own, self.along, self.air.density, self.air.viscosity)
+        return _Granule(*own, self.along, self.air.density, self.air.viscosity, self.across)
+
+
+class Room(NamedTuple):
+    """How far (m) a fall can go down, up, right and left, along axes that lean by ``tilt`` (rad) against gravity."""
+
+    down: float
+    up: float
+    right: float = math.inf
+    left: float = math.inf
+    tilt: float = 0.0
+
+    def holds(self, way: complex) -> bool:
+        """Whether a fall is still inside after a ``way`` (m), along gravity and, its imaginary part, across."""
+        if not self.tilt:
+            return -self.up < way.real < self.down
+        way *= complex(math.cos(self.tilt), math.sin(self.tilt))
+        return -self.up < way.real < self.down and -self.left <= way.imag <= self.right
 
 
 class _Granule(NamedTuple):
-    """What a fall depends on: the granule, and the air with its velocity ``along`` the fall."""
+    """What a fall depends on: the granule, and the air with its velocity ``along`` the fall and ``across`` it."""
 
     diameter: float
     density: float
@@ -131,6 +165,7 @@ class _Granule(NamedTuple):
     along: float
     air_density: float
     viscosity: float
+    across: float
 
     def tau(self, slip: Array) -> Array:
         reynolds = self.air_density * slip * self.diameter / self.viscosity
@@ -139,18 +174,20 @@ class _Granule(NamedTuple):
 
 
 @lru_cache(maxsize=1024)  # a plan asks for the same falls for its forces, its estimate of collisions and the slab
-def _fall(granule: _Granule, speed: float, down: float, up: float) -> tuple[FallPoint, ...]:
-    along, pull = granule.along, GRAVITY * (1.0 - granule.air_density / granule.density)
-    least = min(down, up)
-    step = STEP * min(math.sqrt(2.0 * least / GRAVITY), least / abs(along))
-    time = way = 0.0
+def _fall(granule: _Granule, speed: float, room: Room) -> tuple[FallPoint, ...]:
+    """Along gravity in real numbers; where the air blows across, that is the imaginary part."""
+    pull = GRAVITY * (1.0 - granule.air_density / granule.density)
+    air: Any = complex(granule.along, granule.across) if granule.across else granule.along
+    least = min(room.down, room.up)
+    step = STEP * min(math.sqrt(2.0 * least / GRAVITY), least / abs(air))
+    time, way, velocity = 0.0, air * 0.0, air * 0.0 + speed
     points: list[FallPoint] = []
-    while len(points) < MAX_STEPS and not (way >= down or way <= -up):
-        tau = float(granule.tau(np.array([abs(along - speed)]))[0])
-        further, speed = relaxed(speed, along + pull * tau, tau, step, math.exp(-step / tau))
+    while not points or (len(points) < MAX_STEPS and room.holds(way)):
+        tau = float(granule.tau(np.array([abs(air - velocity)]))[0])
+        further, velocity = relaxed(velocity, air + pull * tau, tau, step, math.exp(-step / tau))
         way += further
         time += step
-        points.append(FallPoint(time, way, speed))
+        points.append(FallPoint(time, way.real, velocity.real))
     return tuple(points)
 
 
@@ -165,6 +202,6 @@ def fall_speeds(scene: Scene, name: str, law: str, factor: float, diameter: floa
     phi, density = fraction.sphericity or 1.0, fraction.properties.density
     fall = UniformFall(scene, scene.air, diameter, density, law, phi, factor)
     room = scene.channel.top - scene.channel.bottom + scene.release[0]
-    rows = np.array([(0.0, 0.0, speed), *fall.points(speed, float(drop.max()), room)])
+    rows = np.array([(0.0, 0.0, speed), *fall.points(speed, Room(float(drop.max()), room))])
     down = rows[: int(rows[:, 1].argmax()) + 1]
     return np.asarray(np.interp(drop, down[:, 1], down[:, 2], right=np.nan))

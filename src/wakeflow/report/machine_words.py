@@ -1,10 +1,11 @@
-"""Measures of a machine in the words of its sketch and its plan."""
+"""Measures of a machine in the words of its sketch and its plan, and where its curtain falls."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.quantities import metres, say
 
@@ -23,6 +24,23 @@ def feed_words(scene: Scene) -> str:
     if scene.funnel is not None:
         lines.append(f"from a funnel with an outlet of {metres(scene.funnel.orifice)}")
     return "\n".join(lines)
+
+
+def feed_corners(scene: Scene) -> NDArray[np.float64]:
+    """Corners (4, 2) m of the falling curtain: its left and right end where it begins, then right and left at the
+    body, or where it enters a channel without one.
+    """
+    (height, _), half = scene.release, scene.feed.width / 2
+    x = scene.feed.position + half * np.array([-1.0, 1.0, 1.0, -1.0])
+    y = np.array([scene.level + height, scene.level + height, scene.level, scene.level])
+    return scene.plumb.placed(np.stack([x, y], axis=1))
+
+
+def tilt_words(scene: Scene) -> str:
+    """Where gravity points in a channel that does not stand upright; empty where it does."""
+    tilt = scene.channel.tilt
+    side = "right" if tilt > 0.0 else "left"
+    return "" if scene.plumb.upright else f"gravity {say(abs(tilt), 'rad', 3)} from its axis, to the {side}"
 
 
 def fall_words(feed: Feed) -> str:

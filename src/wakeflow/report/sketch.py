@@ -15,7 +15,7 @@ from ..core.errors import SceneError
 from ..core.files import atomic_write
 from ..core.quantities import metres, say, speaking
 from .canvas import BARS, INK, MM, new_figure, save, solids, text_width
-from .machine_words import body_words, feed_words
+from .machine_words import body_words, feed_corners, feed_words, tilt_words
 from .outcome import add_figure
 
 if TYPE_CHECKING:
@@ -73,6 +73,7 @@ def draw_sketch(scene: Scene, units: Mapping[str, str] | None = None, paper: Pap
         _draw_channel(sheet, scene)
         _draw_feed(sheet.axes, scene)
         _draw_air(sheet, scene)
+        _draw_gravity(sheet, scene)
         solids(sheet.axes, scene, 5.0)
         _draw_vibration(sheet, scene)
         _draw_bins(sheet, scene)
@@ -119,8 +120,7 @@ def sketch_svg(scene: Scene, units: Mapping[str, str] | None = None) -> DrawnSke
 def _window(scene: Scene) -> tuple[float, float, float, float]:
     """Left, right, low and high end (m) of the channel, with the feed above it."""
     half, channel = scene.channel.width / 2, scene.channel
-    above = scene.level + scene.release[0]
-    return -half, half, channel.bottom, max(channel.top, above)
+    return -half, half, channel.bottom, max(channel.top, float(feed_corners(scene)[:, 1].max()))
 
 
 def _sheet(
@@ -217,15 +217,14 @@ def _measure(axes: Axes, start: tuple[float, float], end: tuple[float, float], t
 def _draw_feed(axes: Axes, scene: Scene) -> None:
     """The curtain from where it is released down to the body, or the arrow of its entry."""
     feed, (height, _) = scene.feed, scene.release
+    corners = MM * feed_corners(scene)
     x, half, level = MM * feed.position, MM * feed.width / 2, MM * scene.level
     style = {"arrowstyle": "-|>", "color": FEED, "linewidth": 1.3, "mutation_scale": 10, "shrinkA": 0, "shrinkB": 0}
-    axes.plot([x - half, x + half], [level + MM * height] * 2, color=FEED, linewidth=3, solid_capstyle="butt", zorder=3)
+    axes.plot(*corners[:2].T, color=FEED, linewidth=3, solid_capstyle="butt", zorder=3)
     if height > 0.0:
-        top = level + MM * height
-        axes.fill_between(
-            [x - half, x + half], level, top, color=FEED, alpha=0.18, linewidth=0, clip_on=False, zorder=1
-        )
-        axes.annotate("", (x, level), xytext=(x, top), arrowprops=style, annotation_clip=False, zorder=3)
+        axes.fill(*corners.T, color=FEED, alpha=0.18, linewidth=0, clip_on=False, zorder=1)
+        top = tuple(corners[:2].mean(axis=0).tolist())
+        axes.annotate("", (x, level), xytext=top, arrowprops=style, annotation_clip=False, zorder=3)
     elif feed.start == "falling":
         entry = scene.entry / max(float(np.linalg.norm(scene.entry)), 1e-12)
         tip = np.array([x, level]) + 2 * half * 0.4 * entry
@@ -249,6 +248,20 @@ def _draw_air(sheet: _Sheet, scene: Scene) -> None:
         axes.plot([wall] * 2, [MM * y for y in inlet.span], color=AIR, linewidth=5, solid_capstyle="butt", zorder=6)
         tip, y = wall + inward * sheet.away(0.35), MM * inlet.position
         axes.annotate("", (tip, y), xytext=(wall, y), arrowprops=style, annotation_clip=False, zorder=7)
+
+
+def _draw_gravity(sheet: _Sheet, scene: Scene) -> None:
+    """Where it is at an angle to the channel an arrow along it, in the corner that the air leaves by."""
+    if scene.plumb.upright:
+        return
+    left, _, low, _ = sheet.window
+    arm, down = sheet.away(0.35), scene.plumb.down
+    middle = np.array([MM * left, MM * low]) + 1.6 * arm
+    tail, head = middle - 0.5 * arm * down, middle + 0.5 * arm * down
+    style = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.3, "mutation_scale": 10, "shrinkA": 0, "shrinkB": 0}
+    sheet.axes.annotate("", tuple(head), xytext=tuple(tail), arrowprops=style, annotation_clip=False, zorder=8)
+    label = tuple(tail - 0.25 * arm * down)
+    sheet.axes.annotate("g", label, ha="center", va="center", fontsize=TEXT_SIZE, color=INK, zorder=8)
 
 
 def _draw_vibration(sheet: _Sheet, scene: Scene) -> None:
@@ -299,9 +312,11 @@ def _ends(bin_: Bin, scene: Scene) -> tuple[str, float]:
 
 def _notes(scene: Scene) -> Iterator[_Note]:
     """What is said beside the machine, of the feed, the air, each body, and the bins that are not on floor or top."""
-    channel, feed = scene.channel, scene.feed
-    half = channel.width / 2
-    yield _Note((feed.position + feed.width / 2, scene.level + scene.release[0]), feed_words(scene))
+    channel, half = scene.channel, scene.channel.width / 2
+    yield _Note(tuple(feed_corners(scene)[1].tolist()), feed_words(scene))
+    if not scene.plumb.upright:
+        words = tilt_words(scene).replace(", ", "\n")
+        yield _Note((-half, channel.bottom + 0.1 * (channel.top - channel.bottom)), words, True)
     if scene.air is not None:
         end = channel.top if scene.air.direction == "down" else channel.bottom
         inner = end + (-0.04 if scene.air.direction == "down" else 0.04) * (channel.top - channel.bottom)

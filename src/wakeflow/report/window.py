@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.errors import SceneError
 from .canvas import BARS, BODY, fraction_colours
+from .machine_words import feed_corners
 from .vtk.files import machine_blocks
 
 if TYPE_CHECKING:
@@ -111,7 +112,7 @@ def _add_tracks(plotter: Any, scene: Scene, run: Path, *, slider: bool) -> None:
 def _frame(plotter: Any, scene: Scene) -> None:
     """The channel fills the window, whatever is computed beyond its ends."""
     channel, margin = scene.channel, 0.06
-    low, high = channel.bottom, max(channel.top, scene.level + scene.release[0])
+    low, high = channel.bottom, max(channel.top, float(feed_corners(scene)[:, 1].max()))
     plotter.enable_parallel_projection()
     camera = plotter.camera
     middle = (low + high) / 2

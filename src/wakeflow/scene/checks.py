@@ -74,7 +74,7 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
         if size > scene.width:
             what = "body" if scene.body else "channel"
             yield f"fraction.{name}: granules of {metres(size, 3)} are wider than the {what} ({metres(scene.width, 3)})"
-    if abs(feed.position) + feed.width / 2 + 0.5 * max(sizes_of.values()) > half:
+    if scene.plumb.upright and abs(feed.position) + feed.width / 2 + 0.5 * max(sizes_of.values()) > half:
         place = f"feed.position = {metres(feed.position)}"
         yield f"feed.width = {metres(feed.width)} at {place} touches the channel's walls"
     if not scene.body:
@@ -82,19 +82,38 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
     if feed.mode == "injected" and scene.obstacles:
         names = ", ".join(f"body.{name}" for name in scene.obstacles)
         yield f"feed.mode = 'injected': {names} may be met before the first body; choose auto or resolved"
-    x = next(iter(scene.body.values())).outline()[:, 0]
+    x = scene.plumb.seen(next(iter(scene.body.values())).outline())[:, 0]
     left, right = feed.position - feed.width / 2, feed.position + feed.width / 2
     if feed.start == "resting" and (left < x.min() or right > x.max()):
         reach = f"from {metres(x.min())} to {metres(x.max())}"
         yield f"feed: granules lie from x = {metres(left)} to {metres(right)}, the body reaches {reach}"
     level = min(scene.level + scene.release[0], scene.channel.top)
-    curtain = [[feed.position + side * feed.width / 2, level] for side in (-1, 1)]
-    for name, body in list(scene.body.items())[1:]:
+    starts = scene.plumb.highest(np.array([left, right]), np.zeros(2), 0.0)
+    curtain = scene.plumb.placed(np.stack([[left, right], np.minimum(scene.level + scene.release[0], starts)], axis=1))
+    for name, body in list(scene.body.items())[1 if scene.plumb.upright else 0 :]:
         if _meets(body.outline(), curtain):
             yield f"feed: the curtain begins at y = {metres(level, 3)}, inside body.{name}; move either"
     if feed.position - feed.width / 2 > x.max() or feed.position + feed.width / 2 < x.min():
         reach = f"x from {metres(x.min())} to {metres(x.max())}"
         yield f"feed.position = {metres(feed.position)}: the curtain falls past the body ({reach})"
+
+
+def _turned_feed_fits(scene: SceneTables) -> Iterator[str]:
+    """What a feed that hangs at an angle to the channel cannot be, and that it comes into the channel at all."""
+    plumb, feed = scene.plumb, scene.feed
+    if plumb.upright:
+        return
+    for key, value in (("start", "resting"), ("mode", "injected")):
+        if getattr(feed, key) == value:
+            yield f"feed.{key} = {value!r} is for a channel that stands upright; leave it out, or channel.tilt"
+    reach = 0.5 * feed.width + 0.5 * max(float(f.diameters(np.array([0.99]))[0]) for f in scene.fraction.values())
+    x, y = plumb.placed(np.array([[feed.position + side * reach, scene.level] for side in (-1, 1)])).T
+    if np.any(np.abs(x) > scene.channel.width / 2) or np.any(y < scene.channel.bottom):
+        hangs = f"from x = {metres(x[0], 3)}, y = {metres(y[0], 3)} to {metres(x[1], 3)}, {metres(y[1], 3)}"
+        keys = "feed.position" if scene.body else "feed.position or feed.level"
+        yield f"feed.width = {metres(feed.width)}: the curtain hangs {hangs}, out of the channel; change {keys}"
+    elif plumb.way(plumb.down) <= 2.0 * reach - feed.width:
+        yield f"feed.position = {metres(feed.position)}: gravity leads from there straight out of the channel; move it"
 
 
 def _captured_fall(scene: SceneTables) -> Iterator[str]:
@@ -205,7 +224,7 @@ def _bins_exist(scene: SceneTables) -> Iterator[str]:
             yield f"bin.{name} runs through a body"
 
 
-def _meets(outline: Array, points: list[list[float]]) -> bool:
+def _meets(outline: Array, points: list[list[float]] | Array) -> bool:
     """Whether a polyline touches or enters an outline."""
     line = np.asarray(points)
     start, end = edges(outline)
@@ -296,6 +315,7 @@ CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _channel_stands,
     _body_fits,
     _feed_fits,
+    _turned_feed_fits,
     _rate_can_fall,
     _captured_fall,
     _body_needed,

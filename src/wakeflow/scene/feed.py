@@ -53,7 +53,7 @@ class Feed(Table):
         None, description="only without a body: y where the curtain enters the air; default the channel's top"
     )
     direction: AnyAngle | None = Field(
-        None, description="only without a body: of speed at level, from the x axis; default -90 deg, straight down"
+        None, description="only without a body: of speed at level, from the x axis; default: along gravity"
     )
     width: Length
     position: Coordinate = Field(0.0, description="x of the curtain's middle")

@@ -28,6 +28,7 @@ from .table import (
     PositiveSpeed,
     SlopeAngle,
     Table,
+    TiltAngle,
     Viscosity,
     WithUnit,
     made_by,
@@ -100,12 +101,15 @@ class Inlet(Table):
 
 
 class Channel(Table):
-    """[channel]: the vertical duct, centred on x = 0, from ``bottom`` (the floor) to ``top``."""
+    """[channel]: the duct along y, centred on x = 0, from ``bottom`` (the floor) to ``top``; vertical without tilt."""
 
     width: Length
     top: Coordinate
     bottom: Coordinate
     walls: Literal["slip", "no-slip"] = Field("slip", description="for the air; granules bounce off either")
+    tilt: TiltAngle = Field(
+        0.0, description="-90 to 90 deg, of a machine that does not stand upright: from -y towards +x gravity points"
+    )
     extend: bool = Field(True, description="compute the air in a longer channel where an end is too near to a body")
     inlet: dict[Name, Inlet] = Field({}, description="secondary air streams through the walls")
 

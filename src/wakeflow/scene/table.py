@@ -136,6 +136,7 @@ SlopeAngle = Annotated[
     Field(ge=math.radians(10) - 1e-9, le=math.radians(80) + 1e-9),
     WithUnit("rad", "60 deg"),
 ]
+TiltAngle = Annotated[float, Field(ge=-math.pi / 2 - 1e-9, le=math.pi / 2 + 1e-9), WithUnit("rad", "20 deg")]
 AnyAngle = Annotated[float, Field(ge=-2 * math.pi, le=2 * math.pi), WithUnit("rad", "90 deg")]
 ScatterAngle = Annotated[float, Field(ge=0, le=1), WithUnit("rad", "0.1 rad")]
 Speed = Annotated[float, Field(ge=0, le=100), WithUnit("m/s", "1.4 m/s")]

@@ -18,6 +18,7 @@ from .funnel import Funnel
 from .machine import Air, Bin, Body, Channel, Vibration
 from .measured import Tray
 from .pictures import AnyPicture
+from .plumb import Plumb
 from .rungs import rungs
 from .table import Array, Name, Table, WithUnit
 from .uncertainty import Margin, margins
@@ -195,6 +196,24 @@ class SceneTables(Table):
         return self.channel.top if self.feed.level is None else self.feed.level
 
     @property
+    def plumb(self) -> Plumb:
+        """Where down is, and how the feed hangs."""
+        channel, half = self.channel, 0.5 * self.channel.width
+        pivot = self.feed.position, self.level
+        return Plumb(channel.tilt, pivot, -half, half, channel.bottom, channel.top)
+
+    @property
+    def drop(self) -> float:
+        """How far (m) it is along gravity from :attr:`level` to the channel's end, its floor or a wall."""
+        plumb = self.plumb
+        return self.level - self.channel.bottom if plumb.upright else plumb.way(plumb.down)
+
+    @property
+    def gravity(self) -> tuple[float, float]:
+        """m/s2, in the channel's coordinates."""
+        return self.plumb.gravity
+
+    @property
     def reynolds(self) -> float | None:
         """Re = rho U D / mu on the first body's width (the channel's without one); None in a vacuum."""
         return None if self.air is None else self.air.density * self.air.speed * self.width / self.air.viscosity
@@ -222,11 +241,15 @@ class SceneTables(Table):
     @property
     def images(self) -> tuple[int, ...] | None:
         """The place of each bin's mirror image among the bins, that of elsewhere last; None where the bins, the
-        machine, its motion, the feed or an airflow of the user's are not their own image about x = 0.
+        machine, its motion, the feed, gravity or an airflow of the user's are not their own image about x = 0.
         """
         own_air = self.air is not None and self.air.case is not None
         still = self.vibration is None or abs(float(self.vibration.along[0])) < SAME
-        if not (self.symmetric and still and self.feed.symmetric) or own_air or self.funnel is not None:
+        if (
+            not (self.symmetric and still and self.feed.symmetric and self.plumb.upright)
+            or own_air
+            or self.funnel is not None
+        ):
             return None
         lines = [place.line(self) for place in self.bin.values()]
         found = [[i for i, other in enumerate(lines) if _same_line(other, line * (-1.0, 1.0))] for line in lines]
@@ -239,14 +262,14 @@ class SceneTables(Table):
 
     @property
     def release(self) -> tuple[float, float]:
-        """Height (m) above :attr:`level` at which the curtain begins, and its fall speed (m/s) there.
+        """Height (m) above :attr:`level`, against gravity, at which the curtain begins, and its fall speed (m/s) there.
 
         With feed.speed it begins at most one body width above, with the speed that free fall turns into feed.speed at
         the top. Without a body it begins at the level itself, with its own speed.
         """
         feed = self.feed
         if not self.body:
-            return 0.0, -float(self.entry[1])
+            return 0.0, float(self.entry @ self.plumb.down)
         if feed.speed is None:
             return feed.height or 0.0, 0.0
         above = min(feed.speed**2 / (2 * GRAVITY), self.width)
@@ -257,7 +280,7 @@ class SceneTables(Table):
         """Velocity (2,) m/s with which the curtain comes to :attr:`level`, without air."""
         angle = self.feed.direction
         if angle is None:
-            return np.array([0.0, -self.feed.fall_speed])
+            return self.feed.fall_speed * self.plumb.down
         return self.feed.fall_speed * np.array([math.cos(angle), math.sin(angle)])
 
     @property

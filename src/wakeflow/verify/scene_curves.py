@@ -168,6 +168,8 @@ def why_no_peer(scene: Scene) -> str | None:
     """Why the peer cannot compute a scene; None where it can."""
     if scene.air is None or not scene.body or scene.numerics.rung == "none":
         return "no airflow about a body is solved"
+    if not scene.plumb.upright:
+        return "gravity is at an angle to the channel"
     if any(place.on != "floor" or place.points is not None for place in scene.bin.values()):
         return "its parcels are counted where they cross the channel's floor, and other bins are there"
     return None
