@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal, Protocol
 
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
@@ -33,9 +34,6 @@ from .table import (
     WithUnit,
     made_by,
 )
-
-if TYPE_CHECKING:
-    from .whole import SceneTables
 
 # -- [body.NAME], [channel], [air] and [vibration] ---------------------------------------------------------------------
 MAX_GAMMA = 50.0  # peak acceleration over g
@@ -239,6 +237,16 @@ class Vibration(Table):
 
 
 # -- [bin.NAME]: the collectors ----------------------------------------------------------------------------------------
+class BinPlace(Protocol):
+    """What a bin lies on: a scene."""
+
+    @property
+    def channel(self) -> Channel: ...
+
+    @property
+    def body(self) -> Mapping[str, Body]: ...
+
+
 SIDES = ("floor", "top", "left", "right")  # of the channel
 
 
@@ -278,7 +286,7 @@ class Bin(Table):
         """The side of the channel that it is a stretch of; None for a line of points and for a body."""
         return self.on if self.points is None and self.on in SIDES else None
 
-    def line(self, scene: SceneTables) -> Array:
+    def line(self, scene: BinPlace) -> Array:
         """The collector as a polyline, (k, 2) in metres; of a body its outline, closed."""
         channel = scene.channel
         if self.points is not None:
