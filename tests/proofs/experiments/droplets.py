@@ -21,7 +21,7 @@ from wakeflow.scene import Scene
 SOURCE = "May & Clifford 1967, Ann. Occup. Hyg. 10, 83 (abstract read)"
 WIDTH, CURTAIN, CHANNEL = 0.010, 0.014, 0.200  # m: theirs were 1 to 29 mm wide, in a wind tunnel
 SIZES = (20e-6, 30e-6, 40e-6)  # m
-DROP = 0.25  # m above the body, where they enter from rest: ten and more relaxation times of the largest
+DROP = 0.25  # m above the body, where they enter from rest: eight and more relaxation times of the largest
 WATER, AIR, VISCOSITY = 1000.0, 1.2, 1.82e-5  # kg/m3, kg/m3, Pa s
 BODIES = {
     "cylinder": {"shape": "circle", "width": WIDTH},
