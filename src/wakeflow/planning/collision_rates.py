@@ -33,7 +33,7 @@ from ..laws.restitution import restitution_at
 from ..scene import Fraction, Scene
 from ..scene.fraction import COEFFICIENTS
 from .terms import COLLISIONS, bounds
-from .uniform_fall import Room, UniformFall
+from .uniform_fall import FallRoom, UniformFall
 
 Array = NDArray[np.float64]
 SIZES = (1 / 6, 1 / 2, 5 / 6)  # mass quantiles whose falls represent a fraction's, a third of its mass each
@@ -256,7 +256,7 @@ def _fall(scene: Scene, fraction: Fraction, law: str, scale: float, diameter: fl
     fall = UniformFall.of(scene, fraction, law, scale, diameter)
     if _sheltered(scene) and abs(fall.settling) > RECIRCULATION * scene.air.speed:
         fall = replace(fall, air=scene.air.model_copy(update={"speed": CALM * scene.air.speed}))
-    room = Room(down, max(scene.channel.top - scene.level - above, scene.width)) if scene.body else fall.room
+    room = FallRoom(down, max(scene.channel.top - scene.level - above, scene.width)) if scene.body else fall.room
     rows = np.array([(0.0, 0.0, speed), *fall.points(speed, room)])
     return _Fall(*rows.T)
 

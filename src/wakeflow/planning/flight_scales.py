@@ -44,9 +44,7 @@ def flights(
     air, fraction = scene.airstream, scene.fraction[name]
     density, phi = fraction.properties.density, fraction.sphericity or 1.0
     _, omega = scene.motion
-    upward = air.direction == "up"
-    sideways = not (scene.body and scene.plumb.upright)
-    sideways |= any(b.side in (None, "left", "right") for b in scene.bin.values())
+    upward, aside = air.direction == "up", abs(float(scene.entry @ scene.plumb.across))
     scales = []
     for diameter, factor in _granules(scene, fraction, law, scale):
         fall = UniformFall(scene, air, diameter, density, law, phi, factor)
@@ -56,23 +54,25 @@ def flights(
         stays = 0.0
         if scene.body and upward and abs(fall.settling) < air.speed:  # it falls into the wake, and leaves with the air
             stays = REACH * scene.width / (RECIRCULATION * air.speed) / (1.0 + times.tau * air.speed / scene.width)
-        thrown = (
-            arrival * ejection_speed(scene, fraction, arrival)
-            if scene.body
-            else abs(float(scene.entry @ scene.plumb.across))
-        )
+        thrown = ejection_speed(scene, fraction, arrival) * arrival if scene.body else aside
         scales.append(FlightScales(
             diameter=diameter, density=density, tau=times.tau, calm=not scene.body,
             arrival=arrival, thrown=thrown, slip=slip, settling=abs(fall.settling),
             landing=times.landing, whole=times.whole + stays, time=times.time + stays, near=times.near + stays,
             beside=straight and not upward,
-            sideways_bins=sideways,
+            sideways_bins=_sideways_bins(scene),
             air_density=air.density, viscosity=air.viscosity, air_speed=air.speed, width=scene.width,
             intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(scene.shaking)),
             omega=omega, meetings=met.heavier, knock=met.knock, shedding=shedding,
             given=_given_by_drag(scene, times, density, slip),
         ))  # fmt: skip
     return scales
+
+
+def _sideways_bins(scene: Scene) -> bool:
+    """Whether shifts along the air count in full: a bin is on a wall or in the air, or granules come to the walls."""
+    aside = any(place.side in (None, "left", "right") for place in scene.bin.values())
+    return aside or not (scene.body and scene.plumb.upright)
 
 
 def _given_by_drag(scene: Scene, times: FallTimes, density: float, slip: float) -> float:

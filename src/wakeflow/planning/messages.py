@@ -150,12 +150,7 @@ def used_lines(
         brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
         share = brought / (scene.air.speed * scene.channel.width)
         yield f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air"
-    if not scene.plumb.upright:
-        side = "right" if scene.channel.tilt > 0.0 else "left"
-        angle = f"{math.degrees(abs(scene.channel.tilt)):.3g} deg"
-        yield f"gravity: {angle} from the channel's axis, to the {side} (channel.tilt)"
-    if lifted := lifting_line(scene, fractions):
-        yield f"lifting: {lifted}"
+    yield from _gravity_lines(scene, fractions)
     for name, fraction in fractions.items():
         yield _fraction_line(scene, name, fraction)
     numbers = ", ".join(f"{limit.name} {limit.value:.2g}" for limit in validity if limit.limit is not None)
@@ -172,6 +167,16 @@ def used_lines(
         yield from collision_lines(crowd)
     if scene.funnel is not None:
         yield summary(scene.funnel)
+
+
+def _gravity_lines(scene: Scene, fractions: Mapping[str, FractionPlan]) -> Iterator[str]:
+    """Where gravity points in a channel that does not stand upright, and what the air lifts against it."""
+    if not scene.plumb.upright:
+        side = "right" if scene.channel.tilt > 0.0 else "left"
+        angle = f"{math.degrees(abs(scene.channel.tilt)):.3g} deg"
+        yield f"gravity: {angle} from the channel's axis, to the {side} (channel.tilt)"
+    if lifted := lifting_line(scene, fractions):
+        yield f"lifting: {lifted}"
 
 
 def _fraction_line(scene: Scene, name: str, fraction: FractionPlan) -> str:

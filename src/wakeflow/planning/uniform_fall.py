@@ -102,16 +102,16 @@ class UniformFall:
         return FallTimes(before + time, time, near, arrival, max(abs(landing), MIN_LANDING * abs(self._blows)), tau)
 
     @property
-    def room(self) -> Room:
+    def room(self) -> FallRoom:
         """What a granule can fall through from the body, or from its entry without one."""
         scene, channel, tilt = self.scene, self.scene.channel, self.scene.channel.tilt
         if scene.plumb.upright and scene.body:
-            return Room(-channel.bottom, channel.top)
+            return FallRoom(-channel.bottom, channel.top)
         down, up = scene.level - channel.bottom, max(channel.top - scene.level, channel.width)
         if scene.plumb.upright:
-            return Room(down, up)
+            return FallRoom(down, up)
         x, half = scene.feed.position, 0.5 * channel.width
-        return Room(down, up, half - x, half + x, tilt)
+        return FallRoom(down, up, half - x, half + x, tilt)
 
     @property
     def across(self) -> float:
@@ -124,10 +124,10 @@ class UniformFall:
         if above == 0.0:
             return Arrival(0.0, speed)
         room = max(self.scene.channel.top - self.scene.level - above, self.scene.width)
-        time, _, arrival = self.points(speed, Room(above, room))[-1]
+        time, _, arrival = self.points(speed, FallRoom(above, room))[-1]
         return Arrival(time, arrival)
 
-    def points(self, speed: float, room: Room) -> tuple[FallPoint, ...]:
+    def points(self, speed: float, room: FallRoom) -> tuple[FallPoint, ...]:
         """Points of the fall that begins with ``speed`` (m/s) along gravity, until it has come to the room's end."""
         return _fall(self._granule, speed, room)
 
@@ -137,7 +137,7 @@ class UniformFall:
         return _Granule(*own, self.along, self.air.density, self.air.viscosity, self.across)
 
 
-class Room(NamedTuple):
+class FallRoom(NamedTuple):
     """How far (m) a fall can go down, up, right and left, along axes that lean by ``tilt`` (rad) against gravity."""
 
     down: float
@@ -174,7 +174,7 @@ class _Granule(NamedTuple):
 
 
 @lru_cache(maxsize=1024)  # a plan asks for the same falls for its forces, its estimate of collisions and the slab
-def _fall(granule: _Granule, speed: float, room: Room) -> tuple[FallPoint, ...]:
+def _fall(granule: _Granule, speed: float, room: FallRoom) -> tuple[FallPoint, ...]:
     """Along gravity in real numbers; where the air blows across, that is the imaginary part."""
     pull = GRAVITY * (1.0 - granule.air_density / granule.density)
     air: Any = complex(granule.along, granule.across) if granule.across else granule.along
@@ -202,6 +202,6 @@ def fall_speeds(scene: Scene, name: str, law: str, factor: float, diameter: floa
     phi, density = fraction.sphericity or 1.0, fraction.properties.density
     fall = UniformFall(scene, scene.air, diameter, density, law, phi, factor)
     room = scene.channel.top - scene.channel.bottom + scene.release[0]
-    rows = np.array([(0.0, 0.0, speed), *fall.points(speed, Room(float(drop.max()), room))])
+    rows = np.array([(0.0, 0.0, speed), *fall.points(speed, FallRoom(float(drop.max()), room))])
     down = rows[: int(rows[:, 1].argmax()) + 1]
     return np.asarray(np.interp(drop, down[:, 1], down[:, 2], right=np.nan))
