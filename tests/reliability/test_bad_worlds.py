@@ -116,11 +116,11 @@ def stages_of(cache: Path) -> set[str]:
 def test_a_disk_that_is_full_at_every_stage_is_one_line_and_room_lets_it_go_on(
     name: str, how: tuple[str, ...], cases: Path, plain: dict[str, str], disk: Callable[[str], Path]
 ) -> None:
-    """Results and cache on one disk that is two fifths larger each time until they fit."""
+    """Results and cache on one disk that is larger each time until they fit; an airflow takes most of it."""
     finished: set[str] = set()
-    first_room = 16_384 if how == SMALL else 262_144  # the mesh alone is half a megabyte
+    begin, growth = (16_384, 1.4) if how == SMALL else (131_072, 1.8)
     for number in itertools.count():
-        room = round(first_room * 1.4**number)
+        room = round(begin * growth**number)
         folder = disk(f"size={room}")
         words = ["run", str(cases / f"{name}.toml"), *how, "--out", str(folder / "o"), "--quiet"]
         code, said = started(words, plain | {"WAKEFLOW_CACHE": str(folder / "cache")})
