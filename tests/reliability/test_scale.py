@@ -1,18 +1,20 @@
 """Very many granules, bins, fractions, bodies, scenes: seconds and memory, printed by ``pytest -s --slow``."""
 
+import contextlib
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
 import wakeflow as wf
 from support import Page, shipped
 from wakeflow.core.errors import SceneError, known
+from wakeflow.runs.effort import quick_settings
 from wakeflow.scene import Scene
 
 WITHIN = 1.5  # times the memory that the plan states
@@ -120,6 +122,58 @@ def test_a_sweep_of_many_scenes(count: int, tmp_path: Path) -> None:
         wf.variants(Scene.load(tmp_path / "scene.toml"), {"feed.seed": list(range(count))}), tmp_path / "o"
     )
     assert len(again.table.entries) == count
+
+
+QUICKLY = """
+import os, sys
+import wakeflow as wf
+os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:1])  # one stage after the other
+wf.run(sys.argv[1], sys.argv[2], quick=True, listener=lambda stage, text: print(stage, flush=True))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.openfoam
+@pytest.mark.timeout(7200)
+@pytest.mark.parametrize("name", ["vacuum", "aspirator", "labyrinth", "rhombus"])
+def test_each_stage_holds_the_memory_that_the_plan_states(name: str, tmp_path: Path) -> None:
+    """The run with all programs that it starts. What is read between two lines of a listener is of the later's stage;
+    what comes after the last is the report.
+    """
+    psutil = pytest.importorskip("psutil")
+    scene, asked = quick_settings(shipped(name), {})
+    stated = {cost.name: cost.memory for cost in wf.plan(scene, **asked).stages}
+    shipped(name).save(tmp_path / "scene.toml")
+    words = [sys.executable, "-c", QUICKLY, str(tmp_path / "scene.toml"), str(tmp_path / "o")]
+    environment = {**os.environ, "WAKEFLOW_CACHE": str(tmp_path / "cache")}
+    heard, held, most = tmp_path / "heard", dict[str, float](), 0.0
+    with heard.open("w") as listener, subprocess.Popen(words, env=environment, stdout=listener) as child:
+        lines = 0
+        while child.poll() is None:
+            most = max(most, _memory(psutil, child.pid))
+            told = heard.read_text().splitlines()
+            if len(told) > lines:  # lines of one moment: all of the same
+                held[told[-1]] = max(held.get(told[-1], 0.0), most)
+                lines, most = len(told), 0.0
+            time.sleep(0.05)
+    assert child.returncode == 0
+    held["report"] = most
+    for stage, memory in held.items():
+        print(f"{name}, {stage}: {memory / 1e6:.0f} MB, stated {stated.get(stage, 0.0) / 1e6:.0f} MB")
+    over = {stage: memory for stage, memory in held.items() if memory > WITHIN * stated.get(stage, float("inf"))}
+    assert not over
+    assert len(held.keys() & stated.keys()) > 2
+
+
+def _memory(psutil: Any, number: int) -> float:
+    """Bytes of a process and of all that it started, each with the libraries that it shares with the others."""
+    found = 0.0
+    with contextlib.suppress(psutil.NoSuchProcess):
+        first = psutil.Process(number)
+        for one in (first, *first.children(recursive=True)):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                found += one.memory_info().rss
+    return found
 
 
 def test_a_hundred_thousand_unknown_keys_are_refused_at_once(tmp_path: Path) -> None:

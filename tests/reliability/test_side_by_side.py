@@ -11,9 +11,11 @@ import time
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 
 from support import CASES, loaded_scene, working_in
 from wakeflow.core.process import cores
+from wakeflow.core.sources import kernel_root
 from wakeflow.core.store import is_marked, kept_stages
 
 SEED = 31
@@ -35,6 +37,13 @@ def begin(words: tuple[str, ...] | list[str], cache: Path, cwd: Path | None = No
         start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # ignored in the background
     )
+
+
+def test_a_run_does_not_wait_for_another_version_that_compiles() -> None:
+    """Versions share the folder of compiled kernels, not what is in it; earlier ones hold their lock there."""
+    with FileLock(kernel_root() / "compile-tracker.lock"):
+        words = "from wakeflow.pipeline import compilation; compilation.compile_tracker()"
+        subprocess.run([sys.executable, "-c", words], check=True, timeout=500)
 
 
 def ended(child: "subprocess.Popen[str]") -> tuple[int, str]:

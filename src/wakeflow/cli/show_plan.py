@@ -164,10 +164,10 @@ def _cost(plan: Plan) -> str:
         told.append("partly side by side")
     lately = "run" if runs == 1 else f"{runs} runs"
     learned = f"at the pace of the last {lately} here" if runs else "not measured on this machine yet"
-    cost = plan.estimate
+    memory = max(plan.estimate.memory, *(stage.memory for stage in stages))
     return (
         f"about {duration(whole)}, {learned} ({', '.join(told)}); "
-        f"{cost['memory'] / 1e9:.1f} GB of memory, {cost['disk'] / 1e6:.0f} MB of disk"
+        f"{memory / 1e9:.1f} GB of memory, {plan.estimate.disk / 1e6:.0f} MB of disk"
     )
 
 

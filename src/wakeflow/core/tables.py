@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -67,7 +67,17 @@ def frame_of(columns: Mapping[str, AnyArray]) -> Any:
 def save_arrays(path: Path | str, arrays: Mapping[str, ArrayLike]) -> None:
     """Write arrays by their names as one file (.npz), whole or not at all."""
     with atomic_write(path, "wb") as stream:
-        np.savez(stream, **arrays)  # type: ignore[arg-type]
+        write_arrays(stream, arrays)
+
+
+def write_arrays(stream: IO[bytes], arrays: Mapping[str, ArrayLike], *, compressed: bool = False) -> None:
+    """The bytes of ``numpy.savez``, which up to numpy 2.0 leaves its archive open where the disk is full: Python then
+    closes it some time later, and prints a traceback of that.
+    """
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED) as archive:
+        for name, values in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as part:
+                np.lib.format.write_array(part, np.asanyarray(values), allow_pickle=False)
 
 
 def load_arrays(path: Path, cure: str) -> Columns:

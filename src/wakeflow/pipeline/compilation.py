@@ -13,7 +13,7 @@ import numpy as np
 from .. import tracking
 from ..core.errors import ProgramError
 from ..core.process import call_in_child, cores
-from ..core.sources import kernel_root
+from ..core.sources import kernel_folder, kernel_root
 from ..planning.machine_rates import is_compiled
 from ..planning.stages import OWN, StageKey
 from .cache import StageCache, StageTime
@@ -42,12 +42,12 @@ def compile_ahead() -> None:
 
 
 def _fly_once(kernel: str, collisions: tracking.Collisions | None) -> None:
-    """Fly two granules for a moment; other processes that compile this ``kernel`` are waited for."""
+    """Fly two granules for a moment; other processes that compile this ``kernel`` of these sources are waited for."""
     from filelock import FileLock
 
     place, speed = np.array([[0.0, 0.0], [0.0, 1.0]]), np.zeros((2, 2))
     still = tracking.Granules(position=place, velocity=speed, diameter=1e-3, density=1e3)
-    root = kernel_root()
+    root = kernel_folder("wakeflow.tracking.kernel.loop")  # not above: another version's compilation is none of these
     root.mkdir(parents=True, exist_ok=True)
     with FileLock(root / f"compile-{kernel}.lock"):
         tracking.track(None, still, until=1e-3, length=1.0, forces=("gravity",), collisions=collisions)

@@ -16,7 +16,7 @@ from pathlib import Path
 from ..core.errors import SceneError
 from ..core.files import read_json, write_json
 from ..core.sources import kernel_folder
-from .cost import COMPILE
+from .cost import COMPILE, PROGRAM
 from .plan import Plan
 from .stages import OWN, StageCost, StageKey
 
@@ -25,6 +25,9 @@ KEPT = 9  # runs that a rate is the median of, weighted by the seconds that were
 STARTS = 20.0  # s added to both: a run of seconds tells how long programs take to start, not how fast they compute
 MAX_SECONDS = 1e8  # three years: no stage took them
 COMPILED = 45.0  # s: the tracker's compilation
+COMPILING = 7.8e8  # bytes: a run that compiles in its own process, one kernel after the other
+# Bytes of the other processes that compile the tracker and the slab's kernel while OpenFOAM runs
+IN_CHILDREN = 6.7e8, 5.5e8
 
 
 def learn(root: Path, expected: Sequence[StageCost], spent: Mapping[str, float]) -> None:
@@ -57,7 +60,9 @@ def on_this_machine(plan: Plan, root: Path) -> tuple[tuple[StageCost, ...], int]
     here = [replace(one, seconds=one.seconds * rates.get(one.key.stage.work, 1.0)) for one in plan.stages]
     if not is_compiled():
         waits = any(one.when == "answer" for one in here)
-        here.insert(0, StageCost(StageKey(OWN, COMPILE.name), COMPILED, "beside" if waits else "first"))
+        held = PROGRAM + sum(IN_CHILDREN[: 1 if plan.crowd is None else 2]) if waits else COMPILING
+        when = "beside" if waits else "first"
+        here.insert(0, StageCost(StageKey(OWN, COMPILE.name), COMPILED, when, memory=held))
     return tuple(here), max(map(len, known.values()), default=0)
 
 

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write
-from ..core.tables import AnyArray, CellTable
+from ..core.tables import AnyArray, CellTable, write_arrays
 
 # -- What the pictures of a run share ----------------------------------------------------------------------------------
 if TYPE_CHECKING:
@@ -308,7 +308,7 @@ def _save_data(path: Path, data: Mapping[str, AnyArray]) -> None:
         CellTable(list(data), rows).write_csv(path.with_suffix(".csv"), 7)
         return
     with atomic_write(path.with_suffix(".npz"), "wb") as stream:
-        np.savez_compressed(stream, **data)  # type: ignore[arg-type]
+        write_arrays(stream, data, compressed=True)
 
 
 def saved(path: Path) -> list[Path]:

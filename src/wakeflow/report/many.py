@@ -148,9 +148,9 @@ def _lines(
     """A quantity's lines in their styles with whiskers; points alone where there are no styles, for they are many."""
     for rest, points in groups.items():
         points = sorted(points, key=lambda point: (point[0], point[1].value))
-        value, below, above = spots_of([found for _, found in points], _scale(points[0][1].name, points[0][1].unit))
+        spots = spots_of([found for _, found in points], _scale(points[0][1].name, points[0][1].unit))
         axes.errorbar(
-            [x + shifts[rest] for x, _ in points], value, [below, above], linestyle=styles.get(rest, "none"),
+            [x + shifts[rest] for x, _ in points], spots[0], spots[1:], linestyle=styles.get(rest, "none"),
             marker=look.marker, ms=3, lw=1.2, elinewidth=0.8, capsize=1.5, color=look.colour,
         )  # fmt: skip
 
@@ -310,8 +310,8 @@ def draw_trade_off(path: Path, table: ResultTable) -> None:
         axes.errorbar(
             x,
             y,
-            xerr=xerr,
-            yerr=yerr,
+            xerr=np.array(xerr),
+            yerr=np.array(yerr),
             fmt=marker,
             ms=4,
             lw=0.7,

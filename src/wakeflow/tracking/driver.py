@@ -133,8 +133,15 @@ def _fly_block(flight: Packed, found: Tracks, low: int) -> int:
 
 
 def _fly_all(flight: Packed, found: Tracks, workers: int | None, progress: Callable[[int, int], object] | None) -> None:
-    """All blocks, on ``workers`` threads."""
+    """All blocks, on ``workers`` threads; a single block in this one, since few granules fly faster than a thread
+    starts.
+    """
     done, count = 0, len(flight.grains)
+    if 0 < count <= BLOCK:
+        _fly_block(flight, found, 0)
+        if progress is not None:
+            progress(count, count)
+        return
     pool = ThreadPoolExecutor(max_workers=workers or cores())
     try:
         for future in as_completed([pool.submit(_fly_block, flight, found, low) for low in range(0, count, BLOCK)]):

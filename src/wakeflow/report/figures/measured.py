@@ -40,8 +40,8 @@ def draw_measured(paper: Paper, found: Agreement, after: Sequence[Number] | None
     for place, (label, colour, mark, numbers) in enumerate(lines):
         level = np.arange(len(numbers)) + APART * (place - 0.5 * (len(lines) - 1))
         value, low, high = (100.0 * np.array(part) for part in zip(*map(tuple, numbers), strict=True))
-        axes.errorbar(value, level, xerr=[value - low, high - value], fmt=mark, ms=4, lw=1.6, capsize=2, color=colour,
-                      label=label)  # fmt: skip
+        ends = np.array([value - low, high - value])
+        axes.errorbar(value, level, xerr=ends, fmt=mark, ms=4, lw=1.6, capsize=2, color=colour, label=label)
     axes.set_yticks(range(len(trays)), [tray.about for tray in trays], fontsize=8)
     axes.set_ylim(len(trays) - 0.5, -0.5)
     axes.set_xlim(-2.0, 102.0)

@@ -182,7 +182,8 @@ def draw_partition(paper: Paper, scene: Scene, curves: Sequence[PartitionCurve])
             for part in np.split(np.arange(len(at)), np.flatnonzero(np.diff(np.log10(at)) > EMPTY) + 1):
                 axes.fill_between(at[part], low[part], high[part], color=colour, alpha=0.2, linewidth=0)
                 axes.plot(at[part], share[part], "o-", ms=3, lw=1.2, color=colour)
-            axes.errorbar(at, share, [share - low, high - share], fmt="none", ecolor=colour, elinewidth=0.7, alpha=0.5)
+            reach = np.array([share - low, high - share])
+            axes.errorbar(at, share, reach, fmt="none", ecolor=colour, elinewidth=0.7, alpha=0.5)
             axes.plot(at, share, ":", lw=0.9, color=colour, zorder=1)
             axes.plot([], [], "o-", ms=3, lw=1.2, color=colour, label=_told(curve, scale, unit))
             if curve.cut is not None and curve.cut.value is not None:
