@@ -174,7 +174,7 @@ def _still(film: Film, scene: Scene, window: Window, seconds: float) -> tuple[Fi
 
 
 def _named(name: str, one_in: float) -> str:
-    return name if one_in <= 1.0 else f"{name}, one in {one_in:.0f}"
+    return name if one_in <= 1.0 else f"{name},\none in {one_in:.0f}"
 
 
 # -- on the page of its run --------------------------------------------------------------------------------------------

@@ -280,6 +280,9 @@ def _pictures_fit(scene: SceneTables) -> Iterator[str]:
                 yield f"{key}.fractions: no fraction {one!r}{did_you_mean(one, known)} (known: {', '.join(known)})"
         if isinstance(picture, Streamlines) and (scene.air is None or not scene.body):
             yield f"{key}: streamlines need {'a body' if scene.air else 'an [air] table'}"
+        low, high = scene.channel.bottom, scene.channel.top
+        for level in (y for y in getattr(picture, "levels", ()) if not low < y < high):
+            yield f"{key}.levels: y = {metres(level)} is not in the channel, {metres(low)} to {metres(high)}"
         asked, most = getattr(picture, "body_speed", None), abs(float(scene.shaking[1]))
         if asked is not None and asked > most:
             peak = f"the body rises by at most {say(most, 'm/s', 3)}"

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, get_args
 from pydantic import Field, model_validator
 
 from ..core.errors import SceneError
-from .table import Duration, Length, Speed, Table
+from .table import Coordinate, Duration, Length, Speed, Table
 
 # figures of report.figures, in the order of the page: no picture takes a name
 STANDARD_FIGURES = (
@@ -100,7 +100,19 @@ class Density(Picture):
         return self.granules, None
 
 
-AnyPicture = Annotated[Curves | Animation | Streamlines | Density, Field(discriminator="kind")]
+class Levels(Picture):
+    """kind = "levels": mass flow, mean velocity and spread of each fraction where it passes given heights."""
+
+    kind: Literal["levels"]
+    levels: Annotated[list[Coordinate], Field(min_length=1, max_length=200)] = Field(description="heights y")
+    granules: Annotated[int, Field(ge=32, le=4096)] = Field(1024, description="of each fraction")
+
+    @property
+    def flown(self) -> tuple[int, float | None]:
+        return self.granules, None
+
+
+AnyPicture = Annotated[Curves | Animation | Streamlines | Density | Levels, Field(discriminator="kind")]
 
 
 def picture_tables() -> dict[str, type[Picture]]:

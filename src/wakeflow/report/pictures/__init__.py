@@ -15,6 +15,7 @@ from ...core.record import from_json, to_json
 from ..canvas import SUFFIXES
 from .animation import draw_animation
 from .curves import draw_curves
+from .levels import draw_levels
 from .maps import draw_density, draw_streamlines
 from .view import PictureFiles, View, pictures
 
@@ -30,6 +31,7 @@ for _name, _draw in (
     ("animation", draw_animation),
     ("streamlines", draw_streamlines),
     ("density", draw_density),
+    ("levels", draw_levels),
 ):
     pictures.add(_name, _draw)
 

@@ -1,0 +1,103 @@
+"""Mass flow, mean velocity and spread at given heights: kind = "levels"."""
+
+import csv
+import math
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wakeflow as wf
+from support import G
+from wakeflow.core.errors import SceneError
+from wakeflow.report.moving import Path2D
+from wakeflow.report.pictures.levels import level_numbers, passages
+from wakeflow.scene import Scene
+
+CURTAIN = """
+[channel]
+width = "0.5 m"
+top = "0.1 m"
+bottom = "-2 m"
+[feed]
+level = "0 m"
+speed = "1 m/s"
+width = "12 mm"
+rate = "36 kg/hour"
+count = 256
+[fraction.beads]
+size = "1 mm"
+density = 2500
+restitution = 0.5
+friction = 0.3
+[bin.floor]
+from = "-250 mm"
+to = "250 mm"
+[picture.fall]
+kind = "levels"
+levels = ["-0.5 m", "50 mm", "-1.5 m"]
+granules = 256
+"""
+
+
+def thrown(vx: float, vy: float, x: float = 0.0, moments: int = 9) -> Path2D:
+    time = np.linspace(0.0, 1.0, moments)
+    position = np.stack([x + vx * time, vy * time - 0.5 * G * time**2], axis=1)
+    return Path2D(time, position, np.stack([np.full(moments, vx), vy - G * time], axis=1), 1e-3)
+
+
+@pytest.mark.parametrize("level", [0.3, 0.05, -0.4, -1.5])
+def test_a_thrown_granule_passes_where_its_parabola_does(level: float) -> None:
+    found = passages([thrown(0.5, 3.0)], level)
+    down = math.sqrt(9.0 - 2.0 * G * level)
+    ways = [down, -down] if level > 0.0 else [-down]  # up and down again, or down alone
+    np.testing.assert_allclose(found.velocity[:, 1], ways, rtol=1e-12)
+    np.testing.assert_allclose(found.x, [0.5 * (3.0 - way) / G for way in ways], rtol=1e-12)
+    assert found.granule.tolist() == [0] * len(ways)
+
+
+def test_nobody_passes_a_level_above_all_tracks() -> None:
+    found = level_numbers([thrown(0.5, 3.0)] * 40, 0.6, 1.0)
+    assert found["down"].value == found["up"].value == 0.0
+    assert math.isnan(found["vy"].value)
+    assert not found["spread"].known
+
+
+def test_intervals_hold_the_truth_in_nineteen_of_twenty() -> None:
+    rng, hits = np.random.default_rng(3), {"vx": 0, "x": 0, "spread": 0, "down": 0}
+    trials, past = 200, 0.7  # 30 % of the granules end above the level
+    for _ in range(trials):
+        vx, x, falls = rng.normal(0.4, 0.1, 64), rng.normal(0.0, 0.02, 64), rng.random(64) < past
+        paths = [thrown(a, 0.0, b, 2 if c else 1) for a, b, c in zip(vx, x, falls, strict=True)]
+        time = math.sqrt(2.0 * 0.5 / G)
+        truth = {"vx": 0.4, "x": 0.4 * time, "spread": math.hypot(0.02, 0.1 * time), "down": 3.0 * past}
+        found = level_numbers(paths, -0.5, 3.0)
+        for name, value in truth.items():
+            hits[name] += found[name].low <= value <= found[name].high
+    for name, count in hits.items():
+        assert 0.88 * trials <= count <= 0.99 * trials, (name, count)
+
+
+def test_a_curtain_in_a_vacuum_has_the_speeds_of_free_fall(tmp_path: Path) -> None:
+    result = wf.run(Scene.parse(tomllib.loads(CURTAIN)), tmp_path)
+    with (tmp_path / "figures" / "fall.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [float(row["y (m)"]) for row in rows] == [-1.5, -0.5, 0.05]
+    for row in rows[:2]:
+        assert float(row["vy (m/s)"]) == pytest.approx(-math.sqrt(1.0 - 2.0 * G * float(row["y (m)"])), rel=1e-6)
+        assert float(row["down (kg/s)"]) == pytest.approx(0.01, rel=1e-9)
+        assert float(row["up (kg/s)"]) == 0.0
+        assert float(row["spread low (m)"]) < 0.012 / math.sqrt(12.0) < float(row["spread high (m)"])
+    assert float(rows[2]["down (kg/s)"]) == 0.0  # above the feed
+    assert rows[2]["vy (m/s)"] == ""
+    table = result.table["pictures"]["fall"]
+    assert set(table["files"]) >= {"fall.png", "fall.csv"}
+    assert table["numbers"]["levels"] == [-1.5, -0.5, 0.05]
+    assert table["numbers"]["fractions"]["beads"][0]["vy"][0] == pytest.approx(-math.sqrt(1.0 + 3.0 * G), rel=1e-6)
+    assert "Spread: beads 3.4" in table["text"]
+
+
+def test_a_level_outside_the_channel_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"picture\.fall\.levels: y = .*is not in the channel"):
+        Scene.parse(tomllib.loads(CURTAIN.replace('"50 mm"', '"150 mm"')))
