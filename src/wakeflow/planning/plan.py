@@ -71,7 +71,7 @@ class FractionPlan(_Sendable):
         "1", "approach Stokes number, relaxation time x arrival speed / half width; null without a body or air"
     )
     arrival_speed: float = column("m/s", "at the top of the body, drag included; negative where carried up")
-    impaction: Deflection | None = column("", "null in a vacuum and in upward air", default=None)
+    impaction: Deflection | None = column("", "null in a vacuum, in upward air and under a tilt", default=None)
     forces: tuple[str, ...] = column("", "the terms that it is flown with", default=())
     bounds: Mapping[str, Most] = column("as plan.unit", "how far each term could move it", default=dict)
     limit: float | None = column("as plan.unit", "how far a term must be able to move it to be used", default=None)
