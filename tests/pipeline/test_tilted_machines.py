@@ -228,6 +228,8 @@ def test_under_load_a_tilted_machine_is_no_mirror_image_of_itself() -> None:
     assert tilted.airflow.loaded
     assert not tilted.airflow.half
     assert not tilted.airflow.symmetric
+    aside = make_plan(scene.replace({"feed.position": "5 mm"})).airflow  # nor is one whose feed comes from one side
+    assert (aside.loaded, aside.half, aside.symmetric) == (True, False, False)
     thin = scene.replace({"channel.tilt": 0.2, "feed.rate": 1e-7})
     assert make_plan(thin).airflow.half  # air that feels no granules feels no gravity
     assert scene.images is not None
