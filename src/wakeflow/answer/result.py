@@ -74,7 +74,7 @@ class FlightResults:
 
     fates: dict[str, dict[str, int]] = column("1", "granules of each fraction by how their track ended")
     met_by_law: dict[str, int] = column("1", "granules of each fraction whose first impact follows eq. (2)")
-    impact: ImpactSummary | None = column("", "what the stream does to the first body; null without one, and under a tilt")
+    impact: ImpactSummary | None = column("", "what the stream does to the first body; null without one, and if tilted")
 
 
 FLAT = {"flights": FlightResults, "landings": LandingResults}  # parts whose keys are among those of result.json
