@@ -1,5 +1,7 @@
 """Nothing half-written passes for finished; children and workers do what is asked and end with their parent."""
 
+import ast
+import gc
 import os
 import signal
 import subprocess
@@ -18,8 +20,9 @@ from support import LoopbackCluster
 from wakeflow.core.errors import FoamError, MeshError, ProgramError, SceneError
 from wakeflow.core.executor import Cluster, TaskPlace, Workers
 from wakeflow.core.files import atomic_write, write_json
-from wakeflow.core.lazy import cached_property
+from wakeflow.core.lazy import cached_property, parsed
 from wakeflow.core.process import background, call_in_child, check_cancelled, run_program, start_in_group, tail
+from wakeflow.core.sources import PACKAGE
 from wakeflow.core.store import Store, content_key
 
 
@@ -438,3 +441,32 @@ def test_a_scheduler_that_is_not_there_is_said_so(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr("wakeflow.core.executor.PATIENCE", 0.5)
     with pytest.raises(SceneError, match=r"no Dask scheduler answers at 'tcp://127\.0\.0\.1:9'"):
         Cluster.connect("tcp://127.0.0.1:9", TaskPlace(tmp_path, tmp_path, tmp_path))
+
+
+def test_threads_may_read_sources_at_once() -> None:
+    """CPython issue 106905: where a collection of garbage lets another thread parse, both ended in a SystemError."""
+    files = sorted(PACKAGE.glob("**/*.py"))[:60]
+    found: list[str] = []
+
+    def read() -> None:
+        try:
+            found.extend(ast.dump(parsed(file))[:20] for file in files)
+        except SystemError as problem:
+            found.append(str(problem))
+
+    def switch(*_: object) -> None:
+        time.sleep(1e-6)
+
+    usual = gc.get_threshold()
+    gc.callbacks.append(switch)
+    gc.set_threshold(50)
+    try:
+        threads = [threading.Thread(target=read) for _ in range(3)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        gc.set_threshold(*usual)
+        gc.callbacks.remove(switch)
+    assert found == ["Module(body=[Expr(va"] * 3 * len(files)

@@ -231,4 +231,4 @@ def test_tables_of_many_runs_are_short_too(tmp_path: Path) -> None:
     assert repr(found) == f"<Sweep {tmp_path / 'sweep'}: 2 of 2 scenes done over feed.height>"
     page = Page(found._repr_html_())
     assert not page.open
-    assert {"0.05", "0.06"} <= {cell for rows in page.tables.values() for row in rows for cell in row}
+    assert {"50", "60"} <= {cell for rows in page.tables.values() for row in rows for cell in row}

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import sys
+import threading
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Generic, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+
+if TYPE_CHECKING:
+    import ast
 
 Value = TypeVar("Value")
 
@@ -47,6 +51,19 @@ def loaded(package: str, name: str) -> Any:
     return getattr(import_module(home[0], package), home[1])
 
 
+# One at a time: up to Python 3.11.4 the depth of a tree that is made belongs to all threads, and two that parse end in
+# "SystemError: AST constructor recursion depth mismatch" (CPython issue 106905)
+_parsing = threading.RLock()
+
+
+def parsed(file: Path) -> ast.Module:
+    """The tree of a source file."""
+    import ast
+
+    with _parsing:
+        return ast.parse(file.read_bytes())
+
+
 @cache
 def _homes(package: str) -> dict[str, tuple[str, str]]:
     """The module and the name there of each name that the ``__init__`` of a ``package`` imports for type checking."""
@@ -54,6 +71,6 @@ def _homes(package: str) -> dict[str, tuple[str, str]]:
 
     file = sys.modules[package].__file__
     assert file is not None
-    blocks = (node.body for node in ast.parse(Path(file).read_bytes()).body if isinstance(node, ast.If))
+    blocks = (node.body for node in parsed(Path(file)).body if isinstance(node, ast.If))
     imports = [node for body in blocks for node in body if isinstance(node, ast.ImportFrom)]
     return {alias.asname or alias.name: (f".{node.module}", alias.name) for node in imports for alias in node.names}

@@ -21,6 +21,7 @@ from functools import cache, lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
+from .lazy import parsed
 from .store import content_key, digest_files
 
 NAME = __name__.partition(".")[0]
@@ -72,7 +73,7 @@ def _wanted_by(module: str, name: str | None) -> Iterator[tuple[str, str | None]
 @lru_cache(maxsize=1024)
 def _imports(path: Path, module: str) -> tuple[Import, ...]:
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-    return tuple(_read(ast.parse(path.read_bytes()), package, runs=True))
+    return tuple(_read(parsed(path), package, runs=True))
 
 
 def _read(node: ast.AST, package: str, *, runs: bool) -> Iterator[Import]:

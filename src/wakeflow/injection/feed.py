@@ -223,7 +223,7 @@ def feedstock(
     if scene.feed.start == "resting":
         lying = grains.replace(position=_lying(scene, known(scene.first_outline), x, diameter / 2), time=time)
         return Feedstock(lying, replicate, injected)
-    position, velocity = _released(scene, fraction_plan, grains, x, level, speed)
+    position, velocity = released(scene, fraction_plan, grains, x, level, speed)
     came = velocity.copy()
     if fraction_plan.mode == "injected":
         height, normal = contact_points(known(scene.first_outline), x, diameter / 2)
@@ -313,7 +313,7 @@ def _rebound(
     return velocity, spin
 
 
-def _released(
+def released(
     scene: Scene, plan: FractionPlan, grains: Granules, x: Array, level: Array, speed: Array
 ) -> tuple[Array, Array]:
     """Where granules that the tracker takes from the start begin: at ``level``, or where they come into the channel."""

@@ -29,7 +29,7 @@ from ..planning.variation import AS_GIVEN, GranuleVariation, Variation
 from ..scene import Scene
 from ..tracking import Granules
 from .birth import varied_granules
-from .feed import entering, fall_start, granules_of, highest, hung
+from .feed import entering, fall_start, granules_of, highest, hung, released
 
 Array = NDArray[np.float64]
 FALLEN = 0.4  # of the way to the body, where granules from rest have come apart; chosen
@@ -167,15 +167,15 @@ def _born(
         return entering(scene, grains, x)
     plumb = scene.plumb
     level, speed = fall_start(scene, 0.5 * grains.diameter)
-    high = np.minimum(level, highest(scene, grains, x))
-    position, velocity = np.stack([x, high], axis=1), np.stack([np.zeros(len(x)), -speed], axis=1)
     start = slab_top(scene, grains, x)
     if field is None or not len(x):
-        velocity[:, 1] = -np.sqrt(speed**2 + 2.0 * GRAVITY * (level - start))
+        falls = -np.sqrt(speed**2 + 2.0 * GRAVITY * (level - start))
+        velocity = np.stack([np.zeros(len(x)), falls], axis=1)
         return grains.replace(position=np.stack([x, start], axis=1), velocity=velocity)
+    how = plan.fractions[name]
+    position, velocity = released(scene, how, grains, x, level, speed)
     low = float(start.min())
     line = plumb.placed(np.array([(-scene.channel.width, low), (scene.channel.width, low)]))
-    how = plan.fractions[name]
     whole = np.linspace(0.0, field.period or 0.0, len(x), endpoint=False)
     found = tracking.track(
         field, hung(scene, grains.replace(position=position, velocity=velocity, time=whole)), until=LONGEST,

@@ -59,8 +59,8 @@ class Gathered:
     @property
     def sampling(self) -> float:
         """Half of the 95 % interval of the force by the granules that it is gathered from, over the force."""
-        count, mean = len(self.losses), np.abs(self.losses.mean(axis=0))
-        along = self.losses[:, int(mean[0] > mean[1])]
+        count, mostly = len(self.losses), int(np.abs(self.losses.mean(axis=0)).argmax())
+        along = self.losses[:, mostly]
         half = student(count - 1) * float(along.std(ddof=1)) / count**0.5
         return float(half / max(abs(along.mean()), 1e-300))
 
