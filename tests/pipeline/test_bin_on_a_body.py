@@ -58,6 +58,8 @@ def test_the_first_impact_is_the_trackers_and_mirrored_bodies_have_mirrored_bins
     }
     scene = machine(**drums, **{"bin.left": {"on": "l"}, "bin.right": {"on": "r"}})
     assert scene.images == (0, 1, 3, 2, 4)
+    stacked = machine(**{"body.low": {"shape": "circle", "width": WIDTH, "at": [0.0, -0.04]}, "bin.low": {"on": "low"}})
+    assert stacked.images == (0, 1, 2, 3)  # each is its own image, none the other's
     assert scene.collecting == {"cylinder": 0, "l": 2, "r": 3}
 
 

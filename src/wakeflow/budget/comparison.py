@@ -99,7 +99,7 @@ def free_ends(scene: Scene) -> BinEnds:
     ends: BinEnds = {}
     for place, collector in scene.bin.items():
         line = collector.line(scene)
-        if collector.points is None and collector.side is None:  # granules pass by a body over its outermost points
+        if collector.on_body:  # granules pass by a body over its outermost points
             line = line[[line[:, 0].argmin(), line[:, 0].argmax()]]
         ends[place] = []
         for x, y in (line[0], line[-1]):

@@ -119,7 +119,7 @@ def _turned_feed_fits(scene: SceneTables) -> Iterator[str]:
 def _captured_fall(scene: SceneTables) -> Iterator[str]:
     """Refuse a capture speed, and a bin on the first body, where the first impact is no tracked one."""
     first = next(iter(scene.body), None)
-    for name in (name for name, one in scene.bin.items() if one.side is None and one.on == first):
+    for name in (name for name, one in scene.bin.items() if one.on == first):
         if scene.feed.mode == "injected":
             yield f"bin.{name}.on = {first!r}: feed.mode = 'injected' lets all rebound; choose auto or resolved"
         if scene.feed.start == "resting":
@@ -235,7 +235,7 @@ def _meets(outline: Array, points: list[list[float]] | Array) -> bool:
 def _bins_apart(scene: SceneTables) -> Iterator[str]:
     collecting: dict[str, str] = {}
     for name, bin_ in scene.bin.items():
-        if bin_.points is None and bin_.side is None and (other := collecting.setdefault(bin_.on, name)) != name:
+        if bin_.on_body and (other := collecting.setdefault(bin_.on, name)) != name:
             yield f"bin.{other} and bin.{name} are both on body.{bin_.on}"
     placed = ((b.side, known(b.start), known(b.to), n) for n, b in scene.bin.items() if b.side is not None)
     reached: tuple[str, float, float, str] | None = None  # of those before on its side, the bin that reaches farthest

@@ -265,7 +265,7 @@ class Bin(Table):
 
     @model_validator(mode="after")
     def _one_place(self) -> Bin:
-        if self.on not in SIDES:
+        if self.on_body:
             if (self.start, self.to, self.points) != (None, None, None):
                 raise SceneError(f"on = {self.on!r} is the whole body of that name: leave out from, to and points")
         elif self.points is not None:
@@ -282,16 +282,21 @@ class Bin(Table):
         return self
 
     @property
+    def on_body(self) -> bool:
+        """Whether it is a body, all of it."""
+        return self.on not in SIDES
+
+    @property
     def side(self) -> str | None:
         """The side of the channel that it is a stretch of; None for a line of points and for a body."""
-        return self.on if self.points is None and self.on in SIDES else None
+        return None if self.on_body or self.points is not None else self.on
 
     def line(self, scene: BinPlace) -> Array:
         """The collector as a polyline, (k, 2) in metres; of a body its outline, closed."""
         channel = scene.channel
         if self.points is not None:
             return np.asarray(self.points, dtype=float)
-        if self.side is None:
+        if self.on_body:
             outline = scene.body[self.on].outline()
             return np.vstack([outline, outline[:1]])
         along = np.array([known(self.start), known(self.to)])

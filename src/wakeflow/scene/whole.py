@@ -134,7 +134,8 @@ SAME = 1e-9  # m, and of a unit vector: what is so near is the same
 def _same_line(one: Array, other: Array) -> bool:
     """Whether two lines (k, 2) of points are one, from either end, or closed ones with the same corners."""
     if len(one) == len(other) > 3 and all(np.array_equal(line[0], line[-1]) for line in (one, other)):
-        return are_symmetric([one, other * (-1.0, 1.0)])
+        gaps = np.abs(one[:, None] - other).max(axis=2)
+        return bool(max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) <= SAME)
     return one.shape == other.shape and any(np.allclose(one, way, rtol=0.0, atol=SAME) for way in (other, other[::-1]))
 
 
@@ -258,7 +259,7 @@ class SceneTables(Table):
     @property
     def collecting(self) -> dict[str, int]:
         """The bodies that keep what touches them, each with the place of its bin among the bins."""
-        return {one.on: i for i, one in enumerate(self.bin.values()) if one.points is None and one.side is None}
+        return {one.on: i for i, one in enumerate(self.bin.values()) if one.on_body}
 
     @property
     def release(self) -> tuple[float, float]:
