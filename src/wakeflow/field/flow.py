@@ -245,6 +245,11 @@ class FlowField(Triangles):
         motion = None if self.motion is None else self.motion._replace(x=-self.motion.x)
         return replace(self, points=points, triangles=triangles, motion=motion, **image)
 
+    @cached_property
+    def image(self) -> FlowField:
+        """The mirror image about x = 0, made once."""
+        return self.reflected()
+
     def mapped(self, function: Callable[[Array], Array]) -> FlowField:
         """The same field with ``function`` applied to every nodal array."""
         changes: dict[str, Any] = {name: function(values) for name, values in nodal(self).items()}

@@ -208,7 +208,7 @@ class SlabFlight:
         realisation = pair % len(self.airs)
         field = self.airs.make(realisation)
         if image and field is not None:
-            field = field.reflected()
+            field = field.image
         period = self.airs.period
         operation = self.operation if period is None else period * math.ceil(self.operation / period)
         timing = {"begin": self._begin(number), "start_up": self.start_up, "operation": operation, "depth": self.depth}

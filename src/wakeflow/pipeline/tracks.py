@@ -168,7 +168,7 @@ class Flight:
         field = self.airs.field
         if field is None or not self.plan.airflow.mirrored:
             return (field,)
-        return field, field.reflected()
+        return field, field.image
 
     def _fly_halves(
         self, name: str, grains: Granules, second: NDArray[np.bool_], images: Sequence[FlowField | None], stream: int

@@ -41,7 +41,7 @@ def as_flown(mean: FlowField, scene: Scene) -> FlowField:
     """
     if not scene.symmetric:
         return mean
-    velocity, pressure, _ = mean.reflected().sample(mean.points)
+    velocity, pressure, _ = mean.image.sample(mean.points)
     there = np.isfinite(velocity[:, 0])
     both = np.where(there[:, None], 0.5 * (mean.velocity + velocity), mean.velocity)
     level = None if mean.pressure is None else np.where(there, 0.5 * (mean.pressure + pressure), mean.pressure)

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
+from threading import Lock
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,17 +143,28 @@ def pack_lines(lines: Sequence[object]) -> tuple[Array, Index]:
 
 # -- From a field to the plain arrays of the kernel --------------------------------------------------------------------
 NODES = 128  # of which splines are made at a time: they fit into a core's cache
+_PACKED: WeakKeyDictionary[FlowField, dict[tuple[object, ...], PackedAir]] = WeakKeyDictionary()
+_PACKING = Lock()
 LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
 
 
 def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forces: Sequence[str]) -> PackedAir:
     """The field's arrays; boundary edges with both ends within ``reach`` (m) of a body's outline count as covered by
-    it.
+    it. They are kept as long as the field is: making them takes as long as flying a hundred granules.
     """
     if field is None:
         empty = np.zeros((0, 3), dtype=np.int64)
         nothing = (np.zeros(0), np.zeros(1), rows_of_ints([], 4), np.zeros(3), np.zeros(4))
         return PackedAir(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), *nothing)
+    key = (_width(forces), reach, *(part.tobytes() for body in bodies for part in body.edges))
+    with _PACKING:
+        packed = _PACKED.setdefault(field, {})
+        if key not in packed:
+            packed[key] = _packed(field, bodies, reach, forces)
+        return packed[key]
+
+
+def _packed(field: FlowField, bodies: Sequence[Body], reach: float, forces: Sequence[str]) -> PackedAir:
     first = field.points[field.triangles[:, 0]]
     geometry = np.concatenate([first, field.gradients.reshape(-1, 6)], axis=1)
     swing = mesh_motion_of(field)

@@ -69,13 +69,11 @@ def shares(w):
 
 
 @compiled
-def nodal(air, ints, w, c, m):
-    """Quantity m of the air at node c, at part w of the interval that holds the granule's clock."""
-    a, b, v = ints[at.SNAP_A], ints[at.SNAP_B], air.values
-    if air.smooth[at.KNOT_RATE] != 0.0:
-        s0, s1, s2, s3 = shares(w)
-        return s0 * v[c, a, m] + s1 * v[c, a + 1, m] + s2 * v[c, a + 2, m] + s3 * v[c, a + 3, m]
-    return v[a, c, m] + w * (v[b, c, m] - v[a, c, m])
+def share_rates(w, per):
+    """Their rates in time, ``per`` knots per s."""
+    v = 1.0 - w
+    a, d = 0.5 * v * v * per, 0.5 * w * w * per
+    return -a, (1.5 * w * w - 2.0 * w) * per, (2.0 * v - 1.5 * v * v) * per, d
 
 
 @compiled

@@ -13,10 +13,11 @@ import math
 from ...laws import turbulence
 from ...laws.random_numbers import normal_pair
 from . import layout as at
-from .air import mesh_velocity, nodal
+from .air import mesh_velocity
 from .forces import drag_rate
 from .jit import compiled, inlined
-from .locate import barycentric
+from .locate import on_edge
+from .nodes import look_at
 
 _crossing = compiled(turbulence.crossing_times)
 _langevin = compiled(turbulence.langevin)
@@ -34,32 +35,6 @@ def random_normals(ints, rules):
     """The next two random numbers of the granule's stream."""
     ints[at.DRAWS] += 1
     return _normals(rules.seed, ints[at.STREAM], ints[at.DRAWS])
-
-
-@inlined
-def _stirred_air(state, ints, affine, air):
-    """At the granule: the air's mean velocity (m/s, seen from the mesh), the eddies' lifetime (s) and deviation (m/s),
-    and the deviation's gradient (1/s).
-    """
-    g, tri = air.geometry, ints[at.TRI]
-    if ints[at.GAP] >= 0:
-        tri = air.covered[ints[at.GAP], at.COVER_TRI]
-    w = (state[at.T] - affine[at.T_BEGIN]) * affine[at.PER_DT] if ints[at.SNAP_A] != ints[at.SNAP_B] else 0.0
-    ux = uy = rms = life = sx = sy = 0.0
-    for k in range(3):
-        c = air.corners[tri, k]
-        q = min(1.0, max(0.0, barycentric(g, tri, k, state[at.X], state[at.Y])))
-        deviation = nodal(air, ints, w, c, at.NODE_RMS)
-        ux += q * nodal(air, ints, w, c, at.NODE_U)
-        uy += q * nodal(air, ints, w, c, at.NODE_V)
-        life += q * nodal(air, ints, w, c, at.NODE_LIFE)
-        rms += q * deviation
-        sx += deviation * g[tri, at.B0X + 2 * k]
-        sy += deviation * g[tri, at.B0Y + 2 * k]
-    if air.swing[at.SWING_OMEGA] != 0.0:
-        wx, wy, _, _ = mesh_velocity(air.swing, at.SWING_X, state[at.T])
-        ux, uy = ux - wx, uy - wy
-    return ux, uy, life, rms, sx, sy
 
 
 @compiled
@@ -109,19 +84,28 @@ def _eddies(state, ints, grain, table, rules, seen, least, rest, beat):
 @compiled
 def renew(state, ints, affine, air, grain, table, rules):
     """Begin an interval of noise at the granule's clock: draw what it sees until the next."""
-    corner = air.corners[max(ints[at.TRI], 0), 0]  # of the air, at one corner: only a scale
-    wind = max(abs(nodal(air, ints, 0.0, corner, at.NODE_U)), abs(nodal(air, ints, 0.0, corner, at.NODE_V)))
-    seen = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    if grain[at.DISPERSION] != 0.0:
-        seen = _stirred_air(state, ints, affine, air)
-    renew_in(state, ints, grain, table, rules, wind, seen, 0.0, 0.0)
+    tri, x, y = ints[at.TRI], state[at.X], state[at.Y]
+    if ints[at.GAP] >= 0:
+        tri = air.covered[ints[at.GAP], at.COVER_TRI]
+        x, y, _ = on_edge(air, ints[at.GAP], x, y)
+    renew_at(look_at(ints, affine, air, grain, tri, x, y, state[at.T]), state, ints, air, grain, table, rules)
+
+
+@inlined
+def renew_at(look, state, ints, air, grain, table, rules):
+    """The same in air that was looked at."""
+    ux, uy, wind = look.ux, look.uy, max(abs(look.ux), abs(look.uy))
+    if air.swing[at.SWING_OMEGA] != 0.0:
+        wx, wy, _, _ = mesh_velocity(air.swing, at.SWING_X, state[at.T])
+        ux, uy = ux - wx, uy - wy
+    renew_in(state, ints, grain, table, rules, wind, (ux, uy, look.life, look.rms, look.sx, look.sy), 0.0, 0.0)
 
 
 @compiled
 def renew_in(state, ints, grain, table, rules, wind, seen, rest, beat):
-    """The same in air that was read already: its speed about (``wind``, m/s), and what ``_stirred_air`` tells of it.
-    For those that share a clock the interval ends ``rest`` (s) from now, with a step, or whole steps (``beat``, s; 0:
-    none) later.
+    """The same where the air's speed is about ``wind`` (m/s); ``seen``: the air's mean velocity (m/s, seen from the
+    mesh), the eddies' lifetime (s), their deviation (m/s) and its gradient (1/s). For those that share a clock the
+    interval ends ``rest`` (s) from now, with a step, or whole steps (``beat``, s; 0: none) later.
     """
     speed = max(math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2), wind)
     span = (rules.until - state[at.BORN]) / MIN_INTERVALS

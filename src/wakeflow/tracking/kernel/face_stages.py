@@ -127,8 +127,8 @@ def _look(state, ints, affine, air, grain, table, face, tri, bend, part, dt, lim
     px, py, wx, wy, phi = along_bend(face, bend, part, h)
     nx, ny = _foretold(face, bend, part)
     t, gain = limits.t0 + face.s + h, h * phi[1]
-    mx, my, rate, wx, wy = excess(
-        state, ints, affine, air, grain, table, tri, px, py, wx, wy, t, face.rate, nx, ny, gain
+    mx, my, rate, wx, wy, _, _, _ = excess(
+        state, ints, affine, air, grain, table, tri, px, py, wx, wy, t, face.rate, nx, ny, gain, 0.0
     )
     return px, py, mx - face.nx, my - face.ny, rate, wx, wy, phi
 

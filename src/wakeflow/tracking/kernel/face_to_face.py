@@ -88,7 +88,9 @@ def _departure(state, ints, affine, air, grain, table):
     """The face that the march begins on: the force is looked at where the granule is."""
     x, y, vx, vy = state[at.X], state[at.Y], state[at.VX], state[at.VY]
     tri, t = ints[at.TRI], state[at.T]
-    fx, fy, rate, _, _ = excess(state, ints, affine, air, grain, table, tri, x, y, vx, vy, t, 0.0, 0.0, 0.0, 0.0)
+    fx, fy, rate, _, _, _, _, _ = excess(
+        state, ints, affine, air, grain, table, tri, x, y, vx, vy, t, 0.0, 0.0, 0.0, 0.0, 0.0
+    )
     return Face(x, y, vx, vy, fx + rate * vx, fy + rate * vy, rate, 0.0, 0.0, vx * vx + vy * vy, 0.0)
 
 

@@ -10,99 +10,136 @@ A step makes N = F + B v a parabola in w = time / step, right at w = 0, 1/2 and 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from . import layout as at
-from .air import mesh_velocity, shares
+from .air import mesh_velocity, share_rates, shares
 from .dense_output import phis
-from .forces import drag_rate
+from .forces import drag_rate, forces_in_gradient, spin_in_curl
 from .jit import compiled, inlined
 
 # -- The force at a point straight from the nodes of its triangle, nothing loaded before -------------------------------
 STIFF = 0.2  # of the drag rate times a time: a velocity relaxes by a fifth within it, which stages must not step over
 
 
-@compiled
-def _in_splines(values, smooth, c0, c1, c2, q0, q1, q2, t, pressed, stirred):
-    """Velocity, pressure gradient, deviation at point q of the triangle of nodes c, in a field of splines in time."""
-    w = (t - smooth[at.KNOT_FIRST]) * smooth[at.KNOT_RATE]
-    n = math.floor(w)
-    j = int(n - math.floor(n / smooth[at.KNOT_COUNT]) * smooth[at.KNOT_COUNT])
-    s = shares(w - n)
-    ux = uy = px = py = rms = 0.0
-    for i in range(4):
-        a, b, c, k = s[i] * q0, s[i] * q1, s[i] * q2, j + i
-        ux += a * values[c0, k, at.NODE_U] + b * values[c1, k, at.NODE_U] + c * values[c2, k, at.NODE_U]
-        uy += a * values[c0, k, at.NODE_V] + b * values[c1, k, at.NODE_V] + c * values[c2, k, at.NODE_V]
-        if pressed:
-            px += a * values[c0, k, at.NODE_PX] + b * values[c1, k, at.NODE_PX] + c * values[c2, k, at.NODE_PX]
-            py += a * values[c0, k, at.NODE_PY] + b * values[c1, k, at.NODE_PY] + c * values[c2, k, at.NODE_PY]
-        if stirred:
-            rms += a * values[c0, k, at.NODE_RMS] + b * values[c1, k, at.NODE_RMS] + c * values[c2, k, at.NODE_RMS]
-    return ux, uy, px, py, rms
+class Look(NamedTuple):
+    """The mean air at a point, and what its eddies are; zeros where no force of the granule asks for it."""
 
-
-@compiled
-def _in_snapshot(values, a, c0, c1, c2, q0, q1, q2, pressed, stirred):
-    """The same in snapshot ``a``."""
-    ux = q0 * values[a, c0, at.NODE_U] + q1 * values[a, c1, at.NODE_U] + q2 * values[a, c2, at.NODE_U]
-    uy = q0 * values[a, c0, at.NODE_V] + q1 * values[a, c1, at.NODE_V] + q2 * values[a, c2, at.NODE_V]
-    px = py = rms = 0.0
-    if pressed:
-        px = q0 * values[a, c0, at.NODE_PX] + q1 * values[a, c1, at.NODE_PX] + q2 * values[a, c2, at.NODE_PX]
-        py = q0 * values[a, c0, at.NODE_PY] + q1 * values[a, c1, at.NODE_PY] + q2 * values[a, c2, at.NODE_PY]
-    if stirred:
-        rms = q0 * values[a, c0, at.NODE_RMS] + q1 * values[a, c1, at.NODE_RMS] + q2 * values[a, c2, at.NODE_RMS]
-    return ux, uy, px, py, rms
+    ux: float  # m/s
+    uy: float
+    px: float  # Pa/m, over the density: as nodes hold it
+    py: float
+    xx: float  # 1/s, du/dx
+    xy: float  # du/dy
+    yx: float
+    yy: float
+    tx: float  # m/s2, rate of the velocity in time
+    ty: float
+    rms: float  # m/s, deviation of the eddies
+    life: float  # s, their lifetime
+    sx: float  # 1/s, gradient of the deviation
+    sy: float
+    rise: float  # m/s2, its rate in time
 
 
 @inlined
-def _interpolated(ints, affine, air, grain, tri, x, y, t):
-    """Velocity, pressure gradient, deviation of the mean air at a point of triangle ``tri`` and a time."""
-    g, values = air.geometry, air.values
-    dx, dy = x - g[tri, at.CORNER_X], y - g[tri, at.CORNER_Y]
-    q1 = g[tri, at.B1X] * dx + g[tri, at.B1Y] * dy
-    q2 = g[tri, at.B2X] * dx + g[tri, at.B2Y] * dy
-    q0 = 1.0 - q1 - q2
-    c0, c1, c2 = air.corners[tri, 0], air.corners[tri, 1], air.corners[tri, 2]
-    pressed, stirred = grain[at.PRESSURE] != 0.0, grain[at.DISPERSION] != 0.0
+def _weights(ints, affine, air, t):
+    """Which values in time the air at a time is made of, from the first one on, and the weights of four of them, and of
+    its rate in time.
+    """
     if air.smooth[at.KNOT_RATE] != 0.0:
-        return _in_splines(values, air.smooth, c0, c1, c2, q0, q1, q2, t, pressed, stirred)
-    a, b = ints[at.SNAP_A], ints[at.SNAP_B]
-    ux, uy, px, py, rms = _in_snapshot(values, a, c0, c1, c2, q0, q1, q2, pressed, stirred)
-    if a != b:
-        w = (t - affine[at.T_BEGIN]) * affine[at.PER_DT]
-        ex, ey, fx, fy, other = _in_snapshot(values, b, c0, c1, c2, q0, q1, q2, pressed, stirred)
-        ux, uy = ux + w * (ex - ux), uy + w * (ey - uy)
-        px, py, rms = px + w * (fx - px), py + w * (fy - py), rms + w * (other - rms)
-    return ux, uy, px, py, rms
+        w = (t - air.smooth[at.KNOT_FIRST]) * air.smooth[at.KNOT_RATE]
+        n = math.floor(w)
+        j = int(n - math.floor(n / air.smooth[at.KNOT_COUNT]) * air.smooth[at.KNOT_COUNT])
+        return j, shares(w - n), share_rates(w - n, air.smooth[at.KNOT_RATE])
+    w = (t - affine[at.T_BEGIN]) * affine[at.PER_DT]
+    return ints[at.SNAP_A], (1.0 - w, w, 0.0, 0.0), (-affine[at.PER_DT], affine[at.PER_DT], 0.0, 0.0)
+
+
+@compiled
+def _in_time(ints, air, c, m, j, s):
+    """Quantity m at node c of the weights ``s`` from value ``j`` on."""
+    v = air.values
+    if air.smooth[at.KNOT_RATE] != 0.0:
+        return s[0] * v[c, j, m] + s[1] * v[c, j + 1, m] + s[2] * v[c, j + 2, m] + s[3] * v[c, j + 3, m]
+    if s[1] == 0.0:
+        return s[0] * v[j, c, m]
+    return s[0] * v[j, c, m] + s[1] * v[ints[at.SNAP_B], c, m]
 
 
 @inlined
-def excess(state, ints, affine, air, grain, table, tri, x, y, vx, vy, t, rate0, mx, my, gain):
-    """N = F + B0 v and the drag rate at a point of a triangle, straight from its corners; and v.
+def look_at(ints, affine, air, grain, tri, x, y, t):
+    """The air at a point of triangle ``tri`` and a time, straight from the triangle's corners."""
+    g = air.geometry
+    dx, dy = x - g[tri, at.CORNER_X], y - g[tri, at.CORNER_Y]
+    j, s, d = _weights(ints, affine, air, t)
+    pressed, stirred, slopes = grain[at.PRESSURE] != 0.0, grain[at.DISPERSION] != 0.0, grain[at.EXTRA] != 0.0
+    rises = grain[at.INERTIAL] != 0.0
+    ux = uy = px = py = xx = xy = yx = yy = tx = ty = rms = life = sx = sy = rise = 0.0
+    for k in range(3):
+        c, bx, by = air.corners[tri, k], g[tri, at.B0X + 2 * k], g[tri, at.B0Y + 2 * k]
+        q = bx * dx + by * dy + (1.0 if k == 0 else 0.0)
+        u, v = _in_time(ints, air, c, at.NODE_U, j, s), _in_time(ints, air, c, at.NODE_V, j, s)
+        ux, uy = ux + q * u, uy + q * v
+        if pressed:
+            px += q * _in_time(ints, air, c, at.NODE_PX, j, s)
+            py += q * _in_time(ints, air, c, at.NODE_PY, j, s)
+        if slopes:
+            xx, xy, yx, yy = xx + bx * u, xy + by * u, yx + bx * v, yy + by * v
+        if rises:
+            tx += q * _in_time(ints, air, c, at.NODE_U, j, d)
+            ty += q * _in_time(ints, air, c, at.NODE_V, j, d)
+        if stirred:
+            deviation = _in_time(ints, air, c, at.NODE_RMS, j, s)
+            rms, sx, sy = rms + q * deviation, sx + bx * deviation, sy + by * deviation
+            life += q * _in_time(ints, air, c, at.NODE_LIFE, j, s)
+            if rises:
+                rise += q * _in_time(ints, air, c, at.NODE_RMS, j, d)
+    return Look(ux, uy, px, py, xx, xy, yx, yy, tx, ty, rms, life, sx, sy, rise)
+
+
+@inlined
+def excess_in(look, state, air, grain, table, vx, vy, t, rate0, mx, my, gain, curl0):
+    """N = F + B0 v but for the history force and the drag rate in air that was looked at; v, the slip and the vorticity
+    that the granule sees. ``curl0`` (1/s): the vorticity where the granule had its spin.
 
     The velocity was made with a foretold N of (mx, my), whose excess ``gain`` (s) times is missing from it: in stiff
     flight it must not pass for slip.
     """
-    ints[at.EVALUATIONS] += 1
-    ux, uy, px, py, rms = _interpolated(ints, affine, air, grain, tri, x, y, t)
+    ux, uy = look.ux + look.rms * state[at.MEAN_X], look.uy + look.rms * state[at.MEAN_Y]
     if grain[at.NOISE] != 0.0:
-        ux += rms * state[at.MEAN_X] + state[at.KICK_X]
-        uy += rms * state[at.MEAN_Y] + state[at.KICK_Y]
-    px, py = grain[at.PRESSURE] * px + grain[at.GX], grain[at.PRESSURE] * py + grain[at.GY]
+        ux, uy = ux + state[at.KICK_X], uy + state[at.KICK_Y]
+    px, py = grain[at.PRESSURE] * look.px + grain[at.GX], grain[at.PRESSURE] * look.py + grain[at.GY]
     if air.swing[at.SWING_OMEGA] != 0.0:  # v is seen from the mesh, N the lab's
         wx, wy, _, _ = mesh_velocity(air.swing, at.SWING_X, t)
         ux, uy, px, py = ux - wx, uy - wy, px + rate0 * wx, py + rate0 * wy
-    nx = ny = rate = 0.0
+    xx, xy = look.xx + look.sx * state[at.MEAN_X], look.xy + look.sy * state[at.MEAN_X]
+    yx, yy = look.yx + look.sx * state[at.MEAN_Y], look.yy + look.sy * state[at.MEAN_Y]
+    tx, ty = look.tx + look.rise * state[at.MEAN_X], look.ty + look.rise * state[at.MEAN_Y]
+    curl, spin = yx - xy, state[at.SPIN]
+    if grain[at.MAGNUS] != 0.0:
+        spin = spin_in_curl(grain, spin, 0.5 * (curl0 + curl), t - state[at.T])
+    nx = ny = rate = sx = sy = 0.0
     for again in range(2):
         sx, sy = ux - vx, uy - vy
         rate = drag_rate(grain, table, sx * sx + sy * sy)
         nx, ny = rate * sx + px + rate0 * vx, rate * sy + py + rate0 * vy
+        if grain[at.EXTRA] != 0.0:
+            ex, ey = forces_in_gradient(grain, xx, xy, yx, yy, tx, ty, ux, uy, sx, sy, spin)
+            nx, ny = nx + ex, ny + ey
         if again == 1 or rate0 * gain < STIFF:
             break
         vx += gain * (nx - mx)
         vy += gain * (ny - my)
-    return nx, ny, rate, vx, vy
+    return nx, ny, rate, vx, vy, sx, sy, curl
+
+
+@inlined
+def excess(state, ints, affine, air, grain, table, tri, x, y, vx, vy, t, rate0, mx, my, gain, curl0):
+    """``excess_in`` of the air at a point of triangle ``tri``."""
+    ints[at.EVALUATIONS] += 1
+    look = look_at(ints, affine, air, grain, tri, x, y, t)
+    return excess_in(look, state, air, grain, table, vx, vy, t, rate0, mx, my, gain, curl0)
 
 
 # -- What a force that is not a parabola in time displaces -------------------------------------------------------------
