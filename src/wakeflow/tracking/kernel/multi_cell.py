@@ -10,7 +10,7 @@ from __future__ import annotations
 from . import layout as at
 from .face_to_face import march, way_out
 from .jit import inlined
-from .strides import LONGER, onward, stride
+from .strides import onward, stride
 
 MIN_STRIDE = 3.0  # triangles: a shorter stride is better marched, which takes one look a triangle and no more
 MAX_PATIENCE = 4  # steps after a march that did not get far are confined, 1, 2, 4 ... 2^this in a row
@@ -38,15 +38,14 @@ def multi_cell_step(path, state, ints, hold, affine, air, grain, table, walls, r
         return 0
     marches = grain[at.EXTRA] == 0.0 and grain[at.FORGET] == 0.0 and air.swing[at.SWING_OMEGA] == 0.0
     cell, _ = way_out(air.geometry, ints[at.TRI], state[at.X], state[at.Y], state[at.VX], state[at.VY], 0.0, 0.0, 0.0)
-    moved, refused, begun = False, False, state[at.T]
+    longest, refused = 0.0, False
     if not drawn:
         least = (MIN_STRIDE if marches else 1.0) * cell
-        moved, refused = stride(path, cell, least, state, ints, hold, affine, air, grain, table, walls, rules)
-    if moved:
+        longest, refused = stride(path, cell, least, state, ints, hold, affine, air, grain, table, walls, rules)
+    if longest > 0.0:
         ints[at.FRESH] = ints[at.HOPS] = ints[at.STUCK] = ints[at.MARCHES_CUT] = ints[at.STRIDES_REFUSED] = 0
         steps = 1
         if grain[at.NOISE] != 0.0:
-            longest = max(LONGER * (state[at.T] - begun), state[at.H_STRIDE])
             steps += onward(path, longest, state, ints, hold, affine, air, grain, table, walls, rules)
         ints[at.STEPS] += steps
         return steps

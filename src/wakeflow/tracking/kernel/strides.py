@@ -29,10 +29,10 @@ STRIDE_SHARE = 1.0  # of the tolerance for strides: the whole of it, since the j
 MAX_STRIDE = 60.0  # triangles: the way to the stages is made on foot
 LOOKS = 4.0  # at the air in a stride: it may be as long as four times what changes in time ask for
 FIRST = 12.0  # triangles of the first stride tried; chosen by experiment
+GROWTH = 2.0  # of strides in a row
 TRIES = 3  # lengths tried in a row
 AROUND = 1.01  # a path is longer than its chord by less than one in a hundred where it is nearly straight
 UNJUDGED = 4  # strides in a row whose error is not looked at, after one whose was
-LONGER = 1.3  # than the stride that was judged: the error of a third-order step has doubled
 AHEAD = 10.0  # ways of such strides for which a clearance is looked up
 
 
@@ -174,7 +174,8 @@ def _room(h, least, speed, state, grain, walls):
 @inlined
 def stride(path, cell, least, state, ints, hold, affine, air, grain, table, walls, rules):
     """Try one stride of at least ``least`` (s), or to the end of an interval of noise; ``cell`` (s) is about the time
-    within this triangle. Returns whether the granule has moved, and whether a stride was refused for its error.
+    within this triangle. Returns how long the next may be (s; 0: the granule has not moved), and whether one was
+    refused for its error.
     """
     t0, speed, known = state[at.T], math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2), state[at.H_STRIDE]
     clock = min(rules.until, state[at.T_NOISE], state[at.T_END] if air.smooth[at.KNOT_RATE] == 0.0 else math.inf)
@@ -184,7 +185,7 @@ def stride(path, cell, least, state, ints, hold, affine, air, grain, table, wall
     if not (h >= least or h == state[at.T_NOISE] - t0 > 0.0):
         if refused:
             state[at.H_STRIDE] = least
-        return False, refused
+        return 0.0, refused
     fall = math.sqrt(rules.extent * math.sqrt(grain[at.GX] ** 2 + grain[at.GY] ** 2))
     horizon = min(rules.until - t0, rules.extent / (speed + fall + 1e-300))
     look = look_at(ints, affine, air, grain, ints[at.TRI], state[at.X], state[at.Y], t0)
@@ -201,9 +202,9 @@ def stride(path, cell, least, state, ints, hold, affine, air, grain, table, wall
                 tri, x, y, vx, vy, clear = _landing(path, h, found, state, air, grain, walls, way)
                 if clear:
                     _arrive(path, h, clock, tri, x, y, vx, vy, found.curl, state, ints, hold, grain)
-                    longer = h * min(2.0, 0.8 * math.sqrt(allowed / error)) if error > 0.0 else 2.0 * h
+                    longer = h * min(GROWTH, 0.8 * math.sqrt(allowed / error)) if error > 0.0 else GROWTH * h
                     state[at.H_STRIDE] = max(longer, known) if h < asked and not refused else longer
-                    return True, False
+                    return longer, False
             else:
                 shorter, refused = max(0.1, 0.7 * math.sqrt(allowed / error)) if math.isfinite(error) else 0.1, True
                 known = shorter * h
@@ -212,7 +213,7 @@ def stride(path, cell, least, state, ints, hold, affine, air, grain, table, wall
             break
     if refused:
         state[at.H_STRIDE] = max(known, least)
-    return False, refused
+    return 0.0, refused
 
 
 # -- Strides that are not judged ---------------------------------------------------------------------------------------
@@ -242,6 +243,6 @@ def onward(path, longest, state, ints, hold, affine, air, grain, table, walls, r
             if free <= way:
                 return taken
         free -= way
-        look = found.look
+        look = look_at(ints, affine, air, grain, tri, x, y, clock)
         _arrive(path, h, clock, tri, x, y, vx, vy, found.curl, state, ints, hold, grain)
     return UNJUDGED
