@@ -204,7 +204,8 @@ def stride(path, cell, least, state, ints, hold, affine, air, grain, table, wall
                     _arrive(path, h, clock, tri, x, y, vx, vy, found.curl, state, ints, hold, grain)
                     longer = h * min(GROWTH, 0.8 * math.sqrt(allowed / error)) if error > 0.0 else GROWTH * h
                     state[at.H_STRIDE] = max(longer, known) if h < asked and not refused else longer
-                    return longer, False
+                    plain = rules.allowance * way  # no mean defect is made good: errors add up
+                    return (h * min(GROWTH, 0.8 * math.sqrt(plain / error)) if error > 0.0 else GROWTH * h), False
             else:
                 shorter, refused = max(0.1, 0.7 * math.sqrt(allowed / error)) if math.isfinite(error) else 0.1, True
                 known = shorter * h
