@@ -92,7 +92,7 @@ class Numerics(Table):
 
     rung: RungName = Field("auto", description="fidelity of the airflow")
     tolerance: Annotated[float, Field(gt=0, le=0.1)] = Field(
-        1e-4, description="landing error in body widths; channel widths without a body"
+        1e-2, description="landing error in body widths; channel widths without a body"
     )
     target_error: Annotated[float, Field(gt=0, le=0.5), WithUnit("1", "1 %")] = Field(
         0.01, description="error of a bin's share that is asked for: terms that could not move so much are left out"

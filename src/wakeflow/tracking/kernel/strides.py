@@ -56,6 +56,7 @@ class Stages(NamedTuple):
     mx: float  # and at 3/4
     my: float
     past: float  # m/s2, defect at 3/4 of the history force's own parabola
+    bent: float  # m/s2, what the slip's own parabola leaves out there does to it
 
 
 @inlined
@@ -76,8 +77,8 @@ def _begin(path, look, state, ints, hold, air, grain, table):
 @inlined
 def _stages(path, h, last, start, look, state, ints, hold, affine, air, grain, table):
     """Look at the force in the middle and at the end of a stride h (s), where ``last`` is 4 also at 1/4 and 3/4."""
-    tri, fast, past, remembers = ints[at.TRI], start.speed, 0.0, grain[at.FORGET] != 0.0
-    ox = oy = nx = ny = hx = hy = 0.0
+    tri, fast, remembers = ints[at.TRI], start.speed, grain[at.FORGET] != 0.0
+    past = bent = ox = oy = nx = ny = hx = hy = 0.0
     curl, weight = start.curl, 1.0 / 6.0 if last == 2 else 7.0 / 90.0  # Simpson's rule, or Boole's
     curl *= weight
     path[at.N1X] = path[at.N1Y] = path[at.N2X] = path[at.N2Y] = 0.0
@@ -87,7 +88,7 @@ def _stages(path, h, last, start, look, state, ints, hold, affine, air, grain, t
         x, y, vx, vy = along(path, s)
         tri, code = walk(air.geometry, air.neighbours, tri, x, y)
         if code != 0:
-            return Stages(False, tri, look, fast, curl, ox, oy, nx, ny, past)
+            return Stages(False, tri, look, fast, curl, ox, oy, nx, ny, past, bent)
         ints[at.EVALUATIONS] += 1
         look = look_at(ints, affine, air, grain, tri, x, y, state[at.T] + s)
         fx = path[at.N0X] + s * (path[at.N1X] + s * path[at.N2X])
@@ -119,9 +120,11 @@ def _stages(path, h, last, start, look, state, ints, hold, affine, air, grain, t
             if stage == 3:
                 ox, oy = nx, ny
             elif remembers:
-                ax, ay, _ = recall(path, state, grain, hold, s)
+                ax, ay, grows = recall(path, state, grain, hold, s)
+                qx, qy = sampled(path, at.SLIP, s)
                 past = math.sqrt((ax - px) ** 2 + (ay - py) ** 2)
-    return Stages(True, tri, look, fast, curl, ox, oy, nx, ny, past)
+                bent = grows * math.sqrt((sx - qx) ** 2 + (sy - qy) ** 2)
+    return Stages(True, tri, look, fast, curl, ox, oy, nx, ny, past, bent)
 
 
 @inlined
@@ -194,9 +197,10 @@ def stride(path, cell, least, state, ints, hold, affine, air, grain, table, wall
         found = _stages(path, h, 4, start, look, state, ints, hold, affine, air, grain, table)
         rate, way, shorter = path[at.RATE], AROUND * h * found.fast, 0.5
         if found.met:
-            error = h * displaced(found.ox, found.oy, found.mx, found.my, carried(rate, h, horizon), rate, h)
+            carry = carried(rate, h, horizon)
+            error = h * displaced(found.ox, found.oy, found.mx, found.my, carry, rate, h)
             if grain[at.FORGET] != 0.0:
-                error += h * h * phis(-rate * h)[2] * found.past
+                error += h * (h * phis(-rate * h)[2] * found.past + carry * found.bent)
             allowed = STRIDE_SHARE * rules.allowance * math.sqrt(rules.extent * way)
             if error <= allowed:
                 tri, x, y, vx, vy, clear = _landing(path, h, found, state, air, grain, walls, way)

@@ -1,0 +1,98 @@
+"""Strides over many triangles fly every force, and the same noise as steps that stay inside a triangle."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from proofs.problems.exact import box
+from wakeflow.field import FlowField
+from wakeflow.tracking import Body, Fate, Granules, Tracks, track
+
+PERIOD, COUNT, LENGTH = 0.4, 32, 0.1
+FORCES = ("drag", "gravity", "pressure-gradient", "added-mass", "lift", "magnus")
+FLOOR = np.array([[0.9, 0.02], [0.0, 0.02]])
+
+
+def air(kind: str) -> FlowField:
+    """Shear and a wave in a box of side 1 m, with turbulence: steady, as snapshots or as modes."""
+    points, triangles = box(64, low=0.0, high=1.0)
+    times = np.arange(24) * PERIOD / 24
+    x, y = points.T
+    k = 0.2 + 0.3 * np.sin(np.pi * x) ** 2
+
+    def velocity(t: float) -> np.ndarray:
+        turn = 2 * np.pi * (x + t / PERIOD)
+        return np.stack([1.0 + 0.5 * np.sin(2 * np.pi * y), 0.4 * np.cos(turn)], axis=1)
+
+    def pressure(t: float) -> np.ndarray:
+        return np.asarray(0.5 * np.sin(2 * np.pi * (x - t / PERIOD)))
+
+    if kind == "steady":
+        return FlowField.from_arrays(points, triangles, velocity(0.0), pressure(0.0), k=k, dissipation=20.0 * k)
+    rows = [np.stack([make(t) for t in times]) for make in (velocity, pressure)]
+    still = np.tile(k, (len(times), 1))
+    field = FlowField.from_arrays(
+        points, triangles, *rows, times=times, period=PERIOD, k=still, dissipation=20.0 * still
+    )  # fmt: skip
+    return field.compressed(1e-4) if kind == "modes" else field
+
+
+def grains(diameter: float, density: float) -> Granules:
+    rng = np.random.default_rng(4)
+    return Granules(
+        np.stack([rng.uniform(0.1, 0.4, COUNT), rng.uniform(0.8, 0.95, COUNT)], axis=1),
+        np.stack([rng.uniform(-0.2, 0.2, COUNT), np.full(COUNT, -1.0)], axis=1),
+        diameter, density, spin=200.0, time=rng.uniform(0.0, PERIOD, COUNT),
+    )  # fmt: skip
+
+
+SIZES = {"grain": (3e-3, 1300.0), "chaff": (1.5e-3, 60.0), "dust": (4e-5, 2000.0)}
+
+
+def flown(field: FlowField, one: Granules, tolerance: float, *more: str, march: bool = True, **other: Any) -> Tracks:
+    forces = (*FORCES, *more)
+    laws: dict[str, Any] = {"until": 3.0, "lines": [FLOOR], "length": LENGTH, "forces": forces, "seed": 8} | other
+    return track(field, one, tolerance=tolerance, march=march, **laws)
+
+
+def off(one: Tracks, other: Tracks) -> np.ndarray:
+    """How far landings lie apart, in lengths."""
+    return np.asarray(np.linalg.norm(one.position - other.position, axis=1) / LENGTH)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("kind", ["steady", "snapshots", "modes"])
+@pytest.mark.parametrize("past", [(), ("basset-history",)], ids=["", "history"])
+def test_strides_with_every_force_land_where_confined_steps_do(kind: str, size: str, past: tuple[str, ...]) -> None:
+    field, one = air(kind), grains(*SIZES[size])
+    exact = flown(field, one, 1e-6, *past, march=False)
+    for tolerance in (1e-2, 1e-4):
+        found = flown(field, one, tolerance, *past)
+        assert np.quantile(off(found, exact), 0.95) < tolerance
+        np.testing.assert_allclose(found.spin, exact.spin, atol=30 * tolerance * np.abs(exact.spin).max())
+    confined = flown(field, one, 1e-2, *past, march=False)
+    assert flown(field, one, 1e-2, *past).evaluations.mean() < 0.5 * confined.evaluations.mean()
+
+
+@pytest.mark.parametrize("size", ["grain", "chaff"])
+@pytest.mark.parametrize("kind", ["steady", "snapshots", "modes"])
+def test_any_tolerance_and_any_steps_fly_through_the_same_noise(kind: str, size: str) -> None:
+    """What a granule sees of the eddies is fixed by seed and granule: landings differ by integration errors alone."""
+    field, one = air(kind), grains(*SIZES[size])
+    exact = flown(field, one, 1e-7, "dispersion", march=False)
+    calm = flown(field, one, 1e-4)
+    assert np.median(off(exact, calm)) > 5e-3  # the noise moves them
+    for tolerance in (1e-3, 1e-4):
+        assert np.quantile(off(flown(field, one, tolerance, "dispersion"), exact), 0.95) < tolerance
+
+
+def test_strides_meet_walls_where_confined_steps_do() -> None:
+    field, one = air("modes"), grains(*SIZES["grain"])
+    body = Body(np.array([[0.5, 0.4], [0.4, 0.5], [0.3, 0.4], [0.4, 0.3]]), restitution=0.5)
+    exact = flown(field, one, 1e-7, "dispersion", march=False, bodies=[body])
+    found = flown(field, one, 1e-3, "dispersion", bodies=[body])
+    np.testing.assert_array_equal(found.impacts > 0, exact.impacts > 0)
+    assert 0 < (exact.impacts > 0).sum() < COUNT
+    assert np.quantile(off(found, exact), 0.9) < 1e-2
+    assert np.all(found.fate != Fate.STOPPED)
