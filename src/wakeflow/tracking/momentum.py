@@ -27,6 +27,7 @@ from .granules import Granules
 from .tracks import Tracks
 
 Array = NDArray[np.float64]
+TOGETHER = 128  # tracks that are laid into the boxes at a time
 PIECES = 4  # a track is laid into the boxes in pieces of at most this part of a box's edge; chosen
 
 
@@ -54,21 +55,28 @@ def force_on_the_air(
     count = boxes.rows * boxes.columns
     found = np.zeros((count, 2))
     flow = mass_flow if isinstance(mass_flow, np.ndarray) else np.full(len(grains), mass_flow / max(len(grains), 1))
-    for path, pull, own in zip(tracks.recorded, weight, flow, strict=True):
-        place, given = _laid(path, pull, boxes)
+    for low in range(0, len(grains), TOGETHER):
+        some = slice(low, low + TOGETHER)
+        place, given = _laid(tracks.recorded[some], weight[some], flow[some], boxes)
         for axis in (0, 1):
-            found[:, axis] -= np.bincount(place, own * given[:, axis], count)
+            found[:, axis] -= np.bincount(place, given[:, axis], count)
     return ForceDensity(boxes, found.reshape(boxes.rows, boxes.columns, 2) / boxes.pitch**2)
 
 
-def _laid(path: Array, pull: Array, boxes: Boxes) -> tuple[NDArray[np.int64], Array]:
-    """Boxes (k,) along a ``path``, and the velocity (k, 2) m/s that the air gave the granule in each."""
-    time, position, gain = path[:, 0], path[:, 1:3], path[:, 5:7]
-    given = np.diff(gain, axis=0) - np.diff(time)[:, None] * pull
-    way = np.linalg.norm(np.diff(position, axis=0), axis=1)
+def _laid(paths: Sequence[Array], pull: Array, flow: Array, boxes: Boxes) -> tuple[NDArray[np.int64], Array]:
+    """Boxes (k,) along ``paths``, and what the air gave the granules in each (k, 2), N/m: ``flow`` (n,) kg/s a metre of
+    each times the velocity.
+    """
+    lengths = np.array([len(path) for path in paths])
+    points = np.concatenate(paths)
+    owner = np.repeat(np.arange(len(paths)), np.maximum(lengths - 1, 0))
+    begins = np.delete(np.arange(len(points)), np.cumsum(lengths) - 1)
+    start = points[begins]
+    change = points[begins + 1] - start
+    given = (change[:, 5:7] - change[:, :1] * pull[owner]) * flow[owner, None]
+    way = np.hypot(change[:, 1], change[:, 2])
     pieces = np.maximum(1, np.ceil(PIECES * way / boxes.pitch).astype(np.int64))
     step = np.repeat(np.arange(len(pieces)), pieces)
     number = np.arange(len(step)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     along = ((number + 0.5) / pieces[step])[:, None]
-    points = position[step] + along * (position[step + 1] - position[step])
-    return boxes.holding(points), given[step] / pieces[step][:, None]
+    return boxes.holding(start[step, 1:3] + along * change[step, 1:3]), (given / pieces[:, None])[step]

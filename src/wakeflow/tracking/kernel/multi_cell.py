@@ -13,6 +13,8 @@ from .jit import inlined
 from .strides import onward, stride
 
 MIN_STRIDE = 3.0  # triangles: a shorter stride is better marched, which takes one look a triangle and no more
+MAX_STRIDE = 60.0  # triangles: the way to the stages is made on foot
+DRAWN_STRIDE = 4.0  # triangles, of a granule whose path is drawn
 MAX_PATIENCE = 4  # steps after a march that did not get far are confined, 1, 2, 4 ... 2^this in a row
 MAX_CONFINED = 3  # the same after a stride that was refused, of granules that do not march
 FIRST_MARCH = 4  # triangles of the first march after a stride, and of all of a granule whose path is drawn
@@ -39,13 +41,13 @@ def multi_cell_step(path, state, ints, hold, affine, air, grain, table, walls, r
     marches = grain[at.EXTRA] == 0.0 and grain[at.FORGET] == 0.0 and air.swing[at.SWING_OMEGA] == 0.0
     cell, _ = way_out(air.geometry, ints[at.TRI], state[at.X], state[at.Y], state[at.VX], state[at.VY], 0.0, 0.0, 0.0)
     longest, refused = 0.0, False
-    if not drawn:
-        least = (MIN_STRIDE if marches else 1.0) * cell
-        longest, refused = stride(path, cell, least, state, ints, hold, affine, air, grain, table, walls, rules)
+    if not (drawn and marches):
+        least, most = (MIN_STRIDE if marches else 1.0) * cell, (DRAWN_STRIDE if drawn else MAX_STRIDE) * cell
+        longest, refused = stride(path, cell, least, most, state, ints, hold, affine, air, grain, table, walls, rules)
     if longest > 0.0:
         ints[at.FRESH] = ints[at.HOPS] = ints[at.STUCK] = ints[at.MARCHES_CUT] = ints[at.STRIDES_REFUSED] = 0
         steps = 1
-        if grain[at.NOISE] != 0.0:
+        if grain[at.NOISE] != 0.0 and not drawn:
             steps += onward(path, longest, state, ints, hold, affine, air, grain, table, walls, rules)
         ints[at.STEPS] += steps
         return steps

@@ -26,7 +26,6 @@ from .nodes import BOOLE, Look, carried, displaced, excess_in, look_at
 from .walls import clearance
 
 STRIDE_SHARE = 1.0  # of the tolerance for strides: the whole of it, since the judged error is that of Simpson's rule
-MAX_STRIDE = 60.0  # triangles: the way to the stages is made on foot
 LOOKS = 4.0  # at the air in a stride: it may be as long as four times what changes in time ask for
 FIRST = 12.0  # triangles of the first stride tried; chosen by experiment
 GROWTH = 2.0  # of strides in a row
@@ -175,14 +174,13 @@ def _room(h, least, speed, state, grain, walls):
 
 
 @inlined
-def stride(path, cell, least, state, ints, hold, affine, air, grain, table, walls, rules):
-    """Try one stride of at least ``least`` (s), or to the end of an interval of noise; ``cell`` (s) is about the time
-    within this triangle. Returns how long the next may be (s; 0: the granule has not moved), and whether one was
-    refused for its error.
+def stride(path, cell, least, most, state, ints, hold, affine, air, grain, table, walls, rules):
+    """Try one stride of ``least`` to ``most`` (s), or to the end of an interval of noise. Returns how long the next may
+    be (s; 0: the granule has not moved), and whether one was refused for its error.
     """
     t0, speed, known = state[at.T], math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2), state[at.H_STRIDE]
     clock = min(rules.until, state[at.T_NOISE], state[at.T_END] if air.smooth[at.KNOT_RATE] == 0.0 else math.inf)
-    asked = FIRST * cell if known == 0.0 else min(known, MAX_STRIDE * cell)
+    asked = min(FIRST * cell if known == 0.0 else known, most)
     h = _room(min(asked, clock - t0, LOOKS * rules.coarse), least, speed, state, grain, walls)
     refused = 0.0 < known < least
     if not (h >= least or h == state[at.T_NOISE] - t0 > 0.0):
