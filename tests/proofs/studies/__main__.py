@@ -12,10 +12,10 @@ STUDIES = {  # module: its studies, each a function of its name, or of the name 
     "ends": ("domain", "locked_band"),
     "flakes": ("chaff_alone", "flakes", "flakes_in_air"),
     "laws": ("air_loading", "best_estimate", "labyrinth", "printed_form", "rebound"),
-    **{
-        name: (name,)
-        for name in ("intervals", "kernel_speed", "robustness", "search_gain", "target_error", "three_dimensions")
-    },
+    "search_gain": ("search_gain",),
+    "target_error": ("target_error",),
+    "three_dimensions": ("three_dimensions",),
+    **{name: (name,) for name in ("intervals", "kernel_speed", "robustness", "tolerances")},
 }
 
 app = App(name="studies", help="Studies of wakeflow.", version_flags=[], result_action="return_value")
