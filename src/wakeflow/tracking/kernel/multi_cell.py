@@ -40,10 +40,8 @@ def multi_cell_step(path, state, ints, hold, affine, air, grain, table, walls, r
         return 0
     marches = grain[at.EXTRA] == 0.0 and grain[at.FORGET] == 0.0 and air.swing[at.SWING_OMEGA] == 0.0
     cell, _ = way_out(air.geometry, ints[at.TRI], state[at.X], state[at.Y], state[at.VX], state[at.VY], 0.0, 0.0, 0.0)
-    longest, refused = 0.0, False
-    if not (drawn and marches):
-        least, most = (MIN_STRIDE if marches else 1.0) * cell, (DRAWN_STRIDE if drawn else MAX_STRIDE) * cell
-        longest, refused = stride(path, cell, least, most, state, ints, hold, affine, air, grain, table, walls, rules)
+    least, most = (MIN_STRIDE if marches else 1.0) * cell, (DRAWN_STRIDE if drawn else MAX_STRIDE) * cell
+    longest, refused = stride(path, cell, least, most, state, ints, hold, affine, air, grain, table, walls, rules)
     if longest > 0.0:
         ints[at.FRESH] = ints[at.HOPS] = ints[at.STUCK] = ints[at.MARCHES_CUT] = ints[at.STRIDES_REFUSED] = 0
         steps = 1
