@@ -43,16 +43,14 @@ class Source(Generic[Flown]):
 
     ``name``: in the budget; ``how`` the error is known: measured (from this run), companion (from flying granules
     again), calibrated (from a bound and what was found) or unknown; ``place``: sources fly, and are parts of a row of
-    the budget, by growing place; ``of_any_bin``: whether its error in a bin is also that of several bins together;
-    ``beyond_computing``: whether no finer computing makes it smaller, as where it is of numbers of the scene or of what
-    no plane air has; ``if_unknown``, ``if_large``: what to give or to run where its size is not known, and where no
-    setting makes it small enough.
+    the budget, by growing place; ``beyond_computing``: whether no finer computing makes it smaller, as where it is of
+    numbers of the scene or of what no plane air has; ``if_unknown``, ``if_large``: what to give or to run where its
+    size is not known, and where no setting makes it small enough.
     """
 
     name: ClassVar[str]
     how: ClassVar[str]
     place: ClassVar[int]
-    of_any_bin: ClassVar[bool] = False
     beyond_computing: ClassVar[bool] = False
     if_unknown: ClassVar[str] = ""
     if_large: ClassVar[str] = "beyond the finest settings of a scene; ask for a larger --target-error"

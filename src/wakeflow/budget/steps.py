@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 FINER_STEPS = "companion"  # the stage
 FINER = 0.01  # tolerance of the companion run over the scene's: a tenth may give the same steps, cut at the cells
-SLOWER = 2.0  # times as long: flights at a hundredth of the tolerance; measured on the shipped rhombus, 2.0 to 2.8
-STEP_RATE = 1.0  # of the share that finer steps put into another bin, with the tolerance
+SLOWER = 3.0  # times as long: flights at a hundredth of the tolerance; measured on the shipped rhombus, 2.4 to 3.8
+STEP_RATE = 1.0  # of the share that finer steps put into or out of a bin, with the tolerance
 LANDED_WITHIN = 95  # percentile over the granules of how far a companion run moves a landing
 
 
@@ -41,7 +41,7 @@ def mean_share(changed: float, total: float) -> float:
 class Integration(Source["Tracked"]):
     """The tracker's steps: the same granules at a hundredth of the tolerance."""
 
-    name, how, place, of_any_bin = "integration", PERTURBED_RERUN, 20, True
+    name, how, place = "integration", PERTURBED_RERUN, 20
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         return [flown_again(work, FINER_STEPS, SLOWER)]
@@ -51,9 +51,12 @@ class Integration(Source["Tracked"]):
         return pipeline.tracks(PerturbedRerun(FINER_STEPS, tolerance=FINER * pipeline.scene.numerics.tolerance))
 
     def shares(self, fraction: FractionResults) -> Parts:
-        """Mean of the share of granules that the finer steps put into another bin (:func:`mean_share`)."""
+        """Mean of the share of granules that the finer steps put into a bin or take out of it (:func:`mean_share`)."""
         own, fine = fraction.compared.bin, self._finer(fraction).landings[fraction.name].bin
-        return fraction.everywhere(self._part(fraction, mean_share(float(np.sum(own != fine)), len(own))))
+        numbers = [*range(len(fraction.shares) - 1), -1]  # elsewhere last
+        changed = [float(np.sum((own == number) != (fine == number))) for number in numbers]
+        errors = [mean_share(count, len(own)) for count in changed]
+        return {place: [self._part(fraction, error)] for place, error in zip(fraction.shares, errors, strict=True)}
 
     def landing(self, fraction: FractionResults) -> Sequence[BudgetPart]:
         moved = fraction.compared.position - self._finer(fraction).landings[fraction.name].position

@@ -19,7 +19,7 @@ from ..core.number import Number
 from ..planning.unknowns import SIGMAS
 from ..scene import Scene
 from ..statistics.separation import purity_slopes
-from .source import INPUTS, budget_sources, source_of
+from .source import INPUTS, budget_sources
 
 if TYPE_CHECKING:
     from ..statistics.inputs import InputRange, Inputs
@@ -162,11 +162,7 @@ class _Combined:
         weights = [{(name, place): 1.0 for place in places} for places in (targets, others)]
         inside, outside = (self._by_source(one) for one in weights)
         beside = {key: min(error, outside.get(key, 0.0)) for key, error in inside.items()}
-        moved: dict[tuple[str, bool], float] = {}
-        for part in (part for one in targets for part in self.parts[name, one]):
-            if (source := source_of(part)) is not None and source.of_any_bin:
-                moved[part.source, False] = max(moved.get((part.source, False), 0.0), part.error or 0.0)
-        return _ranged(found, beside | moved, None if self.inputs is None else self.inputs.of_share(name, targets))
+        return _ranged(found, beside, None if self.inputs is None else self.inputs.of_share(name, targets))
 
     def purity(self, name: str, place: str, found: Number) -> Number:
         """A fraction's share of what is in a bin: by the slope of that with every fraction's share there."""
