@@ -22,7 +22,7 @@ from .jit import compiled, inlined
 STIFF = 0.2  # of the drag rate times a time: a velocity relaxes by a fifth within it, which stages must not step over
 
 
-class Look(NamedTuple):
+class LocalAir(NamedTuple):
     """The mean air at a point, and what its eddies are; zeros where no force of the granule asks for it."""
 
     ux: float  # m/s
@@ -95,7 +95,7 @@ def look_at(ints, affine, air, grain, tri, x, y, t):
             life += q * _in_time(ints, air, c, at.NODE_LIFE, j, s)
             if rises:
                 rise += q * _in_time(ints, air, c, at.NODE_RMS, j, d)
-    return Look(ux, uy, px, py, xx, xy, yx, yy, tx, ty, rms, life, sx, sy, rise)
+    return LocalAir(ux, uy, px, py, xx, xy, yx, yy, tx, ty, rms, life, sx, sy, rise)
 
 
 @inlined

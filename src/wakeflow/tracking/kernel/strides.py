@@ -22,7 +22,7 @@ from .forces import spin_in_curl
 from .history import begin_memory, bend_memory, recall, recall_line, remember, sampled
 from .jit import inlined
 from .locate import walk
-from .nodes import BOOLE, Look, carried, displaced, excess_in, look_at
+from .nodes import BOOLE, LocalAir, carried, displaced, excess_in, look_at
 from .walls import clearance
 
 STRIDE_SHARE = 1.0  # of the tolerance for strides: the whole of it, since the judged error is that of Simpson's rule
@@ -47,7 +47,7 @@ class Stages(NamedTuple):
 
     met: bool  # whether all lay in the mesh
     tri: int  # the last triangle
-    look: Look  # the air there
+    look: LocalAir  # the air there
     fast: float  # m/s, the larger of the speeds at both ends
     curl: float  # 1/s, the mean vorticity that the granule saw
     ox: float  # m/s2, the parabola's defect at 1/4, but for the history force
@@ -74,14 +74,42 @@ def _begin(path, look, state, ints, hold, air, grain, table):
 
 
 @inlined
+def _bend(path, h, stage, s, nx, ny, hx, hy, ex, ey, sx, sy, state, hold, grain):
+    """Let N go through what was found in the middle, e at time ``s`` of the stride (``stage`` 1), then also through e
+    at its end (2); with (sx, sy) the slip there, n and (hx, hy) force and slip found in the middle.
+    """
+    remembers = grain[at.FORGET] != 0.0
+    if stage == 1:
+        if remembers:
+            ax, ay = recall_line(path, state, grain, hold, s, sx, sy)
+            ex, ey = ex + ax, ey + ay
+        path[at.N1X], path[at.N1Y] = (ex - path[at.N0X]) / s, (ey - path[at.N0Y]) / s
+        return
+    if remembers:
+        ax, ay, sx, sy = bend_memory(path, h, state, grain, hold, hx, hy, sx, sy)
+        nx, ny, ex, ey = nx + ax, ny + ay, ex + sx, ey + sy
+    parabola(path, h, nx, ny, ex, ey)
+
+
+@inlined
+def _past(path, s, state, hold, grain, sx, sy):
+    """Defects at time s of the stride of the history force's own parabola, and of the slip's, in what that is to it."""
+    ax, ay, grows = recall(path, state, grain, hold, s)
+    px, py = sampled(path, at.PAST, s)
+    qx, qy = sampled(path, at.SLIP, s)
+    bent = grows * math.sqrt((sx - qx) ** 2 + (sy - qy) ** 2)
+    return math.sqrt((ax - px) ** 2 + (ay - py) ** 2), bent
+
+
+@inlined
 def _stages(path, h, last, start, look, state, ints, hold, affine, air, grain, table):
     """Look at the force in the middle and at the end of a stride h (s), where ``last`` is 4 also at 1/4 and 3/4."""
-    tri, fast, remembers = ints[at.TRI], start.speed, grain[at.FORGET] != 0.0
+    tri, fast, rate = ints[at.TRI], start.speed, path[at.RATE]
     past = bent = ox = oy = nx = ny = hx = hy = 0.0
-    curl, weight = start.curl, 1.0 / 6.0 if last == 2 else 7.0 / 90.0  # Simpson's rule, or Boole's
-    curl *= weight
+    # Simpson's rule, or Boole's
+    outer, middle = (1.0 / 6.0, 4.0 / 6.0) if last == 2 else (7.0 / 90.0, 12.0 / 90.0)
+    curl = outer * start.curl
     path[at.N1X] = path[at.N1Y] = path[at.N2X] = path[at.N2Y] = 0.0
-    rate = path[at.RATE]
     for stage in range(1, last + 1):
         s = h * (0.5 * stage if stage < 3 else 0.5 * stage - 1.25)
         x, y, vx, vy = along(path, s)
@@ -96,33 +124,21 @@ def _stages(path, h, last, start, look, state, ints, hold, affine, air, grain, t
         ex, ey, _, vx, vy, sx, sy, turn = excess_in(
             look, state, air, grain, table, vx, vy, state[at.T] + s, rate, fx, fy, gain, start.curl
         )
-        if stage == 1:
+        if stage < 3:
+            curl += (middle if stage == 1 else outer) * turn
+            _bend(path, h, stage, s, nx, ny, hx, hy, ex, ey, sx, sy, state, hold, grain)
             nx, ny, hx, hy = ex, ey, sx, sy
-            curl += (4.0 / 6.0 if last == 2 else 12.0 / 90.0) * turn
-            if remembers:
-                ax, ay = recall_line(path, state, grain, hold, s, sx, sy)
-                ex, ey = ex + ax, ey + ay
-            path[at.N1X], path[at.N1Y] = (ex - path[at.N0X]) / s, (ey - path[at.N0Y]) / s
-        elif stage == 2:
-            fast = max(fast, math.sqrt(vx * vx + vy * vy))
-            curl += weight * turn
-            if remembers:
-                ax, ay, sx, sy = bend_memory(path, h, state, grain, hold, hx, hy, sx, sy)
-                nx, ny, ex, ey = nx + ax, ny + ay, ex + sx, ey + sy
-            parabola(path, h, nx, ny, ex, ey)
-        else:
-            curl += 32.0 / 90.0 * turn
-            nx, ny = ex - fx, ey - fy
-            if remembers:  # its defect is made good by its impulse
-                px, py = sampled(path, at.PAST, s)
-                nx, ny = nx + px, ny + py
-            if stage == 3:
-                ox, oy = nx, ny
-            elif remembers:
-                ax, ay, grows = recall(path, state, grain, hold, s)
-                qx, qy = sampled(path, at.SLIP, s)
-                past = math.sqrt((ax - px) ** 2 + (ay - py) ** 2)
-                bent = grows * math.sqrt((sx - qx) ** 2 + (sy - qy) ** 2)
+            fast = fast if stage == 1 else max(fast, math.sqrt(vx * vx + vy * vy))
+            continue
+        curl += 32.0 / 90.0 * turn
+        nx, ny = ex - fx, ey - fy
+        if grain[at.FORGET] != 0.0:  # the history force's own defect is made good by its impulse
+            px, py = sampled(path, at.PAST, s)
+            nx, ny = nx + px, ny + py
+        if stage == 3:
+            ox, oy = nx, ny
+        elif grain[at.FORGET] != 0.0:
+            past, bent = _past(path, s, state, hold, grain, sx, sy)
     return Stages(True, tri, look, fast, curl, ox, oy, nx, ny, past, bent)
 
 
