@@ -11,6 +11,7 @@ no setting of it brings it back.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -38,8 +39,8 @@ from .foam import FINE_PARCELS, FoamInterpolant, fly_parcels, make_foam_interpol
 from .report import Report, Table, Tell
 
 # -- Each knob of a scene alone ----------------------------------------------------------------------------------------
-STEPS = {"granules": -2, "tolerance": -2, "mesh": -1, "averaging": -1, "slab": -1}  # of a knob, in its own steps
-POINTS = {"granules": 4, "tolerance": 4, "mesh": 3, "averaging": 3, "slab": 3}  # settings tried of each, scene's last
+STEPS = {"granules": -2, "tolerance": -1, "mesh": -1, "averaging": -1, "slab": -1}  # of a knob, in its own steps
+POINTS = {"granules": 4, "tolerance": 3, "mesh": 3, "averaging": 3, "slab": 3}  # settings tried of each, scene's last
 TARGETS = (0.05, 0.03)  # half widths of every bin share
 BinShares = Mapping[tuple[str, str], float]  # by fraction and bin
 MORE_GRANULES, FINER_STEPS, FINER_MESH = 16, 0.01, 0.5  # of the reference, times the settings it is for
@@ -50,7 +51,7 @@ COLUMNS = {
     "knob": "{knob}", "setting": "{setting}", "error, points": "{error:.2g*100}",
     "half width, points": "{half:.2g*100}", "s": "{seconds:.3g}",
 }  # fmt: skip
-COARSEST = 4.0  # largest numerics.mesh_scale
+COARSEST = {"mesh": 4.0, "tolerance": 0.1}  # that a scene may ask for
 
 
 def run_curves(path: Path, folder: Path, *, slow: bool, tell: Tell = lambda _: None) -> Report:
@@ -95,7 +96,7 @@ def _tried(own: RefinedSettings) -> Iterator[tuple[str, RefinedSettings]]:
             continue
         for number in reversed(range(POINTS[name])):
             coarser = value * knobs[name].step ** (STEPS[name] * number)
-            if name == "mesh" and coarser > COARSEST:
+            if coarser > COARSEST.get(name, math.inf):
                 continue
             yield name, knobs[name].at(own, coarser)
 

@@ -23,6 +23,7 @@ from .history import begin_memory, bend_memory, recall, recall_line, remember, s
 from .jit import inlined
 from .locate import walk
 from .nodes import BOOLE, LocalAir, carried, displaced, excess_in, look_at
+from .step import TRANSIENT
 from .walls import clearance
 
 STRIDE_SHARE = 1.0  # of the tolerance for strides: the whole of it, since the judged error is that of Simpson's rule
@@ -56,6 +57,7 @@ class Stages(NamedTuple):
     my: float
     past: float  # m/s2, defect at 3/4 of the history force's own parabola
     bent: float  # m/s2, what the slip's own parabola leaves out there does to it
+    relaxed: float  # m, what B, frozen over all of a velocity's transient, displaces
 
 
 @inlined
@@ -105,7 +107,7 @@ def _past(path, s, state, hold, grain, sx, sy):
 def _stages(path, h, last, start, look, state, ints, hold, affine, air, grain, table):
     """Look at the force in the middle and at the end of a stride h (s), where ``last`` is 4 also at 1/4 and 3/4."""
     tri, fast, rate = ints[at.TRI], start.speed, path[at.RATE]
-    past = bent = ox = oy = nx = ny = hx = hy = 0.0
+    past = bent = relaxed = ox = oy = nx = ny = hx = hy = 0.0
     # Simpson's rule, or Boole's
     outer, middle = (1.0 / 6.0, 4.0 / 6.0) if last == 2 else (7.0 / 90.0, 12.0 / 90.0)
     curl = outer * start.curl
@@ -115,20 +117,23 @@ def _stages(path, h, last, start, look, state, ints, hold, affine, air, grain, t
         x, y, vx, vy = along(path, s)
         tri, code = walk(air.geometry, air.neighbours, tri, x, y)
         if code != 0:
-            return Stages(False, tri, look, fast, curl, ox, oy, nx, ny, past, bent)
+            return Stages(False, tri, look, fast, curl, ox, oy, nx, ny, past, bent, relaxed)
         ints[at.EVALUATIONS] += 1
         look = look_at(ints, affine, air, grain, tri, x, y, state[at.T] + s)
         fx = path[at.N0X] + s * (path[at.N1X] + s * path[at.N2X])
         fy = path[at.N0Y] + s * (path[at.N1Y] + s * path[at.N2Y])
         gain = 0.5 * s * phis(-rate * s)[2]
-        ex, ey, _, vx, vy, sx, sy, turn = excess_in(
+        ex, ey, now, vx, vy, sx, sy, turn = excess_in(
             look, state, air, grain, table, vx, vy, state[at.T] + s, rate, fx, fy, gain, start.curl
         )
         if stage < 3:
             curl += (middle if stage == 1 else outer) * turn
             _bend(path, h, stage, s, nx, ny, hx, hy, ex, ey, sx, sy, state, hold, grain)
             nx, ny, hx, hy = ex, ey, sx, sy
-            fast = fast if stage == 1 else max(fast, math.sqrt(vx * vx + vy * vy))
+            if stage == 2:
+                fast = max(fast, math.sqrt(vx * vx + vy * vy))
+                change = math.sqrt((vx - path[at.START_VX]) ** 2 + (vy - path[at.START_VY]) ** 2)
+                relaxed = change * abs(1.0 / rate - 1.0 / now)
             continue
         curl += 32.0 / 90.0 * turn
         nx, ny = ex - fx, ey - fy
@@ -139,7 +144,7 @@ def _stages(path, h, last, start, look, state, ints, hold, affine, air, grain, t
             ox, oy = nx, ny
         elif grain[at.FORGET] != 0.0:
             past, bent = _past(path, s, state, hold, grain, sx, sy)
-    return Stages(True, tri, look, fast, curl, ox, oy, nx, ny, past, bent)
+    return Stages(True, tri, look, fast, curl, ox, oy, nx, ny, past, bent, relaxed)
 
 
 @inlined
@@ -213,6 +218,7 @@ def stride(path, cell, least, most, state, ints, hold, affine, air, grain, table
         if found.met:
             carry = carried(rate, h, horizon)
             error = h * displaced(found.ox, found.oy, found.mx, found.my, carry, rate, h)
+            error += found.relaxed * (rate * h / (rate * h + TRANSIENT)) ** 3
             if grain[at.FORGET] != 0.0:
                 error += h * (h * phis(-rate * h)[2] * found.past + carry * found.bent)
             allowed = STRIDE_SHARE * rules.allowance * math.sqrt(rules.extent * way)
