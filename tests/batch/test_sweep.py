@@ -172,7 +172,7 @@ def test_folders_of_runs_tell_variants_apart() -> None:
 
 def test_what_differs_counts_defaults() -> None:
     scenes = [shipped("vacuum"), shipped("vacuum", {"numerics.tolerance": 1e-3}), shipped("rhombus")]
-    assert differing(scenes[:2]) == {"numerics.tolerance": [1e-4, 1e-3]}
+    assert differing(scenes[:2]) == {"numerics.tolerance": [1e-2, 1e-3]}
     assert differing(scenes)["fraction.chaff.material"] == [None, None, "chaff"]
 
 

@@ -96,3 +96,13 @@ def test_strides_meet_walls_where_confined_steps_do() -> None:
     assert 0 < (exact.impacts > 0).sum() < COUNT
     assert np.quantile(off(found, exact), 0.9) < 1e-2
     assert np.all(found.fate != Fate.STOPPED)
+
+
+def test_the_air_that_is_kept_of_a_field_has_what_each_fraction_needs() -> None:
+    """One flies without the pressure gradient, the next with it, in one field."""
+    field, one = air("modes"), grains(*SIZES["chaff"])
+    without = flown(field, one, 1e-4, "dispersion", forces=("drag", "gravity", "dispersion"))
+    found = flown(field, one, 1e-4, "dispersion")
+    fresh = flown(air("modes"), one, 1e-4, "dispersion")
+    np.testing.assert_array_equal(found.position, fresh.position)
+    assert np.all(off(found, without) > 0.0)

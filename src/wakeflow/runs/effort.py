@@ -112,11 +112,11 @@ def _thin(scene: Scene, request: Request) -> Scene:
     return scene.replace({"collisions.depth": min(crowd.depth, max(THINNEST * coarsest, crowd.depth / many))})
 
 
-QUICK = Effort("quick", 256, 3.0, 1e-3, force_within=11.0)
+QUICK = Effort("quick", 256, 3.0, 1e-2, force_within=11.0)
 EFFORTS = (
     QUICK,
-    Effort("coarse", 1024, 2.0, 1e-3),
-    Effort("draft", 2048, 1.4, 3e-4),
+    Effort("coarse", 1024, 2.0, 1e-2),
+    Effort("draft", 2048, 1.4, 1e-2),
     Effort("fine draft", None, None, None),
     Effort("the scene's own", None, None, None, in_time=True),
 )

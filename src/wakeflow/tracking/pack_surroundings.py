@@ -156,7 +156,8 @@ def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forc
         empty = np.zeros((0, 3), dtype=np.int64)
         nothing = (np.zeros(0), np.zeros(1), rows_of_ints([], 4), np.zeros(3), np.zeros(4))
         return PackedAir(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), *nothing)
-    key = (_width(forces), reach, *(part.tobytes() for body in bodies for part in body.edges))
+    needs = _needed("pressure", forces), _needed("turbulence", forces)
+    key = (*needs, reach, *(part.tobytes() for body in bodies for part in body.edges))
     with _PACKING:
         packed = _PACKED.setdefault(field, {})
         if key not in packed:
