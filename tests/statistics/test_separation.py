@@ -242,12 +242,16 @@ def test_the_purity_of_many_fractions_takes_one_regression_of_each(monkeypatch: 
     one = drawn(0.02 * chance.normal(size=(DRAWS, 64)), z, 4e-3 * z[:, :1])
     names = [f"f{i}" for i in range(count)]
     shares, mass = dict.fromkeys(names, one.shares["grain"]), dict.fromkeys(names, 1.0 / count)
-    lands = (dict.fromkeys(names, where["grain"]) for where in (one.draws.varied, one.draws.own))
-    many = Inputs(InputSamples(one.draws.unknowns, z, *lands), shares, mass, one.ends)
-    found = [many.of_purity(name, "right").half for name in names]
-    assert found == pytest.approx([0.0] * count, abs=1e-12)  # all alike: none is purer
+    own, varied = one.draws.own["grain"], one.draws.varied["grain"]
+    draws = InputSamples(one.draws.unknowns, z, {**dict.fromkeys(names, varied), "f0": own}, dict.fromkeys(names, own))
+    many = Inputs(draws, shares, mass, one.ends)
+    still, *others = (many.of_purity(name, "right").half for name in names)
+    assert still > 5 * others[0] > 0.0  # the others move alike, and with the sum
+    assert others == pytest.approx(others[:1] * (count - 1))
     assert many.of_targets({name: ["right"] for name in names})
     assert len(made) == count
+    monkeypatch.setattr(inputs, "LARGEST", 1)  # else as many numbers as fractions times unknowns
+    assert [len(many.effects_on_purity(name, "right")) for name in names] == [1] * count
 
 
 def test_the_two_sides_of_a_mirrored_machine_have_one_share_and_interval() -> None:
