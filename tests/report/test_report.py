@@ -37,6 +37,7 @@ from wakeflow.report.figures import shares as share_figures
 from wakeflow.report.figures.air import draw_pressure, draw_surface, draw_vorticity
 from wakeflow.report.figures.flights import draw_residence, draw_tracks
 from wakeflow.report.figures.shares import draw_landing, draw_partition
+from wakeflow.report.html import live
 from wakeflow.report.html.live import live_data
 from wakeflow.report.words import in_three_dimensions, percent, purity
 from wakeflow.scene import Scene
@@ -458,6 +459,13 @@ def test_figures_of_very_many_fractions_show_those_with_most_mass(tmp_path: Path
         with Image.open(tmp_path / f"{name}.png") as picture:
             assert picture.size[1] < 6000
     assert foremost(scene, shown[:3]) == shown[:3]
+
+
+def test_a_page_holds_so_many_tracks_of_all_fractions(rhombus: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    outcome = _outcome(rhombus)
+    for most, each in ((1024, 2), (3, 1)):
+        monkeypatch.setattr(live, "TRACKS", most)
+        assert [len(row["tracks"]) for row in live.live_data(outcome)["fractions"]] == [each] * 3
 
 
 def test_ink_is_in_proportion_to_mass(rhombus: Scene, drawn: list[Any]) -> None:
