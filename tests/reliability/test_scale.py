@@ -107,6 +107,13 @@ def test_a_scene_of_very_many_runs_and_its_page_opens(what: str, tmp_path: Path)
     assert took.memory < WITHIN * stated
 
 
+def test_the_plan_of_very_many_fractions_states_what_they_hold() -> None:
+    """A run of 300 held 678 MB, in its numbers and its report."""
+    stated = wf.plan(_many_fractions().replace({"feed.count": 16})).estimate.memory
+    assert 678e6 / 1.2 < stated < 1.2 * 678e6
+    assert wf.plan(shipped("vacuum")).estimate.memory < 0.7 * stated
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(7200)
 @pytest.mark.parametrize("count", [20, 200, 2000])

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.figure import Figure as Canvas
+from PIL import Image
 
 from support import Page, shipped
 from wakeflow.answer.result import Result
@@ -30,12 +31,13 @@ from wakeflow.planning.make import make_plan
 from wakeflow.report import Landed, Outcome, clear_report, html, is_whole, write_report
 from wakeflow.report import words as tables
 from wakeflow.report.air import window_round_body
-from wakeflow.report.canvas import inside_window, new_axes, save
+from wakeflow.report.canvas import FOREMOST, foremost, inside_window, new_axes, save
 from wakeflow.report.figures import Figure, air, figures, flights
 from wakeflow.report.figures import shares as share_figures
 from wakeflow.report.figures.air import draw_pressure, draw_surface, draw_vorticity
 from wakeflow.report.figures.flights import draw_residence, draw_tracks
 from wakeflow.report.figures.shares import draw_landing, draw_partition
+from wakeflow.report.html import live
 from wakeflow.report.html.live import live_data
 from wakeflow.report.words import in_three_dimensions, percent, purity
 from wakeflow.scene import Scene
@@ -428,6 +430,42 @@ def test_every_track_and_fraction_is_drawn_in_mm(rhombus: Scene, drawn: list[Any
         "dust, 2 %", "chaff, 8 %", "wheat, 90 %",
     }  # fmt: skip
     assert len({lines[name].get_color() for name in tracks}) == 3
+
+
+def test_figures_of_very_many_fractions_show_those_with_most_mass(tmp_path: Path) -> None:
+    """A row a fraction made a picture of 300 too tall to be written, and their legend left the map no room."""
+    tables = shipped("vacuum").tables()
+    one, count = tables["fraction"]["hard"], 300
+    tables["fraction"] = {f"f{i}": {**one, "mass_share": 2.0 if i in (7, 200) else 1.0} for i in range(count)}
+    whole = sum(row["mass_share"] for row in tables["fraction"].values())
+    for row in tables["fraction"].values():
+        row["mass_share"] /= whole
+    scene = Scene.parse(tables)
+    shown = foremost(scene, list(scene.fraction))
+    assert {"f7", "f200", "f0", "f299"} <= set(shown)
+    assert len(shown) == FOREMOST
+    made = _result(scene, None)  # whose numbers are made for few
+    made["separation"] |= {
+        "purity": dict.fromkeys([*scene.bin, "elsewhere"]),
+        "recovery": dict.fromkeys(scene.fraction),
+    }
+    landed = draw_landing(tmp_path / "landing.png", scene, _landings(scene), _separation(_read(made)))
+    assert len(landed) == FOREMOST
+    positions = {name: [track["position"] for track in part] for name, part in _tracks(scene).items()}
+    axes = draw_tracks(tmp_path / "tracks.png", None, scene, positions)
+    assert axes.get_legend().get_title().get_text() == f"of the feed ({FOREMOST} of {count} fractions)"
+    assert axes.get_position().width > 0.2
+    for name in ("landing", "tracks"):
+        with Image.open(tmp_path / f"{name}.png") as picture:
+            assert picture.size[1] < 6000
+    assert foremost(scene, shown[:3]) == shown[:3]
+
+
+def test_a_page_holds_so_many_tracks_of_all_fractions(rhombus: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    outcome = _outcome(rhombus)
+    for most, each in ((1024, 2), (3, 1)):
+        monkeypatch.setattr(live, "TRACKS", most)
+        assert [len(row["tracks"]) for row in live.live_data(outcome)["fractions"]] == [each] * 3
 
 
 def test_ink_is_in_proportion_to_mass(rhombus: Scene, drawn: list[Any]) -> None:

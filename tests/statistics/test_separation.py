@@ -14,6 +14,7 @@ from wakeflow.core.number import Number
 from wakeflow.pipeline.input_samples import DrawnLandings, InputSamples
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown
 from wakeflow.scene import Scene
+from wakeflow.statistics import inputs
 from wakeflow.statistics.grid_convergence import cell_size, estimate, extrapolate, observed_order
 from wakeflow.statistics.inputs import InputRange, Inputs, Moved, _points, response
 from wakeflow.statistics.separation import separate, share_interval
@@ -231,6 +232,26 @@ def test_draws_of_a_machine_and_of_its_image_are_pooled() -> None:
     assert size.error < alone.of_share("grain", ["left"]).effects["number-0"].error
     assert set(both.of_share("grain", ["middle"]).effects) == {"number-0"}
     assert both.of_share("grain", ["left", "right"]).half == pytest.approx(both.of_share("grain", ["middle"]).half)
+
+
+def test_the_purity_of_many_fractions_takes_one_regression_of_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of n purities rests on all n shares: 300 fractions took 90 000 regressions a bin."""
+    count, made, chance = 12, [], np.random.default_rng(7)
+    monkeypatch.setattr(inputs, "response", lambda *asked: made.append(1) or response(*asked))
+    z = points(2, 5)
+    one = drawn(0.02 * chance.normal(size=(DRAWS, 64)), z, 4e-3 * z[:, :1])
+    names = [f"f{i}" for i in range(count)]
+    shares, mass = dict.fromkeys(names, one.shares["grain"]), dict.fromkeys(names, 1.0 / count)
+    own, varied = one.draws.own["grain"], one.draws.varied["grain"]
+    draws = InputSamples(one.draws.unknowns, z, {**dict.fromkeys(names, varied), "f0": own}, dict.fromkeys(names, own))
+    many = Inputs(draws, shares, mass, one.ends)
+    still, *others = (many.of_purity(name, "right").half for name in names)
+    assert still > 5 * others[0] > 0.0  # the others move alike, and with the sum
+    assert others == pytest.approx(others[:1] * (count - 1))
+    assert many.of_targets({name: ["right"] for name in names})
+    assert len(made) == count
+    monkeypatch.setattr(inputs, "LARGEST", 1)  # else as many numbers as fractions times unknowns
+    assert [len(many.effects_on_purity(name, "right")) for name in names] == [1] * count
 
 
 def test_the_two_sides_of_a_mirrored_machine_have_one_share_and_interval() -> None:

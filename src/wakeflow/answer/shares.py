@@ -276,8 +276,8 @@ class LandingResults:
         "", "by fraction and bin, what each of them does to the share, the largest first", absent=True, default=None
     )
     of_targets: dict[str, dict[str, InputPart]] | None = column(
-        "", "by recovery.FRACTION and purity.BIN.FRACTION of targets, what each of them does to it, the largest first",
-        absent=True, default=None,
+        "", "by recovery.FRACTION and purity.BIN.FRACTION of targets, what each of them does to it, the 64 largest "
+        "first", absent=True, default=None,
     )  # fmt: skip
 
 

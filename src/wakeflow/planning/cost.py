@@ -93,6 +93,7 @@ BYTES_IN_TIME = 200.0  # bytes of memory a cell and snapshot: a time-resolved fi
 MESHER, SOLVER = 1.5e8, 1e8  # bytes: the process of Gmsh or LIGGGHTS; of OpenFOAM without its cells
 BYTES_IN_FLIGHT = 1000.0  # bytes of memory a granule that is fed and flown at the time
 BYTES_LANDED = 60.0  # bytes of memory a granule and fraction: its row of landings
+BYTES_ANSWERED, FEW = 8e5, 16  # bytes of memory a fraction beyond so many: what inputs do to it, its rows of the page
 FILES = 1e6  # bytes: tables and report
 BYTES_A_CELL = 1500.0  # bytes of disk a cell: the mesh in text
 BYTES_A_SNAPSHOT = 80.0  # bytes of disk a cell and snapshot: its fields
@@ -137,6 +138,7 @@ def memory_of(work: Workload, key: StageKey) -> float:
     """Bytes that a run holds at most in a stage, with the program that the stage starts; good to a factor of 1.5."""
     cells, count = typical_cells(work.scene, work.airflow), _fed(work.scene)
     held = PROGRAM + (IN_AIR if work.airflow.stepping is not None else 0.0)
+    held += BYTES_ANSWERED * max(0, work.fractions - FEW)
     if work.airflow.stepping == "time-resolved" and work.airflow.span is None:
         held += BYTES_IN_TIME * SNAPSHOTS["time-resolved"] * cells
     more = {

@@ -7,7 +7,7 @@ goes is its ``paper``: a PNG to write, an empty figure, or axes. Lengths are in 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Sized
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -331,6 +331,28 @@ KNOWN = {  # what a cleaner meets: the four that are fed together most often are
     "rapeseed": PINK,
     "glass-beads": SKY,
 }
+
+
+FOREMOST = 16  # fractions that a figure shows: more have no room in it, nor a colour of their own
+
+
+def foremost(scene: Scene, names: Sequence[str]) -> list[str]:
+    """Those of ``names`` that a figure has room for, in their order: the fractions with most mass, of those with the
+    same mass some from first to last.
+    """
+    if len(names) <= FOREMOST:
+        return list(names)
+    shares = scene.mass_shares()
+    least = sorted((shares[name] for name in names), reverse=True)[FOREMOST - 1]
+    above = {name for name in names if shares[name] > least}
+    alike = [name for name in names if shares[name] == least]
+    picked = np.linspace(0, len(alike) - 1, FOREMOST - len(above)).round().astype(int)
+    return [name for name in names if name in above | {alike[i] for i in picked}]
+
+
+def of_all(shown: Sized, whole: Sized) -> str:
+    """What a title adds where a figure shows some of the fractions only."""
+    return "" if len(shown) == len(whole) else f" ({len(shown)} of {len(whole)} fractions)"
 
 
 def fraction_colours(names: Sequence[str]) -> dict[str, str]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..core.files import atomic_write
 from .air import VorticityShades
-from .canvas import INK, MM, Window, air_arrow, canvas, draw_bins, fraction_colours, frame, streams
+from .canvas import INK, MM, Window, air_arrow, canvas, draw_bins, foremost, fraction_colours, frame, streams
 from .moving import EVEN, LEVELS, MovingMachine, Path2D, gif_of, picture_of
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ def _still(film: Film, scene: Scene, window: Window, seconds: float) -> tuple[Fi
     colours = fraction_colours(list(scene.fraction))
     handles = [
         Line2D([], [], marker="o", linewidth=0, color=colours[name], label=_named(name, film.one_in[name]))
-        for name in film.paths
+        for name in foremost(scene, list(film.paths))
     ]
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False, fontsize=9)
     told = [

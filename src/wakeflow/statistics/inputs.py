@@ -19,8 +19,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, reduce
+from itertools import islice
 from operator import add
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -45,6 +46,7 @@ POINTS = 4096  # at which the regression is read
 SEED = 20110  # of those points: any, but always the same
 NOTHING = 1e-12  # of a share: a change that is none
 SOFT = 1.0  # width of soft ends over the shift of granules. Chosen: coverage is alike from 0.5 to 3
+LARGEST = 64  # unknowns of a purity that are kept: of 300 fractions there are 900, and as many purities as targets
 FAR = 0.9  # quantile of shifts: what moves farther has met another face, and says nothing of the others' shift
 
 
@@ -91,6 +93,10 @@ class Inputs:
     ends: Mapping[str, Sequence[Point]]
     images: Sequence[int] | None = None
     correction: Callable[[str], float] | None = None
+    _responses: dict[tuple[str, ...], Acting] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _masses: dict[str, tuple[Mapping[str, Array], Array]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def factor(self, name: str) -> float:
         """On what granules alone say of a fraction's shares: 1 where they fly alone."""
@@ -111,24 +117,35 @@ class Inputs:
         acting, found = self._response(name, places)
         return found.range(self._points[:, acting], [self.draws.unknowns[i] for i in acting])
 
-    def line(self, name: str, place: str) -> tuple[list[int], Response]:
+    def line(self, name: str, place: str) -> Acting:
         """The places of the unknowns that act on a fraction, and how its share in a bin goes with them."""
         return self._response(name, [place])
 
     def of_purity(self, name: str, place: str) -> InputRange:
         """The range of the share of fraction ``name`` in the mass in a bin: all fractions vary together."""
         own = {other: found[place].value for other, found in self.shares.items()}
-        inside = {}
-        for other, value in own.items():
-            acting, found = self._response(other, [place])
-            inside[other] = self.mass[other] * np.clip(value + found.changes(self._points[:, acting]), 0.0, 1.0)
-        total = np.sum(list(inside.values()), axis=0)
+        inside, total = self._inside(place)
         now = self.mass[name] * own[name] / sum(self.mass[other] * own[other] for other in own)
         change = np.divide(inside[name], total, out=np.full(len(total), now), where=total > 0.0) - now
         return InputRange(*_middle(change), {})
 
+    def _inside(self, place: str) -> tuple[Mapping[str, Array], Array]:
+        """The mass (POINTS,) of every fraction in a bin, and of all together, at each of the points. Made once: the
+        purity of each fraction rests on all.
+        """
+        if place not in self._masses:
+            inside = {}
+            for other, found in self.shares.items():
+                acting, line = self._response(other, [place])
+                share = found[place].value + line.changes(self._points[:, acting])
+                inside[other] = self.mass[other] * np.clip(share, 0.0, 1.0)
+            self._masses[place] = inside, np.sum(list(inside.values()), axis=0)
+        return self._masses[place]
+
     def effects_on_purity(self, name: str, place: str) -> dict[str, InputPart]:
-        """What each unknown alone does to the share of fraction ``name`` in the mass in a bin, along the tangent."""
+        """What each unknown alone does to the share of fraction ``name`` in the mass in a bin, along the tangent; of
+        very many unknowns those that do most.
+        """
         own = {other: found[place].value for other, found in self.shares.items()}
         known = self.draws.unknowns
         slopes, variances = np.zeros(len(known)), np.zeros(len(known))
@@ -140,7 +157,7 @@ class Inputs:
             rest = slope * found.rest if not len(rest) else rest + slope * found.rest
             beyond += slope**2 * found.beyond
         whole = Response(0.0, slopes, variances, rest, beyond, np.ones(len(known)))
-        return dict(whole.range(self._points, known).effects)
+        return dict(islice(whole.range(self._points, known).effects.items(), LARGEST))
 
     def of_targets(self, targets: Mapping[str, Sequence[str]]) -> dict[str, dict[str, InputPart]]:
         """The effects on the recovery of every fraction in its ``targets``, and on its purity in each of them."""
@@ -153,7 +170,14 @@ class Inputs:
                     found[f"purity.{place}.{name}"] = self.effects_on_purity(name, place)
         return found
 
-    def _response(self, name: str, places: Sequence[str]) -> tuple[list[int], Response]:
+    def _response(self, name: str, places: Sequence[str]) -> Acting:
+        """The regression of a share, made once: purities ask for those of all fractions."""
+        asked = (name, *places)
+        if asked not in self._responses:
+            self._responses[asked] = self._regression(name, places)
+        return self._responses[asked]
+
+    def _regression(self, name: str, places: Sequence[str]) -> Acting:
         """The unknowns that act on a fraction, and how the share that lands in ``places`` goes with them.
 
         The image of a draw has its lateral unknowns with the other sign; what is its own image goes with none of them.
@@ -248,6 +272,9 @@ class Response:
         return InputRange(
             *_middle(self.changes(points)), dict(sorted(effects.items(), key=lambda effect: -effect[1].variance))
         )
+
+
+Acting = tuple[list[int], Response]  # the places of the unknowns that act on a number, and how it goes with them
 
 
 def response(z: Array, parts: Sequence[Moved]) -> Response:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
+from ..core.tables import AnyArray
 from ..laws.drag import slip_correction
 from ..laws.flake import SPREAD
 from ..laws.restitution import Restitution
 
 Array = NDArray[np.float64]
-SCALARS: dict[str, tuple[str, Callable[[Array], Any]]] = {  # name: (what it may be, in words; test)
+ALLOWED: dict[str, tuple[str, Callable[[Array], Any]]] = {  # name: (what it may be, in words; test)
     "diameter": ("positive", lambda x: x > 0),
     "density": ("positive", lambda x: x > 0),
     "sphericity": ("above 0 and at most 1", lambda x: (x > 0) & (x <= 1)),
@@ -29,24 +30,39 @@ SCALARS: dict[str, tuple[str, Callable[[Array], Any]]] = {  # name: (what it may
     "drag_scale": ("positive", lambda x: x > 0),
     "time": ("finite", lambda x: x == x),
     "spin_lift": ("not negative", lambda x: x >= 0),
+    "inertia": ("positive", lambda x: x > 0),
+    "shape": ("positive", lambda x: x > 0),
 }
+VECTORS = {"position": 2, "velocity": 2, "shape": 3, "arrival": 2}  # how many numbers each granule has
+KINDS: dict[str, type] = {"fraction": np.int64, "flake": bool}  # of what are no real numbers
 
 
-def _clean(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+def _sound(name: str, values: ArrayLike, count: int) -> AnyArray:
+    """The array of a property of ``count`` granules. Raises SceneError for values that it cannot have."""
+    if name in KINDS:
+        return np.array(np.broadcast_to(np.asarray(values, dtype=KINDS[name]), (count,)))
+    array = _shaped(name, values, (count, VECTORS[name]) if name in VECTORS else (count,))
+    if name != "inertia":  # inf: a point mass
+        _refuse(name, array, ~np.isfinite(array), "finite")
+    if name in ALLOWED:
+        allowed, test = ALLOWED[name]
+        _refuse(name, array, ~test(array), allowed)
+    return array
+
+
+def _shaped(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
     try:
-        array = np.array(np.broadcast_to(np.asarray(values, dtype=float), shape), order="C")
+        return np.array(np.broadcast_to(np.asarray(values, dtype=float), shape), order="C")
     except (TypeError, ValueError):
         raise SceneError(f"granule {name}: shape {np.shape(values)} does not fit {shape}") from None
-    bad = ~np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
-    _refuse(name, array, bad, "finite")
-    return array
 
 
 def _refuse(name: str, array: Array, bad: NDArray[np.bool_], allowed: str) -> None:
     if bad.any():
-        first = int(bad.argmax())
+        one = bad if bad.ndim == 1 else bad.any(axis=1)
+        first = int(one.argmax())
         raise SceneError(
-            f"granule {name}: {int(bad.sum())} of {len(array)} must be {allowed}, first {array[first]} at index {first}"
+            f"granule {name}: {int(one.sum())} of {len(array)} must be {allowed}, first {array[first]} at index {first}"
         )
 
 
@@ -95,45 +111,50 @@ class Granules:
         shape = np.shape(self.position)
         if len(shape) != 2 or shape[1] != 2:
             raise SceneError(f"granule position: shape {shape}, expected (n, 2)")
-        for name in ("position", "velocity"):
-            object.__setattr__(self, name, _clean(name, getattr(self, name), shape))
-        for name, (allowed, test) in SCALARS.items():
-            if isinstance(getattr(self, name), Restitution):
-                continue
-            array = _clean(name, self._given(name), shape[:1])
-            _refuse(name, array, ~test(array), allowed)
-            object.__setattr__(self, name, array)
-        object.__setattr__(
-            self, "fraction", np.array(np.broadcast_to(np.asarray(self.fraction, dtype=np.int64), shape[:1]))
-        )
-        inertia = np.inf if self.inertia is None else self.inertia
-        inertia = np.array(np.broadcast_to(np.asarray(inertia, dtype=float), shape[:1]))
-        _refuse("inertia", inertia, ~(inertia > 0), "positive")
-        object.__setattr__(self, "inertia", inertia)
-        object.__setattr__(self, "shape", _clean("shape", self.shape, (*shape[:1], 3)))
-        _refuse("shape", self.shape, ~(self.shape > 0.0).all(axis=1), "positive")
-        object.__setattr__(self, "flake", np.array(np.broadcast_to(np.asarray(self.flake, dtype=bool), shape[:1])))
-        if self.depth is not None:
-            object.__setattr__(self, "depth", _clean("depth", self.depth, shape[:1]))
-        if self.arrival is not None:
-            object.__setattr__(self, "arrival", _clean("arrival", self.arrival, shape))
+        self._check(PROPERTIES)
+
+    def _check(self, names: Iterable[str]) -> None:
+        """Make an array of each of the properties ``names``, the diameter before what follows from it."""
+        for name in names:
+            given = self._given(name)
+            if given is not None and not isinstance(given, Restitution):
+                object.__setattr__(self, name, _sound(name, given, len(self.position)))
 
     def _given(self, name: str) -> Any:
-        slips = name == "drag_scale" and self.drag_scale is None  # after the diameter, which is checked by then
-        return 1.0 / slip_correction(self.diameter) if slips else getattr(self, name)
+        """A property as it was given; where it was not, what that means, None: nothing."""
+        given = getattr(self, name)
+        if given is None and name == "drag_scale":
+            return 1.0 / slip_correction(self.diameter)
+        return np.inf if given is None and name == "inertia" else given
 
     def __len__(self) -> int:
         return len(self.position)
 
     def __getitem__(self, chosen: Any) -> Granules:
         """The chosen granules: a slice, indices or a mask."""
-        own: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
-        whole = {name: v for name, v in own.items() if v is not None and not isinstance(v, Restitution)}
-        return self.replace(**{name: v[chosen] for name, v in whole.items()})
+        if np.ndim(self.position[chosen]) != 2:
+            raise SceneError(f"granules[{chosen!r}]: choose by a slice, indices or a mask")
+        return self._unchecked({name: v[chosen] for name, v in vars(self).items() if isinstance(v, np.ndarray)})
 
     def replace(self, **changes: Any) -> Granules:
-        """The same granules with some properties replaced."""
-        return Granules(**({f.name: getattr(self, f.name) for f in fields(self)} | changes))
+        """The same granules with some properties replaced, which alone are checked where their number stays."""
+        if np.shape(changes.get("position", self.position)) != self.position.shape or changes.keys() - set(PROPERTIES):
+            return Granules(**(vars(self) | changes))
+        made = self._unchecked(changes)
+        made._check(name for name in PROPERTIES if name in changes)
+        return made
+
+    def _unchecked(self, changes: dict[str, Any]) -> Granules:
+        """With ``changes`` that are sound already: draws of the inputs take parts of very few granules hundreds of
+        times, and checking all of each took longer than their flight.
+        """
+        made = object.__new__(Granules)
+        for name, value in (vars(self) | changes).items():
+            object.__setattr__(made, name, np.array(value, order="C") if isinstance(value, np.ndarray) else value)
+        return made
+
+
+PROPERTIES = tuple(f.name for f in fields(Granules))
 
 
 def toss_of(grains: Granules) -> Array:

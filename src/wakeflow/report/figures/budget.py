@@ -9,7 +9,7 @@ import numpy as np
 
 from ...answer.shares import SHARE_UNIT
 from ...statistics.moves import InputMove, grouped, least_sure, regressed_moves
-from ..canvas import BLUE, COLOURS, INK, VERMILION, new_figure, save
+from ..canvas import BLUE, COLOURS, INK, VERMILION, foremost, new_figure, save
 from ..outcome import add_figure
 from ..words import condensed, source_seconds
 
@@ -127,7 +127,9 @@ def _errors(budget: Sequence[BudgetRow]) -> dict[str, np.ndarray]:
 
 def _moves(outcome: Outcome) -> tuple[dict[str, list[InputMove]]] | None:
     moves = grouped(regressed_moves(outcome.result.landings))
-    return ({name: moves[name] for name in least_sure(moves)},) if moves else None
+    panels = {name.split(".")[1]: name for name in least_sure(moves)}
+    names = [panels[fraction] for fraction in foremost(outcome.scene, list(panels))]
+    return ({name: moves[name] for name in names},) if moves else None
 
 
 def _budget(outcome: Outcome) -> tuple[Sequence[BudgetRow]] | None:

@@ -16,9 +16,11 @@ from ..canvas import (
     air_arrow,
     canvas,
     draw_bins,
+    foremost,
     fraction_colours,
     frame,
     new_axes,
+    of_all,
     save,
     solids,
     streams,
@@ -48,7 +50,7 @@ def draw_tracks(paper: Paper, field: FlowField | None, scene: Scene, tracks: Map
     """Tracks of every fraction in the whole channel over a pale map of the air's mean speed, with body, walls and bins.
 
     ``tracks``: fraction name to (m, 2) arrays of positions (m). What is drawn of a fraction, number of lines times
-    their width, is in proportion to its share of the feed's mass.
+    their width, is in proportion to its share of the feed's mass. Of very many fractions the :func:`foremost`.
     """
     channel = scene.channel
     window = (-channel.width / 2, channel.width / 2, channel.bottom, channel.top)
@@ -57,7 +59,8 @@ def draw_tracks(paper: Paper, field: FlowField | None, scene: Scene, tracks: Map
         _speed_map(axes, as_flown(field.mean(), scene))
     shares, colours = scene.mass_shares(), fraction_colours(list(scene.fraction))
     most, chosen = max(shares.values()), {}
-    for name in sorted(tracks, key=lambda name: -shares[name]):  # the lightest on top
+    shown = foremost(scene, list(tracks))
+    for name in sorted(shown, key=lambda name: -shares[name]):  # the lightest on top
         chosen[name], width = _chosen(tracks[name], shares[name] / most)
         _draw_fraction(axes, chosen[name], f"{name}, {100 * shares[name]:.3g} %", colours[name], width)
     solids(axes, scene)
@@ -70,7 +73,11 @@ def draw_tracks(paper: Paper, field: FlowField | None, scene: Scene, tracks: Map
     streams(axes, scene)
     if tracks:
         legend = axes.legend(
-            title="of the feed", loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False, fontsize=9
+            title=f"of the feed{of_all(shown, tracks)}",
+            loc="upper left",
+            bbox_to_anchor=(1.02, 1.0),
+            frameon=False,
+            fontsize=9,
         )
         for line in legend.get_lines():
             line.set(linewidth=2.5, alpha=1.0)
@@ -160,7 +167,8 @@ def draw_residence(
     mean = as_flown(field.mean(), scene)
     cp = pressure_coefficient(mean, scene, airflow)
     zone = suction_nodes(mean, cp, scene)
-    times = {name: times_in_zone(mean, cp, zone, part) for name, part in tracks.items() if part}
+    with_tracks = foremost(scene, [name for name, part in tracks.items() if part])
+    times = {name: times_in_zone(mean, cp, zone, tracks[name]) for name in with_tracks}
     axes, colours = new_axes(6.4, 3.9, paper), fraction_colours(list(scene.fraction))
     for name, found in times.items():
         stays = np.sort(found)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import known
 from ...core.geometry import along
-from ..canvas import COLOURS, INK, MM, bins_across, fraction_colours, new_figure, save, text_width
+from ..canvas import COLOURS, INK, MM, bins_across, foremost, fraction_colours, new_figure, of_all, save, text_width
 from ..outcome import add_figure
 from ..words import percent
 
@@ -52,11 +52,12 @@ class _Wall:
 def draw_landing(
     paper: Paper, scene: Scene, landings: Mapping[str, Landed], separation: Separation
 ) -> NDArray[np.object_]:
-    """Histograms of where each fraction lands, one row a fraction, one column a wall that has bins.
+    """Histograms of where each fraction lands, one row a fraction, one column a wall
+    that has bins; of very many fractions the :func:`foremost`.
 
     ``landings``: of every fraction by name. ``separation`` brings the shares and intervals that are written.
     """
-    names, walls = list(landings), list(_walls_with_bins(scene))
+    names, walls = foremost(scene, list(landings)), list(_walls_with_bins(scene))
     wide = 6.2 if len(walls) == 1 else 4.2
     figure = new_figure(1.0 + wide * len(walls), 0.9 + 1.65 * max(len(names), 1), paper)
     panels = figure.subplots(max(len(names), 1), len(walls), squeeze=False, sharex="col", sharey="row")
@@ -83,7 +84,8 @@ def draw_landing(
         _name_bins(axes, wall, scene, wide)
     for axes, wall in zip(panels[-1], walls, strict=True):
         axes.set_xlabel(wall.title)
-    figure.suptitle("Where each fraction lands, in percent of its mass", fontsize=9)
+    told = of_all(names, landings)
+    figure.suptitle(f"Where each fraction lands, in percent of its mass{told}", fontsize=9)
     heads = ("fraction", "wall", "from (m)", "to (m)", "share of its mass (%)")
     columns = (np.concatenate(column) for column in zip(*cells, strict=True))
     save(figure, paper, dict(zip(heads, columns, strict=True)))
@@ -239,7 +241,7 @@ ROW = 0.3  # inches
 def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[np.object_]:
     """Draw a panel a fraction and a row a bin: a mark a wake, and the answer with its 95 % interval as a bar."""
     rows = _wake_rows(scene, landings)
-    panels = list(dict.fromkeys(name for name, _ in rows))
+    panels = foremost(scene, list(dict.fromkeys(name for name, _ in rows)))
     wakes = list(dict.fromkeys(wake for _, _, wake in _marks(landings)))
     counts = [sum(name == one for one, _ in rows) for name in panels]
     figure = new_figure(6.4, 1.1 + ROW * sum(counts) + 0.45 * len(panels), paper)
