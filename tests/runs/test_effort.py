@@ -134,7 +134,7 @@ def test_a_larger_budget_buys_finer_settings(monkeypatch: pytest.MonkeyPatch) ->
         scene, request = Within(budget, shipped("rhombus"), ASKED, lambda *_: None, lambda *_: None).best()  # type: ignore[arg-type]
         return scene.feed.count, -scene.numerics.mesh_scale, request.rung
 
-    found = [best(budget) for budget in (45.0, 150.0, 2000.0)]
+    found = [best(budget) for budget in (45.0, 100.0, 2000.0)]
     assert found[0] < found[1] < (*found[2][:2], "draft")
     assert found[2] == (4096, -1.0, None)  # the scene's own
 
