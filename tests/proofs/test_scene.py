@@ -28,7 +28,7 @@ def test_a_scene_gets_a_row_for_every_setting(tmp_path: Path) -> None:
     Scene.parse(tables).save(path)
     report = run_curves(path, tmp_path, slow=False).write(tmp_path)
     rows = report.data()["rows"]
-    assert [row["knob"] for row in rows] == ["granules"] * 4 + ["tolerance"] * 4 + [LED] * len(TARGETS)
+    assert [row["knob"] for row in rows] == ["granules"] * 4 + ["tolerance"] * 3 + [LED] * len(TARGETS)
     assert [float(row["setting"]) for row in rows[:4]] == [16, 64, 256, 1024]
     assert rows[0]["half"] > 2.0 * rows[3]["half"]
     for row in rows[-len(TARGETS) :]:

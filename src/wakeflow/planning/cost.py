@@ -78,14 +78,13 @@ def _edges(scene: Scene, airflow: AirflowPlan, grid: int) -> float:
 # -- What a plan will cost ---------------------------------------------------------------------------------------------
 STARTED = 2.0  # s: importing and planning
 REPORT = 4.0  # s: its figures, tables and the field's files
-SECONDS_A_GRANULE = 100e-6  # s of both cores past a body: one flight with drag and weight; dispersion doubles it
+SECONDS_A_GRANULE = 200e-6  # s of both cores past a body: one flight with drag and weight; dispersion doubles it
 IN_KNOWN_AIR = 120e-6  # s of both cores: the same in air that is known without triangles
 WITHOUT_AIR = 30e-6  # s of both cores: of a flight from impact to impact
 EACH_STAGE = 0.5  # s of a stage in which granules fly, however few they are
 MESHED = 0.5, 3.0e-4  # s of a mesh, and of each cell
 READ = {"steady": 1.0, "time-resolved": 4.5}  # s: the field of a solved airflow
 AGAIN_UNDER_FORCE = 0.5  # a solution under force over a first one
-GATHERING = 1.5  # of the time of a flight: with its path, from which the force on the air is gathered
 RESIDENCE = 5.0  # s
 PROGRAM = 4e8  # bytes: the interpreter with its libraries
 IN_AIR = 1.8e8  # bytes: the kernels of a solved airflow and its field
@@ -244,7 +243,7 @@ def _gathering(work: Workload) -> Iterator[StageCost]:
     if work.airflow.loaded:
         steady = work.airflow.stepping == "steady"
         key = StageKey(AirLabel(draft=not steady), "momentum")
-        seconds = _flown(work, round(GATHERING * gathered(work.scene.feed.count)))
+        seconds = _flown(work, gathered(work.scene.feed.count))
         yield StageCost(key, seconds, "answer" if steady else "first", _passes(work) + 1)
 
 

@@ -95,7 +95,7 @@ def _tried(own: RefinedSettings) -> Iterator[tuple[str, RefinedSettings]]:
         if value is None:
             continue
         for number in reversed(range(POINTS[name])):
-            coarser = value * knobs[name].step ** (STEPS[name] * number)
+            coarser = float(f"{value * knobs[name].step ** (STEPS[name] * number):.12g}")
             if coarser > COARSEST.get(name, math.inf):
                 continue
             yield name, knobs[name].at(own, coarser)

@@ -251,8 +251,9 @@ def fly_slab(
 # -- How long the step of a crowd's clock may be -----------------------------------------------------------------------
 SAMPLE = 96  # granules
 NINE_OF_TEN = 0.9
-HOP = 0.25  # of the largest diameter: what a granule goes in a step at most, so that cells stay small
-SHAKE = 0.05  # rad of a vibration, and part of the time in which the air changes
+HOP = 0.5  # of the largest diameter: what a granule goes in a step at most, so that cells stay small
+SHAKE = 0.05  # rad of a vibration
+CHANGE = 0.25  # of the time in which the air changes
 ORDER = 2.0  # of the scheme
 SAFE, MAX_TRIALS, MIN_STEP = 0.8, 6, 1e-3  # of a step; trials; of the first step
 HALF = 0.5
@@ -332,4 +333,4 @@ def _longest(slab: Slab, right: Tracks) -> float:
     paces = [body.motion.pace for body in slab.solids if body.motion is not None and body.motion.moves]
     if paces:
         step = min(step, SHAKE / max(paces))
-    return float(min(step, SHAKE * rules.coarse))
+    return float(min(step, CHANGE * rules.coarse))

@@ -164,6 +164,18 @@ def _arrive(path, h, clock, tri, x, y, vx, vy, curl, state, ints, hold, grain):
 
 # -- A stride that is judged -------------------------------------------------------------------------------------------
 @inlined
+def _error(path, h, found, horizon, grain):
+    """What a stride h (s) may displace (m): by its defects, by a velocity's transient, and by the history force."""
+    rate = path[at.RATE]
+    carry = carried(rate, h, horizon)
+    error = h * displaced(found.ox, found.oy, found.mx, found.my, carry, rate, h)
+    error += found.relaxed * (rate * h / (rate * h + TRANSIENT)) ** 3
+    if grain[at.FORGET] != 0.0:
+        error += h * (h * phis(-rate * h)[2] * found.past + carry * found.bent)
+    return error
+
+
+@inlined
 def _landing(path, h, found, state, air, grain, walls, way):
     """Where a stride h (s) ends, with the mean defect of the force made good, and whether it is in the mesh and
     nothing can have been met on the way: nothing is if the distances before and after add up to more than the way.
@@ -214,13 +226,9 @@ def stride(path, cell, least, most, state, ints, hold, affine, air, grain, table
     start = _begin(path, look, state, ints, hold, air, grain, table)
     for _ in range(TRIES):
         found = _stages(path, h, 4, start, look, state, ints, hold, affine, air, grain, table)
-        rate, way, shorter = path[at.RATE], AROUND * h * found.fast, 0.5
+        way, shorter = AROUND * h * found.fast, 0.5
         if found.met:
-            carry = carried(rate, h, horizon)
-            error = h * displaced(found.ox, found.oy, found.mx, found.my, carry, rate, h)
-            error += found.relaxed * (rate * h / (rate * h + TRANSIENT)) ** 3
-            if grain[at.FORGET] != 0.0:
-                error += h * (h * phis(-rate * h)[2] * found.past + carry * found.bent)
+            error = _error(path, h, found, horizon, grain)
             allowed = STRIDE_SHARE * rules.allowance * math.sqrt(rules.extent * way)
             if error <= allowed:
                 tri, x, y, vx, vy, clear = _landing(path, h, found, state, air, grain, walls, way)
