@@ -112,7 +112,7 @@ def _thin(scene: Scene, request: Request) -> Scene:
     return scene.replace({"collisions.depth": min(crowd.depth, max(THINNEST * coarsest, crowd.depth / many))})
 
 
-QUICK = Effort("quick", 256, 3.0, 1e-2, force_within=11.0)
+QUICK = Effort("quick", 256, 3.0, 1e-2, force_within=8.0)
 EFFORTS = (
     QUICK,
     Effort("coarse", 1024, 2.0, 1e-2),
