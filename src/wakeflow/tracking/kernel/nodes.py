@@ -27,7 +27,7 @@ class LocalAir(NamedTuple):
 
     ux: float  # m/s
     uy: float
-    px: float  # Pa/m, over the density: as nodes hold it
+    px: float  # Pa/m
     py: float
     xx: float  # 1/s, du/dx
     xy: float  # du/dy

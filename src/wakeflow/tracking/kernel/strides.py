@@ -108,7 +108,7 @@ def _stages(path, h, last, start, look, state, ints, hold, affine, air, grain, t
     """Look at the force in the middle and at the end of a stride h (s), where ``last`` is 4 also at 1/4 and 3/4."""
     tri, fast, rate = ints[at.TRI], start.speed, path[at.RATE]
     past = bent = relaxed = ox = oy = nx = ny = hx = hy = 0.0
-    # Simpson's rule, or Boole's
+    # Of the vorticity at the ends and in the middle: Simpson's rule, or Boole's
     outer, middle = (1.0 / 6.0, 4.0 / 6.0) if last == 2 else (7.0 / 90.0, 12.0 / 90.0)
     curl = outer * start.curl
     path[at.N1X] = path[at.N1Y] = path[at.N2X] = path[at.N2Y] = 0.0
