@@ -470,3 +470,20 @@ def test_threads_may_read_sources_at_once() -> None:
         gc.set_threshold(*usual)
         gc.callbacks.remove(switch)
     assert found == ["Module(body=[Expr(va"] * 3 * len(files)
+
+
+def test_a_source_is_parsed_again_where_a_library_parses_meanwhile(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """It takes no turn, and CPython 3.11.2 ends in a SystemError."""
+    file, tries = tmp_path / "one.py", iter([SystemError("AST constructor recursion depth mismatch")] * 3)
+    file.write_text("a = 1\n")
+    parse = ast.parse
+
+    def disturbed(source: bytes) -> ast.Module:
+        for problem in tries:
+            raise problem
+        return parse(source)
+
+    monkeypatch.setattr(ast, "parse", disturbed)
+    assert ast.dump(parsed(file)) == ast.dump(parse("a = 1\n"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+import time
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
@@ -52,16 +53,25 @@ def loaded(package: str, name: str) -> Any:
 
 
 # One at a time: up to Python 3.11.4 the depth of a tree that is made belongs to all threads, and two that parse end in
-# "SystemError: AST constructor recursion depth mismatch" (CPython issue 106905)
+# "SystemError: AST constructor recursion depth mismatch" (CPython issue 106905). A library may parse meanwhile, which
+# takes no turn: then the tree is made again
 _parsing = threading.RLock()
+AGAIN = 20
+SHORTLY = 0.01  # s
 
 
 def parsed(file: Path) -> ast.Module:
     """The tree of a source file."""
     import ast
 
+    source = file.read_bytes()
     with _parsing:
-        return ast.parse(file.read_bytes())
+        for _ in range(AGAIN):
+            try:
+                return ast.parse(source)
+            except SystemError:
+                time.sleep(SHORTLY)
+        return ast.parse(source)
 
 
 @cache

@@ -326,7 +326,7 @@ def _longest(slab: Slab, right: Tracks) -> float:
     """The longest step worth trying (s)."""
     grains, rules = slab.grains, slab.rules
     solid = ~np.isin(grains.fraction, np.asarray(slab.collisions.tracers, dtype=np.int64))
-    thick = float(grains.diameter[solid].max(initial=0.0)) or rules.length
+    thick = float(grains.diameter[solid].max(initial=0.0)) or HALF * rules.length
     speeds = np.concatenate([np.linalg.norm(grains.velocity, axis=1), np.linalg.norm(right.velocity, axis=1)])
     fall = float(np.hypot(*np.asarray(slab.gravity, dtype=float)) * rules.length) ** 0.5
     step = HOP * thick / max(float(speeds.max(initial=0.0)), fall, 1e-9 * rules.length)
