@@ -15,7 +15,7 @@ FLOOR = np.array([[0.9, 0.02], [0.0, 0.02]])
 
 
 def air(kind: str) -> FlowField:
-    """Shear and a wave in a box of side 1 m, with turbulence: steady, as snapshots or as modes."""
+    """Shear and a wave in a box of side 1 m, with turbulence: steady, as snapshots, as modes, on a mesh that swings."""
     points, triangles = box(64, low=0.0, high=1.0)
     times = np.arange(24) * PERIOD / 24
     x, y = points.T
@@ -35,7 +35,10 @@ def air(kind: str) -> FlowField:
     field = FlowField.from_arrays(
         points, triangles, *rows, times=times, period=PERIOD, k=still, dissipation=20.0 * still
     )  # fmt: skip
-    return field.compressed(1e-4) if kind == "modes" else field
+    if kind == "snapshots":
+        return field
+    field = field.compressed(1e-4)
+    return field.moving((0.0, 0.01), 4 * np.pi / PERIOD, 0.2) if kind == "moving" else field
 
 
 def grains(diameter: float, density: float) -> Granules:
@@ -76,7 +79,7 @@ def test_strides_with_every_force_land_where_confined_steps_do(kind: str, size: 
 
 
 @pytest.mark.parametrize("size", ["grain", "chaff"])
-@pytest.mark.parametrize("kind", ["steady", "snapshots", "modes"])
+@pytest.mark.parametrize("kind", ["steady", "snapshots", "modes", "moving"])
 def test_any_tolerance_and_any_steps_fly_through_the_same_noise(kind: str, size: str) -> None:
     """What a granule sees of the eddies is fixed by seed and granule: landings differ by integration errors alone."""
     field, one = air(kind), grains(*SIZES[size])

@@ -150,7 +150,7 @@ LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
 
 def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forces: Sequence[str]) -> PackedAir:
     """The field's arrays; boundary edges with both ends within ``reach`` (m) of a body's outline count as covered by
-    it. They are kept as long as the field is: making them takes as long as flying a hundred granules.
+    it. They are kept as long as the field is: making them takes as long as a few hundred flights.
     """
     if field is None:
         empty = np.zeros((0, 3), dtype=np.int64)

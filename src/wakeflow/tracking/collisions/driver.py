@@ -252,6 +252,7 @@ def fly_slab(
 SAMPLE = 96  # granules
 NINE_OF_TEN = 0.9
 HOP = 0.5  # of the largest diameter: what a granule goes in a step at most, so that cells stay small
+ALONE = 0.5  # of the length, in place of that diameter where tracers fly alone
 SHAKE = 0.05  # rad of a vibration
 CHANGE = 0.25  # of the time in which the air changes
 ORDER = 2.0  # of the scheme
@@ -326,7 +327,7 @@ def _longest(slab: Slab, right: Tracks) -> float:
     """The longest step worth trying (s)."""
     grains, rules = slab.grains, slab.rules
     solid = ~np.isin(grains.fraction, np.asarray(slab.collisions.tracers, dtype=np.int64))
-    thick = float(grains.diameter[solid].max(initial=0.0)) or HALF * rules.length
+    thick = float(grains.diameter[solid].max(initial=0.0)) or ALONE * rules.length
     speeds = np.concatenate([np.linalg.norm(grains.velocity, axis=1), np.linalg.norm(right.velocity, axis=1)])
     fall = float(np.hypot(*np.asarray(slab.gravity, dtype=float)) * rules.length) ** 0.5
     step = HOP * thick / max(float(speeds.max(initial=0.0)), fall, 1e-9 * rules.length)
