@@ -91,7 +91,7 @@ def plan_collisions(
 
     Its steady operation is long enough for the fraction of most mass: a share of a half from n independent granules is
     known to 0.98 / sqrt(n) with 95 %. No more of them are asked for than the scene's feed.count, and for no more steps
-    than a run can afford. Raises SceneError where :func:`too_many_to_collide` says why none can be flown.
+    than a run can afford; a collisions.count that the scene gives is flown as it is. Raises SceneError where :func:`too_many_to_collide` says why none can be flown.
     """
     if (obstacle := too_many_to_collide(scene, laws)) is not None:
         raise SceneError(f"collisions: {obstacle}")
@@ -136,7 +136,8 @@ def _timing(
     whole = count / rates[max(real, key=lambda name: mass[name])]
     whole = max(whole, least * MIN_RAREST_GRANULES / min(rates[name] for name in real))
     replicates = int(np.clip(whole / (4.0 * start_up), least, MAX_REPLICATES)) // 2 * 2
-    affordable = MAX_STEPS * STEP / (at_once + CLOCK) - 2.0 * replicates * start_up
+    most = MAX_STEPS if scene.collisions.count is None else math.inf
+    affordable = most * STEP / (at_once + CLOCK) - 2.0 * replicates * start_up
     return replicates, max(min(whole, affordable), least * start_up) / replicates
 
 
