@@ -43,9 +43,9 @@ def crossing_times(lifetime: float, slip: float, rms: float) -> tuple[float, flo
     T_L / sqrt(1 + b^2 slip^2 / rms^2) along and with 4 b^2 across, b = 0.8: Csanady, G.T. 1963, J. Atmos. Sci. 20, 201.
     slip = |u - v| m/s of the mean air velocity, rms = sqrt(2 k / 3) m/s. T_L for both at slip 0; 0 where rms = 0.
     """
-    b = EULERIAN * slip
+    b2, rms2 = (EULERIAN * slip) ** 2, rms * rms
     calm = lifetime * rms
-    return calm / max(math.hypot(rms, b), 1e-300), calm / max(math.hypot(rms, 2.0 * b), 1e-300)
+    return calm / max(math.sqrt(rms2 + b2), 1e-300), calm / max(math.sqrt(rms2 + 4.0 * b2), 1e-300)
 
 
 def langevin(z: float) -> tuple[float, float, float, float, float]:
@@ -68,10 +68,11 @@ def langevin(z: float) -> tuple[float, float, float, float, float]:
         lost = 1.0 - decay
     t = lost / (2.0 - lost)
     mean = lost / z
-    if x < 1.0:  # x - tanh x without cancellation: Lambert's continued fraction of tanh
+    if x < 1.0:  # x - tanh x without cancellation: Lambert's continued fraction of tanh down to 19, as one quotient
         y = x * x
-        d = 3.0 + y / (5.0 + y / (7.0 + y / (9.0 + y / (11.0 + y / (13.0 + y / (15.0 + y / (17.0 + y / 19.0)))))))
-        own = math.sqrt(x / (d + y))
+        over = 654729075.0 + y * (91891800.0 + y * (2837835.0 + y * (25740.0 + y * 55.0)))
+        under = 218243025.0 + y * (16081065.0 + y * (289575.0 + y * (1430.0 + y)))
+        own = math.sqrt(x * under / (over + y * under))
     else:
         own = math.sqrt((1.0 - t / x) / x)
     return decay, math.sqrt(lost * (2.0 - lost)), mean, mean * math.sqrt(t), own

@@ -61,7 +61,13 @@ def _swayed(path, s, e, a, x, y, vx, vy):
 @compiled
 def along(path, s):
     """Position and velocity at time ``s`` after the step's start."""
-    e, p1, p2, p3, p4 = phis(-path[at.RATE] * s)
+    return along_phis(path, s, phis(-path[at.RATE] * s))
+
+
+@compiled
+def along_phis(path, s, p):
+    """The same with the phi functions ``p`` of z = -B s."""
+    e, p1, p2, p3, p4 = p
     a, b, c = s * p1, s * s * p2, 2.0 * s * s * s * p3
     d, f = s * s * s * p3, 2.0 * s * s * s * s * p4
     x = path[at.START_X] + a * path[at.START_VX] + b * path[at.N0X] + d * path[at.N1X] + f * path[at.N2X]

@@ -25,6 +25,24 @@ CHATTERS = 32  # impacts after which a granule remembers nothing: what it rememb
 
 
 @compiled
+def faded(path, grain, s):
+    """Where in the path is how far the memories have faded at time s of the step: of each e^z, t phi1 and 2 t^2 phi2.
+    Stages come back to the same times, so the last few are kept.
+    """
+    for k in range(at.FADED_TIMES):
+        if path[at.FADED + at.PER_FADED * k] == s:
+            return at.FADED + at.PER_FADED * k + 1
+    oldest = int(path[at.FADED_NEXT])
+    path[at.FADED_NEXT] = (oldest + 1) % at.FADED_TIMES
+    kept = at.FADED + at.PER_FADED * oldest + 1
+    path[kept - 1] = s
+    for i in range(at.MEMORIES):
+        e, p1, p2, _, _ = phis(-RATES[i] * grain[at.FORGET] * s)
+        path[kept + 3 * i], path[kept + 3 * i + 1], path[kept + 3 * i + 2] = e, s * p1, 2.0 * s * s * p2
+    return kept
+
+
+@compiled
 def begin_memory(path, state, ints, grain, hold, ux, uy, sx, sy):
     """Note the slip (sx, sy) at the step's start, for the moment as if it would last; returns the force per mass there.
 
@@ -37,8 +55,10 @@ def begin_memory(path, state, ints, grain, hold, ux, uy, sx, sy):
         lag_x, lag_y = (sx, sy) if chatters else (ux - state[at.LAG], uy - state[at.LAG + 1])
         for i in range(at.MEMORIES):
             state[at.LAG + 2 * i], state[at.LAG + 2 * i + 1] = lag_x, lag_y
-    for slot in range(at.SLIP, at.PATH):
+    for slot in range(at.SLIP, at.FADED_NEXT + 1):
         path[slot] = 0.0
+    for k in range(at.FADED_TIMES):
+        path[at.FADED + at.PER_FADED * k] = -1.0
     path[at.SLIP], path[at.SLIP + 1] = sx, sy
     if hold[at.KIND] == at.FREE:
         for i in range(at.MEMORIES):
@@ -70,14 +90,15 @@ def recall(path, state, grain, hold, s):
     fx = fy = grows = 0.0
     if hold[at.KIND] != at.FREE:
         return fx, fy, grows
+    first = faded(path, grain, s)
     for i in range(at.MEMORIES):
-        e, p1, p2, _, _ = phis(-RATES[i] * grain[at.FORGET] * s)
-        a, b, weight = s * p1, 2.0 * s * s * p2, grain[at.RECALL_0 + i]
+        e, a, b = path[first + 3 * i], path[first + 3 * i + 1], path[first + 3 * i + 2]
+        weight = grain[at.RECALL_0 + i]
         x, y = path[at.SLIP] - state[at.LAG + 2 * i], path[at.SLIP + 1] - state[at.LAG + 2 * i + 1]
         fx += weight * (e * x + a * path[at.SLIP + 2] + b * path[at.SLIP + 4])
         fy += weight * (e * y + a * path[at.SLIP + 3] + b * path[at.SLIP + 5])
-        grows += weight * p1
-    return fx, fy, grows
+        grows += weight * a
+    return fx, fy, grows / s
 
 
 @compiled
@@ -108,10 +129,10 @@ def remember(path, state, grain, hold, s):
     sx, sy = sampled(path, at.SLIP, s)
     wx, wy = sampled(path, at.SLIP, 0.0)
     kick_x = kick_y = 0.0
+    first = faded(path, grain, s)
     for i in range(at.MEMORIES):
-        rate = RATES[i] * grain[at.FORGET]
-        e, p1, p2, _, _ = phis(-rate * s)
-        a, b, x, y = s * p1, 2.0 * s * s * p2, at.LAG + 2 * i, at.LAG + 2 * i + 1
+        rate, x, y = RATES[i] * grain[at.FORGET], at.LAG + 2 * i, at.LAG + 2 * i + 1
+        e, a, b = path[first + 3 * i], path[first + 3 * i + 1], path[first + 3 * i + 2]
         lag_x = sx - (e * (wx - state[x]) + a * path[at.SLIP + 2] + b * path[at.SLIP + 4])
         lag_y = sy - (e * (wy - state[y]) + a * path[at.SLIP + 3] + b * path[at.SLIP + 5])
         kick_x += grain[at.RECALL_0 + i] / rate * (lag_x - state[x])

@@ -170,7 +170,10 @@ CONSTANTS = 34
     SLIP,  # m/s, /s, /s^2: the slip where it is remembered, a parabola s0 + s1 s + s2 s^2: x and y of s0, s1, s2
 ) = range(22)  # fmt: skip
 PAST = SLIP + 6  # m/s2, /s, /s^2: the history force that is part of N, the same
-PATH = PAST + 6
+FADED_NEXT = PAST + 6  # which of the next is written next
+FADED = FADED_NEXT + 1  # s, times of the step for which is kept how far the memories have faded: see ``history.faded``
+FADED_TIMES, PER_FADED = 3, 1 + 3 * MEMORIES
+PATH = FADED + FADED_TIMES * PER_FADED
 
 # -- The air of one triangle and one interval of time, see ``air.load_triangle`` ---------------------------------------
 # Polynomials in w = (t - T_BEGIN) PER_DT of the powers 0 to 3 (2 and 3 only where CUBIC is 1); each coefficient is

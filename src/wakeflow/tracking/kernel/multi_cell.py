@@ -41,12 +41,12 @@ def multi_cell_step(path, state, ints, hold, affine, air, grain, table, walls, r
     marches = grain[at.EXTRA] == 0.0 and grain[at.FORGET] == 0.0 and air.swing[at.SWING_OMEGA] == 0.0
     cell, _ = way_out(air.geometry, ints[at.TRI], state[at.X], state[at.Y], state[at.VX], state[at.VY], 0.0, 0.0, 0.0)
     least, most = (MIN_STRIDE if marches else 1.0) * cell, (DRAWN_STRIDE if drawn else MAX_STRIDE) * cell
-    longest, refused = stride(path, cell, least, most, state, ints, hold, affine, air, grain, table, walls, rules)
-    if longest > 0.0:
+    h, refused, slope = stride(path, cell, least, most, state, ints, hold, affine, air, grain, table, walls, rules)
+    if h > 0.0:
         ints[at.FRESH] = ints[at.HOPS] = ints[at.STUCK] = ints[at.MARCHES_CUT] = ints[at.STRIDES_REFUSED] = 0
         steps = 1
         if grain[at.NOISE] != 0.0 and not drawn:
-            steps += onward(path, longest, state, ints, hold, affine, air, grain, table, walls, rules)
+            steps += onward(path, h, slope, state, ints, hold, affine, air, grain, table, walls, rules)
         ints[at.STEPS] += steps
         return steps
     if not marches:

@@ -16,13 +16,14 @@ import math
 from typing import NamedTuple
 
 from . import layout as at
-from .dense_output import along, parabola, phis, sway
+from .crossings import first_line, first_wall
+from .dense_output import along, along_phis, parabola, phis, sway
 from .dispersion import renew_at
 from .forces import spin_in_curl
 from .history import begin_memory, bend_memory, recall, recall_line, remember, sampled
-from .jit import inlined
+from .jit import compiled, inlined
 from .locate import walk
-from .nodes import BOOLE, LocalAir, carried, displaced, excess_in, look_at
+from .nodes import BOOLE, carried, displaced, excess_in, look_at
 from .step import TRANSIENT
 from .walls import clearance
 
@@ -32,8 +33,13 @@ FIRST = 12.0  # triangles of the first stride tried; chosen by experiment
 GROWTH = 2.0  # of strides in a row
 TRIES = 3  # lengths tried in a row
 AROUND = 1.01  # a path is longer than its chord by less than one in a hundred where it is nearly straight
-UNJUDGED = 4  # strides in a row whose error is not looked at, after one whose was
-AHEAD = 10.0  # ways of such strides for which a clearance is looked up
+IN_A_ROW = 64  # strides from one interval of noise to the next
+ROW_SHARE = 3.0  # times what such a stride's parabola differs by from a straight line: errors of a row have one sign
+SKEW = 4.0  # times B h: part of a slip that fades which is no straight line; the same
+HOPELESS = 4.0  # times the allowed error: a stride that would have more, did N bend as before, is not tried
+AHEAD = 10.0  # ways of strides for which a clearance is looked up
+CLOSE = 0.25  # of a body's length: a stride by a wall, nearly straight
+BEFORE_IT = 0.9  # of the way to a wall: the next stride that is tried
 
 
 class Start(NamedTuple):
@@ -41,14 +47,15 @@ class Start(NamedTuple):
 
     curl: float  # 1/s, the vorticity that the granule sees
     speed: float  # m/s
+    sx: float  # m/s, slip
+    sy: float
 
 
 class Stages(NamedTuple):
     """What the looks at the force in a stride find out."""
 
     met: bool  # whether all lay in the mesh
-    tri: int  # the last triangle
-    look: LocalAir  # the air there
+    tri: int  # the triangle at the end
     fast: float  # m/s, the larger of the speeds at both ends
     curl: float  # 1/s, the mean vorticity that the granule saw
     ox: float  # m/s2, the parabola's defect at 1/4, but for the history force
@@ -58,6 +65,8 @@ class Stages(NamedTuple):
     past: float  # m/s2, defect at 3/4 of the history force's own parabola
     bent: float  # m/s2, what the slip's own parabola leaves out there does to it
     relaxed: float  # m, what B, frozen over all of a velocity's transient, displaces
+    gx: float  # m/s3, mean slope of N but for what the drag rate changes by
+    gy: float
 
 
 @inlined
@@ -72,7 +81,7 @@ def _begin(path, look, state, ints, hold, air, grain, table):
         ax, ay = begin_memory(path, state, ints, grain, hold, sx + vx, sy + vy, sx, sy)
         nx, ny = nx + ax, ny + ay
     path[at.RATE], path[at.N0X], path[at.N0Y] = rate, nx + rate * (vx + wx), ny + rate * (vy + wy)
-    return Start(curl, math.sqrt(vx * vx + vy * vy))
+    return Start(curl, math.sqrt(vx * vx + vy * vy), sx, sy)
 
 
 @inlined
@@ -104,36 +113,37 @@ def _past(path, s, state, hold, grain, sx, sy):
 
 
 @inlined
-def _stages(path, h, last, start, look, state, ints, hold, affine, air, grain, table):
-    """Look at the force in the middle and at the end of a stride h (s), where ``last`` is 4 also at 1/4 and 3/4."""
-    tri, fast, rate = ints[at.TRI], start.speed, path[at.RATE]
-    past = bent = relaxed = ox = oy = nx = ny = hx = hy = 0.0
-    # Of the vorticity at the ends and in the middle: Simpson's rule, or Boole's
-    outer, middle = (1.0 / 6.0, 4.0 / 6.0) if last == 2 else (7.0 / 90.0, 12.0 / 90.0)
-    curl = outer * start.curl
+def _stages(path, h, start, state, ints, hold, affine, air, grain, table):
+    """Look at the force in the middle of a stride h (s), at its end, at 1/4 and at 3/4."""
+    tri = half_way = last = ints[at.TRI]
+    fast, rate, curl = start.speed, path[at.RATE], 7.0 / 90.0 * start.curl  # of the vorticity by Boole's rule
+    past = bent = relaxed = ox = oy = nx = ny = hx = hy = gx = gy = 0.0
     path[at.N1X] = path[at.N1Y] = path[at.N2X] = path[at.N2Y] = 0.0
-    for stage in range(1, last + 1):
+    for stage in range(1, 5):
         s = h * (0.5 * stage if stage < 3 else 0.5 * stage - 1.25)
-        x, y, vx, vy = along(path, s)
-        tri, code = walk(air.geometry, air.neighbours, tri, x, y)
+        p = phis(-rate * s)
+        x, y, vx, vy = along_phis(path, s, p)
+        tri, code = walk(air.geometry, air.neighbours, tri if stage < 3 else half_way, x, y)
         if code != 0:
-            return Stages(False, tri, look, fast, curl, ox, oy, nx, ny, past, bent, relaxed)
+            return Stages(False, tri, fast, curl, ox, oy, nx, ny, past, bent, relaxed, gx, gy)
+        half_way, last = (tri if stage == 1 else half_way), (tri if stage == 2 else last)
         ints[at.EVALUATIONS] += 1
         look = look_at(ints, affine, air, grain, tri, x, y, state[at.T] + s)
         fx = path[at.N0X] + s * (path[at.N1X] + s * path[at.N2X])
         fy = path[at.N0Y] + s * (path[at.N1Y] + s * path[at.N2Y])
-        gain = 0.5 * s * phis(-rate * s)[2]
         ex, ey, now, vx, vy, sx, sy, turn = excess_in(
-            look, state, air, grain, table, vx, vy, state[at.T] + s, rate, fx, fy, gain, start.curl
+            look, state, air, grain, table, vx, vy, state[at.T] + s, rate, fx, fy, 0.5 * s * p[2], start.curl
         )
         if stage < 3:
-            curl += (middle if stage == 1 else outer) * turn
+            curl += (12.0 / 90.0 if stage == 1 else 7.0 / 90.0) * turn
             _bend(path, h, stage, s, nx, ny, hx, hy, ex, ey, sx, sy, state, hold, grain)
             nx, ny, hx, hy = ex, ey, sx, sy
             if stage == 2:
                 fast = max(fast, math.sqrt(vx * vx + vy * vy))
                 change = math.sqrt((vx - path[at.START_VX]) ** 2 + (vy - path[at.START_VY]) ** 2)
                 relaxed = change * abs(1.0 / rate - 1.0 / now)
+                gx = path[at.N1X] + h * path[at.N2X] - (now - rate) * sx / h
+                gy = path[at.N1Y] + h * path[at.N2Y] - (now - rate) * sy / h
             continue
         curl += 32.0 / 90.0 * turn
         nx, ny = ex - fx, ey - fy
@@ -144,14 +154,15 @@ def _stages(path, h, last, start, look, state, ints, hold, affine, air, grain, t
             ox, oy = nx, ny
         elif grain[at.FORGET] != 0.0:
             past, bent = _past(path, s, state, hold, grain, sx, sy)
-    return Stages(True, tri, look, fast, curl, ox, oy, nx, ny, past, bent, relaxed)
+    return Stages(True, last, fast, curl, ox, oy, nx, ny, past, bent, relaxed, gx, gy)
 
 
 @inlined
-def _arrive(path, h, clock, tri, x, y, vx, vy, curl, state, ints, hold, grain):
+def _arrive(path, h, clock, tri, end, curl, state, ints, hold, grain):
     """Move the granule to the end of a stride h (s), with its spin and what it remembers; ``clock``: when it has to
     end.
     """
+    x, y, vx, vy = end
     if grain[at.MAGNUS] != 0.0:
         state[at.SPIN] = spin_in_curl(grain, state[at.SPIN], curl, h)
     if grain[at.FORGET] != 0.0:
@@ -160,6 +171,13 @@ def _arrive(path, h, clock, tri, x, y, vx, vy, curl, state, ints, hold, grain):
     state[at.X], state[at.Y], state[at.VX], state[at.VY] = x, y, vx, vy
     state[at.T] = clock if h == clock - state[at.T] else state[at.T] + h
     ints[at.TRI] = tri
+
+
+@inlined
+def _flight_left(state, grain, rules, speed):
+    """How long (s) a velocity may be carried on: to the end, or as long as the flight takes."""
+    fall = math.sqrt(rules.extent * math.sqrt(grain[at.GX] ** 2 + grain[at.GY] ** 2))
+    return min(rules.until - state[at.T], rules.extent / (speed + fall + 1e-300))
 
 
 # -- A stride that is judged -------------------------------------------------------------------------------------------
@@ -175,69 +193,69 @@ def _error(path, h, found, horizon, grain):
     return error
 
 
+@compiled
+def _first_met(path, h, end, state, ints, grain, walls, rules, way):
+    """When the granule first meets a wall or a line on a stride h (s) that goes ``way`` (m) at most; -1.0: never."""
+    if clearance(walls, end[0], end[1], grain[at.RADIUS], way) >= way:
+        return -1.0
+    found, _, _ = first_wall(path, h, end, state[at.T], grain[at.RADIUS], rules.skin, walls, ints)
+    if found < 0.0:
+        found, _ = first_line(path, h, end, state[at.T], walls, rules.skin)
+    return found
+
+
 @inlined
-def _landing(path, h, found, state, air, grain, walls, way):
-    """Where a stride h (s) ends, with the mean defect of the force made good, and whether it is in the mesh and
-    nothing can have been met on the way: nothing is if the distances before and after add up to more than the way.
+def _met(path, h, tri, end, state, ints, air, grain, walls, rules, free, way):
+    """The triangle at the end of a stride h (s), and when on it the granule first meets a wall, a line or the end of
+    the mesh (s; -1.0: never). There is ``free`` room (m) where it begins.
     """
-    cx, cy = BOOLE * (found.ox + found.mx), BOOLE * (found.oy + found.my)
-    _, p1, p2, _, _ = phis(-path[at.RATE] * h)
-    x, y, vx, vy = along(path, h)
-    x, y = x + h * h * p2 * cx, y + h * h * p2 * cy
-    tri, code = walk(air.geometry, air.neighbours, found.tri, x, y)
-    free = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], way)
-    if code == 0:
-        free += clearance(walls, x, y, grain[at.RADIUS], way)
-    return tri, x, y, vx + h * p1 * cx, vy + h * p1 * cy, not (code != 0 or free <= way)
-
-
-@inlined
-def _room(h, least, speed, state, grain, walls):
-    """The longest stride (s), at most h, on whose way nothing can be met if it is straight; 0: none of ``least``."""
-    x, y, radius = state[at.X], state[at.Y], grain[at.RADIUS]
-    free = clearance(walls, x, y, radius, AROUND * h * speed)
-    for _ in range(3):
-        way = AROUND * h * speed
-        if free >= way or free + clearance(walls, x + h * state[at.VX], y + h * state[at.VY], radius, way) > way:
-            return h
-        h = (2.0 if 2.0 * free < way else 1.0) * free / (AROUND * speed)  # along the wall, towards it
-        if h < least:
-            break
-    return 0.0
+    tri, code = walk(air.geometry, air.neighbours, tri, end[0], end[1])
+    if code != 0:
+        return tri, 0.5 * h
+    return tri, -1.0 if free > way else _first_met(path, h, end, state, ints, grain, walls, rules, way)
 
 
 @inlined
 def stride(path, cell, least, most, state, ints, hold, affine, air, grain, table, walls, rules):
-    """Try one stride of ``least`` to ``most`` (s), or to the end of an interval of noise. Returns how long the next may
-    be (s; 0: the granule has not moved), and whether one was refused for its error.
+    """Try one stride of ``least`` to ``most`` (s), or to the end of an interval of noise. Returns its length (s; 0:
+    the granule has not moved), whether one was refused for its error, and the mean slope (m/s3) of N but for what
+    the drag rate changed by.
     """
     t0, speed, known = state[at.T], math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2), state[at.H_STRIDE]
     clock = min(rules.until, state[at.T_NOISE], state[at.T_END] if air.smooth[at.KNOT_RATE] == 0.0 else math.inf)
     asked = min(FIRST * cell if known == 0.0 else known, most)
-    h = _room(min(asked, clock - t0, LOOKS * rules.coarse), least, speed, state, grain, walls)
+    h = min(asked, clock - t0, LOOKS * rules.coarse)
+    way = AROUND * h * speed
+    free = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], AHEAD * way)
+    if free <= way:
+        h = min(h, CLOSE * rules.length / speed)
     refused = 0.0 < known < least
     if not (h >= least or h == state[at.T_NOISE] - t0 > 0.0):
         if refused:
             state[at.H_STRIDE] = least
-        return 0.0, refused
-    fall = math.sqrt(rules.extent * math.sqrt(grain[at.GX] ** 2 + grain[at.GY] ** 2))
-    horizon = min(rules.until - t0, rules.extent / (speed + fall + 1e-300))
+        return 0.0, refused, (0.0, 0.0)
+    horizon = _flight_left(state, grain, rules, speed)
     look = look_at(ints, affine, air, grain, ints[at.TRI], state[at.X], state[at.Y], t0)
     start = _begin(path, look, state, ints, hold, air, grain, table)
     for _ in range(TRIES):
-        found = _stages(path, h, 4, start, look, state, ints, hold, affine, air, grain, table)
+        found = _stages(path, h, start, state, ints, hold, affine, air, grain, table)
         way, shorter = AROUND * h * found.fast, 0.5
         if found.met:
             error = _error(path, h, found, horizon, grain)
             allowed = STRIDE_SHARE * rules.allowance * math.sqrt(rules.extent * way)
             if error <= allowed:
-                tri, x, y, vx, vy, clear = _landing(path, h, found, state, air, grain, walls, way)
-                if clear:
-                    _arrive(path, h, clock, tri, x, y, vx, vy, found.curl, state, ints, hold, grain)
+                path[at.N0X] += BOOLE * (found.ox + found.mx)  # the mean defect of the force is made good
+                path[at.N0Y] += BOOLE * (found.oy + found.my)
+                end = along(path, h)
+                tri, hit = _met(path, h, found.tri, end, state, ints, air, grain, walls, rules, free, way)
+                if hit < 0.0:
+                    _arrive(path, h, clock, tri, end, found.curl, state, ints, hold, grain)
                     longer = h * min(GROWTH, 0.8 * math.sqrt(allowed / error)) if error > 0.0 else GROWTH * h
                     state[at.H_STRIDE] = max(longer, known) if h < asked and not refused else longer
-                    plain = rules.allowance * way  # no mean defect is made good: errors add up
-                    return (h * min(GROWTH, 0.8 * math.sqrt(plain / error)) if error > 0.0 else GROWTH * h), False
+                    return h, False, (found.gx, found.gy)
+                path[at.N0X] -= BOOLE * (found.ox + found.mx)
+                path[at.N0Y] -= BOOLE * (found.oy + found.my)
+                shorter = BEFORE_IT * hit / h
             else:
                 shorter, refused = max(0.1, 0.7 * math.sqrt(allowed / error)) if math.isfinite(error) else 0.1, True
                 known = shorter * h
@@ -246,36 +264,82 @@ def stride(path, cell, least, most, state, ints, hold, affine, air, grain, table
             break
     if refused:
         state[at.H_STRIDE] = max(known, least)
-    return 0.0, refused
+    return 0.0, refused, (0.0, 0.0)
 
 
-# -- Strides that are not judged ---------------------------------------------------------------------------------------
+# -- Strides in a row, from one interval of noise to the next ----------------------------------------------------------
 @inlined
-def onward(path, longest, state, ints, hold, affine, air, grain, table, walls, rules):
-    """Strides over the next intervals of noise, each at most ``longest`` (s) and not judged. Returns how many."""
+def _one_look(path, h, p, slope, before, start, look, state, ints, hold, air, grain, table):
+    """The rest of a path of h (s) from one look at its end; ``p``: phi functions there. Returns the mean slope (m/s3)
+    of N but for what drag's rate changes by, half of what bends it (m/s4), and the vorticity at the end (1/s).
+
+    N is the sum of a parabola that goes on with the ``slope`` that it had on the stride ``before`` (s) this one, and of
+    the change of drag's rate times the slip, both straight lines: where the noise jumps a slip begins to fade, and that
+    part begins anew.
+    """
+    _, _, vx, vy = along_phis(path, h, p)
+    fx, fy = path[at.N0X] + h * path[at.N1X], path[at.N0Y] + h * path[at.N1Y]
+    nx, ny, rate, _, _, sx, sy, curl = excess_in(
+        look, state, air, grain, table, vx, vy, state[at.T] + h, path[at.RATE], fx, fy, h * p[2], start.curl
+    )
+    per, change = 1.0 / h, rate - path[at.RATE]
+    gx, gy = (nx - path[at.N0X] - change * sx) * per, (ny - path[at.N0Y] - change * sy) * per
+    if grain[at.FORGET] != 0.0:
+        ax, ay = recall_line(path, state, grain, hold, h, sx, sy)
+        ax, ay = (ax - path[at.PAST]) * per, (ay - path[at.PAST + 1]) * per
+        path[at.PAST + 2], path[at.PAST + 3] = ax, ay
+        gx, gy = gx + ax, gy + ay
+    bx, by = (gx - slope[0]) / (h + before), (gy - slope[1]) / (h + before)
+    change *= per
+    fx, fy = change * (sx - start.sx) * per, change * (sy - start.sy) * per
+    path[at.N1X], path[at.N1Y] = gx - h * bx + change * start.sx, gy - h * by + change * start.sy
+    path[at.N2X], path[at.N2Y] = bx + fx, by + fy
+    fades = min(1.0, SKEW * path[at.RATE] * h)
+    return (gx, gy), math.sqrt(bx * bx + by * by) + fades * math.sqrt(fx * fx + fy * fy), curl
+
+
+@inlined
+def onward(path, before, slope, state, ints, hold, affine, air, grain, table, walls, rules):
+    """Strides over the next intervals of noise with one look each, after a stride of ``before`` (s) and the mean
+    ``slope`` that ``stride`` tells, for as long as what the parabola of each differs by from a straight line is small.
+    Returns how many.
+    """
     end = rules.until if air.smooth[at.KNOT_RATE] != 0.0 else min(rules.until, state[at.T_END])
+    bend = math.sqrt(path[at.N2X] ** 2 + path[at.N2Y] ** 2)
     free = 0.0
+    horizon = _flight_left(state, grain, rules, math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2))
     look = look_at(ints, affine, air, grain, ints[at.TRI], state[at.X], state[at.Y], state[at.T])
-    for taken in range(UNJUDGED):
+    for taken in range(IN_A_ROW):
         if state[at.T] != state[at.T_NOISE] or not state[at.T] < end:
             return taken
         renew_at(look, state, ints, air, grain, table, rules)
         clock = min(end, state[at.T_NOISE])
         h = clock - state[at.T]
-        if h > longest:
-            return taken
         start = _begin(path, look, state, ints, hold, air, grain, table)
-        found = _stages(path, h, 2, start, look, state, ints, hold, affine, air, grain, table)
-        x, y, vx, vy = along(path, h)
-        tri, code = walk(air.geometry, air.neighbours, found.tri, x, y)
-        way = AROUND * h * found.fast
-        if not (found.met and code == 0):
+        p = phis(-path[at.RATE] * h)
+        # Displacement by a part of N that is 1 m/s4 times s (s - h), over the allowed one
+        amiss = ROW_SHARE * h * h * h / 6.0 * (h * p[2] + p[1] * min(1.0 / path[at.RATE], horizon))
+        amiss /= STRIDE_SHARE * rules.allowance * math.sqrt(rules.extent * AROUND * h * start.speed)
+        if h > LOOKS * rules.coarse or amiss * bend > HOPELESS:
             return taken
+        path[at.N1X], path[at.N1Y] = slope
+        path[at.N2X] = path[at.N2Y] = 0.0
+        x, y, _, _ = along_phis(path, h, p)
+        tri, code = walk(air.geometry, air.neighbours, ints[at.TRI], x, y)
+        if code != 0:
+            return taken
+        ints[at.EVALUATIONS] += 1
+        look = look_at(ints, affine, air, grain, tri, x, y, clock)
+        slope, bend, curl = _one_look(path, h, p, slope, before, start, look, state, ints, hold, air, grain, table)
+        if not amiss * bend <= 1.0:
+            return taken
+        last = along_phis(path, h, p)
+        way = AROUND * h * max(start.speed, math.sqrt(last[2] * last[2] + last[3] * last[3]))
         if free <= way:
             free = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], AHEAD * way)
-            if free <= way:
-                return taken
-        free -= way
-        look = look_at(ints, affine, air, grain, tri, x, y, clock)
-        _arrive(path, h, clock, tri, x, y, vx, vy, found.curl, state, ints, hold, grain)
-    return UNJUDGED
+        tri, hit = _met(path, h, tri, last, state, ints, air, grain, walls, rules, free, way)
+        if hit >= 0.0:
+            return taken
+        free, before = free - way, h
+        _arrive(path, h, clock, tri, last, 0.5 * (start.curl + curl), state, ints, hold, grain)
+    return IN_A_ROW
