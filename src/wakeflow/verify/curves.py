@@ -85,13 +85,8 @@ def benchmark_case(
     grains = feed.granules
     motion = motion_of(changed)
     moved = np.where(feed.injected[:, None], motion.at(grains.time)[0], 0.0) if motion is not None else 0.0
-    grains = grains.replace(
+    grains = as_spheres(grains).replace(
         position=grains.position - moved,  # from the body at rest, with the velocity that the moving one gave
-        density=grains.density / grains.drag_scale,
-        drag_scale=1.0,
-        sphericity=1.0,
-        inertia=None,  # points: OpenFOAM's parcels do not turn
-        spin=0.0,
         time=_phases(field, len(grains)),
     )
     bodies = (*(Body(body.outline()) for body in changed.body.values()), *_side_walls(field))
@@ -103,6 +98,12 @@ def benchmark_case(
     problem = TrackingProblem(field, bodies, until, changed.width, gravity=changed.gravity)
     free = _free(grains, field, bodies)
     return BenchmarkCase(kind, air, problem, grains[free], np.array(edges), feed.replicate[free])
+
+
+def as_spheres(grains: Granules) -> Granules:
+    """Points that do not turn, with the drag of spheres and the same terminal velocity: OpenFOAM's parcels."""
+    density = grains.density / grains.drag_scale
+    return grains.replace(density=density, drag_scale=1.0, sphericity=1.0, inertia=None, spin=0.0)
 
 
 def _side_walls(field: FlowField) -> list[Body]:
@@ -150,8 +151,13 @@ def travelling_wave(field: FlowField, speed: float, width: float, strength: floa
         return np.stack(across, axis=1) / (2 * eps)
 
     eps = 1e-6 * width
-    shots = [field.velocity + wave(t) for t in times]
-    return replace(field, velocity=np.stack(shots), times=times, period=period, pressure=None, k=None, dissipation=None)
+
+    def kept(values: Array | None) -> Array | None:
+        return None if values is None else np.tile(values, (SNAPSHOTS, 1))
+
+    shots = np.stack([field.velocity + wave(t) for t in times])
+    pressure, k, dissipation = (kept(values) for values in (field.pressure, field.k, field.dissipation))
+    return replace(field, velocity=shots, times=times, period=period, pressure=pressure, k=k, dissipation=dissipation)
 
 
 def resampled(field: FlowField, onto: FlowField) -> FlowField:
