@@ -38,7 +38,7 @@ FLOWN = {  # name: (fraction of the scene, changes of the scene)
 COLUMNS = {
     "granule": "{kind}", "air": "{air}", "tolerance": "{tolerance:.0e}", "median": "{median:.1e}", "95 %": "{p95:.1e}",
     "aside, 95 %": "{aside:.1e}", "in another bin, %": "{moved:.2f*100}",
-    "largest change of a share, points": "{change:+.2f*100} ± {sampling:.2f*100}", "CPU us": "{cpu:.3g*1e6}",
+    "largest change, points": "{change:+.2f*100} ± {sampling:.2f*100}", "CPU us": "{cpu:.3g*1e6}",
     "steps": "{steps:.0f}", "evaluations": "{evaluations:.0f}",
 }  # fmt: skip
 
@@ -59,6 +59,18 @@ class FlownKind:
         moved = self.grains.position + np.array([aside * self.flight.scene.width, 0.0])
         return flight.fly(self.fraction, self.grains.replace(position=moved))
 
+    def apart(self, tracks: Tracks, other: Tracks) -> NDArray[np.float64]:
+        """How far apart (body widths) each granule ends in two flights."""
+        return np.asarray(np.linalg.norm(tracks.position - other.position, axis=1) / self.flight.scene.width)
+
+    def without_eddies(self) -> FlownKind:
+        """The same granules with all forces but dispersion."""
+        plan = self.flight.plan
+        own = plan.fractions[self.fraction]
+        calm = replace(own, forces=tuple(force for force in own.forces if force != "dispersion"))
+        plan = replace(plan, fractions={**plan.fractions, self.fraction: calm})
+        return replace(self, flight=replace(self.flight, plan=plan))
+
 
 def flown_kinds(scene: Scene, airs: Mapping[str, FlowField], granules: int) -> Iterator[FlownKind]:
     """About so many ``granules`` of every kind in every airflow, with the forces that the scene's plan chooses."""
@@ -77,15 +89,11 @@ def flight_rows(one: FlownKind, tell: Tell) -> Iterator[JsonTable]:
     tell(f"{one.kind}, {one.air}, all forces: tolerance {REFERENCE:.0e}")
     scene, grains = one.flight.scene, one.grains
     reference = one.fly(REFERENCE)
-
-    def apart(tracks: Tracks, other: Tracks) -> NDArray[np.float64]:
-        return np.asarray(np.linalg.norm(tracks.position - other.position, axis=1) / scene.width)
-
     for tolerance in TOLERANCES:
         tell(f"{one.kind}, {one.air}, all forces: tolerance {tolerance:.0e}")
         tracks = one.fly(tolerance, 1)
         _, cpu = timed(lambda at=tolerance: one.fly(at, 1), REPEATS)  # type: ignore[misc]
-        off, aside = apart(tracks, reference), apart(tracks, one.fly(tolerance, aside=ASIDE))
+        off, aside = one.apart(tracks, reference), one.apart(tracks, one.fly(tolerance, aside=ASIDE))
         yield {
             "kind": one.kind, "air": one.air, "tolerance": tolerance, "count": len(grains),
             "median": float(np.median(off)), "p95": float(np.percentile(off, 95)),
