@@ -91,7 +91,8 @@ def plan_collisions(
 
     Its steady operation is long enough for the fraction of most mass: a share of a half from n independent granules is
     known to 0.98 / sqrt(n) with 95 %. No more of them are asked for than the scene's feed.count, and for no more steps
-    than a run can afford; a collisions.count that the scene gives is flown as it is. Raises SceneError where :func:`too_many_to_collide` says why none can be flown.
+    than a run can afford; a collisions.count that the scene gives is flown as it is. Raises SceneError where
+    :func:`too_many_to_collide` says why none can be flown.
     """
     if (obstacle := too_many_to_collide(scene, laws)) is not None:
         raise SceneError(f"collisions: {obstacle}")
