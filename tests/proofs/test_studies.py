@@ -131,20 +131,6 @@ def test_shares_do_not_depend_on_the_intervals_of_noise() -> None:
         assert abs(change) < 4.0 * error, row["name"]
 
 
-@pytest.mark.slow
-@pytest.mark.openfoam
-def test_tolerances() -> None:
-    """On a coarse mesh: no share of grain or chaff feels the tolerance; finer ones cost more."""
-    found: dict[str, list[Any]] = {}
-    for row in study("tolerances", "rhombus", "--granules", 512, "--coarse"):
-        found.setdefault(row["name"], []).append(row)
-    for name, rows in found.items():
-        spent = [row["steps"] for row in rows]
-        assert spent == sorted(spent)
-        assert all(abs(row["change"]) <= 0.5 for row in rows if name != "dust")
-        assert all(row["off"][0] < row["tolerance"] for row in rows)
-
-
 @pytest.mark.openfoam
 def test_domain() -> None:
     """Two rows: the distances asked for, and those that the program chooses."""

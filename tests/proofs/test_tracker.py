@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.laws.drag import drag_laws
 from wakeflow.meshing import plan_mesh
 from wakeflow.verify import runner
-from wakeflow.verify.curves import BenchmarkCase, CurvePoint, cost_at, score, travelling_wave
+from wakeflow.verify.curves import BenchmarkCase, CurvePoint, cost_at, score, times_faster, travelling_wave
 from wakeflow.verify.foam import FoamInterpolant, fly_parcels, make_foam_interpolant
 from wakeflow.verify.reference import TrackingProblem, fly_reference
 from wakeflow.verify.rk4 import Ends, fly_explicit
@@ -198,10 +199,20 @@ def _row(error: float, seconds: float) -> CurvePoint:
 
 def test_cost_at_an_error_is_read_off_the_best_settings() -> None:
     rows = [_row(error, 1e-6 / error) for error in (1e-2, 1e-3, 1e-5)]
-    assert cost_at([*rows, _row(1e-3, 5e-3)], 1e-4) == pytest.approx(1e-2)
-    assert cost_at(rows, 1.0) == pytest.approx(1e-4)  # the cheapest is accurate enough
+    assert cost_at([*rows, _row(1e-3, 5e-3)], 1e-4) == pytest.approx(1.5e-2)
+    assert cost_at(rows, 1.0) == pytest.approx(1.5e-4)  # the cheapest is accurate enough
     assert cost_at(rows, 1e-6) is None
     assert rows[0].evaluation_rate == pytest.approx(40.0 / 1.5e-4)
+
+
+def test_ratios_are_of_processor_time_and_judged_by_what_is_asked() -> None:
+    ours = [replace(_row(error, 1e-6 / error), method="wakeflow") for error in (1e-3, 1e-5)]
+    peer = [replace(_row(error, 3e-5 / error), method="OpenFOAM Euler") for error in (1e-3, 1e-5)]
+    explicit = [replace(_row(error, 1.2e-6 / error), method="explicit RK4") for error in (1e-3, 1e-5)]
+    found = {row["than"]: row for row in times_faster([*ours, *peer, *explicit])}
+    assert found["OpenFOAM"]["median"] == pytest.approx(30.0)
+    assert found["explicit RK4"]["p95"] == pytest.approx(1.2)
+    assert [row["met"] for row in found.values()] == [False, True]
 
 
 def test_score_counts_what_met_the_walls_otherwise() -> None:

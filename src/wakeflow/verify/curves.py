@@ -85,13 +85,8 @@ def benchmark_case(
     grains = feed.granules
     motion = motion_of(changed)
     moved = np.where(feed.injected[:, None], motion.at(grains.time)[0], 0.0) if motion is not None else 0.0
-    grains = grains.replace(
+    grains = as_spheres(grains).replace(
         position=grains.position - moved,  # from the body at rest, with the velocity that the moving one gave
-        density=grains.density / grains.drag_scale,
-        drag_scale=1.0,
-        sphericity=1.0,
-        inertia=None,  # points: OpenFOAM's parcels do not turn
-        spin=0.0,
         time=_phases(field, len(grains)),
     )
     bodies = (*(Body(body.outline()) for body in changed.body.values()), *_side_walls(field))
@@ -103,6 +98,12 @@ def benchmark_case(
     problem = TrackingProblem(field, bodies, until, changed.width, gravity=changed.gravity)
     free = _free(grains, field, bodies)
     return BenchmarkCase(kind, air, problem, grains[free], np.array(edges), feed.replicate[free])
+
+
+def as_spheres(grains: Granules) -> Granules:
+    """Points that do not turn, with the drag of spheres and the same terminal velocity: OpenFOAM's parcels."""
+    density = grains.density / grains.drag_scale
+    return grains.replace(density=density, drag_scale=1.0, sphericity=1.0, inertia=None, spin=0.0)
 
 
 def _side_walls(field: FlowField) -> list[Body]:
@@ -150,8 +151,13 @@ def travelling_wave(field: FlowField, speed: float, width: float, strength: floa
         return np.stack(across, axis=1) / (2 * eps)
 
     eps = 1e-6 * width
-    shots = [field.velocity + wave(t) for t in times]
-    return replace(field, velocity=np.stack(shots), times=times, period=period, pressure=None, k=None, dissipation=None)
+
+    def kept(values: Array | None) -> Array | None:
+        return None if values is None else np.tile(values, (SNAPSHOTS, 1))
+
+    shots = np.stack([field.velocity + wave(t) for t in times])
+    pressure, k, dissipation = (kept(values) for values in (field.pressure, field.k, field.dissipation))
+    return replace(field, velocity=shots, times=times, period=period, pressure=pressure, k=k, dissipation=dissipation)
 
 
 def resampled(field: FlowField, onto: FlowField) -> FlowField:
@@ -171,6 +177,8 @@ def resampled(field: FlowField, onto: FlowField) -> FlowField:
 
 
 ERROR = 1e-4  # body widths, where speeds are compared
+ERRORS = ("median", "p95")
+ASKED = {"OpenFOAM": 100.0, "explicit RK4": 1.0}  # times faster than each rival's best setting: the goal
 
 
 @dataclass(frozen=True)
@@ -241,19 +249,15 @@ def timed(work: Callable[[], object], repeats: int = 3) -> tuple[float, float]:
     return statistics.median(wall), statistics.median(cpu)
 
 
-def cost_at(rows: Iterable[CurvePoint], error: float, which: str = "median", clock: str = "seconds") -> float | None:
-    """Seconds a granule for which a method's best setting reaches ``error``; None when none does.
+def cost_at(rows: Iterable[CurvePoint], error: float, which: str = "median") -> float | None:
+    """Processor seconds a granule for which a method's best setting reaches ``error``; None when none does.
 
-    ``which`` error: median or p95; which ``clock``: seconds or cpu.
+    ``which`` error: median or p95.
 
     Read off the lower envelope of the points (error, seconds), straight between them in logarithms; a method whose
     cheapest setting is more accurate costs what that setting costs.
     """
-    points = sorted(
-        (float(value), float(getattr(row, clock)))
-        for row in rows
-        if (value := getattr(row, which)) is not None and value > 0
-    )
+    points = sorted((float(value), row.cpu) for row in rows if (value := getattr(row, which)) is not None and value > 0)
     envelope: list[tuple[float, float]] = []
     for value, seconds in points:  # from the smallest error on: only those cheaper than all more accurate ones
         if not envelope or seconds < envelope[-1][1]:
@@ -265,21 +269,17 @@ def cost_at(rows: Iterable[CurvePoint], error: float, which: str = "median", clo
 
 
 def times_faster(rows: Sequence[CurvePoint]) -> list[JsonTable]:
-    """How many times faster than its rivals the tracker is at ERROR: median error and the 95th percentile on the
-    clock, and the median for each core's time; None where one of both does not get there.
+    """How many times less processor time than its rivals' the tracker takes at ERROR, for the median error and for the
+    95th percentile, None where one of both does not get there; and whether the median is what is ``asked``.
     """
     found = []
     for kind, air in dict.fromkeys((row.kind, row.air) for row in rows):
         here = [row for row in rows if (row.kind, row.air) == (kind, air)]
-        for than in ("OpenFOAM", "explicit RK4"):
+        for than, asked in ASKED.items():
             if theirs := [row for row in here if row.method.startswith(than)]:
                 ours = [row for row in here if row.method == "wakeflow"]
-                costs = {
-                    name: [cost_at(some, ERROR, which, clock) for some in (theirs, ours)]
-                    for name, which, clock in (
-                        ("median", "median", "seconds"), ("cpu", "median", "cpu"), ("p95", "p95", "seconds")
-                    )
-                }  # fmt: skip
+                costs = {name: [cost_at(some, ERROR, name) for some in (theirs, ours)] for name in ERRORS}
                 ratios = {name: one / other if one and other else None for name, (one, other) in costs.items()}
-                found.append({"kind": kind, "air": air, "than": than, **ratios})
+                met = (ratios["median"] or 0.0) >= asked
+                found.append({"kind": kind, "air": air, "than": than, **ratios, "asked": asked, "met": met})
     return found

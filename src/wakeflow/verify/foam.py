@@ -191,7 +191,7 @@ subModels
 {
     particleForces { sphereDrag; gravity; }
     injectionModels {}
-    dispersionModel none;
+    dispersionModel %(dispersion)s;
     patchInteractionModel localInteraction;
     localInteractionCoeffs
     {
@@ -224,6 +224,11 @@ def _write_run(case: Path, grains: Granules, scheme: str, step: float, courant: 
         "writePrecision 16; timePrecision 12; writeCompression off; runTimeModifiable no;\n"
     )
     write_file(case / "system" / "controlDict", "dictionary", control)
+    write_properties(case, grains, scheme, courant)
+
+
+def write_properties(case: Path, grains: Granules, scheme: str, courant: float, dispersion: str = "none") -> None:
+    """Write what OpenFOAM's cloud of these granules feels: ``dispersion`` is its model of eddies."""
     words = {
         "courant": f"{courant:.17g}",
         "scheme": scheme,
@@ -231,13 +236,14 @@ def _write_run(case: Path, grains: Granules, scheme: str, step: float, courant: 
         "restitution": f"{float(grains.restitution[0]):.17g}",
         "friction": f"{float(grains.friction[0]):.17g}",
         "most": str(len(grains) + 1),
+        "dispersion": dispersion,
     }
-    write_file(case / "constant" / "kinematicCloudProperties", "dictionary", CLOUD_PROPERTIES % words)
+    write_file(case / "constant" / f"{CLOUD}Properties", "dictionary", CLOUD_PROPERTIES % words)
 
 
-def _write_cloud(foam: FoamInterpolant, grains: Granules, case: Path) -> None:
-    """Write the cloud as a solver that was stopped at time 0 would have left it."""
-    count, folder = len(grains), case / "0" / "lagrangian" / CLOUD
+def write_cloud(foam: FoamInterpolant, grains: Granules, state: Path) -> None:
+    """Write the cloud into the time folder ``state``, as a solver that was stopped there would have left it."""
+    count, folder = len(grains), state / "lagrangian" / CLOUD
     triangle = foam.field.locate(grains.position)
     if np.any(triangle < 0):
         raise FoamError(f"{int(np.sum(triangle < 0))} granules begin outside OpenFOAM's mesh")
@@ -257,7 +263,7 @@ def _write_cloud(foam: FoamInterpolant, grains: Granules, case: Path) -> None:
         write_file(folder / name, "vectorField", f"{count}{{(0 0 0)}}\n")
     for name, kind in COLLISION_RECORDS.items():  # OpenFOAM's parcels can collide; these have not
         write_file(folder / name, kind + "FieldField", f"{count}\n(\n" + "0()\n" * count + ")\n")
-    write_file(folder.parents[1] / "uniform" / "lagrangian" / CLOUD / "cloudProperties", "dictionary",
+    write_file(state / "uniform" / "lagrangian" / CLOUD / "cloudProperties", "dictionary",
            f"geometry positions;\nprocessor0 {{ particleCount {count}; }}\n")  # fmt: skip
 
 
@@ -277,7 +283,7 @@ def fly_parcels(
     for name in ("constant", "system", "0"):
         shutil.copytree(foam.case / name, folder / name)
     _write_run(folder, grains, scheme, step, courant, until)
-    _write_cloud(foam, grains, folder)
+    write_cloud(foam, grains, folder / "0")
     log = folder / f"log.{PROGRAM}"
     run_program([PROGRAM], cwd=folder, log=log, env=environment(), error=FoamError, hint=INSTALL)
     clock = re.findall(r"^ExecutionTime = (\S+) s", log.read_text(), re.M)
