@@ -40,7 +40,7 @@ from .report import Report, Table, Tell
 from .rk4 import Ends, fly_explicit
 
 Fly = Callable[[Granules], tuple[Ends, float]]
-TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
+TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 STEPS = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5)  # s, of the explicit tracker
 STABLE = (2.5, 1.2, 0.6)  # in relaxation times, where those steps are not stable
 LARGEST_STABLE = 2.78  # relaxation times: classical Runge-Kutta on the negative real axis
