@@ -6,8 +6,9 @@ over: what they add to the force is small, and of another sign from stride to st
 is judged. Errors of strides add up as independent ones do, so each may have the part of the tolerance that the root of
 its way over the flight's gives it.
 
-Where an interval of noise ends before the error asks for an end, the next few strides are not judged: they look at the
-air in their middle and at their end. docs/kernel.md derives the step, its error and the numbers below.
+Where an interval of noise ends before the error asks for an end, the strides that follow look at the air once, at their
+end, and judge themselves by how the force bends from one to the next. docs/kernel.md derives the steps, their errors
+and the numbers below.
 """
 
 from __future__ import annotations
