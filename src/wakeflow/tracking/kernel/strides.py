@@ -114,6 +114,17 @@ def _past(path, s, state, hold, grain, sx, sy):
 
 
 @inlined
+def _fades(path, h, now, vx, vy, sx, sy):
+    """At the end of a stride h (s), with the drag rate ``now`` and the slip there: what B, frozen, displaces (m), and
+    the mean slope of N (m/s3) but for what B changes by.
+    """
+    change = math.sqrt((vx - path[at.START_VX]) ** 2 + (vy - path[at.START_VY]) ** 2)
+    per = (now - path[at.RATE]) / h
+    gx = path[at.N1X] + h * path[at.N2X] - per * sx
+    return change * abs(1.0 / path[at.RATE] - 1.0 / now), gx, path[at.N1Y] + h * path[at.N2Y] - per * sy
+
+
+@inlined
 def _stages(path, h, start, state, ints, hold, affine, air, grain, table):
     """Look at the force in the middle of a stride h (s), at its end, at 1/4 and at 3/4."""
     tri = half_way = last = ints[at.TRI]
@@ -141,10 +152,7 @@ def _stages(path, h, start, state, ints, hold, affine, air, grain, table):
             nx, ny, hx, hy = ex, ey, sx, sy
             if stage == 2:
                 fast = max(fast, math.sqrt(vx * vx + vy * vy))
-                change = math.sqrt((vx - path[at.START_VX]) ** 2 + (vy - path[at.START_VY]) ** 2)
-                relaxed = change * abs(1.0 / rate - 1.0 / now)
-                gx = path[at.N1X] + h * path[at.N2X] - (now - rate) * sx / h
-                gy = path[at.N1Y] + h * path[at.N2Y] - (now - rate) * sy / h
+                relaxed, gx, gy = _fades(path, h, now, vx, vy, sx, sy)
             continue
         curl += 32.0 / 90.0 * turn
         nx, ny = ex - fx, ey - fy
@@ -217,6 +225,22 @@ def _met(path, h, tri, end, state, ints, air, grain, walls, rules, free, way):
 
 
 @inlined
+def _land(path, h, clock, found, state, ints, hold, air, grain, walls, rules, free, way):
+    """Make good the mean defect of the force, and arrive at the end of a stride h (s), unless something is met on it.
+    Returns when (s; -1.0: nothing is).
+    """
+    cx, cy = BOOLE * (found.ox + found.mx), BOOLE * (found.oy + found.my)
+    path[at.N0X], path[at.N0Y] = path[at.N0X] + cx, path[at.N0Y] + cy
+    end = along(path, h)
+    tri, hit = _met(path, h, found.tri, end, state, ints, air, grain, walls, rules, free, way)
+    if hit < 0.0:
+        _arrive(path, h, clock, tri, end, found.curl, state, ints, hold, grain)
+    else:
+        path[at.N0X], path[at.N0Y] = path[at.N0X] - cx, path[at.N0Y] - cy
+    return hit
+
+
+@inlined
 def stride(path, cell, least, most, state, ints, hold, affine, air, grain, table, walls, rules):
     """Try one stride of ``least`` to ``most`` (s), or to the end of an interval of noise. Returns its length (s; 0:
     the granule has not moved), whether one was refused for its error, and the mean slope (m/s3) of N but for what
@@ -245,17 +269,11 @@ def stride(path, cell, least, most, state, ints, hold, affine, air, grain, table
             error = _error(path, h, found, horizon, grain)
             allowed = STRIDE_SHARE * rules.allowance * math.sqrt(rules.extent * way)
             if error <= allowed:
-                path[at.N0X] += BOOLE * (found.ox + found.mx)  # the mean defect of the force is made good
-                path[at.N0Y] += BOOLE * (found.oy + found.my)
-                end = along(path, h)
-                tri, hit = _met(path, h, found.tri, end, state, ints, air, grain, walls, rules, free, way)
+                hit = _land(path, h, clock, found, state, ints, hold, air, grain, walls, rules, free, way)
                 if hit < 0.0:
-                    _arrive(path, h, clock, tri, end, found.curl, state, ints, hold, grain)
                     longer = h * min(GROWTH, 0.8 * math.sqrt(allowed / error)) if error > 0.0 else GROWTH * h
                     state[at.H_STRIDE] = max(longer, known) if h < asked and not refused else longer
                     return h, False, (found.gx, found.gy)
-                path[at.N0X] -= BOOLE * (found.ox + found.mx)
-                path[at.N0Y] -= BOOLE * (found.oy + found.my)
                 shorter = BEFORE_IT * hit / h
             else:
                 shorter, refused = max(0.1, 0.7 * math.sqrt(allowed / error)) if math.isfinite(error) else 0.1, True
