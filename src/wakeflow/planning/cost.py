@@ -78,7 +78,7 @@ def _edges(scene: Scene, airflow: AirflowPlan, grid: int) -> float:
 # -- What a plan will cost ---------------------------------------------------------------------------------------------
 STARTED = 2.0  # s: importing and planning
 REPORT = 4.0  # s: its figures, tables and the field's files
-SECONDS_A_GRANULE = 200e-6  # s of both cores past a body: one flight with drag and weight; dispersion doubles it
+SECONDS_A_GRANULE = 120e-6  # s of both cores past a body: one flight with drag and weight; dispersion doubles it
 IN_KNOWN_AIR = 120e-6  # s of both cores: the same in air that is known without triangles
 WITHOUT_AIR = 30e-6  # s of both cores: of a flight from impact to impact
 EACH_STAGE = 0.5  # s of a stage in which granules fly, however few they are
