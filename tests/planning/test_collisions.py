@@ -247,6 +247,14 @@ def test_a_tighter_accuracy_counts_for_longer(draft: Scene) -> None:
     assert whole[0] < whole[1] < whole[2]
 
 
+def test_a_count_that_a_scene_gives_is_flown_as_it_is(draft: Scene) -> None:
+    known = laws(draft)
+    few, many = (
+        plan_collisions(draft.replace({"collisions.count": count}), known, 0.01) for count in (100_000, 1_000_000)
+    )
+    assert many.replicates * many.operation == pytest.approx(10.0 * few.replicates * few.operation, rel=1e-9)
+
+
 IDLE = 30.0  # how many times what it bounds a bound may be
 
 

@@ -101,6 +101,20 @@ def test_strides_meet_walls_where_confined_steps_do() -> None:
     assert np.all(found.fate != Fate.STOPPED)
 
 
+@pytest.mark.parametrize("kind", ["steady", "modes", "moving"])
+@pytest.mark.parametrize("size", ["chaff", "dust"])
+def test_no_stride_passes_a_line_unseen(kind: str, size: str) -> None:
+    """Granules begin at rest, so that on the way down each stride is longer than the speed at its start foretells."""
+    field, one = air(kind), grains(*SIZES[size])
+    heights = np.geomspace(0.002, 0.3, COUNT)
+    one = one.replace(position=np.stack([np.linspace(0.2, 0.7, COUNT), 0.3 + heights], axis=1), velocity=0.0)
+    line = np.array([[1.0, 0.3], [0.0, 0.3]])
+    found = flown(field, one, 0.1, "dispersion", lines=[line], gravity=(0.0, -60.0))
+    first = found.fate == Fate.BINNED
+    assert first.mean() > 0.5
+    assert np.all(found.position[~first, 1] > 0.3)  # blown out at the side, none below the line
+
+
 def test_the_air_that_is_kept_of_a_field_has_what_each_fraction_needs() -> None:
     """One flies without the pressure gradient, the next with it, in one field."""
     field, one = air("modes"), grains(*SIZES["chaff"])

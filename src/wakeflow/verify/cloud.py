@@ -27,7 +27,7 @@ from ..foam.solver import last_state, states
 from ..tracking import Granules
 from .curves import as_spheres
 from .flights import REFERENCE, WANTED, FlownKind
-from .foam import CLOUD, FoamInterpolant, interpolant, write_cloud, write_file, write_properties
+from .foam import CLOUD, FoamInterpolant, interpolant, write_cloud, write_gravity, write_properties
 from .report import Tell
 
 Array = NDArray[np.float64]
@@ -120,11 +120,9 @@ def fly_cloud(
     spheres = as_spheres(grains)
     write_properties(folder, spheres, SCHEME, courant, dispersion)
     write_cloud(case.foam, spheres, state)
-    constant = folder / "constant"
-    with (constant / "transportProperties").open("a") as stream:
+    write_gravity(folder)
+    with (folder / "constant" / "transportProperties").open("a") as stream:
         stream.write(f"\nrho {case.foam.field.density:.17g};\n")
-    gravity = "dimensions [0 1 -2 0 0 0 0];\nvalue (0 -9.81 0);\n"
-    write_file(constant / "g", "uniformDimensionedVectorField", gravity)
     with (folder / "system" / "controlDict").open("a") as stream:
         stream.write(FUNCTION)
     call(folder, [SOLVER])

@@ -25,6 +25,7 @@ from ..foam.case import INSTALL, FlowSpec, environment
 from ..foam.polymesh import FoamMesh, read_polymesh
 from ..foam.prepare import prepare_case
 from ..foam.reconstruction import PlaneMesh
+from ..laws.constants import GRAVITY
 from ..meshing import MeshSpec, build_mesh
 from ..tracking import Granules
 from .rk4 import Ends
@@ -159,9 +160,7 @@ def _write_case(case: Path, field: FlowField) -> None:
     )
     write_file(case / "constant" / "transportProperties", "dictionary", transport)
     write_file(case / "constant" / "turbulenceProperties", "dictionary", "simulationType laminar;\n")
-    write_file(
-        case / "constant" / "g", "uniformDimensionedVectorField", "dimensions [0 1 -2 0 0 0 0];\nvalue (0 -9.81 0);\n"
-    )
+    write_gravity(case)
     schemes = {"ddt": "Euler", "grad": "Gauss linear", "div": "none", "laplacian": "none", "interpolation": "linear"}
     entries = "".join(f"{name}Schemes {{ default {value}; }}\n" for name, value in schemes.items())
     entries += "snGradSchemes { default none; }\n"
@@ -225,6 +224,12 @@ def _write_run(case: Path, grains: Granules, scheme: str, step: float, courant: 
     )
     write_file(case / "system" / "controlDict", "dictionary", control)
     write_properties(case, grains, scheme, courant)
+
+
+def write_gravity(case: Path) -> None:
+    """Write the field of gravity, downwards."""
+    text = f"dimensions [0 1 -2 0 0 0 0];\nvalue (0 {-GRAVITY} 0);\n"
+    write_file(case / "constant" / "g", "uniformDimensionedVectorField", text)
 
 
 def write_properties(case: Path, grains: Granules, scheme: str, courant: float, dispersion: str = "none") -> None:

@@ -113,7 +113,7 @@ def _error(rules, face, limits, bend, dt, zx, zy):
     (m/s), and what the bend of N displaces (m/s) where N is taken for linear.
     """
     horizon = min(rules.until - limits.t0, rules.extent / (math.sqrt(face.speed2) + limits.fall))
-    carry = carried(face.rate, dt, horizon)
+    carry = carried(phis(-face.rate * dt), face.rate, dt, horizon)
     allowed = MARCH_SHARE * rules.allowance * math.sqrt(max(face.speed2, zx * zx + zy * zy))
     return carry, allowed, carry * math.sqrt(bend.kx * bend.kx + bend.ky * bend.ky) / 6.0  # mean of w (1 - w)
 

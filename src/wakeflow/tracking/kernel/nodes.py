@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 from . import layout as at
 from .air import mesh_velocity, share_rates, shares
-from .dense_output import phis
 from .forces import drag_rate, forces_in_gradient, spin_in_curl
 from .jit import compiled, inlined
 
@@ -150,12 +149,11 @@ ODD = 0.18
 
 
 @compiled
-def carried(rate, h, horizon):
-    """Displacement over h (s) by a constant error of the force: within the step h, and after it by the velocity that it
-    leaves, which lasts min(1 / B, horizon).
+def carried(p, rate, h, horizon):
+    """Displacement over h (s) by a constant error of the force, with the phi functions ``p`` of z = -B h: within the
+    step h, and after it by the velocity that it leaves, which lasts min(1 / B, horizon).
     """
-    _, p1, p2, _, _ = phis(-rate * h)
-    return h * p2 + p1 * min(1.0 / rate, horizon)
+    return h * p[2] + p[1] * min(1.0 / rate, horizon)
 
 
 @compiled

@@ -194,11 +194,12 @@ def _flight_left(state, grain, rules, speed):
 def _error(path, h, found, horizon, grain):
     """What a stride h (s) may displace (m): by its defects, by a velocity's transient, and by the history force."""
     rate = path[at.RATE]
-    carry = carried(rate, h, horizon)
+    p = phis(-rate * h)
+    carry = carried(p, rate, h, horizon)
     error = h * displaced(found.ox, found.oy, found.mx, found.my, carry, rate, h)
     error += found.relaxed * (rate * h / (rate * h + TRANSIENT)) ** 3
     if grain[at.FORGET] != 0.0:
-        error += h * (h * phis(-rate * h)[2] * found.past + carry * found.bent)
+        error += h * (h * p[2] * found.past + carry * found.bent)
     return error
 
 
@@ -337,7 +338,7 @@ def onward(path, before, slope, state, ints, hold, affine, air, grain, table, wa
         start = _begin(path, look, state, ints, hold, air, grain, table)
         p = phis(-path[at.RATE] * h)
         # Displacement by a part of N that is 1 m/s4 times s (s - h), over the allowed one
-        amiss = ROW_SHARE * h * h * h / 6.0 * (h * p[2] + p[1] * min(1.0 / path[at.RATE], horizon))
+        amiss = ROW_SHARE * h * h * h / 6.0 * carried(p, path[at.RATE], h, horizon)
         amiss /= STRIDE_SHARE * rules.allowance * math.sqrt(rules.extent * AROUND * h * start.speed)
         if h > LOOKS * rules.coarse or amiss * bend > HOPELESS:
             return taken
