@@ -6,6 +6,7 @@ with an entry in CHANGELOG.md.
 
 import inspect
 from collections.abc import Iterator
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +58,7 @@ def names() -> Iterator[str]:
             annotated = {key for base in thing.__mro__ for key in getattr(base, "__annotations__", {})}
             own = {key for key in annotated | set(dir(thing)) if not key.startswith(("_", "model_"))}
             yield from (f"name wf.{name}.{key}" for key in own)
-        if callable(thing) and not (inspect.isclass(thing) and issubclass(thing, Exception)):
+        if callable(thing) and not (inspect.isclass(thing) and issubclass(thing, Exception | Enum)):
             yield from (f"parameter wf.{name}({key})" for key in inspect.signature(thing).parameters)
 
 

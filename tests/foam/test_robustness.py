@@ -399,6 +399,7 @@ class TestRanks:
     pytestmark = pytest.mark.openfoam
 
     @pytest.mark.mpi
+    @pytest.mark.timeout(2400)  # ranks wait for each other at every message: next to much other work very long
     def test_two_ranks_give_the_same_drag_and_survive_an_interruption(self, tmp_path: Path) -> None:
         """On cells enough for a run of some seconds, so that there is something to interrupt."""
         spec, case = flow(), tmp_path / "case"

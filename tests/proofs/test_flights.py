@@ -91,3 +91,13 @@ def test_openfoams_cloud_flies_inside_its_solver(tmp_path: Path) -> None:
     log = cloud.SolverLog.of(run)
     assert log.flown == pytest.approx(0.02 * cloud.SETTINGS[rows[1]["courant"]], rel=0.1)
     assert len(Table("cloud", cloud.COLUMNS, rows).cells()) == 2
+    assert [row["kind"] for row in cloud.at_equal_error(rows)] == ["wheat"]
+
+
+def test_costs_at_equal_error_lie_between_those_of_the_settings() -> None:
+    """Ten times the error for a tenth of the cost, in between by powers; beyond the settings a bound, which is said."""
+    settings = [{"kind": "ball", "ours": 1.0, "median": 1e-2, "cpu": 10.0}, {"median": 1e-3, "cpu": 100.0}]
+    for own, times, how in ((10**-2.5, 10**1.5, "between"), (1e-1, 10.0, "at most"), (1e-4, 100.0, "at least")):
+        (row,) = cloud.at_equal_error([{**settings[0], **one, "own_median": own} for one in settings])
+        assert row["times"] == pytest.approx(times)
+        assert row["how"].startswith(how)

@@ -58,7 +58,7 @@ def test_gamma_gives_the_amplitude(rhombus: Scene) -> None:
         ({"air.speed": "5 kg"}, "air.speed = '5 kg': needs a number in m/s or a string such as '5 m/s'"),
         (
             {"air.speed": -1},
-            "air.speed = -1: too small (allowed: >= 1e-06 m/s and <= 100 m/s); which way it blows is said",
+            "air.speed = -1: too small (allowed: >= 0 m/s and <= 100 m/s); which way it blows is said",
         ),
         ({"fraction.wheat.friction": "40 %"}, "needs a number (allowed: >= 0 and <= 10)"),
         ({"channel.width": "40 mm"}, " and 5 more"),
@@ -548,7 +548,8 @@ def test_every_key_is_explained_with_unit_range_and_default() -> None:
             assert "const" in node or "$ref" in node or node.get("description"), f"{name}.{key}"
     air, vibration = schema["$defs"]["Air"]["properties"], schema["$defs"]["Vibration"]["properties"]
     assert air["speed"]["unit"] == "m/s"
-    assert air["speed"]["description"] == (">= 1e-06 m/s and <= 100 m/s; a number in m/s, or a string such as '5 m/s'")
+    words = "0: air at rest; >= 0 m/s and <= 100 m/s; a number in m/s, or a string such as '5 m/s'"
+    assert air["speed"]["description"] == words
     assert air["turbulence"]["default"] == 0.05
     assert vibration["direction"]["default"] == pytest.approx(1.5707963)
     assert "null" not in str(schema)

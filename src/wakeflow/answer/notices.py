@@ -79,7 +79,7 @@ def _out_of_the_top(scene: Scene, tracked: Tracked) -> Iterator[Notice]:
     """Of the fractions that leave the channel above the feed: what upward air carries into the bin that stands there
     for it, and what no bin counts, carried or thrown.
     """
-    carried = scene.air is not None and scene.air.direction == "up"
+    carried = scene.air is not None and scene.air.rises
     how = "leaves through the top with the air" if carried else "is thrown out through the top"
     mend = "a [bin.NAME] with on = 'top' counts it" if carried else "a higher channel.top keeps it in"
     above = list(scene.bin).index(OVER_THE_TOP) if carried and OVER_THE_TOP in scene.bin else None

@@ -34,8 +34,8 @@ def operating_map(
     Raises SceneError where the scene has no air or no feed rate, and where no fraction has a target.
     """
     asked = Scene.of(scene)
-    if asked.air is None or asked.feed.rate is None:
-        raise SceneError("a map needs an air.speed and a feed.rate in the scene")
+    if asked.air is None or asked.air.still or asked.feed.rate is None:
+        raise SceneError("a map needs an air.speed above 0 and a feed.rate in the scene")
     if not any(fraction.targets for fraction in asked.fraction.values()):
         raise SceneError("no fraction has a target, so that nothing is recovered: give fraction.NAME.target, a bin")
     speeds = list(air) if air else [part * asked.air.speed for part in AROUND]

@@ -93,7 +93,7 @@ def arrival(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, spe
     reach *= 2.0 ** max(
         0.0, np.ceil(np.log2((float(drop.max(initial=0.0)) + 0.5) / reach))
     )  # the same for any part of the granules
-    flow = -scene.air.speed if scene.air.direction == "down" else scene.air.speed
+    flow = scene.air.speed if scene.air.rises else -scene.air.speed
     if not scene.plumb.upright:
         flow = 0.0  # what it falls before it comes into the channel is outside, where the air rests
     corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, reach), (-1.0, reach)])

@@ -244,7 +244,7 @@ def _fly(
     for _ in range(STEPS):
         u, slope = air(label)
         way = STEP * np.maximum(front.edge(z), NEAREST * front.half)
-        dt = way / np.maximum(np.maximum(np.abs(v), np.abs(u)), SLOWEST * abs(calm))
+        dt = way / np.maximum(np.maximum(np.abs(v), np.abs(u)), max(SLOWEST * abs(calm), 1e-300))
         dt = np.minimum(dt, np.sqrt(2.0 * way / max(abs(pull), 1e-300)))  # from rest
         tau = relax(np.abs(u - v))
         trial, _ = _step(z, v, u + pull * tau, tau, dt)

@@ -390,7 +390,7 @@ def _falls(plan: Plan, scene: Scene) -> list[dict[str, object]]:
         speed = one.terminal_velocity
         if scene.air is None or speed is None:
             told = "falls freely"
-        elif scene.air.direction == "up":
+        elif scene.air.rises:
             told = "is lifted" if speed < scene.air.speed else "falls"
         else:
             told = f"falls at {scene.air.speed + speed:.3g} m/s at most"

@@ -35,9 +35,9 @@ class NoAir(AirflowKind):
 
 @airflow_kinds.register("analytic")
 class AnalyticAir(AirflowKind):
-    """The air of a channel without bodies; made in no time, so not kept."""
+    """The air of a channel without bodies, or at rest; made in no time, so not kept."""
 
-    means = "known everywhere, since it has no body"
+    means = "known everywhere, nothing is solved"
     at_once = True
 
     def make_field(self) -> tuple[str, FlowField]:

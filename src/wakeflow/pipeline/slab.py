@@ -22,7 +22,6 @@ from ..core.tables import Columns, save_arrays
 from ..field import FlowField
 from ..injection.feed import Feedstock
 from ..injection.stream import SlabFeed, slab_stream
-from ..laws.constants import GRAVITY
 from ..laws.forces import forces
 from ..planning.collisions import CollisionPlan
 from ..planning.plan import Plan
@@ -31,7 +30,7 @@ from ..scene import Scene
 from .cache import code_of
 from .landings import Landings
 from .realisations import Realisations
-from .tracks import PATIENCE, bodies_and_walls, end_lines, landing_columns, seed_of
+from .tracks import PATIENCE, bodies_and_walls, end_lines, landing_columns, seed_of, slowest_pace
 
 if TYPE_CHECKING:
     from .track_stage import TrackStage
@@ -276,7 +275,7 @@ class SlabFlight:
     def _track(self, field: FlowField | None, stream: SlabFeed, number: int, *, record: int = 0) -> tracking.Tracks:
         scene, rebound = self.scene, self.scene.collisions
         height = scene.channel.top - scene.channel.bottom
-        speed = np.sqrt(GRAVITY * height) if scene.air is None else scene.air.speed
+        speed = slowest_pace(scene, self.plan, self.plan.fractions)
         last = float(np.max(stream.granules.time, initial=0.0))
         flown = {force for how in self.plan.fractions.values() for force in how.forces}
         return tracking.track(

@@ -33,6 +33,7 @@ COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture
 WALL = 0.05  # thickness of the channel's walls in channel widths; only their inner faces are ever met
 STREAMS = 4  # of random numbers that the replicates have each: of landings, pictures, mirror images, own pictures
 PATIENCE = 40.0  # channel heights at air speed before a granule counts as airborne
+SLOWEST = 1e-6  # m/s, taken for a terminal velocity: one that neither falls nor rises
 HOVERING = 1e4  # the same where there is no body: granules of almost the air speed hang in it, and steps are cheap
 
 
@@ -191,7 +192,7 @@ class Flight:
         """
         scene = self.scene
         height = scene.channel.top - scene.channel.bottom
-        speed = np.sqrt(GRAVITY * height) if scene.air is None else scene.air.speed
+        speed = slowest_pace(scene, self.plan, [name])
         patience = PATIENCE if scene.body else HOVERING
         until = float(np.max(grains.time, initial=0.0)) + max(5.0, patience * height / speed)
         return tracking.track(
@@ -210,6 +211,18 @@ class Flight:
             workers=self.workers,
             progress=None if record else lambda done, total: self.tell(f"{name}: {done} of {total}"),
         )
+
+
+def slowest_pace(scene: Scene, plan: Plan, fractions: Iterable[str]) -> float:
+    """A speed (m/s) at which the ``fractions`` come through the channel at least about: the air's; in air at rest the
+    slowest terminal velocity, in a vacuum that of a free fall.
+    """
+    fall = float(np.sqrt(GRAVITY * (scene.channel.top - scene.channel.bottom)))
+    if scene.air is None:
+        return fall
+    if not scene.air.still:
+        return scene.air.speed
+    return min(fall, *(max(abs(plan.fractions[name].terminal_velocity or 0.0), SLOWEST) for name in fractions))
 
 
 def seed_of(seed: int, name: str, stream: int) -> int:

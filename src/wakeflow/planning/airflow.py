@@ -2,8 +2,8 @@
 
 Above the onset of three-dimensional motion the steady and the time-resolved solution in two dimensions bracket the
 truth: the one has too long a wake and too weak a suction, the other sheds too coherently. Where the wake is turbulent
-the answer is a best estimate between these two ends (``wake``). Without a body the air is known (analytic); a user's
-own case is measured, not solved (given).
+the answer is a best estimate between these two ends (``wake``). Without a body, and at rest, the air is known
+(analytic); a user's own case is measured, not solved (given).
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ class NoAirPlan(AirflowPlan):
 
 
 class AnalyticAirPlan(AirflowPlan):
-    """Air without bodies: known in closed form."""
+    """Air without bodies, or at rest: known in closed form."""
 
     @property
     def summary(self) -> str | None:
@@ -233,7 +233,7 @@ def _chosen(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
         if not scene.body:
             raise SceneError(f"rung = {asked!r} leaves the air out, and without a body nothing is left: choose auto")
         return NoAirPlan(asked, "asked for: the air is left out", None, None, scene.symmetric, half=False)
-    if not scene.body:
+    if not scene.body or scene.air.still:
         return _analytic(scene, asked)
     if scene.air.case is not None:
         return _given(scene.air.case, asked)
@@ -268,12 +268,14 @@ def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
 
 
 def _analytic(scene: Scene, asked: str) -> AirflowPlan:
-    """The plan of a channel without bodies: nothing is meshed or solved."""
-    if asked != "auto":
-        raise SceneError(
-            f"rung = {asked!r}: without a body there is nothing to solve; leave the rung out, or add a body"
-        )
+    """The plan of a channel without bodies, or of air at rest: nothing is meshed or solved."""
     air = scene.airstream
+    if asked != "auto":
+        why, cure = ("the air is at rest", "give air.speed") if air.still else ("there is no body", "add one")
+        raise SceneError(f"rung = {asked!r}: {why}, so there is nothing to solve; leave the rung out, or {cure}")
+    if air.still:
+        why = "the air is at rest, and what bodies and granules stir up in it is left out: neither mesh nor solver"
+        return AnalyticAirPlan("analytic", why, None, "laminar", scene.symmetric, half=False)
     laminar = air.profile == "parabolic" or known(scene.reynolds) < LAMINAR_BELOW
     why = f"it has no body: {air.profile} everywhere, neither mesh nor solver"
     return AnalyticAirPlan("analytic", why, None, "laminar" if laminar else DECAYING, symmetric=True, half=False)

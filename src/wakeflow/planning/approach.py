@@ -16,7 +16,7 @@ from ..laws.forces import FlightScales
 from ..scene import Scene
 from .airflow import AirflowPlan
 from .collision_rates import Encounters, encounters
-from .coupling import with_slowed_air
+from .coupling import with_driven_air
 from .flight_scales import flights
 from .impaction import Deflection, deflection
 from .terms import LOADING, bounds, limit_of
@@ -58,8 +58,8 @@ def approaches(scene: Scene, airflow: AirflowPlan) -> dict[str, Approach]:
             shedding=airflow.stepping == "time-resolved",
         )
         found[name] = Approach(*law, met[name], turned, scales)
-    slowed = with_slowed_air(scene, {name: one.scales for name, one in found.items()})
-    return {name: replace(one, scales=slowed[name]) for name, one in found.items()}
+    driven = with_driven_air(scene, {name: one.scales for name, one in found.items()})
+    return {name: replace(one, scales=driven[name]) for name, one in found.items()}
 
 
 def _drag_scale(scene: Scene, name: str) -> float:

@@ -265,7 +265,7 @@ def _sheltered(scene: Scene) -> bool:
     """Whether the curtain falls through the first body's wake, all the way from the feed: in upward air, no wider than
     the body and no higher than its wake is long.
     """
-    if not scene.body or scene.air is None or scene.air.direction == "down" or not scene.plumb.upright:
+    if not scene.body or scene.air is None or not scene.air.rises or not scene.plumb.upright:
         return False
     high = scene.level + scene.release[0]
     return abs(scene.feed.position) + 0.5 * scene.feed.width <= 0.5 * scene.width and high <= SHELTER * scene.width

@@ -83,14 +83,23 @@ def limits(
         size = f"{layer.sizes:.2g} granule sizes, {layer.solid:.2g} of it solid"
         why = f"m, height to which granules bounce off the slope: {size}"
         yield Limit("layer", INDEPENDENT, layer.height, None, None, why)
-    if scene.air is not None:
-        taken = _taken_from_the_air(scene, scales)
+    if scene.air is None:
+        return
+    taken = _taken_from_the_air(scene, scales)
+    if scene.air.still:
+        driven = taken.driven / min(speeds.values())
+        why = (
+            f"{taken.driven:.2g} m/s that drag gives the curtain's air at rest, over the slowest fraction's fall speed"
+        )
+        reached = rate * (LOADED / driven) ** 2 if driven > 0.0 else math.inf  # it grows with the root of the feed rate
+        yield Limit("air-driven", COUPLING, driven, LOADED, reached, why)
+    else:
         why = "mass flow of granules in the curtain over that of the air in it"
         yield row("mass-loading", COUPLING, taken.mass, LOADED, why)
         why = "momentum that drag takes from the air in the curtain, down to the body, over that of this air"
         yield row("air-momentum", COUPLING, taken.momentum, LOADED, why)
-        why = f"solid volume in the curtain: more than this damps or feeds the air's turbulence ({ELGHOBASHI})"
-        yield row("turbulence", TURBULENCE, dense, MODULATING, why)
+    why = f"solid volume in the curtain: more than this damps or feeds the air's turbulence ({ELGHOBASHI})"
+    yield row("turbulence", TURBULENCE, dense, MODULATING, why)
 
 
 def _meetings(
@@ -117,19 +126,30 @@ def _packing(scene: Scene, speeds: Mapping[str, float]) -> float:
 
 
 class _TakenFromTheAir(NamedTuple):
-    """Of the air's own flow in the curtain's stream tube: the ``momentum`` that granules take from it, on their way to
-    the body, and their ``mass``.
+    """Of the air in the curtain's stream tube: the ``mass`` flow of granules over its own, the momentum that they give
+    it or take from it on their way to the body, over its density and the tube's section (``push``, m2/s2), and its
+    ``speed`` (m/s); ``fastest`` (m/s): the speed that granules come to.
     """
 
-    momentum: float
     mass: float
+    push: float
+    speed: float
+    fastest: float
 
     @property
-    def slowed(self) -> float:
-        """Largest change of the air's velocity, over that velocity: all momentum that is taken comes from this stream
-        tube, and none from a pressure that builds up before the curtain: 1 - sqrt(1 - 2 dM / M).
+    def momentum(self) -> float:
+        """The momentum over the air's own."""
+        return self.push / self.speed**2
+
+    @property
+    def driven(self) -> float:
+        """Largest change of the air's velocity (m/s): all momentum comes from this stream tube, and none from a
+        pressure that builds up before the curtain: U - sqrt(U^2 - 2 push), and sqrt(2 push) of air at rest, which
+        becomes no faster than the granules.
         """
-        return 1.0 - math.sqrt(max(0.0, 1.0 - 2.0 * self.momentum))
+        if self.speed == 0.0:
+            return min(math.sqrt(2.0 * self.push), self.fastest)
+        return self.speed * (1.0 - math.sqrt(max(0.0, 1.0 - 2.0 * self.momentum)))
 
 
 def _taken_from_the_air(scene: Scene, scales: Mapping[str, Sequence[FlightScales]]) -> _TakenFromTheAir:
@@ -139,21 +159,22 @@ def _taken_from_the_air(scene: Scene, scales: Mapping[str, Sequence[FlightScales
     air, feed = scene.airstream, scene.feed
     tilt = abs(scene.channel.tilt)  # air that comes across the curtain passes it over all of its height
     wide = feed.width * math.cos(tilt) + (scene.drop * math.sin(tilt) if tilt else 0.0)
-    stream = air.density * air.speed * min(wide, scene.channel.width) * feed.depth  # kg/s
-    mass = feed.crowding * feed.mass_flow / stream
+    section = min(wide, scene.channel.width) * feed.depth
+    dense = feed.crowding * feed.mass_flow / (air.density * section)  # m/s
     shares = scene.mass_shares().items()
     given = sum(share * abs(scales[name][len(scales[name]) // 2].given) for name, share in shares)
-    return _TakenFromTheAir(mass * given / air.speed, mass)
+    fastest = max(max(flight.arrival, flight.landing) for flights in scales.values() for flight in flights)
+    return _TakenFromTheAir(math.inf if air.still else dense / air.speed, dense * given, air.speed, fastest)
 
 
-def with_slowed_air(scene: Scene, scales: Mapping[str, Sequence[FlightScales]]) -> Mapping[str, Sequence[FlightScales]]:
+def with_driven_air(scene: Scene, scales: Mapping[str, Sequence[FlightScales]]) -> Mapping[str, Sequence[FlightScales]]:
     """The ``scales`` of all fractions with what their drag together takes from the air; as they are in a scene without
     feed.rate, which says nothing of how dense its curtain is.
     """
     if scene.air is None or scene.feed.rate is None:
         return scales
-    slowed = _taken_from_the_air(scene, scales).slowed
-    return {name: [replace(flight, slowed=slowed) for flight in flights] for name, flights in scales.items()}
+    driven = _taken_from_the_air(scene, scales).driven
+    return {name: [replace(flight, driven=driven) for flight in flights] for name, flights in scales.items()}
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ def flights(
     air, fraction = scene.airstream, scene.fraction[name]
     density, phi = fraction.properties.density, fraction.sphericity or 1.0
     _, omega = scene.motion
-    upward, aside = air.direction == "up", abs(float(scene.entry @ scene.plumb.across))
+    upward, aside = air.rises, abs(float(scene.entry @ scene.plumb.across))
     scales = []
     for diameter, factor in _granules(scene, fraction, law, scale):
         fall = UniformFall(scene, air, diameter, density, law, phi, factor)
@@ -56,7 +56,7 @@ def flights(
             stays = REACH * scene.width / (RECIRCULATION * air.speed) / (1.0 + times.tau * air.speed / scene.width)
         thrown = ejection_speed(scene, fraction, arrival) * arrival if scene.body else aside
         scales.append(FlightScales(
-            diameter=diameter, density=density, tau=times.tau, calm=not scene.body,
+            diameter=diameter, density=density, tau=times.tau, calm=not scene.body or air.still,
             arrival=arrival, thrown=thrown, slip=slip, settling=abs(fall.settling),
             landing=times.landing, whole=times.whole + stays, time=times.time + stays, near=times.near + stays,
             beside=straight and not upward,

@@ -81,7 +81,7 @@ def deflection(scene: Scene, name: str, law: str, scale: float) -> Deflection | 
     None without air or body, where gravity is at an angle to the air, and where the air comes from below: the slopes
     that granules fall on then lie in the wake.
     """
-    if scene.air is None or scene.air.direction == "up" or not scene.body or not scene.plumb.upright:
+    if scene.air is None or scene.air.rises or not scene.body or not scene.plumb.upright:
         return None
     fraction, air = scene.fraction[name], scene.air
     share = (np.arange(SIZES) + 0.5) / SIZES

@@ -44,11 +44,11 @@ class Gap:
 
 
 def narrowest_gap(scene: Scene) -> Gap | None:
-    """The narrowest gap of a scene; None without bodies or air.
+    """The narrowest gap of a scene; None without bodies, or air that moves.
 
     Its speed is the flow over the free width: the wakes of bodies make it faster still.
     """
-    if scene.air is None or not scene.body:
+    if scene.air is None or scene.air.still or not scene.body:
         return None
     outlines = {name: body.outline() for name, body in scene.body.items()}
     corners = np.concatenate([outline[:, 1] for outline in outlines.values()])
@@ -99,7 +99,7 @@ def lifting_line(scene: Scene, fractions: Mapping[str, FractionPlan]) -> str:
     """The air in the narrowest gap, and what each fraction does in the air; empty in a vacuum."""
     if scene.air is None:
         return ""
-    gap, air = narrowest_gap(scene), f"{say(scene.air.speed, 'm/s', 3)} {scene.air.direction}"
+    gap, air = narrowest_gap(scene), scene.air.words.removeprefix("air ")
     if gap is not None:
         free = f"{metres(gap.free, 3)} of {metres(scene.channel.width, 3)} are free"
         air += f", {say(gap.speed, 'm/s', 2)} beside {gap.where} ({free})"
@@ -111,7 +111,7 @@ def _fate(scene: Scene, gap: Gap | None, name: str, speeds: Array) -> str:
     """``"wheat (7.5 to 8.1 m/s) is lifted beside it"``, the body."""
     low, middle, high = (float(one) for one in speeds)
     spread = f"{low:.2g} to {high:.2g}" if f"{low:.2g}" != f"{high:.2g}" else f"{middle:.2g}"
-    up = scene.airstream.direction == "up"
+    up = scene.airstream.rises
     middle *= math.cos(scene.channel.tilt)
     verdict, where = _verdict(middle, scene.airstream.speed if up else -scene.airstream.speed), ""
     if gap is not None and verdict == FALLS:
@@ -123,7 +123,7 @@ def _fate(scene: Scene, gap: Gap | None, name: str, speeds: Array) -> str:
 
 def lifting_notices(scene: Scene, fractions: Mapping[str, FractionPlan]) -> Iterator[Notice]:
     """Where the air lifts all or nothing, and where a target lies where the air does not take its fraction."""
-    if scene.air is None:
+    if scene.air is None or scene.air.still:
         return
     air, gap = scene.air, narrowest_gap(scene)
     fastest = air.speed if gap is None else gap.speed

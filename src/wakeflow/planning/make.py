@@ -281,7 +281,7 @@ def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> tuple[l
         scales = flights(scene, name, *law, NONE_MET, straight=False, turbulent=True)
         middle = scales[len(scales) // 2]
         shift = min(widest, max(moved_by_air(flight) for flight in scales))
-        carried = air.direction == "up" and middle.settling * math.cos(scene.channel.tilt) < air.speed
+        carried = air.rises and middle.settling * math.cos(scene.channel.tilt) < air.speed
         stokes = middle.tau * middle.arrival / (0.5 * scene.width)
         fate = "the air would carry it up" if carried else f"Stokes number of its fall {stokes:.2g}"
         why = f"drag on the way at the largest slip, {middle.slip:.2g} m/s; {fate}"
@@ -290,7 +290,7 @@ def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> tuple[l
             grade = void if carried or shift >= WORTHLESS else less_sure
             warned.append(grade(
                 f"{name}: rung none leaves the air out, which could move it by {shift:.2g} {scene.unit} (terminal "
-                f"velocity {middle.settling:.2g} m/s, air {air.speed:.2g} m/s {air.direction}); {fate}; numerics.rung "
+                f"velocity {middle.settling:.2g} m/s, {air.words}); {fate}; numerics.rung "
                 "= 'draft' computes it"
             ))  # fmt: skip
     return left_out, warned

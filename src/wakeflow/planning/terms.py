@@ -48,8 +48,8 @@ def _shift_by_collisions(flight: FlightScales) -> float:
 
 
 def _shift_by_loading(flight: FlightScales) -> float:
-    change = flight.slowed * flight.air_speed  # as wide as the curtain: the wake stretches no neighbours apart by it
-    return flight.steady(change / flight.tau, flight.whole) / flight.width
+    # as wide as the curtain: the wake stretches no neighbours apart by it
+    return flight.steady(flight.driven / flight.tau, flight.whole) / flight.width
 
 
 # Terms that are no force on a single granule in air at rest with its body
@@ -60,7 +60,7 @@ for _term, _shift, _why in (
     (COLLISIONS, _shift_by_collisions,
      "kinetic theory: meetings with granules as heavy or heavier, each a kick at most as strong as a head-on one"),
     (LOADING, _shift_by_loading,
-     "momentum: the air is slower by all that drag takes from the curtain's own stream tube"),
+     "momentum: the air changes its speed by all that drag gives to the curtain's own stream tube"),
 ):  # fmt: skip
     other_terms.add(_term, Bound(_shift, _why))
 

@@ -179,7 +179,8 @@ def _fall(granule: _Granule, speed: float, room: FallRoom) -> tuple[FallPoint, .
     pull = GRAVITY * (1.0 - granule.air_density / granule.density)
     air: Any = complex(granule.along, granule.across) if granule.across else granule.along
     least = min(room.down, room.up)
-    step = STEP * min(math.sqrt(2.0 * least / GRAVITY), least / abs(air))
+    passing = least / abs(air) if air != 0.0 else math.inf
+    step = STEP * min(math.sqrt(2.0 * least / GRAVITY), passing)
     time, way, velocity = 0.0, air * 0.0, air * 0.0 + speed
     points: list[FallPoint] = []
     while not points or (len(points) < MAX_STEPS and room.holds(way)):

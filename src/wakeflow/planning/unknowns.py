@@ -301,6 +301,11 @@ def _has_air(scene: Scene, plan: Plan) -> bool:
     return scene.air is not None and plan.airflow.kind != "none"
 
 
+def _blows(scene: Scene, plan: Plan) -> bool:
+    """Whether granules fly in air that moves."""
+    return _has_air(scene, plan) and not scene.airstream.still
+
+
 _add_of_fractions("restitution", "1", _restitution, _of_granules("restitution", _shift), span=PORTION)
 _add_of_fractions("friction", "1", lambda f: f.properties.friction, _of_granules("friction"))
 _add_of_fractions("rebound_scatter", "rad", lambda f: f.properties.rebound_scatter, _of_granules("scatter"))
@@ -377,7 +382,7 @@ unknown_kinds.add("feed_position", UnknownKind(
 ))  # fmt: skip
 unknown_kinds.add("feed_fall", UnknownKind(_fall, _vary_fall))
 unknown_kinds.add("air_speed", UnknownKind(
-    _of_scene("air.speed", "air_speed", "m/s", lambda scene: scene.airstream.speed, _has_air),
+    _of_scene("air.speed", "air_speed", "m/s", lambda scene: scene.airstream.speed, _blows),
     _of_the_air("speed"), of_air=True,
 ))  # fmt: skip
 unknown_kinds.add("air_turbulence", UnknownKind(

@@ -137,8 +137,8 @@ def solids(axes: Axes, scene: Scene, level: float = 4.0) -> list[Polygon]:
 
 
 def air_arrow(axes: Axes, scene: Scene, window: Window, number: str = "") -> None:
-    """Where the air goes, in the upper left corner of the window, ``number`` before its speed; nothing in a vacuum."""
-    if scene.air is None:
+    """Where the air goes, in the upper left corner of the window, ``number`` before its speed; nothing at rest."""
+    if scene.air is None or scene.air.still:
         return
     across, up = window[1] - window[0], window[3] - window[2]
     x, ends = MM * (window[0] + 0.06 * across), [MM * (window[3] - part * up) for part in (0.02, 0.1)]

@@ -235,7 +235,7 @@ def _draw_air(sheet: _Sheet, scene: Scene) -> None:
     """Arrows where the air comes in, and at each secondary stream its opening with an arrow."""
     channel, axes = scene.channel, sheet.axes
     style = {"arrowstyle": "-|>", "color": AIR, "linewidth": 1.3, "mutation_scale": 10, "shrinkA": 0, "shrinkB": 0}
-    if scene.air is not None:
+    if scene.air is not None and not scene.air.still:
         down = scene.air.direction == "down"
         tail = MM * (channel.top if down else channel.bottom)
         head = tail + (-1 if down else 1) * min(0.08 * MM * (channel.top - channel.bottom), sheet.away(0.35))
@@ -321,7 +321,7 @@ def _notes(scene: Scene) -> Iterator[_Note]:
         end = channel.top if scene.air.direction == "down" else channel.bottom
         inner = end + (-0.04 if scene.air.direction == "down" else 0.04) * (channel.top - channel.bottom)
         case = "" if scene.air.case is None else " (a solved case)"
-        yield _Note((0.42 * channel.width, inner), f"air {say(scene.air.speed, 'm/s')} {scene.air.direction}{case}")
+        yield _Note((0.42 * channel.width, inner), f"{scene.air.words}{case}")
     for name, inlet in channel.inlet.items():
         wall = -half if inlet.side == "left" else half
         words = f"stream {name}: {say(inlet.velocity, 'm/s')}\nfrom an opening of {metres(inlet.width)}"

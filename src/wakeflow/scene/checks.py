@@ -176,7 +176,7 @@ def _air_is_known_without_a_body(scene: SceneTables) -> Iterator[str]:
         yield "channel.inlet: secondary streams are computed only round a body; add one, or leave them out"
     if air is not None and air.case is not None:
         yield "air.case: give the bodies of the case; without one the air is known and needs no case"
-    elif air is not None and (air.profile == "parabolic") != (channel.walls == "no-slip"):
+    elif air is not None and not air.still and (air.profile == "parabolic") != (channel.walls == "no-slip"):
         yield (
             f"air.profile = {air.profile!r} with channel.walls = {channel.walls!r}: without a body the air is uniform "
             "between slip walls, or parabolic (laminar) between no-slip walls"
@@ -251,8 +251,8 @@ def _bins_apart(scene: SceneTables) -> Iterator[str]:
 
 def _inlets_fit(scene: SceneTables) -> Iterator[str]:
     channel, placed = scene.channel, list(scene.channel.inlet.items())
-    if placed and scene.air is None:
-        yield "channel.inlet: secondary air streams need an [air] table"
+    if placed and (scene.air is None or scene.air.still):
+        yield "channel.inlet: secondary air streams need an [air] table with a speed above 0"
     for name, one in placed:
         low, high = one.span
         if low <= channel.bottom or high >= channel.top:
@@ -278,8 +278,9 @@ def _pictures_fit(scene: SceneTables) -> Iterator[str]:
         for one in picture.fractions or []:
             if one not in known:
                 yield f"{key}.fractions: no fraction {one!r}{did_you_mean(one, known)} (known: {', '.join(known)})"
-        if isinstance(picture, Streamlines) and (scene.air is None or not scene.body):
-            yield f"{key}: streamlines need {'a body' if scene.air else 'an [air] table'}"
+        if isinstance(picture, Streamlines) and (scene.air is None or scene.air.still or not scene.body):
+            what = "an [air] table" if scene.air is None else "air that moves" if scene.air.still else "a body"
+            yield f"{key}: streamlines need {what}"
         low, high = scene.channel.bottom, scene.channel.top
         for level in (y for y in getattr(picture, "levels", ()) if not low < y < high):
             yield f"{key}.levels: y = {metres(level)} is not in the channel, {metres(low)} to {metres(high)}"

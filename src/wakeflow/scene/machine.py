@@ -12,7 +12,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from ..core.errors import SceneError, known
 from ..core.geometry import is_simple, rounded
-from ..core.quantities import metres
+from ..core.quantities import metres, say
 from ..core.record import JsonTable
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.shape import shapes
@@ -37,6 +37,7 @@ from .table import (
 
 # -- [body.NAME], [channel], [air] and [vibration] ---------------------------------------------------------------------
 MAX_GAMMA = 50.0  # peak acceleration over g
+SLOWEST_AIR = 1e-6  # m/s, of air that is not at rest
 
 
 def _shape_or_drawing(schema: JsonTable) -> None:
@@ -125,7 +126,7 @@ class Air(Table):
     """
 
     model_config = ConfigDict(json_schema_extra=_speed_or_case)
-    speed: PositiveSpeed
+    speed: Annotated[float, Field(ge=0, le=100), WithUnit("m/s", "5 m/s")] = Field(description="0: air at rest")
     direction: Literal["down", "up"] = Field("down", description="to which the air blows")
     density: MassDensity = STANDARD_AIR[0]
     viscosity: Viscosity = STANDARD_AIR[1]
@@ -139,6 +140,31 @@ class Air(Table):
     time: Literal["latest", "mean", "all"] | None = Field(
         None, description="of the case: its last time (default), the mean of its times, or all of them"
     )
+
+    @property
+    def still(self) -> bool:
+        """Whether the air is at rest."""
+        return self.speed == 0.0
+
+    @property
+    def rises(self) -> bool:
+        """Whether the air blows up."""
+        return self.direction == "up" and not self.still
+
+    @property
+    def words(self) -> str:
+        """The air in words: "air 5 m/s down"."""
+        return "air at rest" if self.still else f"air {say(self.speed, 'm/s', 3)} {self.direction}"
+
+    @model_validator(mode="after")
+    def _speed_is_a_speed(self) -> Air:
+        if 0.0 < self.speed < SLOWEST_AIR:
+            raise SceneError(f"speed = {self.speed:g} m/s: at least {SLOWEST_AIR:g} m/s, or 0 for air at rest")
+        if self.still and self.case is not None:
+            raise SceneError("speed = 0 does not go with case: the case says how fast its air is")
+        if self.still and self.profile != "uniform":
+            raise SceneError("speed = 0 does not go with profile: air at rest has none")
+        return self
 
     @model_validator(mode="after")
     def _case_alone(self) -> Air:

@@ -34,7 +34,7 @@ WANTED = {  # pydantic's types of errors, in the user's words
 SIZES = {"too_short": ("least", "min_length"), "too_long": ("most", "max_length")}
 TOO_LARGE = ("less_than", "less_than_equal")
 TOO_SMALL = ("greater_than", "greater_than_equal")
-BELOW = {"air.speed": "; which way it blows is said by air.direction, and a scene without [air] has none"}
+BELOW = {"air.speed": "; which way it blows is said by air.direction"}
 PYDANTIC = re.compile(r"[a-z-]*\[.*\]")  # what it says of kinds of values, among the keys: list[str]
 TABLE = ("model_type", "dict_type", "model_attributes_type")
 

@@ -126,7 +126,10 @@ def all_forces(steady: FlowField, slow: bool, tell: Tell) -> tuple[list[Table], 
     if case is not None:
         with tempfile.TemporaryDirectory(prefix="wakeflow-peer-") as room:
             facts["cloud"] = list(cloud.cloud_rows(case, asked, Path(room, "run"), tell))
-        tables.append(Table("time-resolved air, all forces, beside OpenFOAM's cloud", cloud.COLUMNS, facts["cloud"]))
+        facts["equal_error"] = list(cloud.at_equal_error(facts["cloud"]))
+        head = "time-resolved air, next to OpenFOAM's cloud"
+        tables.append(Table(f"{head}, forces that both know", cloud.COLUMNS, facts["cloud"]))
+        tables.append(Table(f"{head}, at the same median error", cloud.EQUAL, facts["equal_error"]))
     return tables, facts
 
 

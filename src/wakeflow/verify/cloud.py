@@ -2,8 +2,9 @@
 
 The solver goes on from the last state of the scene's airflow, with the function object ``icoUncoupledKinematicCloud``
 after each of its time steps and without. The difference of processor time is the cloud's. Its parcels feel drag
-(Putnam's law), gravity and the eddies of ``stochasticDispersionRAS``; they know no lift, spin, added mass, pressure
-gradient and history, touch walls with their centres, and see the air of the end of each time step.
+(Putnam's law), gravity and the eddies of ``stochasticDispersionRAS``, touch walls with their centres, and see the air
+of the end of each time step. The tracker is compared with the same forces; what all forces of the answer cost stands
+next to it.
 """
 
 from __future__ import annotations
@@ -51,11 +52,16 @@ functions
     }
 }
 """
+STILL_AIR = ("drag", "gravity", "buoyancy")  # forces that both know, but for the eddies
 COLUMNS = {
     "granule": "{kind}", "wakeflow without eddies: median": "{own_median:.1e}", "95 %": "{own_p95:.1e}",
-    "with eddies: CPU us": "{ours:.3g*1e6}", "OpenFOAM's cloud: maxCo": "{courant:g}",
-    "without eddies: median": "{median:.1e}", "95 % ": "{p95:.1e}", "with eddies: CPU us ": "{cpu:.3g*1e6}",
-    "times faster": "{times:.3g}",
+    "with eddies: CPU us": "{ours:.3g*1e6}", "with all forces: CPU us": "{all_forces:.3g*1e6}",
+    "OpenFOAM's cloud: maxCo": "{courant:g}", "without eddies: median": "{median:.1e}", "95 % ": "{p95:.1e}",
+    "with eddies: CPU us ": "{cpu:.3g*1e6}", "times faster": "{times:.3g}",
+}  # fmt: skip
+EQUAL = {
+    "granule": "{kind}", "error, body widths": "{own_median:.1e}", "wakeflow: CPU us": "{ours:.3g*1e6}",
+    "OpenFOAM's cloud: CPU us": "{cpu:.3g*1e6}", "times faster": "{times:.3g}", "the cloud's cost": "{how}",
 }  # fmt: skip
 
 
@@ -132,9 +138,9 @@ def fly_cloud(
 def cloud_rows(
     case: SolvedCase, kinds: Sequence[tuple[FlownKind, JsonTable]], folder: Path, tell: Tell
 ) -> Iterator[JsonTable]:
-    """A row a kind of granule (with our own row of it) and setting: processor seconds of a flight with eddies that is
-    as long as ours in the mean. Errors (body widths) are of flights without eddies: of ours those of landings, of the
-    parcels how far across the channel they are at the end from those of the finest setting.
+    """A row a kind of granule (with our own row of it, of all forces) and setting: processor seconds of a flight with
+    eddies that is as long as ours in the mean. Errors (body widths) are of flights without eddies: of ours those of
+    landings, of the parcels how far across the channel they are at the end from those of the finest setting.
     """
     tell(f"{SOLVER} alone")
     case.copy(folder, max(ours["flight"] for _, ours in kinds))
@@ -142,8 +148,8 @@ def cloud_rows(
     alone = SolverLog.of(folder)
     for one, ours in kinds:
         span, width = ours["flight"], one.flight.scene.width
-        calm = one.without_eddies()
-        own = calm.apart(calm.fly(WANTED), calm.fly(REFERENCE))
+        calm, stirred = one.with_forces(STILL_AIR), one.with_forces((*STILL_AIR, "dispersion"))
+        own, cost = calm.apart(calm.fly(WANTED), calm.fly(REFERENCE)), stirred.cost(WANTED)
         finest = _across(case, one, FINEST, span, folder, tell)
         for courant, parcels in SETTINGS.items():
             off = np.abs(_across(case, one, courant, span, folder, tell) - finest) / width
@@ -151,13 +157,30 @@ def cloud_rows(
             many = one.grains[np.arange(parcels) % len(one.grains)]
             log = fly_cloud(case, many, courant, span, folder, EDDIES)
             spent = float(log.spent[-1] - np.interp(log.time[-1], alone.time, alone.spent))
-            cost = spent * span / log.flown
+            its = spent * span / log.flown
             yield {
                 "kind": one.kind, "own_median": float(np.median(own)), "own_p95": float(np.percentile(own, 95)),
-                "ours": ours["cpu"], "courant": courant, "median": float(np.nanmedian(off)),
-                "p95": float(np.nanpercentile(off, 95)), "cpu": cost, "times": cost / ours["cpu"], "parcels": parcels,
+                "ours": cost, "all_forces": ours["cpu"], "courant": courant, "median": float(np.nanmedian(off)),
+                "p95": float(np.nanpercentile(off, 95)), "cpu": its, "times": its / cost, "parcels": parcels,
                 "spent": spent, "solver_step": float(np.diff(log.time).mean()),
             }  # fmt: skip
+
+
+def at_equal_error(rows: Sequence[JsonTable]) -> Iterator[JsonTable]:
+    """A row a kind: what the cloud costs at our median error, on the straight line through its settings in the
+    logarithms of error and cost. Beyond them it is the cost of the nearest setting, which the row says.
+    """
+    for kind in dict.fromkeys(row["kind"] for row in rows):
+        same = sorted((row for row in rows if row["kind"] == kind), key=lambda row: float(row["median"]))
+        errors, costs = (np.log([row[name] for row in same]) for name in ("median", "cpu"))
+        error, ours = same[0]["own_median"], same[0]["ours"]
+        cpu = float(np.exp(np.interp(np.log(error), errors, costs)))
+        how = "between its settings"
+        if error < same[0]["median"]:
+            how = f"at least: its error is {same[0]['median']:.1e}"
+        elif error > same[-1]["median"]:
+            how = f"at most: its error is {same[-1]['median']:.1e}"
+        yield {"kind": kind, "own_median": error, "ours": ours, "cpu": cpu, "times": cpu / ours, "how": how}
 
 
 def _across(case: SolvedCase, one: FlownKind, courant: float, span: float, folder: Path, tell: Tell) -> Array:

@@ -107,6 +107,7 @@ for _group, _value, _name, _falls, _rises, _changes in (
     ("sizes", "50 mm, in a channel of 200 mm", "coarse", {"balls": _grain(5e-2, 1300.0)}, {}, {}),
     ("air at rest", "1e-6 m/s, it has no body", "rest-free", {"all": _grain(1e-3, 1300.0)}, {},
      {"air.speed": 1e-6}),
+    ("air at rest", "0 m/s, it has no body", "calm-free", {"all": _grain(1e-3, 1300.0)}, {}, {"air.speed": 0.0}),
     ("air speed", "60 m/s, it has no body", "storm-free", {}, {"all": _grain(5e-3, 1300.0)},
      {"air.speed": 60.0}),
 ):  # fmt: skip
@@ -149,7 +150,7 @@ _REFUSED: tuple[tuple[str, str, str, Options, Mapping[str, bool] | None], ...] =
     ),
     ("bins", "that overlap", "rhombus", {"bin.inner-left.to": "-79 mm"}, None),
     ("bodies", "that touch", "rhombus", {"body.second": TOUCHING}, None),
-    ("air at rest", "0 m/s", "rhombus", {"air.speed": 0.0}, None),
+    ("air at rest", "1e-7 m/s", "rhombus", {"air.speed": 1e-7}, None),
     ("air speed", "101 m/s", "rhombus", {"air.speed": 101.0}, None),
     ("feed", "500 t/h", "rhombus", {"feed.rate": "500 t/hour"}, None),
     ("feed", "50 t/h, collisions forced on", "vacuum", DENSE, {"collisions": True}),

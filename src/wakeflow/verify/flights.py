@@ -5,7 +5,7 @@ Every tolerance flies the same granules through the same noise: their landings d
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,13 +63,17 @@ class FlownKind:
         """How far apart (body widths) each granule ends in two flights."""
         return np.asarray(np.linalg.norm(tracks.position - other.position, axis=1) / self.flight.scene.width)
 
-    def without_eddies(self) -> FlownKind:
-        """The same granules with all forces but dispersion."""
+    def with_forces(self, known: Collection[str]) -> FlownKind:
+        """The same granules with those of their forces that are ``known``."""
         plan = self.flight.plan
         own = plan.fractions[self.fraction]
-        calm = replace(own, forces=tuple(force for force in own.forces if force != "dispersion"))
-        plan = replace(plan, fractions={**plan.fractions, self.fraction: calm})
+        fewer = replace(own, forces=tuple(force for force in own.forces if force in known))
+        plan = replace(plan, fractions={**plan.fractions, self.fraction: fewer})
         return replace(self, flight=replace(self.flight, plan=plan))
+
+    def cost(self, tolerance: float) -> float:
+        """Processor seconds of a flight on one thread."""
+        return timed(lambda: self.fly(tolerance, 1), REPEATS)[1] / len(self.grains)
 
 
 def flown_kinds(scene: Scene, airs: Mapping[str, FlowField], granules: int) -> Iterator[FlownKind]:
@@ -92,13 +96,12 @@ def flight_rows(one: FlownKind, tell: Tell) -> Iterator[JsonTable]:
     for tolerance in TOLERANCES:
         tell(f"{one.kind}, {one.air}, all forces: tolerance {tolerance:.0e}")
         tracks = one.fly(tolerance, 1)
-        _, cpu = timed(lambda at=tolerance: one.fly(at, 1), REPEATS)  # type: ignore[misc]
         off, aside = one.apart(tracks, reference), one.apart(tracks, one.fly(tolerance, aside=ASIDE))
         yield {
             "kind": one.kind, "air": one.air, "tolerance": tolerance, "count": len(grains),
             "median": float(np.median(off)), "p95": float(np.percentile(off, 95)),
             "aside": float(np.percentile(aside, 95)), **exchanged(tracks, reference, len(scene.bin)),
-            "cpu": cpu / len(grains), "steps": float(tracks.steps.mean()),
+            "cpu": one.cost(tolerance), "steps": float(tracks.steps.mean()),
             "evaluations": float(tracks.evaluations.mean()), "flight": float((reference.time - grains.time).mean()),
         }  # fmt: skip
 

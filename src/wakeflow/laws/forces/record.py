@@ -66,7 +66,7 @@ class FlightScales:
     meetings: float  # with granules as heavy or heavier, lighter ones by their share
     knock: float  # m/s, the change of velocity that one of these brings at most
     given: float = 0.0  # m/s, velocity that drag gives it in the curtain, on its way to the body
-    slowed: float = 0.0  # largest change of the air's velocity by the drag of all granules, over the air speed
+    driven: float = 0.0  # m/s, largest change of the air's velocity by the drag of all granules
     calm: bool = False  # no body: the air neither turns nor changes its speed
     shedding: bool = False  # the airflow is resolved in time
 

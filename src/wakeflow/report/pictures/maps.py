@@ -160,7 +160,7 @@ def _panel(axes: Axes, view: View, x: Array, y: Array, flux: Array, colour: str,
     axes.set_title(name, fontsize=9, loc="left")
     axes.set_aspect("equal")
     field, airflow = view.outcome.field, view.outcome.airflow
-    if view.scene.body and field is not None and field.pressure is not None and airflow is not None:
+    if _has_wake(view) and field is not None and airflow is not None:
         mean, mesh = as_flown(field.mean(), view.scene), triangulation(field)
         cp = pressure_coefficient(mean, view.scene, airflow)
         axes.tricontour(mesh, cp, levels=[SUCTION_LEVEL], colors=INK, linewidths=1.1, linestyles="--", zorder=5)
@@ -178,7 +178,7 @@ def _through(view: View) -> dict[str, dict[str, float]]:
     from matplotlib.tri import LinearTriInterpolator
 
     field, airflow = view.outcome.field, view.outcome.airflow
-    if not view.scene.body or field is None or field.pressure is None or airflow is None:
+    if not _has_wake(view) or field is None or airflow is None:
         return {}
     mean, mesh = as_flown(field.mean(), view.scene), triangulation(field)
     zones = {
@@ -194,6 +194,14 @@ def _through(view: View) -> dict[str, dict[str, float]]:
             for zone, level in inside.items()
         }
     return found
+
+
+def _has_wake(view: View) -> bool:
+    """Whether air of known pressure flows past a body."""
+    field, air = view.outcome.field, view.scene.air
+    return (
+        bool(view.scene.body) and air is not None and not air.still and field is not None and field.pressure is not None
+    )
 
 
 def _downstream(view: View) -> float:

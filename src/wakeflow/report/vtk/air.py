@@ -36,7 +36,8 @@ def write_field(folder: Path | str, field: FlowField, scene: Scene, airflow: Air
     _clear(folder)
     field.save(folder / ITSELF)
     mean = as_flown(field.mean(), scene)
-    level = None if mean.pressure is None or airflow is None else inlet_pressure(mean, scene, airflow)
+    moves = airflow is not None and scene.air is not None and not scene.air.still
+    level = inlet_pressure(mean, scene, airflow) if moves and mean.pressure is not None else None
     steady = save_piece(_grid(mean, scene, level), folder / NAMES[0 if field.times is None else 1])
     if field.times is None or not scene.numerics.snapshots:
         return steady
