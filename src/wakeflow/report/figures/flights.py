@@ -55,8 +55,7 @@ def draw_tracks(paper: Paper, field: FlowField | None, scene: Scene, tracks: Map
     channel = scene.channel
     window = (-channel.width / 2, channel.width / 2, channel.bottom, channel.top)
     figure, axes, scale = canvas(window, paper)
-    if field is not None:
-        _speed_map(axes, as_flown(field.mean(), scene))
+    mapped = field is not None and _speed_map(axes, as_flown(field.mean(), scene))
     shares, colours = scene.mass_shares(), fraction_colours(list(scene.fraction))
     most, chosen = max(shares.values()), {}
     shown = foremost(scene, list(tracks))
@@ -81,18 +80,20 @@ def draw_tracks(paper: Paper, field: FlowField | None, scene: Scene, tracks: Map
         )
         for line in legend.get_lines():
             line.set(linewidth=2.5, alpha=1.0)
-    axes.set_title("Tracks: as much ink as mass. Blue: the mean air's speed", fontsize=9, loc="left")
+    blue = " Blue: the mean air's speed" if mapped else ""
+    axes.set_title(f"Tracks: as much ink as mass.{blue}", fontsize=9, loc="left")
     save(figure, paper, _track_rows(chosen))
     return axes
 
 
-def _speed_map(axes: Axes, mean: FlowField) -> None:
+def _speed_map(axes: Axes, mean: FlowField) -> bool:
+    """Draw the air's speed where it differs from place to place; whether it does."""
     from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.ticker import MaxNLocator
 
     speed = np.hypot(*mean.velocity.T)
     if np.ptp(speed) <= 1e-9 * speed.max():
-        return  # uniform air: the arrow beside says all
+        return False  # uniform air: the arrow beside says all
     pale = LinearSegmentedColormap.from_list("pale", ["#ffffff", "#dbe7f1", "#a9c3d9"])
     levels = MaxNLocator(10).tick_values(0.0, max(float(np.percentile(speed, 99.0)), 1e-12))
     filled = axes.tricontourf(triangulation(mean), speed, levels=levels, cmap=pale, extend="max")
@@ -100,6 +101,7 @@ def _speed_map(axes: Axes, mean: FlowField) -> None:
     bar = axes.figure.colorbar(filled, cax=axes.inset_axes((1.05, 0.12, 0.05, 0.4)))
     bar.set_label("air speed (m/s)", fontsize=9)
     bar.ax.tick_params(labelsize=8)
+    return True
 
 
 def _chosen(tracks: Sequence[Array], part: float) -> tuple[list[Array], float]:

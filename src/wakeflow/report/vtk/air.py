@@ -36,8 +36,9 @@ def write_field(folder: Path | str, field: FlowField, scene: Scene, airflow: Air
     _clear(folder)
     field.save(folder / ITSELF)
     mean = as_flown(field.mean(), scene)
-    moves = airflow is not None and scene.air is not None and not scene.air.still
-    level = inlet_pressure(mean, scene, airflow) if moves and mean.pressure is not None else None
+    level = None
+    if mean.pressure is not None and airflow is not None and not scene.airstream.still:
+        level = inlet_pressure(mean, scene, airflow)
     steady = save_piece(_grid(mean, scene, level), folder / NAMES[0 if field.times is None else 1])
     if field.times is None or not scene.numerics.snapshots:
         return steady
