@@ -16,7 +16,7 @@ from wakeflow.core.errors import SceneError
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"feed": None}, "needs an air.speed and a feed.rate"),
+        ({"feed": None}, "needs an air.speed above 0 and a feed.rate"),
         ({"target": None}, "no fraction has a target"),
     ],
 )

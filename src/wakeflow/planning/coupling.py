@@ -66,8 +66,7 @@ def limits(
     rate = 3600.0 * scene.feed.mass_flow
 
     def row(name: str, about: str, value: float, limit: float, why: str) -> Limit:
-        reached = 0.0 if math.isinf(value) else rate * limit / value
-        return Limit(name, about, value, limit, reached, why)
+        return _limit(name, about, value, limit, why, rate)
 
     speeds = {name: max(abs(speed), SLOWEST) for name, speed in arrivals.items()}
     dense = scene.feed.crowding * _packing(scene, speeds)
@@ -83,23 +82,30 @@ def limits(
         size = f"{layer.sizes:.2g} granule sizes, {layer.solid:.2g} of it solid"
         why = f"m, height to which granules bounce off the slope: {size}"
         yield Limit("layer", INDEPENDENT, layer.height, None, None, why)
-    if scene.air is None:
-        return
-    taken = _taken_from_the_air(scene, scales)
-    if scene.air.still:
-        driven = taken.driven / min(speeds.values())
+    if scene.air is not None:
+        yield from _of_the_air(_taken_from_the_air(scene, scales), rate, min(speeds.values()))
+        why = f"solid volume in the curtain: more than this damps or feeds the air's turbulence ({ELGHOBASHI})"
+        yield row("turbulence", TURBULENCE, dense, MODULATING, why)
+
+
+def _limit(name: str, about: str, value: float, limit: float, why: str, rate: float, power: float = 1.0) -> Limit:
+    """A row whose ``value`` grows with that ``power`` of the feed rate, which is now ``rate`` (kg/h)."""
+    reached = math.inf if value == 0.0 else 0.0 if math.isinf(value) else rate * (limit / value) ** (1.0 / power)
+    return Limit(name, about, value, limit, reached, why)
+
+
+def _of_the_air(taken: _TakenFromTheAir, rate: float, slowest: float) -> Iterator[Limit]:
+    """The rows of what the granules' drag does to the air; ``slowest``: the slowest fraction's fall speed (m/s)."""
+    if taken.speed == 0.0:
         why = (
             f"{taken.driven:.2g} m/s that drag gives the curtain's air at rest, over the slowest fraction's fall speed"
         )
-        reached = rate * (LOADED / driven) ** 2 if driven > 0.0 else math.inf  # it grows with the root of the feed rate
-        yield Limit("air-driven", COUPLING, driven, LOADED, reached, why)
-    else:
-        why = "mass flow of granules in the curtain over that of the air in it"
-        yield row("mass-loading", COUPLING, taken.mass, LOADED, why)
-        why = "momentum that drag takes from the air in the curtain, down to the body, over that of this air"
-        yield row("air-momentum", COUPLING, taken.momentum, LOADED, why)
-    why = f"solid volume in the curtain: more than this damps or feeds the air's turbulence ({ELGHOBASHI})"
-    yield row("turbulence", TURBULENCE, dense, MODULATING, why)
+        yield _limit("air-driven", COUPLING, taken.driven / slowest, LOADED, why, rate, 0.5)
+        return
+    why = "mass flow of granules in the curtain over that of the air in it"
+    yield _limit("mass-loading", COUPLING, taken.mass, LOADED, why, rate)
+    why = "momentum that drag takes from the air in the curtain, down to the body, over that of this air"
+    yield _limit("air-momentum", COUPLING, taken.momentum, LOADED, why, rate)
 
 
 def _meetings(
