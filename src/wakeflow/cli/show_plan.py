@@ -114,7 +114,7 @@ def _round(number: float) -> str:
 def _air(plan: Plan, scene: Scene) -> str:
     if scene.air is None:
         return "none: granules fly in a vacuum"
-    stream = scene.air.words.removeprefix("air ")
+    stream = scene.air.blows
     cells = typical_cells(scene, plan.airflow)
     about = f", about {_round(cells)} cells" if cells else ""
     return f"{stream}; rung {plan.rung}: {airflow_kinds[plan.airflow.kind].means}{about}"

@@ -99,7 +99,7 @@ def lifting_line(scene: Scene, fractions: Mapping[str, FractionPlan]) -> str:
     """The air in the narrowest gap, and what each fraction does in the air; empty in a vacuum."""
     if scene.air is None:
         return ""
-    gap, air = narrowest_gap(scene), scene.air.words.removeprefix("air ")
+    gap, air = narrowest_gap(scene), scene.air.blows
     if gap is not None:
         free = f"{metres(gap.free, 3)} of {metres(scene.channel.width, 3)} are free"
         air += f", {say(gap.speed, 'm/s', 2)} beside {gap.where} ({free})"

@@ -290,7 +290,7 @@ def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> tuple[l
             grade = void if carried or shift >= WORTHLESS else less_sure
             warned.append(grade(
                 f"{name}: rung none leaves the air out, which could move it by {shift:.2g} {scene.unit} (terminal "
-                f"velocity {middle.settling:.2g} m/s, {air.words}); {fate}; numerics.rung "
+                f"velocity {middle.settling:.2g} m/s, air {air.blows}); {fate}; numerics.rung "
                 "= 'draft' computes it"
             ))  # fmt: skip
     return left_out, warned

@@ -152,12 +152,12 @@ class Air(Table):
         return self.direction == "up" and not self.still
 
     @property
-    def words(self) -> str:
-        """The air in words: "air 5 m/s down"."""
-        return "air at rest" if self.still else f"air {say(self.speed, 'm/s', 3)} {self.direction}"
+    def blows(self) -> str:
+        """In words: "5 m/s down", or "at rest"."""
+        return "at rest" if self.still else f"{say(self.speed, 'm/s', 3)} {self.direction}"
 
     @model_validator(mode="after")
-    def _speed_is_a_speed(self) -> Air:
+    def _moves_or_rests(self) -> Air:
         if 0.0 < self.speed < SLOWEST_AIR:
             raise SceneError(f"speed = {self.speed:g} m/s: at least {SLOWEST_AIR:g} m/s, or 0 for air at rest")
         if self.still and self.case is not None:

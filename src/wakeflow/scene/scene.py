@@ -42,7 +42,7 @@ class Scene(SceneTables):
     def __repr__(self) -> str:
         """What is in the channel, the air, what is fed, and into how many bins; all of it: ``tables``."""
         bodies = f"bodies {', '.join(self.body)}" if self.body else "no body"
-        air = "no air" if self.air is None else self.air.words
+        air = "no air" if self.air is None else f"air {self.air.blows}"
         count = f"{len(self.bin)} bin{'s' if len(self.bin) != 1 else ''}"
         return f"<Scene: {bodies}; {air}; {self._fed_by}; fractions {', '.join(self.fraction)}; {count}>"
 
@@ -135,12 +135,8 @@ class Scene(SceneTables):
         """The scene with a bin over the whole top where the air blows up and no bin lies there: what the air carries
         out is an answer, not lost. Itself otherwise, and where another bin has that name.
         """
-        if (
-            self.air is None
-            or not self.air.rises
-            or OVER_THE_TOP in self.bin
-            or any(b.side == "top" for b in self.bin.values())
-        ):
+        upward = self.air is not None and self.air.rises
+        if not upward or OVER_THE_TOP in self.bin or any(b.side == "top" for b in self.bin.values()):
             return self
         half = self.channel.width / 2
         top = Bin(on="top", start=-half, to=half)

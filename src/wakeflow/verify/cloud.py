@@ -30,6 +30,7 @@ from .curves import as_spheres
 from .flights import REFERENCE, WANTED, FlownKind
 from .foam import CLOUD, FoamInterpolant, interpolant, write_cloud, write_gravity, write_properties
 from .report import Tell
+from .rk4 import KNOWN_FORCES
 
 Array = NDArray[np.float64]
 SOLVER = "pimpleFoam"
@@ -52,7 +53,6 @@ functions
     }
 }
 """
-STILL_AIR = ("drag", "gravity", "buoyancy")  # forces that both know, but for the eddies
 COLUMNS = {
     "granule": "{kind}", "wakeflow without eddies: median": "{own_median:.1e}", "95 %": "{own_p95:.1e}",
     "with eddies: CPU us": "{ours:.3g*1e6}", "with all forces: CPU us": "{all_forces:.3g*1e6}",
@@ -148,7 +148,7 @@ def cloud_rows(
     alone = SolverLog.of(folder)
     for one, ours in kinds:
         span, width = ours["flight"], one.flight.scene.width
-        calm, stirred = one.with_forces(STILL_AIR), one.with_forces((*STILL_AIR, "dispersion"))
+        calm, stirred = one.with_forces(KNOWN_FORCES), one.with_forces({*KNOWN_FORCES, "dispersion"})
         own, cost = calm.apart(calm.fly(WANTED), calm.fly(REFERENCE)), stirred.cost(WANTED)
         finest = _across(case, one, FINEST, span, folder, tell)
         for courant, parcels in SETTINGS.items():

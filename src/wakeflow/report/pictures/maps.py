@@ -27,7 +27,7 @@ from ..canvas import (
     streams,
     triangulation,
 )
-from ..figures.air import draw_pressure
+from ..figures.air import air_with_pressure, draw_pressure
 from ..moving import Path2D
 from .view import PictureFiles, View
 
@@ -159,8 +159,8 @@ def _panel(axes: Axes, view: View, x: Array, y: Array, flux: Array, colour: str,
     bar.ax.tick_params(labelsize=7)
     axes.set_title(name, fontsize=9, loc="left")
     axes.set_aspect("equal")
-    field, airflow = view.outcome.field, view.outcome.airflow
-    if _has_wake(view) and field is not None and airflow is not None:
+    if (found := air_with_pressure(view.outcome)) is not None:
+        field, _, airflow = found
         mean, mesh = as_flown(field.mean(), view.scene), triangulation(field)
         cp = pressure_coefficient(mean, view.scene, airflow)
         axes.tricontour(mesh, cp, levels=[SUCTION_LEVEL], colors=INK, linewidths=1.1, linestyles="--", zorder=5)
@@ -177,9 +177,9 @@ def _through(view: View) -> dict[str, dict[str, float]]:
     """By fraction the share of granules whose track enters the suction zone, and the reversed flow, of the mean air."""
     from matplotlib.tri import LinearTriInterpolator
 
-    field, airflow = view.outcome.field, view.outcome.airflow
-    if not _has_wake(view) or field is None or airflow is None:
+    if (air := air_with_pressure(view.outcome)) is None:
         return {}
+    field, _, airflow = air
     mean, mesh = as_flown(field.mean(), view.scene), triangulation(field)
     zones = {
         "suction": pressure_coefficient(mean, view.scene, airflow) - SUCTION_LEVEL,
@@ -194,14 +194,6 @@ def _through(view: View) -> dict[str, dict[str, float]]:
             for zone, level in inside.items()
         }
     return found
-
-
-def _has_wake(view: View) -> bool:
-    """Whether air of known pressure flows past a body."""
-    field, air = view.outcome.field, view.scene.air
-    return (
-        bool(view.scene.body) and air is not None and not air.still and field is not None and field.pressure is not None
-    )
 
 
 def _downstream(view: View) -> float:
