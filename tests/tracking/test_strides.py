@@ -123,3 +123,13 @@ def test_the_air_that_is_kept_of_a_field_has_what_each_fraction_needs() -> None:
     fresh = flown(air("modes"), one, 1e-4, "dispersion")
     np.testing.assert_array_equal(found.position, fresh.position)
     assert np.all(off(found, without) > 0.0)
+
+
+@pytest.mark.parametrize("kind", ["steady", "modes"])
+def test_the_air_of_a_mirror_image_is_the_original_s_with_other_signs(kind: str) -> None:
+    """Whether that is copied from the original's or made anew, every granule flies the same."""
+    field, one = air(kind), grains(*SIZES["chaff"])
+    mirrored = one.replace(position=one.position * (-1.0, 1.0))
+    anew = flown(field.reflected(), mirrored, 1e-4, "dispersion")
+    flown(field, one, 1e-4, "dispersion")  # so that there is one to copy
+    np.testing.assert_array_equal(flown(field.image, mirrored, 1e-4, "dispersion").position, anew.position)

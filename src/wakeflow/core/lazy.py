@@ -25,6 +25,10 @@ class cached_property(Generic[Value]):
     def __init__(self, make: Callable[[Any], Value]) -> None:
         self.make, self.name, self.__doc__ = make, "", make.__doc__
 
+    def place(self, instance: Any) -> dict[str, Any]:
+        """Where the value is kept: in the ``instance``, which then has it without asking here again."""
+        return instance.__dict__  # type: ignore[no-any-return]
+
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
 
@@ -37,7 +41,10 @@ class cached_property(Generic[Value]):
     def __get__(self, instance: object | None, owner: type | None = None) -> cached_property[Value] | Value:
         if instance is None:
             return self
-        value = instance.__dict__[self.name] = self.make(instance)
+        kept = self.place(instance)
+        if self.name not in kept:
+            kept[self.name] = self.make(instance)
+        value: Value = kept[self.name]
         return value
 
 

@@ -20,23 +20,89 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError, known
-from .flow import FlowField, nodal
-from .modes import fit
+from ..core.lazy import cached_property
+from .flow import POSITIVE, FlowField, nodal
+from .modes import fit, time_shares
 from .triangles import Triangles
 
 # -- The wake between its two ends -------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
-POSITIVE = ("k", "dissipation")
 MAX_TRIANGLES_TRIED = 8  # triangles tried for a point outside the mesh: those whose centres are nearest
 AT_REST, FIXED = 1e-3, 1e-6  # of the fastest air: mean speed at a wall, moving or not; fluctuation where air is given
 SAMPLES = 8  # of the swing for each knot of the splines in time: enough that the fit is theirs
+
+
+@dataclass(frozen=True, eq=False)
+class Wakes:
+    """The air of one machine with its ``steady`` wake and with the one in time, ``resolved``, for blends of the two."""
+
+    resolved: FlowField
+    steady: FlowField
+
+    @cached_property
+    def mean(self) -> dict[str, Array]:
+        """The time mean of the wake in time by name (N, ..)."""
+        weights = self.resolved.time_axis.mean_weights()
+        return {name: np.tensordot(weights, values, axes=1) for name, values in nodal(self.resolved).items()}
+
+    @cached_property
+    def still(self) -> dict[str, Array]:
+        """The steady wake on the nodes of the one in time."""
+        beside = interpolated(self.steady, _like(self.steady, nodal(self.resolved)), self.resolved.points)
+        return _with_boundary(self.resolved, beside, self.mean["velocity"])
+
+    @cached_property
+    def variance(self) -> Array:
+        """Of the velocity of the wake in time (N,) m2/s2."""
+        field = self.resolved
+        velocity = field.velocity if field.coefficients is None else field.at_knots("velocity")
+        weights = time_shares(known(field.times), field.period)
+        found: Array = np.einsum("t,tnj->n", weights, (velocity - self.mean["velocity"]) ** 2)
+        return found
+
+    def blended(self, theta: float, strength: float) -> FlowField:
+        """The air between the two, see :func:`blended_wake`."""
+        for name, number in (("theta", theta), ("strength", strength)):
+            if not 0.0 <= number <= 1.0:
+                raise SceneError(f"blended_wake: {name} = {number:g}, allowed 0 to 1")
+        resolved = self.resolved
+        if resolved.times is None or theta == strength == 1.0:
+            return resolved
+        own, middle, still = nodal(resolved), self.mean, self.still
+        mean: dict[str, Any] = {name: (1.0 - theta) * still[name] + theta * middle[name] for name in own}
+        if resolved.k is not None:
+            given = self._dropped(theta, strength)
+            share = np.divide(given, mean["k"], out=np.zeros_like(given), where=mean["k"] > 0.0)  # k is 0 on walls
+            mean |= {name: (1.0 + share) * mean[name] for name in POSITIVE if name in own}
+        if strength == 0.0 and resolved.motion is None:
+            return resolved.with_values(times=None, period=None, coefficients=None, truncation=None, **mean)
+        kept = {name: min(strength, theta) if name in POSITIVE else strength for name in own}
+        if resolved.coefficients is None:
+            nodes: dict[str, Any] = {
+                name: mean[name] + kept[name] * (values - middle[name]) for name, values in own.items()
+            }
+        else:  # part 0 is the mean, the others have none
+            nodes = {name: np.concatenate([mean[name][None], kept[name] * values[1:]]) for name, values in own.items()}
+        made = resolved.with_values(**nodes)
+        return made if resolved.motion is None else _swinging(made, still["velocity"], 1.0 - strength)
+
+    def _dropped(self, theta: float, strength: float) -> Array:
+        """Energy (N,) m2/s2 that the blend's mean motion needs and its fluctuation lacks; no more than what it drops.
+
+        Reynolds' average of a wake that is one of the two at a time, theta of the time the one in time: both means are
+        then exact, and so is zero at either end. Eddies are taken to be alike in all directions, as dispersion does.
+        """
+        apart = theta * (1.0 - theta) * np.sum((self.still["velocity"] - self.mean["velocity"]) ** 2, axis=1)
+        most = (1.0 - strength**2) * self.variance
+        needed: Array = np.clip((theta - strength**2) * self.variance + apart, 0.0, most)
+        return 0.5 * needed
 
 
 def blended_wake(resolved: FlowField, steady: FlowField, theta: float, strength: float) -> FlowField:
@@ -50,45 +116,7 @@ def blended_wake(resolved: FlowField, steady: FlowField, theta: float, strength:
     mesh and U the mean air speed, which is V at the body and the given velocity at the inlet.
     Raises SceneError for numbers out of range, and for a ``steady`` field that lacks what ``resolved`` has.
     """
-    for name, number in (("theta", theta), ("strength", strength)):
-        if not 0.0 <= number <= 1.0:
-            raise SceneError(f"blended_wake: {name} = {number:g}, allowed 0 to 1")
-    if resolved.times is None or theta == strength == 1.0:
-        return resolved
-    weights = resolved.time_axis.mean_weights()
-    own = nodal(resolved)
-    middle = {name: np.tensordot(weights, values, axes=1) for name, values in own.items()}
-    still = _with_boundary(resolved, interpolated(steady, _like(steady, own), resolved.points), middle["velocity"])
-    mean: dict[str, Any] = {name: (1.0 - theta) * still[name] + theta * middle[name] for name in own}
-    if resolved.k is not None:
-        given = _dropped(resolved, still["velocity"], middle["velocity"], theta, strength)
-        share = np.divide(given, mean["k"], out=np.zeros_like(given), where=mean["k"] > 0.0)  # k is 0 on walls
-        mean |= {name: (1.0 + share) * mean[name] for name in POSITIVE if name in own}
-    if strength == 0.0 and resolved.motion is None:
-        return replace(resolved, times=None, period=None, coefficients=None, truncation=None, **mean)
-    kept = {name: min(strength, theta) if name in POSITIVE else strength for name in own}
-    if resolved.coefficients is None:
-        nodes: dict[str, Any] = {
-            name: mean[name] + kept[name] * (values - middle[name]) for name, values in own.items()
-        }
-    else:  # part 0 is the mean, the others have none
-        nodes = {name: np.concatenate([mean[name][None], kept[name] * values[1:]]) for name, values in own.items()}
-    made = replace(resolved, **nodes)
-    return made if resolved.motion is None else _swinging(made, still["velocity"], 1.0 - strength)
-
-
-def _dropped(resolved: FlowField, still: Array, middle: Array, theta: float, strength: float) -> Array:
-    """Energy (N,) m2/s2 that the blend's mean motion needs and its fluctuation lacks; no more than what it drops.
-
-    ``still``, ``middle``: velocity (N, 2) m/s of the steady wake and of the mean of ``resolved``. Reynolds' average of
-    a wake that is one of the two at a time, theta of the time the second: both means are then exact, and so is zero at
-    either end. Eddies are taken to be alike in all directions, as dispersion does.
-    """
-    whole = resolved.snapshots()
-    variance: Array = np.einsum("t,tnj->n", whole.time_axis.mean_weights(), (whole.velocity - middle) ** 2)
-    apart = theta * (1.0 - theta) * np.sum((still - middle) ** 2, axis=1)
-    needed: Array = np.clip((theta - strength**2) * variance + apart, 0.0, (1.0 - strength**2) * variance)
-    return 0.5 * needed
+    return Wakes(resolved, steady).blended(theta, strength)
 
 
 def interpolated(mesh: Triangles, nodal: Mapping[str, Array], points: Array) -> dict[str, Array]:
@@ -149,7 +177,7 @@ def _swinging(field: FlowField, still: Array, share: float) -> FlowField:
     pushed = along - still * float(along[1]) / through
     if field.coefficients is None:
         speed = known(field.motion).velocity(known(field.times)) @ along
-        return replace(field, velocity=field.velocity + share * speed[:, None, None] * pushed)
+        return field.with_values(velocity=field.velocity + share * speed[:, None, None] * pushed)
     count = len(known(field.times))
     times = known(field.times)[0] + np.arange(SAMPLES * count) * (known(field.period) / (SAMPLES * count))
     found = fit(times, (known(field.motion).velocity(times) @ along)[:, None], known(field.period), count)
@@ -157,7 +185,7 @@ def _swinging(field: FlowField, still: Array, share: float) -> FlowField:
         name: np.concatenate([values, np.zeros_like(values[:1])]) for name, values in nodal(field).items()
     }
     more["velocity"][-1] = share * pushed
-    return replace(field, coefficients=np.hstack([field.coefficients, found - found.mean(axis=0)]), **more)
+    return field.with_values(coefficients=np.hstack([field.coefficients, found - found.mean(axis=0)]), **more)
 
 
 # -- A record of an irregular wake made periodic -----------------------------------------------------------------------
@@ -198,7 +226,7 @@ def cross_faded(field: FlowField, lead: int) -> FlowField:
     }
     count, mean = len(field.times) - lead, float(step.mean())
     changes["times"] = mean * np.arange(count)
-    return replace(field, **changes, period=count * mean)
+    return field.with_values(**changes, period=count * mean)
 
 
 # -- The same airflow at another speed ---------------------------------------------------------------------------------
@@ -226,7 +254,7 @@ def varied(
     if field.times is not None and field.motion is None:
         made["times"] = field.times / speed
         made["period"] = None if field.period is None else field.period / speed
-    return replace(field, **made)
+    return field.with_values(**made)
 
 
 def _grown(field: FlowField, energy: float, entering: float) -> Array:

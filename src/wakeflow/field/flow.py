@@ -12,12 +12,13 @@ from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Any
+from weakref import ref
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core import sums
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 from ..core.lazy import cached_property
 from ..core.tables import load_arrays, save_arrays
 from . import checks
@@ -27,7 +28,8 @@ from .recovery import gradient_operators
 from .triangles import Divergence, Triangles, divergence_of
 
 Array = NDArray[np.float64]
-NODAL = ("velocity", "pressure", "k", "dissipation", "given_gradient")  # the arrays with a value at every node
+POSITIVE = ("k", "dissipation")
+NODAL = ("velocity", "pressure", *POSITIVE, "given_gradient")  # the arrays with a value at every node
 MIN_TURBULENCE_RATIO = (
     0.05  # of their means: k and dissipation of a compressed field are no smaller. Chosen: a lifetime stays finite
 )
@@ -177,7 +179,7 @@ class FlowField(Triangles):
             return self
         share = self.time_axis.mean_weights()
         steady: dict[str, Any] = {"times": None, "period": None, "coefficients": None, "truncation": None}
-        return replace(self.mapped(lambda nodal: np.tensordot(share, nodal, axes=1)), **steady)
+        return self.mapped(lambda nodal: np.tensordot(share, nodal, axes=1)).with_values(**steady)
 
     def compressed(self, error: float = 0.01, knots: int | None = None) -> FlowField:
         """Snapshots over a period as mean and modes with smooth functions of time; see :mod:`.modes`.
@@ -195,26 +197,25 @@ class FlowField(Triangles):
         assert self.period is not None
         start = self.times[0] + np.arange(len(coefficients)) * (self.period / len(coefficients))
         changes: dict[str, Any] = {**parts, "truncation": replace(lost, knots=len(coefficients))}
-        return replace(self, **changes, times=start, coefficients=coefficients)
+        return self.with_values(**changes, times=start, coefficients=coefficients)
 
     def snapshots(self) -> FlowField:
-        """Mean and modes as snapshots at the knots; other fields as they are.
+        """Mean and modes as snapshots at the knots; other fields as they are."""
+        if self.coefficients is None:
+            return self
+        values: dict[str, Any] = {name: self.at_knots(name) for name in nodal(self)}
+        return self.with_values(**values, coefficients=None, truncation=None)
+
+    def at_knots(self, name: str) -> Array:
+        """A nodal array (T, N, ..) at the knots of a field of mean and modes.
 
         k and dissipation, of which a truncation may leave nothing or less where they are small, are kept above a
         twentieth of their means: an eddy's lifetime is their quotient.
         """
-        if self.coefficients is None:
-            return self
-        assert self.times is not None
-        assert self.period is not None
-        drawn = design(self.times, float(self.times[0]), self.period, len(self.times)) @ self.coefficients
-        whole = self.mapped(lambda nodal: np.tensordot(drawn, nodal, axes=1))
-        limited: dict[str, Any] = {
-            name: np.maximum(values, MIN_TURBULENCE_RATIO * getattr(self, name)[0])
-            for name in ("k", "dissipation")
-            if (values := getattr(whole, name)) is not None
-        }
-        return replace(whole, **limited, coefficients=None, truncation=None)
+        times, parts = known(self.times), getattr(self, name)
+        drawn = design(times, float(times[0]), known(self.period), len(times)) @ known(self.coefficients)
+        values: Array = np.tensordot(drawn, parts, axes=1)
+        return np.maximum(values, MIN_TURBULENCE_RATIO * parts[0]) if name in POSITIVE else values
 
     def moving(self, amplitude: ArrayLike, omega: float, phase: float = 0.0) -> FlowField:
         """The field on a mesh that swings by ``amplitude`` (2,) m times sin(``omega`` t + ``phase``), rad/s and rad.
@@ -225,7 +226,7 @@ class FlowField(Triangles):
         across, along = np.asarray(amplitude, dtype=float).tolist()
         swing = MeshOscillation(across, along, float(omega), float(phase))
         swing.check(self.times is not None, self.period)
-        return replace(self, motion=swing)
+        return self.with_values(motion=swing)
 
     def mirrored(self, x: float = 0.0) -> FlowField:
         """The whole field of a half domain (all points on one side of the vertical line at ``x``); nodes on it are
@@ -248,12 +249,24 @@ class FlowField(Triangles):
     @cached_property
     def image(self) -> FlowField:
         """The mirror image about x = 0, made once."""
-        return self.reflected()
+        made = self.reflected()
+        made.__dict__.update(geometry=self.geometry.setdefault("image", {}), original=ref(self))
+        return made
+
+    @cached_property
+    def original(self) -> ref[FlowField] | None:
+        """The field that this one is the ``image`` of, node by node; it may be gone by now."""
+        return None
 
     def mapped(self, function: Callable[[Array], Array]) -> FlowField:
         """The same field with ``function`` applied to every nodal array."""
-        changes: dict[str, Any] = {name: function(values) for name, values in nodal(self).items()}
-        return replace(self, **changes)
+        return self.with_values(**{name: function(values) for name, values in nodal(self).items()})
+
+    def with_values(self, **changes: Any) -> FlowField:
+        """Another field on the same mesh."""
+        made = replace(self, **changes)
+        made.__dict__["geometry"] = self.geometry
+        return made
 
     # -- files -----------------------------------------------------------------------------------------------------
 

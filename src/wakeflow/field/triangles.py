@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,7 @@ from ..core.lazy import cached_property
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+Value = TypeVar("Value")
 INSIDE = -1e-9  # smallest barycentric coordinate that still counts as inside a triangle
 
 
@@ -20,6 +21,13 @@ def double_area(points: Array, triangles: Index) -> Array:
     """Twice the signed area of every triangle (M,), positive where it runs counter-clockwise."""
     a, b, c = (points[triangles[:, i]] for i in range(3))
     return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+
+
+class of_mesh(cached_property[Value]):
+    """A property that all fields on one mesh share."""
+
+    def place(self, instance: Any) -> dict[str, Any]:
+        return instance.geometry  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,17 +38,22 @@ class Triangles:
     triangles: Index
 
     @cached_property
+    def geometry(self) -> dict[str, Any]:
+        """What was made of the mesh alone, by name."""
+        return {}
+
+    @of_mesh
     def area(self) -> Array:
         """Area of every triangle (M,), m2."""
         return 0.5 * double_area(self.points, self.triangles)
 
-    @cached_property
+    @of_mesh
     def node_area(self) -> Array:
         """The share of the whole area that each node represents (N,): a third of each triangle around it."""
         area = np.bincount(self.triangles.ravel(), np.repeat(self.area / 3, 3), len(self.points))
         return np.asarray(area / area.sum(), dtype=np.float64)
 
-    @cached_property
+    @of_mesh
     def neighbours(self) -> Index:
         """Triangle across each edge (M, 3); edge k lies opposite corner k; -1 on the boundary.
 
@@ -58,20 +71,20 @@ class Triangles:
         across[first], across[second] = second % len(cells), first % len(cells)
         return np.ascontiguousarray(across.reshape(3, -1).T)
 
-    @cached_property
+    @of_mesh
     def boundary(self) -> Index:
         """The nodes on edges that belong to one triangle only, in order."""
         triangle, opposite = np.nonzero(self.neighbours < 0)
         return np.unique([self.triangles[triangle, (opposite + step) % 3] for step in (1, 2)])
 
-    @cached_property
+    @of_mesh
     def gradients(self) -> Array:
         """Gradient of every triangle's three barycentric coordinates (M, 3, 2), 1/m."""
         p = self.points[self.triangles]
         across = np.roll(p, -2, axis=1) - np.roll(p, -1, axis=1)
         return np.stack([-across[..., 1], across[..., 0]], axis=2) / (2 * self.area)[:, None, None]
 
-    @cached_property
+    @of_mesh
     def _centres(self) -> Any:
         """Tree of the triangles' centroids."""
         from scipy.spatial import cKDTree
@@ -124,7 +137,7 @@ class Triangles:
         found[point[order]] = near[order]
         return found
 
-    @cached_property
+    @of_mesh
     def _grid(self) -> tuple[Index, Index, Array, Array, int]:
         """Triangles by the cells of a regular grid that their boxes touch: first member of each cell, members, corner
         and pitch of the grid, cells a side.

@@ -22,6 +22,7 @@ from .cache import code_of, version_of
 
 if TYPE_CHECKING:
     from ..field import FlowField
+    from ..field.combined import Wakes
     from ..foam import AirflowResult, FlowSpec
 
 
@@ -142,15 +143,20 @@ class TimeResolvedAir(SolvedAir):
     def make_field(self) -> tuple[str, FlowField]:
         return self.resolved
 
-    def between(self, theta: float, strength: float) -> tuple[str, FlowField]:
-        from ..field import blended_wake
+    @cached_property
+    def wakes(self) -> Wakes:
+        """The steady wake and the one in time, to be blended."""
+        from ..field.combined import Wakes
 
+        return Wakes(self.resolved[1], known(self.steady().field)[1])
+
+    def between(self, theta: float, strength: float) -> tuple[str, FlowField]:
         key, resolved = self.resolved
         if resolved.times is None or theta == strength == 1.0:  # it came to rest, or is asked for as it is
             return self.resolved
-        steady = known(self.steady().field)
-        made = content_key("blend", key, steady[0], theta, strength, code_of("blend"))
-        return made, blended_wake(resolved, steady[1], theta, strength)
+        steady, _ = known(self.steady().field)
+        made = content_key("blend", key, steady, theta, strength, code_of("blend"))
+        return made, self.wakes.blended(theta, strength)
 
 
 def _publish(file: Path, folder: Path, key: str) -> None:

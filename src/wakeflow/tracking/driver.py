@@ -22,7 +22,7 @@ from .kernel import layout as at
 from .kernel.layout import PackedAir, Rules, Walls
 from .kernel.loop import fly_block
 from .pack import Packed, check_forces, pack_granules, pack_state, pack_tables
-from .pack_surroundings import pack_air, pack_lines, pack_walls
+from .pack_surroundings import eddy_life, pack_air, pack_lines, pack_walls
 from .tracks import Tracks
 
 Array = NDArray[np.float64]
@@ -180,8 +180,8 @@ def _longest_wait(field: FlowField | None, air: PackedAir, bodies: Sequence[Body
     rest = max([*periods, 2 * np.pi / omega] if omega > 0 else periods, default=0.0)
     if field is not None and field.times is not None and len(field.times) > 1:
         rest = max(rest, field.period) if field.period is not None else np.inf
-    if air.values.shape[-1] > at.NODE_RMS:  # eddies may blow it off later; what lay still for many of them stays
-        rest = max(rest, EDDIES * float(np.median(air.values[..., at.NODE_LIFE])))
+    if field is not None and air.values.shape[-1] > at.NODE_RMS:  # eddies may blow it off; after many of them it stays
+        rest = max(rest, EDDIES * eddy_life(field))
     return rest
 
 

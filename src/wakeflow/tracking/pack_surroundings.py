@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 from threading import Lock
 from typing import Any, NamedTuple
@@ -143,9 +143,21 @@ def pack_lines(lines: Sequence[object]) -> tuple[Array, Index]:
 
 # -- From a field to the plain arrays of the kernel --------------------------------------------------------------------
 NODES = 128  # of which splines are made at a time: they fit into a core's cache
-_PACKED: WeakKeyDictionary[FlowField, dict[tuple[object, ...], PackedAir]] = WeakKeyDictionary()
-_PACKING = Lock()
+SIGNS = np.array([-1.0, 1.0, -1.0, 1.0, 1.0, 1.0])  # of the values in a mirror
 LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
+
+
+@dataclass
+class _Kept:
+    """What was made of one field, by what it depends on; one thread at a time makes it."""
+
+    lock: Lock = field(default_factory=Lock)
+    air: dict[tuple[object, ...], PackedAir] = field(default_factory=dict)
+    values: dict[tuple[bool, bool], tuple[Array, Array]] = field(default_factory=dict)
+
+
+_KEPT: WeakKeyDictionary[FlowField, _Kept] = WeakKeyDictionary()
+_KEEPING = Lock()
 
 
 def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forces: Sequence[str]) -> PackedAir:
@@ -156,21 +168,27 @@ def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forc
         empty = np.zeros((0, 3), dtype=np.int64)
         nothing = (np.zeros(0), np.zeros(1), rows_of_ints([], 4), np.zeros(3), np.zeros(4))
         return PackedAir(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), *nothing)
-    needs = _needed("pressure", forces), _needed("turbulence", forces)
-    key = (*needs, reach, *(part.tobytes() for body in bodies for part in body.edges))
-    with _PACKING:
-        packed = _PACKED.setdefault(field, {})
-        if key not in packed:
-            packed[key] = _packed(field, bodies, reach, forces)
-        return packed[key]
+    key = (*_needs(forces), reach, *(part.tobytes() for body in bodies for part in body.edges))
+    kept = _kept(field)
+    with kept.lock:
+        if key not in kept.air:
+            kept.air[key] = _packed(field, kept, bodies, reach, forces)
+        return kept.air[key]
 
 
-def _packed(field: FlowField, bodies: Sequence[Body], reach: float, forces: Sequence[str]) -> PackedAir:
+def _kept(field: FlowField) -> _Kept:
+    with _KEEPING:
+        return _KEPT.setdefault(field, _Kept())
+
+
+def _packed(field: FlowField, kept: _Kept, bodies: Sequence[Body], reach: float, forces: Sequence[str]) -> PackedAir:
     first = field.points[field.triangles[:, 0]]
     geometry = np.concatenate([first, field.gradients.reshape(-1, 6)], axis=1)
     swing = mesh_motion_of(field)
-    flat = swing is None and field.coefficients is None
-    values, smooth = (_values(field, forces), np.zeros(3)) if flat else _smooth(field, forces, swing)
+    needs = _needs(forces)
+    if needs not in kept.values:
+        kept.values[needs] = _interpolant(field, forces, swing)
+    values, smooth = kept.values[needs]
     neighbours = field.neighbours.copy()
     covered = _covered(field, neighbours, bodies, reach)
     times = np.zeros(1) if field.times is None or smooth[1] != 0.0 else field.times
@@ -187,6 +205,11 @@ def _packed(field: FlowField, bodies: Sequence[Body], reach: float, forces: Sequ
     )
 
 
+def _needs(forces: Sequence[str]) -> tuple[bool, bool]:
+    """Whether a field with pressure and one with turbulence is needed."""
+    return _needed("pressure", forces), _needed("turbulence", forces)
+
+
 def _needed(need: Needs, forces: Sequence[str]) -> bool:
     """Whether one of the forces needs a field with pressure or turbulence."""
     return any(all_forces[name].needs == need for name in forces)
@@ -197,10 +220,31 @@ def _width(forces: Sequence[str]) -> int:
     return 6 if _needed("turbulence", forces) else (4 if _needed("pressure", forces) else 2)
 
 
-def _eddies(field: FlowField) -> tuple[Array, Array]:
+def _eddies(k: Array, dissipation: Array) -> tuple[Array, Array]:
     """Deviation m/s and lifetime s of the eddies (.., N)."""
-    k = np.maximum(known(field.k), 0.0)
-    return np.sqrt(2.0 / 3.0 * k), np.minimum(lifetime(k, np.maximum(known(field.dissipation), 0.0)), LONGEST_LIFE)
+    k = np.maximum(k, 0.0)
+    return np.sqrt(2.0 / 3.0 * k), np.minimum(lifetime(k, np.maximum(dissipation, 0.0)), LONGEST_LIFE)
+
+
+def eddy_life(field: FlowField) -> float:
+    """Lifetime (s) of the eddies in a turbulent ``field``: the median over the nodes, at the mean of k and of its
+    dissipation, or of the first snapshot's.
+    """
+    k, dissipation = (known(part) for part in (field.k, field.dissipation))
+    lives = _eddies(*(part if field.times is None else part[0] for part in (k, dissipation)))[1]
+    return float(np.median(lives))
+
+
+def _interpolant(field: FlowField, forces: Sequence[str], swing: MeshOscillation | None) -> tuple[Array, Array]:
+    """Values at the nodes and the knots in time; those of a mirror image are the original's but for their signs."""
+    original = None if field.original is None else field.original()
+    if original is not None:
+        there = _kept(original).values.get(_needs(forces))
+        if there is not None:
+            return there[0] * SIGNS[: there[0].shape[-1]], there[1]
+    if swing is None and field.coefficients is None:
+        return _values(field, forces), np.zeros(3)
+    return _smooth(field, forces, swing)
 
 
 def _values(field: FlowField, forces: Sequence[str]) -> Array:
@@ -211,7 +255,7 @@ def _values(field: FlowField, forces: Sequence[str]) -> Array:
     if _needed("pressure", forces):
         values[..., 2:4] = field.pressure_gradient
     if _needed("turbulence", forces):
-        values[..., 4], values[..., 5] = _eddies(field)
+        values[..., 4], values[..., 5] = _eddies(known(field.k), known(field.dissipation))
     return values if field.times is not None else values[None]
 
 
@@ -235,7 +279,7 @@ def _smooth(field: FlowField, forces: Sequence[str], swing: MeshOscillation | No
     vectors = [field.velocity, *([field.pressure_gradient] if _needed("pressure", forces) else [])]
     eddies: tuple[Array, ...] = ()
     if _needed("turbulence", forces):
-        eddies = _eddies(replace(field, pressure=None, given_gradient=None).snapshots())
+        eddies = _eddies(field.at_knots("k"), field.at_knots("dissipation"))
     for low in range(0, count, NODES):
         part = slice(low, low + NODES)
         for place, parts in enumerate(vectors):

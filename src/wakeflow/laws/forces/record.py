@@ -192,8 +192,12 @@ class Field(Protocol):
     """What tells whether a field has what a force needs of it."""
 
     @property
-    def pressure_gradient(self) -> Array | None:
-        """Pa/m; None without pressure."""
+    def pressure(self) -> Array | None:
+        """Pa; None where there is none, or its gradient is given."""
+
+    @property
+    def given_gradient(self) -> Array | None:
+        """Of the pressure, Pa/m; None where it is that of ``pressure``."""
 
     @property
     def k(self) -> Array | None:
@@ -296,7 +300,7 @@ class Force:
 
     def lacks(self, field: Field) -> str | None:
         """What ``field`` lacks for it, in words; None where it has all."""
-        if self.needs == "pressure" and field.pressure_gradient is None:
+        if self.needs == "pressure" and field.pressure is None and field.given_gradient is None:
             return "a field with pressure"
         if self.needs == "turbulence" and (field.k is None or field.dissipation is None):
             return "a field with k and dissipation; a laminar airflow has none"
