@@ -9,6 +9,7 @@ from ..answer.measurements import PAGE
 from ..answer.shares import SHARE_UNIT, BudgetRow, Separation, least_certain, weightiest
 from ..core.errors import known
 from ..core.number import Number
+from ..core.quantities import say
 from ..report.words import (
     NO_VALUE,
     TERMS,
@@ -82,10 +83,12 @@ def _air(airflow: Airflow) -> str:
 def _loading(result: Result) -> str:
     """What the granules' force on the air does, in one line."""
     loading = known(known(result.airflow).loading)
-    told = (
-        f"air loading: {loading.passes} pass{'es' if loading.passes != 1 else ''}, {loading.given:.2g} N/m on the air, "
-        f"steady Cd {known(loading.cd_without).value:.3f} to {known(loading.cd).value:.3f}"
-    )
+    if loading.cd is None:
+        does = f"driven to {say(known(loading.speed), 'm/s', 2)}"
+    else:
+        does = f"steady Cd {known(loading.cd_without).value:.3f} to {loading.cd.value:.3f}"
+    passes = f"{loading.passes} pass{'es' if loading.passes != 1 else ''}"
+    told = f"air loading: {passes}, {loading.given:.2g} N/m on the air, {does}"
     effects = None if result.landings is None else result.landings.air_loading
     if not effects:
         return told

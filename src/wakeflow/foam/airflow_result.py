@@ -117,7 +117,11 @@ class AirflowResult:
     """
 
     stepping: str | None = column("", "steady, time-resolved or given", default=None)
-    verdict: str = column("", "steady, periodic, broadband, given, or the profile of air that is known", default="")
+    verdict: str = column(
+        "",
+        "steady, periodic, broadband, given, driven (by granules alone), or the profile of air that is known",
+        default="",
+    )
     turbulence: str | None = column("", "turbulence model", default=None)
     cells: int | None = column("1", "mesh cells", default=None)
     reynolds: float | None = column("1", "Reynolds number on the first body's width, inlet's speed", default=None)

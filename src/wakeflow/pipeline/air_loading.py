@@ -1,18 +1,21 @@
 """The air feels the granules: their force on it, gathered along tracks, is given to the airflow.
 
 Pass after pass, granules fly through the steady airflow as it is known so far, one way; what they exert on the air is
-gathered (``gathered_force``), and OpenFOAM solves the steady airflow on under that force. Each granule flies alone
-until the shares no longer change; where granules meet, those of the slab give the force of one pass more. Under the
-force of the last pass every airflow of the scene is solved: the steady one on all grids, and from it the one in time.
+gathered (``gathered_force``), and the steady airflow is made anew under that force: OpenFOAM solves it on, and air at
+rest becomes a jet (``laws.driven_jet``). Each granule flies alone until the shares no longer change; where granules
+meet, those of the slab give the force of one pass more. Under the force of the last pass every airflow of the scene is
+solved: the steady one on all grids, and from it the one in time.
 """
 
 from __future__ import annotations
 
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,29 +29,34 @@ from ..field import FlowField
 from ..planning.plan import Plan, gathered
 from ..scene import Scene
 from .airflow import Airflow, AirLoadingSummary
-from .airflow_kinds import CaseAir
+from .airflow_kinds import AirflowKind, CaseAir
+from .analytic import jet_field, jet_of
 from .cache import StageCache, code_of, version_of
 from .case_field import case_field
 from .compilation import COMPILED, Compilation
-from .gathered_force import Gathered, Gatherer, resolved
+from .gathered_force import Gathered, Gatherer, boxes_of, resolved
 from .slab import steady_after
 from .solved_air import SolvedAir
 
 Array = NDArray[np.float64]
+Made = tuple[str, Path | None]  # key of an airflow, and its folder where it is in one
+ANSWERED = 0.01  # of the force: what an air that is driven may lack of it; chosen
+FIRST_SHARE, SHARES = 0.3, (0.05, 1.0)  # of the way to the force that a driven air would take: first, at all; chosen
+WITHOUT_SOLVER = 8  # passes where no solver runs for one where it does; chosen
 TOWARDS = 0.7  # of the way to the force gathered last. Chosen: slower air drags less, so that the whole way oversteps
 
 
 @dataclass(frozen=True)
 class Pass:
-    """One pass: the ``force`` (N/m3) that the airflow was solved under, that airflow's ``key`` and ``folder``, what
-    granules alone ``gathered`` in it and the largest ``change`` of their shares from the pass before; how far the force
-    is known by ``source``, those that it was gathered from, and what they would exert on that airflow (``exerted``,
-    (2,) N/m).
+    """One pass: the ``force`` (N/m3) that the airflow was made under, that airflow's ``key`` and ``folder`` (None where
+    it is in none), what granules alone ``gathered`` in it and the largest ``change`` of their shares from the pass
+    before; how far the force is known by ``source``, those that it was gathered from, and what they would exert on that
+    airflow (``exerted``, (2,) N/m).
     """
 
     force: ForceDensity
     key: str
-    folder: Path
+    folder: Path | None
     gathered: Gathered
     change: float
     source: Gathered
@@ -56,7 +64,7 @@ class Pass:
 
 
 @dataclass
-class AirLoading:
+class AirLoading(ABC):
     """The granules' force on the airflow of a scene, gathered in the steady one; ``steady``: that one where it does not
     feel them yet.
     """
@@ -64,9 +72,48 @@ class AirLoading:
     scene: Scene
     plan: Plan  # of the steady airflow
     cache: StageCache
-    steady: CaseAir
+    steady: AirflowKind
     compilation: Compilation
     workers: int | None = None
+
+    @property
+    @abstractmethod
+    def summary(self) -> AirLoadingSummary:
+        """What the passes found."""
+
+    @property
+    @abstractmethod
+    def bare(self) -> Made:
+        """The steady airflow that does not feel the granules."""
+
+    @property
+    @abstractmethod
+    def unloaded(self) -> tuple[str, FlowField]:
+        """Key and field of that airflow."""
+
+    @abstractmethod
+    def under(self, force: ForceDensity, before: Made) -> Made:
+        """The steady airflow under a ``force``, from the one ``before``."""
+
+    @abstractmethod
+    def field_in(self, force: ForceDensity, made: Made) -> FlowField:
+        """The field of the steady airflow that was ``made`` under a ``force``."""
+
+    def settled(self, made: Pass) -> bool:
+        """Whether a pass is the last one."""
+        return made.change <= self.plan.target_error
+
+    def onwards(self, share: float, last: Pass | None, made: Pass) -> float:
+        """Which share of the way to the force gathered in the pass ``made`` the next force goes, after one of ``share``
+        that led there from the ``last`` pass.
+        """
+        del share, last, made  # for air of which little is driven
+        return TOWARDS
+
+    @property
+    def most(self) -> int:
+        """Passes under the force of granules alone, at most."""
+        return self.scene.numerics.loading_passes
 
     @cached_property
     def passes(self) -> tuple[Pass, ...]:
@@ -78,39 +125,29 @@ class AirLoading:
         """The force that the answer's air is solved under."""
         return self.passes[-1].force
 
-    def solution_on(self, air: CaseAir) -> tuple[str, Path]:
-        """Key and folder of the steady airflow under that force, on the grid of ``air``, which does not feel it."""
-        last = self.passes[-1]
-        return (last.key, last.folder) if air.grid == self.steady.grid else self._solved(air, last.force, *air.solution)
+    @property
+    def key(self) -> str:
+        """Of the steady airflow under it."""
+        return self.passes[-1].key
 
     @cached_property
     def first(self) -> Gathered:
         """What granules exert on the air that does not feel them."""
-        key, field = known(self.steady.field)
+        key, field = self.unloaded
         return self._alone(key, lambda: field)
 
-    @property
-    def summary(self) -> AirLoadingSummary:
-        """What the passes found."""
-        from ..foam.momentum_source import SOURCE
-
-        last, case = self.passes[-1], self.passes[-1].folder / "case"
-        laid = json.loads((case / SOURCE).read_text())
-        given, whole = (2.0 if self.steady.half else 1.0) * laid["force"][1], float(last.exerted[1])
-        before, after = self.steady.measured, load(Airflow, case / "airflow.json")
+    def _summary(self, given: float, **further: Any) -> AirLoadingSummary:
+        """What the passes found; ``given``: force (N/m, y) on the air of the last one."""
+        last = self.passes[-1]
         return AirLoadingSummary(
             passes=len(self.passes),
             change=last.change,
             force=tuple(last.exerted.tolist()),
             given=given,
             imbalance=last.source.imbalance,
-            unanswered=abs(whole - given) / max(abs(whole), 1e-300),
+            unanswered=_unanswered(float(last.exerted[1]), given),
             sampling=self.sampling,
-            cd_without=before.cd,
-            cd=after.cd,
-            verdict=after.verdict,
-            cells=laid["cells"],
-            sources=laid["sources"],
+            **further,
         )
 
     @property
@@ -124,27 +161,25 @@ class AirLoading:
         return self.passes[-1].gathered.shares[name][place] - before.shares[name][place]
 
     def _passes(self) -> Iterator[Pass]:
-        before, start, force = self.first, self.steady.solution, self.first.force
-        most = self.scene.numerics.loading_passes
-        for number in range(most):
+        before, start, force, share, last = self.first, self.bare, self.first.force, TOWARDS, None
+        for number in range(self.most):
             made = self._pass(force, start, before)
             yield made
-            if made.change <= self.plan.target_error:
+            if self.settled(made):
                 break
-            before, start, force = made.gathered, (made.key, made.folder), force.towards(made.gathered.force, TOWARDS)
+            share, last = self.onwards(share, last, made), made
+            before, start, force = made.gathered, (made.key, made.folder), force.towards(made.gathered.force, share)
             self.cache.tell("air-loading", f"pass {number + 1}: shares moved by up to {100 * made.change:.2g} points")
-        if self.plan.crowd is not None and most > 1:
+        if self.plan.crowd is not None and self.scene.numerics.loading_passes > 1:
             among = self._among_others(made)
             yield self._pass(among.force, (made.key, made.folder), made.gathered, among)
 
-    def _pass(
-        self, force: ForceDensity, start: tuple[str, Path], before: Gathered, among: Gathered | None = None
-    ) -> Pass:
-        """The steady airflow under a force, solved on from ``start``, where granules alone gathered ``before``;
-        ``among``: what gathered that force there instead of them.
+    def _pass(self, force: ForceDensity, start: Made, before: Gathered, among: Gathered | None = None) -> Pass:
+        """The steady airflow under a force, from ``start``, where granules alone gathered ``before``; ``among``: what
+        gathered that force there instead of them.
         """
-        key, folder = self._solved(self.steady, force, *start)
-        after = self._alone(key, partial(self.field_in, folder))
+        key, folder = made = self.under(force, start)
+        after = self._alone(key, partial(self.field_in, force, made))
         source, other = (after, 0.0) if among is None else (among, among.force.total - before.force.total)
         return Pass(force, key, folder, after, _farthest(before, after), source, after.force.total + other)
 
@@ -161,7 +196,8 @@ class AirLoading:
 
         def work(part: Path) -> None:
             self.compilation.finish_slab()
-            self._gatherer(stage, self.field_in(last.folder)).among_others(start_up, last.gathered.before, part)
+            air = self.field_in(last.force, (last.key, last.folder))
+            self._gatherer(stage, air).among_others(start_up, last.gathered.before, part)
 
         return self._gathered(stage, made, work)
 
@@ -177,6 +213,54 @@ class AirLoading:
 
     def _gatherer(self, stage: str, field: FlowField) -> Gatherer:
         return Gatherer(self.scene, self.plan, field, self.workers, partial(self.cache.tell, stage))
+
+
+@dataclass
+class LoadedCase(AirLoading):
+    """That on an airflow which OpenFOAM solves."""
+
+    steady: CaseAir
+
+    @property
+    def summary(self) -> AirLoadingSummary:
+        from ..foam.momentum_source import SOURCE
+
+        case = known(self.passes[-1].folder) / "case"
+        laid = json.loads((case / SOURCE).read_text())
+        before, after = self.steady.measured, load(Airflow, case / "airflow.json")
+        return self._summary(
+            (2.0 if self.steady.half else 1.0) * laid["force"][1],
+            cd_without=before.cd,
+            cd=after.cd,
+            verdict=after.verdict,
+            cells=laid["cells"],
+            sources=laid["sources"],
+        )
+
+    @property
+    def bare(self) -> Made:
+        return self.steady.solution
+
+    @property
+    def unloaded(self) -> tuple[str, FlowField]:
+        return known(self.steady.field)
+
+    def under(self, force: ForceDensity, before: Made) -> Made:
+        key, folder = before
+        return self._solved(self.steady, force, key, known(folder))
+
+    def field_in(self, force: ForceDensity, made: Made) -> FlowField:
+        del force  # in the case
+        case = known(made[1]) / "case"
+        time = known(load(Airflow, case / "airflow.json").field_time)
+        return case_field(case, time, self.scene.airstream.density, half=self.steady.half)
+
+    def solution_on(self, air: CaseAir) -> tuple[str, Path]:
+        """Key and folder of the steady airflow under that force, on the grid of ``air``, which does not feel it."""
+        last = self.passes[-1]
+        if air.grid == self.steady.grid:
+            return last.key, known(last.folder)
+        return self._solved(air, last.force, *air.solution)
 
     def _solved(self, air: CaseAir, force: ForceDensity, from_key: str, start: Path) -> tuple[str, Path]:
         """Key and folder of the steady ``air`` under ``force``, from the cache or solved on from another's."""
@@ -199,11 +283,58 @@ class AirLoading:
 
         return key, air.cache.make("loaded-airflow", key, work)
 
-    def field_in(self, folder: Path) -> FlowField:
-        """The steady airflow of the pass whose ``folder`` that is."""
-        case = folder / "case"
-        time = known(load(Airflow, case / "airflow.json").field_time)
-        return case_field(case, time, self.scene.airstream.density, half=self.steady.half)
+
+@dataclass
+class DrivenAir(AirLoading):
+    """That on air at rest, which is a jet under it."""
+
+    @property
+    def summary(self) -> AirLoadingSummary:
+        last = self.passes[-1]
+        speed = float(jet_of(self.scene, last.force).speed.max())
+        return self._summary(float(last.force.total[1]), verdict="driven", speed=speed)
+
+    @property
+    def bare(self) -> Made:
+        return known(self.steady.field)[0], None
+
+    @property
+    def unloaded(self) -> tuple[str, FlowField]:
+        boxes = boxes_of(self.scene)
+        none = ForceDensity(boxes, np.zeros((boxes.rows, boxes.columns, 2)))
+        return self.under(none, self.bare)[0], jet_field(self.scene, none)  # air at rest, with the jet's eddies: none
+
+    def under(self, force: ForceDensity, before: Made) -> Made:
+        del before  # no solver starts from it
+        return content_key("jet", self.bare[0], force.digest, code_of("duct")), None
+
+    def field_in(self, force: ForceDensity, made: Made) -> FlowField:
+        del made
+        return jet_field(self.scene, force)
+
+    def settled(self, made: Pass) -> bool:
+        """The speed of granules follows the force also where no share does."""
+        answered = _unanswered(float(made.exerted[1]), float(made.force.total[1])) <= ANSWERED
+        return answered and super().settled(made)
+
+    def onwards(self, share: float, last: Pass | None, made: Pass) -> float:
+        """Aitken's relaxation: dense curtains drive air that is as fast as they are and then takes no force."""
+        if last is None:
+            return FIRST_SHARE
+        before, now = (one.gathered.force.density - one.force.density for one in (last, made))
+        change = now - before
+        asked = -share * float(np.vdot(before, change)) / max(float(np.vdot(change, change)), 1e-300)
+        return float(np.clip(asked, *SHARES))
+
+    @property
+    def most(self) -> int:
+        """A pass takes a flight of few granules, and no solution."""
+        return WITHOUT_SOLVER * super().most
+
+
+def _unanswered(whole: float, given: float) -> float:
+    """How far the force given to an air is from the ``whole`` one that granules exert in it, over the latter."""
+    return abs(whole - given) / max(abs(whole), 1e-300)
 
 
 def exerted_by(scene: Scene, plan: Plan) -> JsonTable:

@@ -98,11 +98,17 @@ class AirLoadingSummary:
     unanswered: float = column(
         "1", "how far the force gathered in the air of the last pass is from what that air was given, over the former"
     )
-    cd_without: Number | None = column("1", "drag coefficient of the steady airflow without the force")
-    cd: Number | None = column("1", "drag coefficient of the steady airflow with it")
-    verdict: str = column("", "of the steady airflow with it")
-    cells: int = column("1", "mesh cells that feel a force")
-    sources: int = column("1", "sources in OpenFOAM's momentum equation")
+    cd_without: Number | None = column(
+        "1", "drag coefficient of the steady airflow without the force; null without a body", default=None
+    )
+    cd: Number | None = column("1", "drag coefficient of the steady airflow with it; null without a body", default=None)
+    verdict: str = column("", "of the steady airflow with it; driven where nothing else moves the air", default="")
+    cells: int = column("1", "mesh cells that feel a force; 0 where nothing is meshed", default=0)
+    sources: int = column("1", "sources in OpenFOAM's momentum equation; 0 where it is not solved", default=0)
+    speed: float | None = column(
+        "m/s", "largest speed of air that the granules alone drive; left out where other air is moved", absent=True,
+        default=None,
+    )  # fmt: skip
     sampling: float | None = column(
         "1", "half of the 95 % interval of the force by the granules that it is gathered from, over the force; null in "
         "results of versions that did not measure it", default=None,

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol, Self
 
 from ..core.errors import known
 from ..core.geometry import ForceDensity
@@ -89,7 +89,15 @@ class ForceOnAir(Protocol):
 
     @property
     def force(self) -> ForceDensity:
-        """Under which the airflow is solved."""
+        """Under which the airflow is made."""
+
+    @property
+    def key(self) -> str:
+        """Of the steady airflow under it."""
+
+
+class ForceOnCase(ForceOnAir, Protocol):
+    """The same where OpenFOAM solves that."""
 
     def solution_on(self, air: CaseAir) -> tuple[str, Path]:
         """Key and folder of the steady ``air``, which does not feel it, under the force."""
@@ -121,6 +129,11 @@ class AirflowKind(ABC):
     @abstractmethod
     def make_table(self) -> Airflow:
         """What was measured on the airflow, or is known of it, but its rung."""
+
+    @cached_property
+    def bare(self) -> Self:
+        """The same airflow where it does not feel the granules."""
+        return replace(self, loading=lambda: None)
 
     @property
     def solver(self) -> str | None:
@@ -200,11 +213,6 @@ class CaseAir(AirflowKind):
     @abstractmethod
     def make_solution(self) -> tuple[str, Path]:
         """Solve or measure the airflow, or take it from the cache: key and folder."""
-
-    @property
-    def bare(self) -> CaseAir:
-        """The same airflow where it does not feel granules."""
-        return self
 
     @property
     def case(self) -> Path:

@@ -30,7 +30,8 @@ from .tracks import Flight
 
 Array = NDArray[np.float64]
 POINTS = 512  # kept of a track
-ACROSS = 16  # boxes across the first body
+ACROSS = 16  # boxes across the first body, or the channel where none is
+ALONG = 64  # boxes along a channel without a body at least: granules' force varies along their fall
 STREAM = 4 * REPLICATES  # of the random forces, apart from those of other calls
 TOLERANCE = 3e-3  # of a landing place, body widths: a twentieth of a box
 
@@ -88,6 +89,14 @@ def resolved(plan: Plan) -> Plan:
     return replace(plan, fractions={name: replace(how, mode="resolved") for name, how in plan.fractions.items()})
 
 
+def boxes_of(scene: Scene) -> Boxes:
+    """Those in which the force on the air of a scene is gathered, over the whole channel."""
+    channel, pitch = scene.channel, scene.width / ACROSS
+    if not scene.body:
+        pitch = min(pitch, (channel.top - channel.bottom) / ALONG)
+    return Boxes.across(channel.width, channel.bottom, channel.top, pitch)
+
+
 @dataclass(frozen=True)
 class Gatherer:
     """Who gathers the force on the air of one steady ``air``. In a scene that is its own mirror image the force is the
@@ -103,8 +112,7 @@ class Gatherer:
     @property
     def boxes(self) -> Boxes:
         """Over the whole channel."""
-        channel = self.scene.channel
-        return Boxes.across(channel.width, channel.bottom, channel.top, self.scene.width / ACROSS)
+        return boxes_of(self.scene)
 
     def alone(self, folder: Path) -> None:
         """Of some granules of each fraction, each of which flies alone; kept in ``folder``."""

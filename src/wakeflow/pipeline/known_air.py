@@ -35,22 +35,28 @@ class NoAir(AirflowKind):
 
 @airflow_kinds.register("analytic")
 class AnalyticAir(AirflowKind):
-    """The air of a channel without bodies, or at rest; made in no time, so not kept."""
+    """The air of a channel without bodies, or at rest but for what the granules drive; made in no time, so not kept."""
 
     means = "known everywhere, nothing is solved"
     at_once = True
 
     def make_field(self) -> tuple[str, FlowField]:
-        from .analytic import duct_field
+        from .analytic import duct_field, jet_field
 
+        loading = self.loading()
+        if loading is not None:
+            return loading.key, jet_field(self.scene, loading.force)
         air, channel, turbulence = self.scene.air, self.scene.channel, self.plan.airflow.turbulence
         asked = (repr(air), channel.width, channel.top, channel.bottom, turbulence)
         key = content_key("duct", asked, code_of("duct"))
         return key, duct_field(self.scene, turbulent=turbulence == "decaying")
 
     def make_table(self) -> Airflow:
-        from .analytic import duct_airflow
+        from .analytic import duct_airflow, jet_airflow
 
+        loading = self.loading()
+        if loading is not None:
+            return replace(jet_airflow(self.scene, loading.force), turbulence=self.plan.airflow.turbulence)
         return replace(duct_airflow(self.scene), turbulence=self.plan.airflow.turbulence)
 
     def unknown_parts(self) -> tuple[str, ...]:

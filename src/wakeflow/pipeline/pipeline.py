@@ -23,7 +23,7 @@ from ..planning.plan import Plan
 from ..planning.stages import OWN, AirLabel, StageKey
 from ..scene import Scene
 from . import blended_air, known_air, solved_air, span_air  # noqa: F401 - they register kinds of airflow
-from .air_loading import AirLoading
+from .air_loading import AirLoading, DrivenAir, LoadedCase
 from .airflow import Airflow, FieldDivergence
 from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
 from .cache import Listener, StageCache, StageTime, null_listener
@@ -149,8 +149,11 @@ class Pipeline:
             return self.whole.loading
         if self.grid:
             return self.on_grid(0).loading
+        how = self.compilation, self.workers
+        if self.plan.airflow.stepping is None:
+            return DrivenAir(self.scene, self.plan, self.cache, self.kind.bare, *how)
         own = self if self.plan.airflow.stepping == "steady" else self.draft
-        return AirLoading(self.scene, own.plan, own.cache, own._in_case.bare, self.compilation, self.workers)
+        return LoadedCase(self.scene, own.plan, own.cache, own._in_case.bare, *how)
 
     @cached_property
     def field(self) -> tuple[str, FlowField]:

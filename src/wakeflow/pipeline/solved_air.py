@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, cast
 
 from ..core.errors import known
 from ..core.files import atomic_write, case_template
@@ -17,7 +17,7 @@ from ..core.store import content_key, digest_files
 from ..meshing.spec import MeshReport
 from ..planning.airflow import SHEDDING_ABOVE
 from ..planning.cost import ranks_for
-from .airflow_kinds import CaseAir, airflow_kinds
+from .airflow_kinds import CaseAir, ForceOnCase, airflow_kinds
 from .cache import code_of, version_of
 
 if TYPE_CHECKING:
@@ -107,13 +107,9 @@ class SteadyAir(SolvedAir):
 
     means = "one steady wake"
 
-    @cached_property
-    def bare(self) -> SteadyAir:
-        return replace(self, loading=lambda: None)
-
     def make_solution(self) -> tuple[str, Path]:
         loading = self.loading()
-        return super().make_solution() if loading is None else loading.solution_on(self.bare)
+        return super().make_solution() if loading is None else cast(ForceOnCase, loading).solution_on(self.bare)
 
     def start(self) -> Path | None:
         """The steady airflow of a neighbour, where the scene has one."""

@@ -16,8 +16,10 @@ from typing import Literal
 from ..core.errors import SceneError, known
 from ..core.geometry import is_symmetric
 from ..core.graded import Notice, information, less_sure
+from ..core.quantities import metres
 from ..core.record import column
 from ..laws.best_estimate import WakeEstimate
+from ..laws.driven_jet import width_after
 from ..laws.span import Span
 from ..laws.turbulence import SPANWISE, model_at, turbulence_models
 from ..scene import Scene
@@ -38,6 +40,8 @@ SHEDDING_ABOVE = 27.7  # a flat plate's onset, the lowest (triangle 34.3, circle
 FLAT_BELOW = 160.0  # two-dimensional below: mode A of a square's wake at 161 (Robichaux 1999), of a circle's near 190
 LAMINAR_BELOW = turbulence_models["laminar"].reynolds[1]  # above it a turbulence model runs
 DECAYING = "decaying"  # the turbulence of air past no body
+JET = "jet"  # that of air which granules alone drive
+JET_ROOM = 8.0  # channel widths over a jet's b that count as wide: twice the 4 b which hold all but 0.5 % of its flux
 MIN_TURBULENCE = 0.001  # inlet intensity below which a turbulence model has no scale of its own; wind tunnels reach it
 FINE = 0.005  # accuracy of a share that pays for three grids where the mesh is what limits it
 ACCURACY = {
@@ -58,7 +62,11 @@ class AirflowPlan:
     rung: str = column("", "none, analytic, draft, standard, reference, 3d or given")
     why: str = column("", "why this rung")
     stepping: Stepping | None = column("", "steady or time-resolved; null without a solver")
-    turbulence: str | None = column("", "turbulence model, decaying in air past no body, given in a case of the user's")
+    turbulence: str | None = column(
+        "",
+        "turbulence model, decaying in air past no body, jet in air that granules alone drive, given in a case of the "
+        "user's",
+    )
     symmetric: bool = column("", "whether the geometry is its own mirror image about x = 0")
     half: bool = column("", "whether only half of the channel is solved, the other being its mirror image")
     scales: tuple[float, ...] = column(
@@ -157,12 +165,24 @@ class AnalyticAirPlan(AirflowPlan):
     def summary(self) -> str | None:
         return f"airflow: {self.why}"
 
+    def feeling(self, scene: Scene, *, loaded: bool) -> AirflowPlan:
+        made = super().feeling(scene, loaded=loaded)
+        if not loaded:
+            return made
+        why = "the granules alone drive it: a jet by their force, neither mesh nor solver"
+        return replace(made, why=why, turbulence=JET)
+
     def notices(self, scene: Scene) -> Iterator[Notice]:
         reynolds, parabolic = scene.reynolds or 0.0, scene.air is not None and scene.air.profile == "parabolic"
         if parabolic and reynolds > LAMINAR_CHANNEL:
             yield less_sure(
                 f"parabolic air at Re {reynolds:.3g} on the channel's width: in reality it would be turbulent; "
                 "air.profile = 'uniform' is nearer to that"
+            )
+        if self.loaded and scene.channel.width < JET_ROOM * width_after(scene.drop):
+            yield less_sure(
+                "the air that the granules drive comes to fill the channel, which is taken for wide and open at its "
+                f"sides: {metres(JET_ROOM * width_after(scene.drop), 2)} would be wide"
             )
 
 

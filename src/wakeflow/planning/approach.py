@@ -12,6 +12,7 @@ import numpy as np
 from ..core.errors import SceneError
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction, terminal_velocity
+from ..laws.driven_jet import ENERGY
 from ..laws.forces import FlightScales
 from ..scene import Scene
 from .airflow import AirflowPlan
@@ -23,6 +24,7 @@ from .terms import LOADING, bounds, limit_of
 from .uniform_fall import UniformFall
 
 # -- A fraction before its forces are chosen ---------------------------------------------------------------------------
+JET_RMS = math.sqrt(2.0 / 3.0 * ENERGY)  # rms of the velocity in a jet, over that on its axis
 RARE = 1e-3  # share of the mass below and above which a measured terminal velocity may be anything
 CALIBRATED = (0.5, 100.0)  # factor on a sphere's drag that is believed: irregular granules have more, none much less
 
@@ -36,6 +38,11 @@ class Approach:
     met: Encounters
     turned: Deflection | None = None
     scales: Sequence[FlightScales] = ()
+
+    @property
+    def driven(self) -> Approach:
+        """The same in the jet of air that the granules drive, as fast and as turbulent as it may be."""
+        return replace(self, scales=[replace(one, air_speed=one.driven, intensity=JET_RMS) for one in self.scales])
 
 
 def approaches(scene: Scene, airflow: AirflowPlan) -> dict[str, Approach]:
@@ -139,7 +146,12 @@ def feels_granules(
 
 def _obstacle(scene: Scene, airflow: AirflowPlan) -> str | None:
     """Why the granules' force cannot be given to the air; None where it can."""
-    if airflow.kind not in KINDS:
+    if airflow.kind == "analytic" and scene.airstream.still:
+        if scene.body:
+            return "air at rest, and what granules drive round a body in it is not computed"
+        if not (scene.plumb.upright and scene.feed.falls):
+            return "granules that do not fall straight along the channel drive no jet that is known"
+    elif airflow.kind not in KINDS:
         return f"rung {airflow.rung} has no steady airflow that OpenFOAM could solve on; use draft or standard"
     if scene.feed.rate is None:
         return "the scene has no feed.rate, which says how dense the curtain is"

@@ -241,20 +241,20 @@ def _reading(work: Workload) -> Iterator[StageCost]:
 def _gathering(work: Workload) -> Iterator[StageCost]:
     """The passes of the air that feels the granules, through the steady airflow; the answer's own waits for them."""
     if work.airflow.loaded:
-        steady = work.airflow.stepping == "steady"
-        key = StageKey(AirLabel(draft=not steady), "momentum")
+        own = work.airflow.stepping != "time-resolved"
+        key = StageKey(AirLabel(draft=not own), "momentum")
         seconds = _flown(work, gathered(work.scene.feed.count))
-        yield StageCost(key, seconds, "answer" if steady else "first", _passes(work) + 1)
+        yield StageCost(key, seconds, "answer" if own else "first", _passes(work) + 1)
 
 
 def _gathering_in_slab(work: Workload) -> Iterator[StageCost]:
     """COMPARED replicates of the slab, each three times as long as it takes to start up."""
     crowd = work.crowd
     if work.airflow.loaded and crowd is not None and _passes(work) > 1:
-        steady = work.airflow.stepping == "steady"
+        own = work.airflow.stepping != "time-resolved"
         part = COMPARED * 3.0 * crowd.start_up / (crowd.replicates * (crowd.operation + 2.0 * crowd.start_up))
-        key = StageKey(AirLabel(draft=not steady), "slab-momentum")
-        yield StageCost(key, part * crowd.seconds, "answer" if steady else "first")
+        key = StageKey(AirLabel(draft=not own), "slab-momentum")
+        yield StageCost(key, part * crowd.seconds, "answer" if own else "first")
 
 
 def _passes(work: Workload) -> int:

@@ -17,7 +17,7 @@ from ..laws.forces import forces
 from ..scene import Scene
 from ..scene.overrides import share_in
 from ..scene.whole import States, switched
-from .airflow import AirflowPlan, choose_airflow
+from .airflow import JET, AirflowPlan, choose_airflow
 from .approach import Approach, approaches, arrival_at_body, feels_granules
 from .collision_rates import Encounters, shifted
 from .collisions import CollisionPlan, plan_collisions, too_many_to_collide, why_no_collisions
@@ -75,7 +75,7 @@ def make_plan(
     known = approaches(flown, airflow)
     obstacle = FIRST_LOOK if chain else _why_none_collide(flown, known)
     crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
-    airflow = airflow.feeling(flown, loaded=feels_granules(flown, airflow, known, target, switches.get(LOADING)))
+    airflow, known = _under_load(flown, airflow, known, target, switches.get(LOADING))
     rest = whole_terms(airflow, crowd), obstacle
     decided = {name: _decide(flown, name, one, airflow, switches, target, *rest) for name, one in known.items()}
     fractions = {name: one.plan for name, one in decided.items()}
@@ -148,6 +148,15 @@ def _airflow(scene: Scene, rung: str, target: float, vibrates: bool | None) -> t
     if airflow.span is not None and motion is not None and motion.used:
         raise SceneError(f"rung = {rung!r} holds the body still in the air, and here {motion.why}; choose standard")
     return replace(airflow, moving=motion is not None and motion.used), motion
+
+
+def _under_load(
+    scene: Scene, airflow: AirflowPlan, known: dict[str, Approach], target: float, switched: bool | None
+) -> tuple[AirflowPlan, dict[str, Approach]]:
+    """The airflow that the granules' force moves, where that matters, and how they come through it."""
+    airflow = airflow.feeling(scene, loaded=feels_granules(scene, airflow, known, target, switched))
+    driven = airflow.turbulence == JET
+    return airflow, {name: one.driven if driven else one for name, one in known.items()}
 
 
 def _crowd(

@@ -261,7 +261,9 @@ def _airflow_lines(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
             f"beside it, for the error of the airflow's model: 1 in {REPLICATES // COMPARED} granules in "
             f"{len(beside)} other wakes: {', '.join(beside)}"
         )
-    if airflow.loaded:
+    if airflow.loaded and airflow.stepping is None:
+        yield "the air feels the granules: it is a jet under their force, gathered along tracks"
+    elif airflow.loaded:
         yield "the air feels the granules: it is solved under their force, gathered along tracks in the steady airflow"
     if len(airflow.scales) > 1:
         sizes = ", ".join(f"{scale:.2g}" for scale in airflow.scales)

@@ -20,6 +20,7 @@ from ..core.quantities import split_quantity
 from ..core.registry import Registry
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity
+from ..laws.driven_jet import ENTRAINMENT
 from ..laws.forces.lift import SPIN_LIFT
 from ..laws.lift import MAGNUS_RANGE
 from ..laws.material import Moisture, default_margins, materials
@@ -347,9 +348,30 @@ def _vary_fall(made: Variation, one: Unknown, x: float, scene: Scene, _plan: Pla
     return replace(made, feed_fall=_factor(one, x) ** (2.0 if scene.feed.height is None else 1.0))
 
 
+def _entrainment(scene: Scene, plan: Plan) -> Iterator[Unknown]:
+    """How fast air that the granules alone drive draws in other air."""
+    if plan.airflow.loaded and plan.airflow.kind == "analytic":
+        value, low, high = ENTRAINMENT
+        if "entrainment" in scene.uncertainty:
+            yield _unknown(scene, "entrainment", "entrainment", value, "1")
+        else:
+            why = "measured jets and plumes (laws/driven_jet.py)"
+            yield Unknown("entrainment", "entrainment", value, value - low, high - value, "1", why)
+
+
+def _vary_entrainment(made: Variation, one: Unknown, x: float, _scene: Scene, _plan: Plan) -> Variation:
+    """The speed of air under a uniform force goes with its inverse root."""
+    return made.with_air(speed=made.air.speed * _factor(one, x) ** -0.5)
+
+
 def _disperses(scene: Scene, plan: Plan) -> bool:
     """Whether turbulence disperses any granules."""
     return _has_air(scene, plan) and any(DISPERSES in how.forces for how in plan.fractions.values())
+
+
+def _brings_eddies(scene: Scene, plan: Plan) -> bool:
+    """Whether turbulence that the air brings disperses any granules."""
+    return _blows(scene, plan) and _disperses(scene, plan)
 
 
 def _wake_number(name: str) -> Callable[[Scene, Plan], Iterator[Unknown]]:
@@ -385,8 +407,9 @@ unknown_kinds.add("air_speed", UnknownKind(
     _of_scene("air.speed", "air_speed", "m/s", lambda scene: scene.airstream.speed, _blows),
     _of_the_air("speed"), of_air=True,
 ))  # fmt: skip
+unknown_kinds.add("entrainment", UnknownKind(_entrainment, _vary_entrainment, of_air=True))
 unknown_kinds.add("air_turbulence", UnknownKind(
-    _of_scene("air.turbulence", "air_turbulence", "1", lambda scene: scene.airstream.turbulence, _disperses),
+    _of_scene("air.turbulence", "air_turbulence", "1", lambda scene: scene.airstream.turbulence, _brings_eddies),
     _of_the_air("energy", lambda one, x: _factor(one, x) ** 2), of_air=True,
 ))  # fmt: skip
 unknown_kinds.add("dispersion", UnknownKind(

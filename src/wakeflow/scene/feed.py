@@ -87,11 +87,15 @@ class Feed(Table):
         return self.position + self.profile.quantile(p, self.width)
 
     @property
+    def falls(self) -> bool:
+        """Whether the curtain comes straight down the channel's axis."""
+        return self.direction is None or abs(math.cos(self.direction)) < EVEN
+
+    @property
     def symmetric(self) -> bool:
         """Whether the curtain falls straight down, and is its own mirror image about x = 0."""
-        upright = self.direction is None or abs(math.cos(self.direction)) < EVEN
         left, right = (self.profile.quantile(part, 1.0) for part in (PARTS, 1.0 - PARTS))
-        return upright and self.position == 0.0 and bool(np.allclose(left, -right, atol=EVEN))
+        return self.falls and self.position == 0.0 and bool(np.allclose(left, -right, atol=EVEN))
 
     @property
     def crowding(self) -> float:

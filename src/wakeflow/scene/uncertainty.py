@@ -32,6 +32,7 @@ OF_SCENE = {
     "feed.width": "m", "feed.position": "m", "feed.height": "m", "feed.speed": "m/s", "air.speed": "m/s",
     "air.turbulence": "1", "wake.theta": "1", "wake.strength": "1", "dispersion": "1",
     "collisions.restitution": "1", "collisions.friction": "1", "spin_lift": "1",
+    "entrainment": "1",
 }  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from proofs.experiments.curtains import run_ash, run_curtains
 from proofs.experiments.droplets import run_droplets
 from proofs.experiments.rebound import run_rebound
 from proofs.experiments.suspension import run_suspension
@@ -12,12 +13,6 @@ from proofs.report import Report, Row, Table, Tell
 SUMMARY = {"experiment": "{what}", "measured": "{measured}", "computed": "{computed}", "gate": "{gate}",
            "met": "{met}", "source": "{source}"}  # fmt: skip
 NOT_COMPUTED: tuple[Row, ...] = (  # what was found in print and is not computed here, and why
-    {"what": "curtain of 697 um ceramic, 1 to 22 kg/(s m)", "measured": "thickness + 8.7 mm a metre",
-     "computed": None, "gate": "none: needs air that the granules alone drive",
-     "source": "Oles & Jackson 2015, Solar Energy, eq. 18, as quoted in receiver models"},
-    {"what": "ash that settles together", "measured": "up to 4 times as fast at a volume share of 1e-3",
-     "computed": None, "gate": "none: needs air that the granules alone drive",
-     "source": "Del Bello et al. 2017, Sci. Rep. 7, 39620 (abstract read)"},
     {"what": "dust of 13 to 96 um in the near wake of a disc", "measured": "kept shorter the larger its Stokes number",
      "computed": None, "gate": "none: the numbers were not found, and a disc is no plane body",
      "source": "Sato, Vincent & Pui 1996, J. Aerosol Sci. 27, 559 (abstract read)"},
@@ -28,8 +23,11 @@ def run_measured(folder: Path, *, slow: bool = False, tell: Tell = lambda _: Non
     """All experiments that can be computed; ``slow``: with more granules. What cannot is listed, and why."""
     rebound, leg = run_rebound(tell), run_suspension(folder, tell, 4096 if slow else 256)
     wet = run_droplets(folder, tell, 4096 if slow else 1024)
-    parts = (rebound, leg, wet)
-    rows = [_rebound(rebound), _suspension(leg), _droplets(wet), *({**row, "met": None} for row in NOT_COMPUTED)]
+    falling = run_curtains(folder, tell, 4096 if slow else 256)
+    settling = run_ash(folder, tell, 4096 if slow else 256)
+    parts = (rebound, leg, wet, falling, settling)
+    own = [_rebound(rebound), _suspension(leg), _droplets(wet), _curtains(falling), _ash(settling)]
+    rows = [*own, *({**row, "met": None} for row in NOT_COMPUTED)]
     facts = {"rows": rows, **{part.name: part.facts["rows"] for part in parts}}
     tables = [Table("measured and computed", SUMMARY, rows), *(table for part in parts for table in part.tables)]
     notes, missed = ([line for part in parts for line in getattr(part, name)] for name in ("notes", "missed"))
@@ -67,6 +65,28 @@ def _droplets(found: Report) -> Row:
         "what": "droplets of 20 to 40 um on a cylinder and a ribbon, 2 to 6 m/s",
         "measured": "slightly below theory, ribbons much below", "computed": f"points below ideal flow: {told}",
         "gate": "below; cylinders by at most 15 points (chosen)", "met": _word(found), "source": rows[0]["source"],
+    }  # fmt: skip
+
+
+def _curtains(found: Report) -> Row:
+    rows = found.facts["rows"]
+    told, flows = (", ".join(f"{row[key]:{form}}" for row in rows) for key, form in (("at3", ".1f"), ("flow", "g")))
+    return {
+        "what": f"curtain of 697 um beads, {flows} kg/(s m), after 3 m",
+        "measured": "about 6 to 7 m/s", "computed": f"{told} m/s; {rows[0]['alone']:.1f} in air at rest",
+        "gate": "5.5 to 7.5 (chosen)", "met": _word(found), "source": rows[0]["source"],
+    }  # fmt: skip
+
+
+def _ash(found: Report) -> Row:
+    rows = found.facts["rows"]
+    told, sizes = (", ".join(f"{by * row[key]:{form}}" for row in rows) for key, by, form in (
+        ("at1", 1.0, ".1f"), ("size", 1e6, ".0f"),
+    ))  # fmt: skip
+    return {
+        "what": "ash that falls together, 1e-3 of the volume", "measured": "up to 4 times as fast as alone",
+        "computed": f"{told} times after 1 m ({sizes} um)", "gate": "none: its sizes were not found", "met": None,
+        "source": rows[0]["source"],
     }  # fmt: skip
 
 
