@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofs.experiments import droplets, suspension
+from proofs.experiments import curtains, droplets, near_wake, suspension
 from proofs.experiments.rebound import MEASURED, centre_angle, landing, rebound, run_rebound
-from proofs.experiments.report import NOT_COMPUTED
+from wakeflow.core.number import Number
 
 
 def test_hard_spheres_rebound_as_they_were_measured() -> None:
@@ -39,8 +39,27 @@ def test_a_leg_parts_nodes_and_internodes_of_straw(tmp_path: Path, monkeypatch: 
     assert found.missed == []
 
 
-def test_what_is_not_computed_says_why() -> None:
-    assert all(row["computed"] is None and str(row["gate"]).startswith("none: ") for row in NOT_COMPUTED)
+def test_a_curtain_of_beads_falls_faster_than_a_bead_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(curtains, "FLOWS", (1.0,))
+    found = curtains.run_curtains(tmp_path, count=64)
+    (row,) = found.facts["rows"]
+    assert found.missed == []
+    assert row["at3"] == pytest.approx(6.4, abs=0.1)
+    assert not curtains.MEASURED[0] - curtains.ABOUT <= row["alone"]
+    assert 0.004 < row["grows"] < 0.02
+
+
+def test_fine_ash_falls_up_to_four_times_as_fast_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(curtains, "ASH_SIZES", (125e-6, 500e-6))
+    fine, coarse = curtains.run_ash(tmp_path, count=64).facts["rows"]
+    assert 2.0 < fine["at1"] < 5.0
+    assert 1.0 < coarse["at1"] < 0.6 * fine["at1"]
+
+
+def test_heavy_dust_that_stays_as_long_as_fine_dust_is_a_miss() -> None:
+    stays = [Number(value, 0.9 * value, 1.1 * value) for value in (5.0, 5.2, 4.0, 3.6, 3.5, 3.7)]
+    assert near_wake.missed(stays) == []
+    assert len(near_wake.missed([*stays[:3], Number(5.5, 5.0, 6.0), *stays[4:]])) == 2
 
 
 def test_ideal_flow_is_langmuirs_cylinder() -> None:

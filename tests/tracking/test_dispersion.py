@@ -144,6 +144,15 @@ def test_an_exponential_decay_is_found_with_its_interval(rate: float) -> None:
     assert not result.closed
 
 
+def test_dust_that_is_not_fine_leaves_a_straining_flow_as_its_inertia_lets_it() -> None:
+    """tau y'' + y' = r y, from the air's own velocity on: in the end y grows as exp(l t), tau l^2 + l = r."""
+    stokes = 0.3
+    late = (-1.0 + math.sqrt(1.0 + 4.0 * stokes * FAR * WIDTH / SPEED)) / (2.0 * stokes)
+    fine, heavy = found(exponential(FAR)), found(exponential(FAR), stokes=stokes)
+    assert heavy.value == pytest.approx(1.0 / late, rel=0.1)
+    assert heavy.value > 1.2 * fine.value
+
+
 def test_the_interval_holds_the_truth_as_often_as_it_says() -> None:
     truth = SPEED / WIDTH / FAR
     results = [found(exponential(FAR), count=256, seed=seed) for seed in range(40)]

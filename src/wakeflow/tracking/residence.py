@@ -84,29 +84,32 @@ def residence_time(
     count: int = COUNT,
     sheddings: int = 1,
     seed: int = 0,
+    stokes: float = STOKES,
 ) -> ResidenceTime:
     """How long the near wake behind ``outline`` (k, 2) m keeps fine dust, in air that flows ``direction`` at ``speed``
-    (m/s) far from the body.
+    (m/s) far from the body. ``stokes``: tau_p U / D of dust by Stokes' law, for dust that is not fine.
 
     ``count`` tracers start uniformly in the box |x - middle| < D / 2, from the body's widest place to one width D
-    behind its rear, and follow the air of ``field`` with drag, and with dispersion where it has k and dissipation; no
-    gravity. tau is the decay time of their number in the box, by least squares of its logarithm between 50 and 3 %
-    left; the interval is a jackknife over batches. In a field that repeats they start evenly over its period, which
-    holds ``sheddings``: these are the batches where there are four of them or more. Several fields, realisations of
-    one flow, share the tracers in equal parts, and are the batches from four on. A field of snapshots without a period
-    takes tracers in its first half, and stands still after its last. A mesh that swings stays in its middle position.
+    behind its rear, as fast as the air there, and follow that of ``field`` with drag, and with dispersion where it has
+    k and dissipation; no gravity. tau is the decay time of their number in the box, by least squares of its logarithm
+    between 50 and 3 % left; the interval is a jackknife over batches. In a field that repeats they start evenly over
+    its period, which holds ``sheddings``: these are the batches where there are four of them or more. Several fields,
+    realisations of one flow, share the tracers in equal parts, and are the batches from four on. A field of snapshots
+    without a period takes tracers in its first half, and stands still after its last. A mesh that swings stays in its
+    middle position.
     Raises SceneError where the near wake lies outside the mesh or an argument is out of range.
     """
     fields = [field] if isinstance(field, FlowField) else list(field)
     if count < MIN_BATCHES * max(len(fields), 1) or not fields or sheddings < 1:
         raise SceneError(f"residence_time: {count} tracers, {len(fields)} fields, {sheddings} sheddings: too few")
-    if not (math.isfinite(speed) and speed > 0):
-        raise SceneError(f"residence_time: speed = {speed:g} m/s must be positive and finite")
+    for name, number in (("speed", speed), ("stokes", stokes)):
+        if not (math.isfinite(number) and number > 0):
+            raise SceneError(f"residence_time: {name} = {number:g} must be positive and finite")
     body = Body(np.asarray(outline, dtype=float))
     wake = _near_wake(body, direction)
     each = -(-count // len(fields))
     found = [
-        _counted(replace(air, motion=None), body, wake, speed, each, np.random.default_rng([seed, number]))
+        _counted(replace(air, motion=None), body, wake, speed, each, np.random.default_rng([seed, number]), stokes)
         for number, air in enumerate(fields)
     ]
     inside = np.concatenate(found)
@@ -123,13 +126,16 @@ def _near_wake(body: Body, direction: Literal["down", "up"]) -> _NearWake:
     return _NearWake(float(x.min() + x.max()) / 2, width, widest, float(along.max()) + width, sign)
 
 
-def _counted(field: FlowField, body: Body, wake: _NearWake, speed: float, count: int, rng: np.random.Generator) -> Mask:
+def _counted(
+    field: FlowField, body: Body, wake: _NearWake, speed: float, count: int, rng: np.random.Generator, stokes: float
+) -> Mask:
     """Whether each tracer is in the near wake (count, times) at times STEP D / U apart since its start."""
     unit = wake.width / speed
     start = _births(field, count, rng)
-    diameter = math.sqrt(18.0 * field.viscosity * STOKES * unit / DENSITY)
+    diameter = math.sqrt(18.0 * field.viscosity * stokes * unit / DENSITY)
+    places = _places(field, wake, count, rng)
     tracers = Granules(
-        position=_places(field, wake, count, rng), velocity=np.zeros((count, 2)), diameter=diameter, density=DENSITY,
+        position=places, velocity=_of_the_air(field, places, start), diameter=diameter, density=DENSITY,
         drag_scale=1.0, restitution=1.0, friction=0.0, time=start,
     )  # fmt: skip
     turbulent = field.k is not None and field.dissipation is not None
@@ -139,6 +145,15 @@ def _counted(field: FlowField, body: Body, wake: _NearWake, speed: float, count:
         seed=int(rng.integers(2**62)),
     )  # fmt: skip
     return _in_wake(tracks, start, wake, np.arange(0.0, LONGEST, STEP) * unit)
+
+
+def _of_the_air(field: FlowField, places: Array, times: Array) -> Array:
+    """The air's velocity (n, 2) m/s at ``places`` (n, 2) m and ``times`` (n,) s."""
+    triangle = field.locate(places)
+    corner, weight = field.triangles[triangle], field.barycentric(triangle, places)
+    nodal = field.velocity[None] if field.times is None else field.velocity
+    shares = np.stack([field.weights(float(time)) for time in times])
+    return np.asarray(np.einsum("nr,rnkj,nk->nj", shares, nodal[:, corner], weight))
 
 
 def _births(field: FlowField, count: int, rng: np.random.Generator) -> Array:
