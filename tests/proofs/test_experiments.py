@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from proofs.experiments import curtains, droplets, near_wake, suspension
 from proofs.experiments.rebound import MEASURED, centre_angle, landing, rebound, run_rebound
 from wakeflow.core.number import Number
+from wakeflow.verify.report import Report
 
 
 def test_hard_spheres_rebound_as_they_were_measured() -> None:
@@ -44,7 +46,7 @@ def test_a_curtain_of_beads_falls_faster_than_a_bead_alone(tmp_path: Path, monke
     found = curtains.run_curtains(tmp_path, count=64)
     (row,) = found.facts["rows"]
     assert found.missed == []
-    assert row["at3"] == pytest.approx(6.4, abs=0.1)
+    assert row[curtains.key(3.0)] == pytest.approx(6.4, abs=0.1)
     assert not curtains.MEASURED[0] - curtains.ABOUT <= row["alone"]
     assert 0.004 < row["grows"] < 0.02
 
@@ -52,8 +54,8 @@ def test_a_curtain_of_beads_falls_faster_than_a_bead_alone(tmp_path: Path, monke
 def test_fine_ash_falls_up_to_four_times_as_fast_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(curtains, "ASH_SIZES", (125e-6, 500e-6))
     fine, coarse = curtains.run_ash(tmp_path, count=64).facts["rows"]
-    assert 2.0 < fine["at1"] < 5.0
-    assert 1.0 < coarse["at1"] < 0.6 * fine["at1"]
+    assert 2.0 < fine[curtains.key(1.0)] < 5.0
+    assert 1.0 < coarse[curtains.key(1.0)] < 0.6 * fine[curtains.key(1.0)]
 
 
 def test_heavy_dust_that_stays_as_long_as_fine_dust_is_a_miss() -> None:
@@ -77,3 +79,8 @@ def test_a_cylinder_keeps_fewer_droplets_than_ideal_flow_says(tmp_path: Path, mo
     found = droplets.run_droplets(tmp_path, count=256, scale=2.0)
     assert found.missed == []
     assert len(found.facts["rows"]) == len(droplets.SIZES)
+
+
+def test_a_report_writes_what_it_found_with_its_intervals(tmp_path: Path) -> None:
+    Report("near-wake", [], {"rows": [{"stay": Number(5.0, 4.0, 6.0)}]}).write(tmp_path)
+    assert json.loads((tmp_path / "near-wake.json").read_text())["rows"][0]["stay"]["high"] == 6.0

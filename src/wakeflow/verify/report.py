@@ -8,7 +8,6 @@ text of its cell: ``"{error:.1e}"``. What is None is shown as a dash; ``{share:.
 from __future__ import annotations
 
 import datetime
-import json
 import os
 import platform
 import string
@@ -18,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.files import atomic_write, write_json
-from ..core.record import JsonMapping, JsonTable
+from ..core.record import JsonMapping, JsonTable, to_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -97,7 +96,7 @@ class Report:
         machine = f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
         head = {"date": self.date, "machine": machine, "load": os.getloadavg()[0]}
         whole = {**head, **self.facts, "notes": list(self.notes), "missed": list(self.missed)}
-        return dict(json.loads(json.dumps(whole)))
+        return dict(to_json(whole))
 
     def markdown(self) -> str:
         """All tables, then the notes."""

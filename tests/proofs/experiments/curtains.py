@@ -28,10 +28,17 @@ MEASURED, ABOUT = (6.0, 7.0), 0.5  # m/s after 3 m at every flow, and what "abou
 FLOWS = (1.0, 5.0, 22.0)  # kg/(s m)
 SIZE, DENSITY, PACKED = 697e-6, 3300.0, 0.6  # m, kg/m3, solid volume in the slot
 DROPS = (1.0, 2.0, 3.0)  # m
+
+
+def key(drop: float) -> str:
+    """Of what is found after a ``drop`` (m), in a row."""
+    return f"at_{1000.0 * drop:.0f}_mm"
+
+
 SQUARE = 12.0**0.5  # thickness of a uniform curtain over the standard deviation of its places
 COLUMNS = {
     "flow, kg/(s m)": "{flow:g}", "slot, mm": "{slot:.1f*1000}", "air driven to, m/s": "{air:.1f}",
-    **{f"after {drop:g} m, m/s": f"{{at{drop:g}:.2f}}" for drop in DROPS}, "after 3 m in air at rest": "{alone:.2f}",
+    **{f"after {drop:g} m, m/s": f"{{{key(drop)}:.2f}}" for drop in DROPS}, "after 3 m in air at rest": "{alone:.2f}",
     "measured": "about 6 to 7", "met": "{met:yes|NO}",
     "thickness grows by, mm a metre": "{grows:.1f*1000}", "in receiver models": "8.7",
 }  # fmt: skip
@@ -67,7 +74,7 @@ def run_curtains(folder: Path, tell: Tell = lambda _: None, count: int = 256) ->
         last = -speed[DROPS[-1]]
         rows.append({
             "case": "curtain", "flow": flow, "slot": scene.feed.width, "air": driven.airflow.loading.speed,
-            **{f"at{drop:g}": -speed[drop] for drop in DROPS}, "alone": -_passing(rest, "vy")[DROPS[-1]],
+            **{key(drop): -speed[drop] for drop in DROPS}, "alone": -_passing(rest, "vy")[DROPS[-1]],
             "met": MEASURED[0] - ABOUT <= last <= MEASURED[1] + ABOUT,
             "grows": (SQUARE * spread[DROPS[-1]] - scene.feed.width) / DROPS[-1], "source": SOURCE,
         })  # fmt: skip
@@ -81,7 +88,7 @@ ASH_SIZES, ASH_DENSITY, SHARE, STREAM = (125e-6, 250e-6, 500e-6), 2700.0, 1e-3, 
 ASH_DROPS = (0.5, 1.0)  # m; chosen
 ASH_COLUMNS = {
     "ash, um": "{size:.0f*1e6}", "alone, m/s": "{alone:.2f}",
-    **{f"together, times as fast after {drop:g} m": f"{{at{drop:g}:.1f}}" for drop in ASH_DROPS},
+    **{f"together, times as fast after {drop:g} m": f"{{{key(drop)}:.1f}}" for drop in ASH_DROPS},
     "measured": "up to 4",
 }  # fmt: skip
 
@@ -110,7 +117,7 @@ def run_ash(folder: Path, tell: Tell = lambda _: None, count: int = 256) -> Repo
         scene, place = ash(size, count), folder / f"ash-{1e6 * size:.0f}"
         found = run(scene, place, force={"collisions": False, "air-loading": True})
         speed, alone = _passing(found, "vy"), float(scene.feed.fall_speed)
-        faster = {f"at{drop:g}": -speed[drop] / alone for drop in ASH_DROPS}
+        faster = {key(drop): -speed[drop] / alone for drop in ASH_DROPS}
         rows.append({"case": "ash", "size": size, "alone": alone, **faster, "source": ASH})
     return Report("ash", [Table("ash that falls together", ASH_COLUMNS, rows)], {"rows": rows}, [ASH], [])
 

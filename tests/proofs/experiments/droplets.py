@@ -78,10 +78,10 @@ def run_droplets(folder: Path, tell: Tell = lambda _: None, count: int = 1024, s
             stokes = WATER * size**2 / (18.0 * VISCOSITY) * speed / (0.5 * WIDTH)
             part = found.share(f"d{1e6 * size:.0f}", "body").times(CURTAIN / (WIDTH + size))
             below = theory - part.value
-            met = 0.0 < below < MOST_BELOW if body == "cylinder" else below > 0.0
+            met = bool(0.0 < below < MOST_BELOW if body == "cylinder" else below > 0.0)
             rows.append({
                 "case": "droplets", "body": body, "speed": speed, "size": 1e6 * size, "stokes": stokes, "kept": part,
-                "theory": theory, "fit": (stokes / (stokes + 0.8)) ** 2, "met": met, "source": SOURCE,
+                "theory": float(theory), "fit": (stokes / (stokes + 0.8)) ** 2, "met": met, "source": SOURCE,
             })  # fmt: skip
     missed = [f"{row['size']:.0f} um at {row['speed']:g} m/s on a {row['body']}" for row in rows if not row["met"]]
     table = Table("droplets on a cylinder and a ribbon", COLUMNS, rows)

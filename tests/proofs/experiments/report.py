@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from proofs.experiments.curtains import run_ash, run_curtains
+from proofs.experiments.curtains import key, run_ash, run_curtains
 from proofs.experiments.droplets import run_droplets
 from proofs.experiments.near_wake import LEVEL, run_near_wake
 from proofs.experiments.rebound import run_rebound
@@ -68,7 +68,9 @@ def _droplets(found: Report) -> Row:
 
 def _curtains(found: Report) -> Row:
     rows = found.facts["rows"]
-    told, flows = (", ".join(f"{row[key]:{form}}" for row in rows) for key, form in (("at3", ".1f"), ("flow", "g")))
+    told, flows = (
+        ", ".join(f"{row[name]:{form}}" for row in rows) for name, form in ((key(3.0), ".1f"), ("flow", "g"))
+    )
     return {
         "what": f"curtain of 697 um beads, {flows} kg/(s m), after 3 m",
         "measured": "about 6 to 7 m/s", "computed": f"{told} m/s; {rows[0]['alone']:.1f} in air at rest",
@@ -78,8 +80,8 @@ def _curtains(found: Report) -> Row:
 
 def _ash(found: Report) -> Row:
     rows = found.facts["rows"]
-    told, sizes = (", ".join(f"{by * row[key]:{form}}" for row in rows) for key, by, form in (
-        ("at1", 1.0, ".1f"), ("size", 1e6, ".0f"),
+    told, sizes = (", ".join(f"{by * row[name]:{form}}" for row in rows) for name, by, form in (
+        (key(1.0), 1.0, ".1f"), ("size", 1e6, ".0f"),
     ))  # fmt: skip
     return {
         "what": "ash that falls together, 1e-3 of the volume", "measured": "up to 4 times as fast as alone",
