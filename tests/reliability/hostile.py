@@ -18,7 +18,7 @@ import tomlkit
 from support import CASES
 
 Tables = dict[str, Any]
-SCENES = ("vacuum", "rhombus", "prism", "labyrinth", "aspirator", "funnel", "wheat-straw-dust")
+SCENES = ("vacuum", "rhombus", "prism", "labyrinth", "aspirator", "funnel", "wheat-straw-dust", "zigzag")
 VALUES: tuple[Any, ...] = (
     0,
     1,

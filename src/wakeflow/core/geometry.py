@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import product
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,45 @@ from .quantities import metres
 # -- Closed polygons ---------------------------------------------------------------------------------------------------
 ARC = math.radians(7.5)  # how much one chord of a rounded corner turns at most
 Array = NDArray[np.float64]
+ON_WALL = 1e-6  # of half the channel's width: how far off a wall a corner still lies on it
+
+
+class WallEdge(NamedTuple):
+    """The edge with which an outline stands on a side wall."""
+
+    side: Literal["left", "right"]
+    first: int  # corner at which the edge begins, counter-clockwise
+    low: float  # m, y of its lower end
+    high: float  # m
+
+
+def wall_edge(outline: Array, half: float) -> WallEdge | None:
+    """The edge with which a counter-clockwise ``outline`` (k, 2) m stands on a wall at x = -``half`` or ``half`` (m);
+    None where it is inside of both, or touches a wall by anything but one whole edge.
+    """
+    x, y = outline.T
+    touching = np.abs(np.abs(x) - half) <= ON_WALL * half
+    if np.count_nonzero(touching) != 2 or np.any(np.abs(x) > (1.0 + ON_WALL) * half):
+        return None
+    first, second = np.flatnonzero(touching).tolist()
+    if second - first != 1:
+        first, second = second, first
+    if (second - first) % len(x) != 1 or x[first] * x[second] < 0.0:
+        return None
+    low, high = sorted((float(y[first]), float(y[second])))
+    return WallEdge("left" if x[first] < 0.0 else "right", first, low, high)
+
+
+def between_walls(outlines: Iterable[Array], width: float) -> float:
+    """The narrowest way (m) between ``outlines`` that stand on the left wall of a channel of ``width`` (m) and those on
+    the right; infinite where no two do.
+    """
+    sides: dict[str, list[Array]] = {"left": [], "right": []}
+    for outline in outlines:
+        edge = wall_edge(outline, width / 2)
+        if edge is not None:
+            sides[edge.side].append(outline)
+    return min((distance_between(one, other) for one, other in product(*sides.values())), default=math.inf)
 
 
 def edges(outline: Array) -> tuple[Array, Array]:

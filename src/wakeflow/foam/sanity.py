@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FoamError, known
+from ..core.geometry import between_walls
 from .airflow_result import AirflowResult
 from .case import FlowSpec
 from .failure import AirflowFailure, Cause
@@ -77,14 +78,16 @@ class Check:
 
 
 def blockage(bodies: Sequence[Sequence[tuple[float, float]]], width: float) -> float:
-    """Largest share of the channel's ``width`` (m) that bodies, (k, 2) outlines in m, take up at any height."""
+    """Largest share of the channel's ``width`` (m) that bodies, (k, 2) outlines in m, take up at any height, or between
+    those on one side wall and those on the other.
+    """
     outlines = [np.asarray(body, dtype=float) for body in bodies]
     levels = np.unique(np.concatenate([outline[:, 1] for outline in outlines]))
     nudge = 1e-6 * float(np.ptp(levels))
     taken = [
         sum(_chord(outline, y) for outline in outlines) for level in levels for y in (level - nudge, level + nudge)
     ]
-    return max(taken) / width
+    return max(*taken, width - between_walls(outlines, width)) / width
 
 
 def _chord(outline: Array, y: float) -> float:

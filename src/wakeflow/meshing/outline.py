@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import MeshError
-from ..core.geometry import edges
+from ..core.geometry import edges, wall_edge
 from .spec import Array, MeshSpec
 
 # Chosen:
@@ -97,11 +97,13 @@ def loops(spec: MeshSpec, size: Callable[[Array], Array]) -> list[list[Piece]]:
 
     ``size`` gives the cell edge (m) wanted at places (k, 2).
     """
-    pieces = _channel(spec)
+    pieces = _channel(spec, size)
     holes = []
     on_axis = []
     for index, name in enumerate(spec.names):
         ring, patch = seen(spec, index), f"body_{name}"
+        if spec.standing(index) is not None:
+            continue  # part of the channel's side
         if not spec.half or ring[:, 0].min() > 0:
             holes.append([piece for chain, _ in chains(ring) for piece in _nodes(ring[chain], patch, size)])
         elif ring[:, 0].max() > 0:
@@ -127,26 +129,44 @@ def _even(ring: list[Piece]) -> list[Piece]:
     return [*ring[: longest + 1], replace(ring[longest], start=((x0 + x1) / 2, (y0 + y1) / 2)), *ring[longest + 1 :]]
 
 
-def _channel(spec: MeshSpec) -> list[Piece]:
+def _channel(spec: MeshSpec, size: Callable[[Array], Array]) -> list[Piece]:
     """The channel's rectangle, from its lower left corner; the last piece comes down the left side or the axis."""
     up = spec.direction == "up"
     right, left = spec.width / 2, 0.0 if spec.half else -spec.width / 2
     pieces = [Piece((left, spec.bottom), "inlet" if up else "outlet")]
-    pieces += _side(spec, "right", right)
+    pieces += _side(spec, "right", right, size)
     pieces.append(Piece((right, spec.top), "outlet" if up else "inlet"))
-    return pieces + ([Piece((left, spec.top), "axis")] if spec.half else _side(spec, "left", left))
+    return pieces + ([Piece((left, spec.top), "axis")] if spec.half else _side(spec, "left", left, size))
 
 
-def _side(spec: MeshSpec, side: str, x: float) -> list[Piece]:
-    """A side wall with its openings, upwards on the right and downwards on the left."""
-    marks = [(spec.bottom, side)]
-    for inlet in sorted((i for i in spec.inlets if i.side == side), key=lambda i: i.start):
-        marks += [(inlet.start, inlet.patch), (inlet.end, side)]
-    ends = [y for y, _ in marks[1:]] + [spec.top]
-    parts = [(low, high, patch) for (low, patch), high in zip(marks, ends, strict=True) if high > low]
-    if side == "right":
-        return [Piece((x, low), patch) for low, _, patch in parts]
-    return [Piece((x, high), patch) for _, high, patch in reversed(parts)]
+def _side(spec: MeshSpec, side: str, x: float, size: Callable[[Array], Array]) -> list[Piece]:
+    """A side wall with its openings and the bodies that stand on it, upwards on the right and downwards on the left."""
+    upwards = side == "right"
+    parts = [
+        (inlet.start, inlet.end, [Piece((x, inlet.start if upwards else inlet.end), inlet.patch)])
+        for inlet in spec.inlets
+        if inlet.side == side
+    ]
+    for index, name in enumerate(spec.names):
+        edge = spec.standing(index)
+        if edge is not None and edge.side == side:
+            parts.append((edge.low, edge.high, _standing(seen(spec, index), f"body_{name}", spec, size)))
+    found, level = [], spec.bottom
+    for low, high, pieces in [*sorted(parts, key=lambda part: part[0]), (spec.top, spec.top, [])]:
+        if low > level:
+            found.append([Piece((x, level if upwards else low), side)])
+        found.append(pieces)
+        level = high
+    return [piece for pieces in (found if upwards else reversed(found)) for piece in pieces]
+
+
+def _standing(ring: Array, patch: str, spec: MeshSpec, size: Callable[[Array], Array]) -> list[Piece]:
+    """A body that stands on a side wall, from where the side comes to it to where the side goes on."""
+    edge = wall_edge(ring, spec.width / 2)
+    if edge is None:
+        raise MeshError(f"{patch} stands on a wall with an edge shorter than a cell: make it longer")
+    chain = np.roll(ring, -edge.first - 1, axis=0)[::-1]
+    return [piece for part in _split(chain) for piece in _nodes(part, patch, size)]
 
 
 def _split(chain: Array) -> list[Array]:

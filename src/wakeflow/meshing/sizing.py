@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
-from ..core.geometry import distance_between, distance_to, edges, is_symmetric
+from ..core.geometry import distance_between, distance_to, edges, is_symmetric, wall_edge
 from .outline import chains, seen, sharp, turn_angles
 from .spec import Array, Direction, MeshSpec, SideInlet, Strategy
 
@@ -134,7 +134,8 @@ def _sizes(rung: str, scale: float, outlines: list[Array], width: float, walls: 
 def _check_places(outlines: list[Array], width: float, top: float, bottom: float) -> None:
     for i, outline in enumerate(outlines):
         (left, low), (right, high) = outline.min(axis=0), outline.max(axis=0)
-        if left <= -width / 2 or right >= width / 2 or low <= bottom or high >= top:
+        inside = (-width / 2 < left and right < width / 2) or wall_edge(outline, width / 2) is not None
+        if not inside or low <= bottom or high >= top:
             raise SceneError(
                 f"body {i} spans x {left:g}..{right:g} m, y {low:g}..{high:g} m and must lie inside the channel "
                 f"x {-width / 2:g}..{width / 2:g} m, y {bottom:g}..{top:g} m"
@@ -263,6 +264,10 @@ def _on_body(spec: MeshSpec, index: int) -> tuple[Array, Array]:
         total = length[chain[:-1]].sum()
         if not closed:
             along[chain[:-1]] = np.minimum(along[chain[:-1]], max(total * spec.of_edge, corner / SHORTEST))
+    standing = wall_edge(outline, spec.width / 2)
+    if standing is not None:  # its corners on the wall are no edges in the air
+        along[standing.first] = body
+        wanted[[standing.first, (standing.first + 1) % len(outline)]] = body
     points, edge = [outline], [np.minimum(wanted, np.minimum(along, np.roll(along, 1)))]
     for a, b, size in zip(start, end, along, strict=True):
         share_along = _along(0.0, 1.0, DENSE * size / float(np.linalg.norm(b - a)))[1:-1]
@@ -273,8 +278,10 @@ def _on_body(spec: MeshSpec, index: int) -> tuple[Array, Array]:
 
 
 def gap(spec: MeshSpec, index: int, places: Array) -> Array:
-    """Distance (m) from places on a body to the nearest side wall or other body."""
-    least = spec.width / 2 - np.abs(places[:, 0])
+    """Distance (m) from places on a body to the nearest side wall, that on which it stands aside, or other body."""
+    edge, half = spec.standing(index), spec.width / 2
+    walls = {"left": places[:, 0] + half, "right": half - places[:, 0]}
+    least: Array = np.min([off for side, off in walls.items() if edge is None or side != edge.side], axis=0)
     for other, outline in enumerate(spec.bodies):
         if other != index:
             least = np.minimum(least, distance_to(places, np.array(outline)))

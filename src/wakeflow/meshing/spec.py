@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import MeshError, known
+from ..core.geometry import WallEdge, wall_edge
 from ..core.process import call_in_child
 from ..core.record import column, save
 
@@ -40,12 +41,13 @@ class SideInlet:
 class MeshSpec:
     """What to mesh: bodies in a vertical channel centred on x = 0, y up, all lengths in metres.
 
-    ``bodies`` are (k, 2) outlines, counter-clockwise; ``names`` name their patches (``body_NAME``). ``half`` meshes x
-    >= 0 only. Cell edges, for the narrowest body and in proportion for wider ones: ``h_body`` along the outlines,
-    ``h_corner`` at their sharp corners, ``h_wake`` downstream over ``wake_length``; for all: ``h_wall`` on no-slip side
-    walls, ``h_far`` at most from y = ``fine``[0] to ``fine``[1] (m), ``h_end`` at most beyond; between them the edge
-    grows by ``growth`` metres a metre. On an edge between two sharp corners it is no longer than ``of_edge`` times that
-    edge, at a gap between bodies or to a side wall ``of_gap`` times the gap.
+    ``bodies`` are (k, 2) outlines, counter-clockwise, in the air or with one edge on a side wall; ``names`` name their
+    patches (``body_NAME``). ``half`` meshes x >= 0 only. Cell edges, for the narrowest body and in proportion for wider
+    ones: ``h_body`` along the outlines, ``h_corner`` at their sharp corners, ``h_wake`` downstream over
+    ``wake_length``; for all: ``h_wall`` on no-slip side walls, ``h_far`` at most from y = ``fine``[0] to ``fine``[1]
+    (m), ``h_end`` at most beyond; between them the edge grows by ``growth`` metres a metre. On an edge between two
+    sharp corners it is no longer than ``of_edge`` times that edge, at a gap between bodies or to a side wall ``of_gap``
+    times the gap.
     """
 
     bodies: tuple[Outline, ...]
@@ -84,6 +86,10 @@ class MeshSpec:
     def widths(self) -> tuple[float, ...]:
         """Width of every body across the air (m)."""
         return tuple(float(np.ptp(np.array(body)[:, 0])) for body in self.bodies)
+
+    def standing(self, index: int) -> WallEdge | None:
+        """The edge with which a body stands on a side wall; None of one in the air."""
+        return wall_edge(np.array(self.bodies[index]), self.width / 2)
 
     @property
     def thickness(self) -> float:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from .. import tracking
 from ..core.errors import SceneError, known
+from ..core.geometry import wall_edge
 from ..core.tables import AnyArray, Columns
 from ..field import FlowField
 from ..injection.feed import Feedstock, feedstock
@@ -263,7 +264,7 @@ def bodies_and_walls(scene: Scene) -> list[Body]:
     motion = motion_of(scene)
     places = scene.collecting
     found = [
-        Body(one.outline(), motion=motion, capture=name in places, line=places.get(name, -1))
+        Body(_into_the_wall(one.outline(), scene), motion=motion, capture=name in places, line=places.get(name, -1))
         for name, one in scene.body.items()
     ]
     half, thick = scene.channel.width / 2, WALL * scene.channel.width
@@ -275,6 +276,15 @@ def bodies_and_walls(scene: Scene) -> list[Body]:
                 found.append(Body(np.array([(low, level), (high, level), (high, start), (low, start)])))
             level = end if end is not None else level
     return found
+
+
+def _into_the_wall(outline: Array, scene: Scene) -> Array:
+    """The outline of a body; one that stands on a wall goes on in it, so that no gap is between the two."""
+    edge = wall_edge(outline, 0.5 * scene.channel.width)
+    if edge is None:
+        return outline
+    corners = outline[[edge.first, (edge.first + 1) % len(outline)]] * (1.0 + WALL, 1.0)
+    return np.insert(outline, edge.first + 1, corners, axis=0)
 
 
 def _openings(scene: Scene, side: str) -> list[tuple[float, float]]:

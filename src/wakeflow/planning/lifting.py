@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.geometry import edges
+from ..core.geometry import between_walls, edges, wall_edge
 from ..core.graded import Notice, information, less_sure
 from ..core.quantities import metres, say
 from ..scene import Scene
@@ -55,8 +55,11 @@ def narrowest_gap(scene: Scene) -> Gap | None:
     levels = np.concatenate([corners - LEVEL_APART, corners + LEVEL_APART])
     spans = {float(y): {name: span for name, one in outlines.items() if (span := _span(one, y))} for y in levels}
     level = max(spans, key=lambda y: _covered(list(spans[y].values())))
-    free = scene.channel.width - _covered(list(spans[level].values()))
-    return Gap(free, scene.air.speed * scene.channel.width / free, tuple(spans[level]))
+    width, beside = scene.channel.width, tuple(spans[level])
+    free, slanting = width - _covered(list(spans[level].values())), between_walls(outlines.values(), width)
+    if slanting < free:  # between bodies on both walls the way leads aside
+        free, beside = slanting, tuple(name for name, one in outlines.items() if wall_edge(one, width / 2))
+    return Gap(free, scene.air.speed * width / free, beside)
 
 
 def _span(outline: Array, y: float) -> tuple[float, float] | None:

@@ -9,7 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ..core.geometry import distance_between, normals
+from ..core.geometry import ON_WALL, distance_between, normals
 from ..core.graded import Notice, information, less_sure, void
 from ..core.quantities import metres
 from ..funnel import summary
@@ -64,7 +64,12 @@ def _narrow_gaps(scene: Scene) -> Iterator[Notice]:
     """The coarsest granules do not pass the narrowest gap."""
     outlines = {f"body.{name}": body.outline() for name, body in scene.body.items()}
     half = 0.5 * scene.channel.width
-    gaps = [(half - float(np.abs(one[:, 0]).max()), f"{name} and the wall") for name, one in outlines.items()]
+    gaps = [
+        (off, f"{name} and the {side} wall")
+        for name, one in outlines.items()
+        for side, off in (("left", half + float(one[:, 0].min())), ("right", half - float(one[:, 0].max())))
+        if off > ON_WALL * half
+    ]
     for (name, one), (other_name, other) in combinations(outlines.items(), 2):
         gaps.append((distance_between(one, other), f"{name} and {other_name}"))
     gap, where = min(gaps, default=(math.inf, ""))

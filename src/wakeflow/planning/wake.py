@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.errors import SceneError
+from ..core.geometry import wall_edge
 from ..laws.best_estimate import WakeEstimate, best_estimate
 from ..laws.span import CADENCE, Span
 from ..laws.turbulence import model_at
@@ -59,11 +60,12 @@ def wake_of(scene: Scene, reynolds: float) -> WakeEstimate:
 
 
 def family_of(scene: Scene) -> ShapeFamily:
-    """Which shape of the data is in the air; none for several bodies, rounded edges and other shapes."""
+    """Which shape of the data is in the air; none for several bodies, one on a wall, rounded edges, other shapes."""
     (body, *others) = scene.body.values()
-    if others or (body.rounding or 0.0) > SHARP * scene.width:
-        return ShapeFamily(None)
     outline = body.outline()
+    standing = wall_edge(outline, scene.channel.width / 2)
+    if others or standing or (body.rounding or 0.0) > SHARP * scene.width:
+        return ShapeFamily(None)
     across, along = np.ptp(outline, axis=0)
     if body.shape == "rhombus":
         return ShapeFamily("rhombus", math.degrees(math.atan2(along, across)))

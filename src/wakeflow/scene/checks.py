@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError, known
-from ..core.geometry import contains, distance_between, edges, segments_cross
+from ..core.geometry import contains, distance_between, edges, segments_cross, wall_edge
 from ..core.quantities import metres, quantity, say, speaking, spoken
 from ..core.registry import did_you_mean
 from .machine import SIDES
@@ -51,12 +51,18 @@ def _body_fits(scene: SceneTables) -> Iterator[str]:
     swing_x, swing_y = np.abs(scene.motion[0])
     for name, body in scene.body.items():
         (left, low), (right, high) = body.outline().min(0), body.outline().max(0)
-        reach = max(-left, right)
+        standing = wall_edge(body.outline(), channel.width / 2)
+        reach = max(
+            0.0 if standing and standing.side == side else off for side, off in (("left", -left), ("right", right))
+        )
         if reach >= 0.49 * channel.width:
             yield (
                 f"body.{name} reaches x = {metres(reach)}: no room beside it in channel.width = "
-                f"{metres(channel.width)}; leave a gap to the wall (allowed: x below {metres(0.49 * channel.width)})"
+                f"{metres(channel.width)}; leave a gap to the wall (allowed: x below {metres(0.49 * channel.width)}), "
+                f"or one edge on it (x = {metres(channel.width / 2)})"
             )
+        elif standing and scene.vibration is not None:
+            yield f"body.{name} stands on the {standing.side} wall, and [vibration] moves all bodies; leave either out"
         elif low <= channel.bottom or high >= channel.top:
             inside = f"{metres(channel.bottom)} to {metres(channel.top)}"
             yield f"body.{name} reaches from y = {metres(low)} to {metres(high)}, out of the channel, {inside}"
@@ -65,6 +71,20 @@ def _body_fits(scene: SceneTables) -> Iterator[str]:
         ):
             amplitude = math.hypot(swing_x, swing_y)
             yield f"vibration: an amplitude of {metres(amplitude, 3)} brings body.{name} too near to the channel's ends"
+
+
+def _standing_bodies_leave_room(scene: SceneTables) -> Iterator[str]:
+    """Bins and streams on a wall keep off the bodies that stand on it."""
+    taken = [
+        *((f"bin.{name}", one.side, known(one.start), known(one.to)) for name, one in scene.bin.items() if one.side),
+        *((f"channel.inlet.{name}", one.side, *one.span) for name, one in scene.channel.inlet.items()),
+    ]
+    for name, body in scene.body.items():
+        edge = wall_edge(body.outline(), scene.channel.width / 2)
+        for key, side, low, high in taken:
+            if edge is not None and side == edge.side and min(high, edge.high) > max(low, edge.low):
+                reach = f"from y = {metres(edge.low)} to {metres(edge.high)}"
+                yield f"{key} is where body.{name} stands on the {side} wall, {reach}; move either"
 
 
 def _feed_fits(scene: SceneTables) -> Iterator[str]:
@@ -318,6 +338,7 @@ CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _bodies_apart,
     _channel_stands,
     _body_fits,
+    _standing_bodies_leave_room,
     _feed_fits,
     _turned_feed_fits,
     _rate_can_fall,
