@@ -30,9 +30,7 @@ from numpy.typing import NDArray
 from ..core.number import Number
 
 Array = NDArray[np.float64]
-ENTRAINMENT = Number(0.11, 0.075, 0.15)  # plume; from a plane jet's up to the largest in use for plumes
-
-
+ENTRAINMENT = Number(0.11, 0.075, 0.15)  # of a plume; from a plane jet's to well above the measured 0.13; chosen
 ENERGY = 0.083  # k on the axis over u_m^2
 EDDY_VISCOSITY = 0.0315 * math.sqrt(math.log(2.0))  # over u_m b
 C_MU = 0.09
@@ -40,7 +38,7 @@ C_MU = 0.09
 
 @dataclass(frozen=True)
 class DrivenJet:
-    """A jet at several falls ``s`` (n,) m: ``flux`` (n,) m2/s and ``momentum`` (n,) m3/s2; nothing where it begins."""
+    """A jet after each ``fall`` (n,) m: ``flux`` (n,) m2/s and ``momentum`` (n,) m3/s2; nothing where it begins."""
 
     fall: Array
     flux: Array

@@ -306,7 +306,9 @@ class DrivenAir(AirLoading):
 
     def under(self, force: ForceDensity, before: Made) -> Made:
         del before  # no solver starts from it
-        return content_key("jet", self.bare[0], force.digest, code_of("duct")), None
+        feed = self.scene.feed
+        curtain = self.scene.level, feed.position, feed.width, repr(feed.profile)
+        return content_key("jet", self.bare[0], curtain, force.digest, code_of("duct")), None
 
     def field_in(self, force: ForceDensity, made: Made) -> FlowField:
         del made
