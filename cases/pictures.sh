@@ -11,7 +11,7 @@ cd "$root"
 bin=$root/.venv/bin
 kept=docs/pictures
 runs=runs/pictures
-names="rhombus-film rhombus-tracks rhombus-pressure rhombus-inputs rhombus-curves labyrinth-tracks throughput
+names="rhombus-film rhombus-tracks rhombus-pressure rhombus-inputs rhombus-curves labyrinth-tracks zigzag-tracks throughput
   throughput-labyrinth tracker-error-time paper-fig2 paper-fig4 paper-fig6 paper-fig7 paper-fig7-flows"
 
 run() { "$bin/wakeflow" run "$1" --out "$runs/$2" --quiet; }
@@ -41,6 +41,9 @@ draw() {
     labyrinth-tracks)
       "$bin/wakeflow" run cases/labyrinth.toml --quick --out "$runs/labyrinth" --quiet # not an hour for its tracks
       take "$runs/labyrinth/figures/tracks.png" "$1.png" ;;
+    zigzag-tracks)
+      run cases/zigzag.toml zigzag
+      take "$runs/zigzag/figures/tracks.png" "$1.png" ;;
     throughput)
       "$bin/python" tests/proofs/studies throughput "$runs/$1.png" --scene rhombus --rung draft
       take "$runs/$1.png" "$1.png" ;;
