@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from proofs.report import cell
-from proofs.studies import bounds, collisions, laws, search_gain, target_error
+from proofs.studies import bounds, collisions, costs, laws, search_gain, target_error
 from proofs.studies.__main__ import app
 from support import CASES, ROOT, loaded_scene, shipped
 from wakeflow.laws.best_estimate import wakes
@@ -174,6 +174,19 @@ def test_sweeps_from_neighbours(tmp_path: Path) -> None:
     assert row["speed"] == 5.5
     assert row["near"][0] < row["rest"][0]
     assert row["near"][2] == pytest.approx(row["rest"][2], rel=2e-4)  # what counts as standing still
+
+
+@pytest.mark.slow
+@pytest.mark.openfoam
+def test_more_threads_fly_the_same() -> None:
+    rows = study("threads", "draft", "--count", 64)
+    assert all(row["same"] for row in rows)
+    assert all(1.0 <= row["by4"] <= row["by8"] <= 8.0 for row in rows)
+
+
+def test_blocks_are_handed_out_as_threads_become_free() -> None:
+    assert costs.makespan([3.0, 1.0, 1.0, 1.0], 2) == 3.0
+    assert costs.makespan([1.0, 1.0, 3.0], 2) == 4.0
 
 
 @pytest.mark.slow

@@ -7,6 +7,9 @@ expected once the scenes of the rows above have.
 sweep_speed: Two workers against one, where OpenFOAM bounds (airflows) and where tracking does (tracks), 100 feeds over
 5 airflows, and airflows solved on from a neighbour's. Every sweep has an empty cache, but for the compiled tracker.
 
+threads: How much faster more threads fly the answer's granules through its own air: 1 and 2 measured, 4 and 8 by the
+times that blocks of granules take alone, handed out in their order as threads become free.
+
 mpi_ranks: From how many cells a second MPI rank pays: the shipped rhombus' steady airflow on finer and finer meshes.
 
 time_resolved_cost: What the shipped rhombus' time-resolved airflow costs, and its error, with other steps, cells and
@@ -15,6 +18,7 @@ solvers, each averaged over whole periods of one flow time. Cost is the solver's
 
 from __future__ import annotations
 
+import heapq
 import os
 import shutil
 import subprocess
@@ -37,12 +41,64 @@ from wakeflow.foam.history import Tail
 from wakeflow.foam.programs import call, scatter
 from wakeflow.foam.start import first_step, start_from
 from wakeflow.foam.statistics import cycles
+from wakeflow.injection.feed import feedstock
 from wakeflow.meshing import build_mesh
 from wakeflow.pipeline.airflow_kinds import flow_spec, mesh_spec
+from wakeflow.pipeline.realisations import Realisations
+from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.cost import wall_seconds
 from wakeflow.planning.machine_rates import on_this_machine
+from wakeflow.planning.plan import REPLICATES
+from wakeflow.tracking import Granules
+from wakeflow.tracking.driver import BLOCK
 
 from .common import Row, cache_at, compile_slab, compile_tracker, fresh_case, make_plan, piped, show, solver_seconds
+
+# -- threads -----------------------------------------------------------------------------------------------------------
+THREADS, SIMULATED = (1, 2), (4, 8)
+THREAD_COLUMNS = {
+    "fraction": "{name}", "granules": "{count}", "s on one thread": "{one:.1f}",
+    **{f"{n} threads, times": f"{{by{n}:.2f}}" for n in (*THREADS[1:], *SIMULATED)}, "same places": "{same:yes|NO}",
+}  # fmt: skip
+
+
+def makespan(blocks: Sequence[float], threads: int) -> float:
+    """Seconds until the last of ``blocks`` (s) is done, each begun by the thread that is free first."""
+    free = [0.0] * threads
+    for block in blocks:
+        heapq.heapreplace(free, free[0] + block)
+    return max(free)
+
+
+def thread_rows(scene: wf.Scene, rung: str) -> Iterator[Row]:
+    """A row a fraction."""
+    pipeline = piped(scene, rung, QUIET)
+    flight = Flight(scene, pipeline.plan, Realisations(pipeline.field[1]), scene.numerics.tolerance)
+    for name in scene.fraction:
+        grains = feedstock(scene, pipeline.plan, name, pipeline.field[1].period, range(REPLICATES)).granules
+
+        def flown(workers: int, some: slice, name: str = name, grains: Granules = grains) -> tuple[float, np.ndarray]:
+            started = time.perf_counter()
+            found = replace(flight, workers=workers).fly(name, grains[some])
+            return time.perf_counter() - started, found.position
+
+        flown(1, slice(BLOCK))  # the field is packed
+        measured = {workers: flown(workers, slice(None)) for workers in THREADS}
+        blocks = [flown(1, slice(low, low + BLOCK))[0] for low in range(0, len(grains), BLOCK)]
+        one = measured[1][0]
+        yield {
+            "name": name, "count": len(grains), "one": one, "by2": one / measured[2][0],
+            **{f"by{n}": sum(blocks) / makespan(blocks, n) for n in SIMULATED},
+            "same": bool(np.array_equal(measured[1][1], measured[2][1])),
+        }  # fmt: skip
+
+
+def threads(rung: str = "standard", *, count: int = 65536) -> list[Row]:
+    """What more threads save; ``count`` granules of each fraction of the shipped rhombus."""
+    changes = {"feed.count": count, **({} if count > 1024 else {"numerics.mesh_scale": 3.0})}
+    compile_tracker()
+    return show(THREAD_COLUMNS, thread_rows(shipped("rhombus", changes), rung))
+
 
 # -- plan_times --------------------------------------------------------------------------------------------------------
 SCENES = ("vacuum", "aspirator", "wheat-straw-dust", "rhombus", "labyrinth", "prism")
