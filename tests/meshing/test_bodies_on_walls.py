@@ -11,7 +11,8 @@ import pytest
 from support import shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import between_walls, contains, wall_edge
-from wakeflow.meshing import build_mesh, plan_mesh, read_mesh
+from wakeflow.foam.sanity import blockage
+from wakeflow.meshing import SideInlet, build_mesh, plan_mesh, read_mesh
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.lifting import narrowest_gap
 from wakeflow.planning.make import make_plan
@@ -46,6 +47,9 @@ def test_the_way_between_bodies_on_both_walls_is_measured_aslant() -> None:
     faces = abs(float((RIGHT[2] - LEFT[1]) @ (1.0, -1.0))) / math.sqrt(2.0)
     assert between_walls([LEFT, RIGHT], WIDTH) == pytest.approx(min(corner, faces))
     assert between_walls([LEFT], WIDTH) == math.inf
+    outlines = [[(float(x), float(y)) for x, y in one] for one in (LEFT, RIGHT)]
+    assert blockage(outlines, WIDTH) == pytest.approx(1.0 - faces / WIDTH)  # what bounds of the airflow go by
+    assert blockage(outlines[:1], WIDTH) == pytest.approx(0.03 / WIDTH, rel=1e-4)
     gap = narrowest_gap(shipped("zigzag"))
     assert gap is not None
     assert gap.free == pytest.approx(faces, rel=1e-6)
@@ -73,8 +77,6 @@ def test_the_mesh_leaves_the_bodies_out_and_names_their_faces(tmp_path: Path, wa
 
 
 def test_a_stream_beside_a_body_on_the_wall_is_part_of_the_side(tmp_path: Path) -> None:
-    from wakeflow.meshing import SideInlet
-
     spec = plan_mesh(
         [LEFT, RIGHT], width=WIDTH, top=0.1, bottom=-0.15, names=["one", "two"], scale=2.0, extend=False,
         inlets=[SideInlet("jet", "left", 0.04, 0.05)],

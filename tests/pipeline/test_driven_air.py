@@ -62,6 +62,15 @@ def test_the_field_carries_the_force_and_keeps_its_volume() -> None:
     assert not field.sample([[0.3, 0.05]])[0].any()  # above the curtain's beginning
 
 
+def test_a_jet_that_begins_late_is_as_fine_at_its_axis() -> None:
+    """Where the first granules give the air nothing, the columns go by where it is narrowest."""
+    late = force().density.copy()
+    late[force().boxes.centres[..., 1] > -0.3] = 0.0
+    field = jet_field(curtain(), ForceDensity(force().boxes, late))
+    assert not field.sample([[0.0, -0.2]])[0].any()
+    assert np.diff(np.unique(field.points[:, 0])).min() < 0.002
+
+
 def test_a_curtain_that_begins_beside_the_middle_drives_its_jet_there() -> None:
     field = jet_field(curtain(**{"feed.position": 0.4}), force())
     x = np.linspace(-1.0, 1.0, 2001)

@@ -26,7 +26,7 @@ ROWS = 32  # along decaying turbulence
 BETA, BETA_STAR = 0.0828, 0.09  # of the k-omega SST model away from walls: Menter, F.R. 1994, AIAA J. 32, 1598
 LEVELS, BESIDE = 128, 96  # of a driven jet: rows below the curtain's beginning, columns on either side of it
 NEAR = 1.5  # power with which these rows come closer towards the beginning, where the jet grows with a root
-FINE = 0.25  # of the jet's width there: the columns next to its axis
+FINE = 0.25  # of the jet's width where it is narrowest: the columns next to its axis
 SLACK = 1e-6  # channel widths: how far the field reaches beyond the lines at which tracks end
 
 
@@ -95,7 +95,7 @@ def jet_field(scene: Scene, force: ForceDensity) -> FlowField:
     """The air at rest with the jet in it that the granules' force drives; what it draws in comes through the walls."""
     channel, jet, air = scene.channel, jet_of(scene, force), scene.airstream
     half, axis, slack = 0.5 * channel.width, scene.feed.position, 2.0 * SLACK * channel.width
-    first = FINE * float(jet.width[1] or half)
+    first = FINE * float(np.min(jet.width, where=jet.width > 0.0, initial=half))
     x = axis + np.concatenate([-_spread(half + axis, first)[:0:-1], _spread(half - axis, first)])
     down = jet.stream_function(x - axis)
     speed = np.stack([-np.gradient(down, jet.fall, axis=0), -np.gradient(down, x, axis=1)], axis=-1)

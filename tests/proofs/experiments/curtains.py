@@ -28,6 +28,7 @@ MEASURED, ABOUT = (6.0, 7.0), 0.5  # m/s after 3 m at every flow, and what "abou
 FLOWS = (1.0, 5.0, 22.0)  # kg/(s m)
 SIZE, DENSITY, PACKED = 697e-6, 3300.0, 0.6  # m, kg/m3, solid volume in the slot
 DROPS = (1.0, 2.0, 3.0)  # m
+SQUARE = 12.0**0.5  # thickness of a uniform curtain over the standard deviation of its places
 
 
 def key(drop: float) -> str:
@@ -35,7 +36,6 @@ def key(drop: float) -> str:
     return f"at_{1000.0 * drop:.0f}_mm"
 
 
-SQUARE = 12.0**0.5  # thickness of a uniform curtain over the standard deviation of its places
 COLUMNS = {
     "flow, kg/(s m)": "{flow:g}", "slot, mm": "{slot:.1f*1000}", "air driven to, m/s": "{air:.1f}",
     **{f"after {drop:g} m, m/s": f"{{{key(drop)}:.2f}}" for drop in DROPS}, "after 3 m in air at rest": "{alone:.2f}",
