@@ -184,6 +184,14 @@ def test_more_threads_fly_the_same() -> None:
     assert all(1.0 <= row["by4"] <= row["by8"] <= 8.0 for row in rows)
 
 
+@pytest.mark.openfoam
+def test_a_scenes_tolerance_hardly_moves_shares() -> None:
+    """Grain lands where it does at a far smaller tolerance; of dust, some granules change their bin."""
+    rows = {row["kind"]: row for row in study("share_error", "draft", "--count", 64)}
+    assert rows["wheat"]["moved"] == 0.0
+    assert all(abs(row["change"]) <= row["moved"] <= 0.2 for row in rows.values())
+
+
 def test_blocks_are_handed_out_as_threads_become_free() -> None:
     assert costs.makespan([3.0, 1.0, 1.0, 1.0], 2) == 3.0
     assert costs.makespan([1.0, 1.0, 3.0], 2) == 4.0

@@ -277,8 +277,7 @@ def test_rung_none_needs_no_mesher_and_says_what_it_waits_for(cases: Path, tmp_p
         "assert not {'gmsh', 'foamlib'} & set(sys.modules)"
     )
     ended = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    said = ("compile: the tracker is read from the cache", "tracks: done (from the cache)")  # a second time
-    assert any(line in ended.stderr for line in said)
+    assert "from the cache" in ended.stderr  # the tracker, or with an earlier suite's cache the tracks
 
 
 def test_a_plate_lies_as_it_says() -> None:
