@@ -18,7 +18,7 @@ from wakeflow.laws.best_estimate import wakes
 # tests/laws/test_collision.py, tests/foam/test_robustness.py, tests/foam/test_three_dimensions.py,
 # tests/planning/test_plan_gate.py, tests/planning/test_collisions.py
 ELSEWHERE = {"crowding", "gates", "printed_form", "robustness", "three_dimensions"}
-SLOW = (pytest.mark.slow, pytest.mark.openfoam)  # a minute; what it times is tested in sweeps, pipeline, foam
+SLOW = (pytest.mark.slow, pytest.mark.openfoam)  # half a minute or more; what it times is tested in sweeps, pipeline, foam
 VARIANTS = ["the program's own", "pressure: one level of cells at a time"]
 
 
@@ -58,9 +58,7 @@ def test_chaff_alone_lands_where_it_does_without_lift_but_for_the_scatter_of_its
         (["flakes", "--count", 8], "{plate}", ["6 x 2 x 0.2", "3 x 3 x 0.1", "10 x 3 x 0.2", "12.65 x 3.69 x 3.69"]),
         pytest.param(["locked_band", "--quick"], "{ratio}", ["0.5"], marks=pytest.mark.openfoam),
         pytest.param(["mpi_ranks", "--quick"], "{gain:|}", [""], marks=(*SLOW, pytest.mark.mpi)),
-        pytest.param(
-            ["time_resolved_cost", "runs", *VARIANTS, "--quick"], "{variant}", VARIANTS, marks=pytest.mark.openfoam
-        ),
+        pytest.param(["time_resolved_cost", "runs", *VARIANTS, "--quick"], "{variant}", VARIANTS, marks=SLOW),
     ],
 )  # fmt: skip
 def test_a_study_runs_small(
