@@ -135,6 +135,23 @@ def test_a_force_on_part_of_the_channel_turns_the_air_aside(bare: Bare, tmp_path
     assert result.verdict == "steady"
 
 
+def test_air_that_a_curtain_drives_meets_the_body_with_more_pressure_than_it_came_with(
+    bare: Bare, tmp_path: Path
+) -> None:
+    """As a dense feed does; a solution with so much pressure is refused where no force is known of."""
+    density = np.zeros((BOXES.rows, BOXES.columns, 2))
+    density[:, 2:4, 1] = -15 * PUSH
+    force = ForceDensity(BOXES, density)
+    assert force.pressure == pytest.approx(15 * PUSH * BOXES.rows * BOXES.pitch)
+    result = solve_airflow(bare.spec, bare.msh, tmp_path / "case", force=force, start=bare.case)
+    assert result.attempts == ()
+    added = force.pressure / (0.5 * 1.2 * 5.0**2)  # all of it; the curtain also draws faster air in at the inlet
+    assert result.cp_front - bare.result.cp_front == pytest.approx(added, rel=0.1)
+    (tmp_path / "case" / SOURCE).unlink()
+    with pytest.raises(AirflowFailure, match="largest Cp"):
+        check_airflow(bare.spec, tmp_path / "case", result)
+
+
 def test_settings_that_serve_at_the_second_try_keep_the_force(
     bare: Bare, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -18,7 +18,7 @@ from wakeflow.laws.best_estimate import wakes
 # tests/laws/test_collision.py, tests/foam/test_robustness.py, tests/foam/test_three_dimensions.py,
 # tests/planning/test_plan_gate.py, tests/planning/test_collisions.py
 ELSEWHERE = {"crowding", "gates", "printed_form", "robustness", "three_dimensions"}
-SLOW = (pytest.mark.slow, pytest.mark.openfoam)  # half a minute or more; what it times is tested in sweeps, pipeline, foam
+SLOW = (pytest.mark.slow, pytest.mark.openfoam)  # half a minute; tested in sweeps, pipeline, foam
 VARIANTS = ["the program's own", "pressure: one level of cells at a time"]
 
 

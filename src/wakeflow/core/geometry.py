@@ -244,6 +244,12 @@ class ForceDensity:
         return np.asarray(self.density.sum(axis=(0, 1)) * self.boxes.pitch**2)
 
     @property
+    def pressure(self) -> float:
+        """The most pressure (Pa) that the force adds or takes on a way through the boxes that never turns back."""
+        along, across = (np.abs(self.density[..., axis]).sum(axis=1 - axis).max() for axis in (0, 1))
+        return float(along + across) * self.boxes.pitch
+
+    @property
     def digest(self) -> str:
         """sha256 (hex) of the force and its boxes."""
         return hashlib.sha256(repr(self.boxes).encode() + self.density.tobytes()).hexdigest()

@@ -42,12 +42,13 @@ _OPTION = """{name}
 @dataclass(frozen=True)
 class LaidForce:
     """What was written: ``force`` (x, y) N per metre across the plane on all meshed ``cells`` that feel one, by so many
-    ``sources``.
+    ``sources``, and the most ``pressure`` (Pa) that it adds on a way through the air.
     """
 
     force: tuple[float, float]
     cells: int
     sources: int
+    pressure: float
 
 
 def cell_forces(force: ForceDensity, mesh: PlaneMesh) -> Array:
@@ -105,7 +106,8 @@ def write_source(folder: Path, force: ForceDensity, density: float, deep: Path |
     with atomic_write(folder / "constant" / "fvOptions") as stream:
         stream.write(_HEADER.format(kind="dictionary", name="fvOptions") + "\n" + "\n".join(entries))
     total = (area[:, None] * cells).sum(axis=0)
-    laid = LaidForce((float(total[0]), float(total[1])), int((cells != 0.0).any(axis=1).sum()), len(entries))
+    felt = int((cells != 0.0).any(axis=1).sum())
+    laid = LaidForce((float(total[0]), float(total[1])), felt, len(entries), force.pressure)
     write_json(folder / SOURCE, asdict(laid))
     return laid
 

@@ -16,6 +16,8 @@ solver ended well. With V = the largest mean speed in a gap (:func:`gap_speed`),
 - **friction** / (rho U^2 / 2), falling as 1 / Re: creeping flow about a body (40: Lamb's drag of a cylinder at Re 1 is
   about 13), the lubrication pressure of a gap (96 B^2 / (1 - B)^3 over the bodies' height, B the blocked share) and of
   the channel's own walls (24 L D / W^2); three times their sum.
+- **force** of granules on the air, which adds at most a pressure F along a way through it: F on either side of a
+  pressure, 2 F / rho to V^2, and F on all bodies' widths to the drag, on either side.
 - **mass**: inflow less outflow below 1e-3 of the inflow.
 - **turbulence**: the model's fields (k, omega, nut ...) not negative; k at most 2 V^2, the energy of air that consists
   of fluctuations alone.
@@ -31,10 +33,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FoamError, known
+from ..core.files import read_json
 from ..core.geometry import between_walls
 from .airflow_result import AirflowResult
 from .case import FlowSpec
 from .failure import AirflowFailure, Cause
+from .momentum_source import SOURCE
 from .read import CaseFields, time_folders
 
 Array = NDArray[np.float64]
@@ -99,15 +103,21 @@ def _chord(outline: Array, y: float) -> float:
     return float((x[1::2] - x[::2]).sum())
 
 
-def gap_speed(spec: FlowSpec, inflow: float = 0.0, fastest: float = 0.0) -> float:
+def gap_speed(spec: FlowSpec, inflow: float = 0.0, fastest: float = 0.0, driven: float = 0.0) -> float:
     """V (m/s): the air's mean speed beside the bodies where they leave it least room, or the inlets' largest speed.
 
     ``inflow`` (m2/s) of all inlets together and ``fastest`` (m/s) on any of them, where the inlet's mean speed is not
-    all there is. A vibrating body's own speed comes on top.
+    all there is; ``driven``: what a force adds to p / rho (m2/s2). A vibrating body's own speed comes on top.
     """
     share = blockage(spec.mesh.bodies, spec.mesh.width)
     own = 0.0 if spec.vibration is None else abs(spec.vibration.peak_speed)
-    return max(spec.speed, inflow / spec.mesh.width, fastest) / max(1.0 - share, MIN_GAP) + own
+    mean = max(spec.speed, inflow / spec.mesh.width, fastest) / max(1.0 - share, MIN_GAP)
+    return float(np.hypot(mean, (2.0 * driven) ** 0.5)) + own
+
+
+def of_granules(spec: FlowSpec, case: Path) -> float:
+    """What the granules' force in a ``case`` may add to p / rho (m2/s2) along a way; 0 where the air feels none."""
+    return float(read_json(case / SOURCE)["pressure"]) / spec.density if (case / SOURCE).exists() else 0.0
 
 
 def friction(spec: FlowSpec) -> float:
@@ -140,13 +150,15 @@ def _field_checks(spec: FlowSpec, fields: CaseFields, time: Path) -> Iterator[Ch
     inlets = plane.on(*(name for name in plane.patches if name.startswith("inlet")))
     into = -(faces[inlets] * plane.normals[inlets]).sum(axis=1)
     inflow = float((into * plane.lengths[inlets]).clip(0).sum()) * (2 if spec.mesh.half else 1)
-    scale = gap_speed(spec, inflow, float(into.max()))
+    force = of_granules(spec, fields.case)
+    scale = gap_speed(spec, inflow, float(into.max()), force)
     yield Check("largest speed (m/s)", float(np.linalg.norm(velocity, axis=1).max()), 0.0, SPEED_FACTOR * scale)
     pressure, at_faces = fields.field(time, "p")
     mean = float(np.average(at_faces[plane.on("inlet")], weights=plane.lengths[plane.on("inlet")]))
     head = float((at_faces[inlets] + 0.5 * (faces[inlets] ** 2).sum(axis=1)).max() - mean) / dynamic
     swing = 0.0 if spec.vibration is None else abs(spec.vibration.peak_speed) * spec.vibration.omega
-    pushed = 2.0 * swing * spec.mesh.projected_width / spec.speed**2  # Cp of air a width deep that the body accelerates
+    pushed = force / dynamic  # Cp; and of air a width deep that the body accelerates:
+    pushed += 2.0 * swing * spec.mesh.projected_width / spec.speed**2
     highest = head + UNSTEADY * (scale / spec.speed) ** 2 + friction(spec) + pushed
     lowest = head - (SPEED_FACTOR * scale / spec.speed) ** 2 - friction(spec) - pushed
     yield Check("largest Cp", float(pressure.max() - mean) / dynamic, lowest, highest)
@@ -172,12 +184,18 @@ def check_airflow(spec: FlowSpec, folder: Path, result: AirflowResult) -> list[C
     """
     fields = CaseFields(folder)
     checks = list(_field_checks(spec, fields, fields.folder("latest")))
-    scale, rubbing = gap_speed(spec) / spec.speed, friction(spec)
+    force, rubbing = of_granules(spec, folder), friction(spec)
+    scale, pushed = gap_speed(spec, driven=force) / spec.speed, 2.0 * force / spec.speed**2
     widths = sum(float(np.ptp([x for x, _ in body])) for body in spec.mesh.bodies) / spec.mesh.projected_width
     pressure = next(check for check in checks if check.name == "least Cp")
     checks += [
         Check("the mass lost between inlets and outlet, of the inflow,", known(result.mass_error), -LEAK, LEAK),
-        Check("the drag coefficient", known(result.cd).value, 0.0, widths * (DRAG_FACTOR * scale) ** 2 + rubbing),
+        Check(
+            "the drag coefficient",
+            known(result.cd).value,
+            min(0.0, -widths * pushed),
+            widths * ((DRAG_FACTOR * scale) ** 2 + pushed) + rubbing,
+        ),
         Check("Cp on the front", known(result.cp_front), pressure.low, pressure.high),
         Check("Cp on the rear", known(result.cp_base).value, pressure.low, pressure.high),
     ]
