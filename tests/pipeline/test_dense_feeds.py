@@ -15,7 +15,7 @@ from support import landings_in, loaded_scene, shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.foam.momentum_source import LEVELS, SOURCE
 from wakeflow.injection.feed import feedstock
-from wakeflow.pipeline.air_loading import exerted_by
+from wakeflow.pipeline.air_loading import SHARES, LoadedCase, exerted_by, relaxed
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.slab import SlabFlight, SlabFound, _grouped, step_of
@@ -98,6 +98,25 @@ def loaded(tmp_path_factory: pytest.TempPathFactory) -> wf.Result:
 def loaded_pipeline(rung: str = "draft", force: dict[str, bool] | None = None, passes: int = 3) -> Any:
     asked = loaded_scene().replace({"numerics.rung": rung, "numerics.loading_passes": passes})
     return Pipeline(asked, make_plan(asked, force={**CALM, **(force or {})}))
+
+
+def test_the_force_goes_on_to_where_a_proportional_answer_meets_it() -> None:
+    """Air that answers a force f by asking for a - b f instead: the second force is the one that it asks for."""
+    a, b = np.array([[[0.0, -40.0], [1.0, -20.0]]]), 3.0
+    share = relaxed(1.0, a, -b * a)
+    np.testing.assert_allclose(a + share * (-b * a), a / (1.0 + b), rtol=1e-14)
+    assert relaxed(1.0, a, a) == SHARES[0]  # air that answers nothing: there is no such force
+
+
+@pytest.mark.openfoam
+def test_the_force_of_a_dense_curtain_settles() -> None:
+    """Its granules slow the air down to their own speed, where it drags no more: the whole way would overstep."""
+    asked = loaded_scene().replace({"feed.rate": "1500 kg/hour", "numerics.loading_passes": 10})
+    loading = Pipeline(asked, make_plan(asked, force=CALM)).loading
+    assert loading is not None
+    assert 3 < len(loading.passes) < 10
+    assert loading.summary.unanswered < LoadedCase.answered
+    assert loading.summary.force[1] < 0.6 * loading.first.force.total[1]
 
 
 @pytest.mark.openfoam

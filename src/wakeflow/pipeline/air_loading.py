@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,10 +40,8 @@ from .solved_air import SolvedAir
 
 Array = NDArray[np.float64]
 Made = tuple[str, Path | None]  # key of an airflow, and its folder where it is in one
-ANSWERED = 0.01  # of the force: what an air that is driven may lack of it; chosen
-FIRST_SHARE, SHARES = 0.3, (0.05, 1.0)  # of the way to the force that a driven air would take: first, at all; chosen
+SHARES = (0.05, 1.0)  # of the way to the force gathered last, at least and at most; chosen
 WITHOUT_SOLVER = 8  # passes where no solver runs for one where it does; chosen
-TOWARDS = 0.7  # of the way to the force gathered last. Chosen: slower air drags less, so that the whole way oversteps
 
 
 @dataclass(frozen=True)
@@ -75,6 +73,7 @@ class AirLoading(ABC):
     steady: AirflowKind
     compilation: Compilation
     workers: int | None = None
+    answered: ClassVar[float]  # of the force: what the air may lack of it; chosen
 
     @property
     @abstractmethod
@@ -100,15 +99,9 @@ class AirLoading(ABC):
         """The field of the steady airflow that was ``made`` under a ``force``."""
 
     def settled(self, made: Pass) -> bool:
-        """Whether a pass is the last one."""
-        return made.change <= self.plan.target_error
-
-    def onwards(self, share: float, last: Pass | None, made: Pass) -> float:
-        """Which share of the way to the force gathered in the pass ``made`` the next force goes, after one of ``share``
-        that led there from the ``last`` pass.
-        """
-        del share, last, made  # for air of which little is driven
-        return TOWARDS
+        """Whether a pass is the last one: neither shares nor the force change."""
+        unanswered = _unanswered(float(made.exerted[1]), float(made.force.total[1]))
+        return made.change <= self.plan.target_error and unanswered <= self.answered
 
     @property
     def most(self) -> int:
@@ -161,13 +154,15 @@ class AirLoading(ABC):
         return self.passes[-1].gathered.shares[name][place] - before.shares[name][place]
 
     def _passes(self) -> Iterator[Pass]:
-        before, start, force, share, last = self.first, self.bare, self.first.force, TOWARDS, None
+        before, start, force = self.first, self.bare, self.first.force
+        share, lacked = 1.0, force.density  # the whole way from no force
         for number in range(self.most):
             made = self._pass(force, start, before)
             yield made
             if self.settled(made):
                 break
-            share, last = self.onwards(share, last, made), made
+            lacking = made.gathered.force.density - force.density
+            share, lacked = relaxed(share, lacked, lacking), lacking
             before, start, force = made.gathered, (made.key, made.folder), force.towards(made.gathered.force, share)
             self.cache.tell("air-loading", f"pass {number + 1}: shares moved by up to {100 * made.change:.2g} points")
         if self.plan.crowd is not None and self.scene.numerics.loading_passes > 1:
@@ -220,6 +215,7 @@ class LoadedCase(AirLoading):
     """That on an airflow which OpenFOAM solves."""
 
     steady: CaseAir
+    answered = 0.1
 
     @property
     def summary(self) -> AirLoadingSummary:
@@ -286,7 +282,9 @@ class LoadedCase(AirLoading):
 
 @dataclass
 class DrivenAir(AirLoading):
-    """That on air at rest, which is a jet under it."""
+    """That on air at rest, which is a jet under it. The speed of granules follows the force where no share does."""
+
+    answered = 0.01
 
     @property
     def summary(self) -> AirLoadingSummary:
@@ -314,24 +312,21 @@ class DrivenAir(AirLoading):
         del made
         return jet_field(self.scene, force)
 
-    def settled(self, made: Pass) -> bool:
-        """The speed of granules follows the force also where no share does."""
-        answered = _unanswered(float(made.exerted[1]), float(made.force.total[1])) <= ANSWERED
-        return answered and super().settled(made)
-
-    def onwards(self, share: float, last: Pass | None, made: Pass) -> float:
-        """Aitken's relaxation: dense curtains drive air that is as fast as they are and then takes no force."""
-        if last is None:
-            return FIRST_SHARE
-        before, now = (one.gathered.force.density - one.force.density for one in (last, made))
-        change = now - before
-        asked = -share * float(np.vdot(before, change)) / max(float(np.vdot(change, change)), 1e-300)
-        return float(np.clip(asked, *SHARES))
-
     @property
     def most(self) -> int:
         """A pass takes a flight of few granules, and no solution."""
         return WITHOUT_SOLVER * super().most
+
+
+def relaxed(share: float, lacked: Array, lacking: Array) -> float:
+    """Which share of the way to the force gathered last the next one goes, after one of ``share`` that led from an air
+    which ``lacked`` a force density to one that is ``lacking`` another: Aitken's relaxation, as of Irons & Tuck 1969,
+    Int. J. Numer. Meth. Eng. 1, 275. Slower air drags less, and air as fast as the granules not at all, so that the
+    whole way oversteps.
+    """
+    change = lacking - lacked
+    asked = -share * float(np.vdot(lacked, change)) / max(float(np.vdot(change, change)), 1e-300)
+    return float(np.clip(asked, *SHARES))
 
 
 def _unanswered(whole: float, given: float) -> float:
