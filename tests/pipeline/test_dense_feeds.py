@@ -1,6 +1,7 @@
 """Granules that meet each other in the slab, and granules that the air feels."""
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from functools import cache
@@ -12,10 +13,12 @@ import pytest
 
 import wakeflow as wf
 from support import landings_in, loaded_scene, shipped
+from wakeflow.answer.notices import notices
 from wakeflow.core.errors import SceneError
 from wakeflow.foam.momentum_source import LEVELS, SOURCE
 from wakeflow.injection.feed import feedstock
 from wakeflow.pipeline.air_loading import SHARES, LoadedCase, exerted_by, relaxed
+from wakeflow.pipeline.airflow import Airflow
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.slab import SlabFlight, SlabFound, _grouped, step_of
@@ -111,8 +114,24 @@ def test_the_force_goes_on_to_where_a_proportional_answer_meets_it() -> None:
 @pytest.mark.openfoam
 def test_the_force_of_a_dense_curtain_settles() -> None:
     """Its granules slow the air down to their own speed, where it drags no more: the whole way would overstep."""
-    asked = loaded_scene().replace({"feed.rate": "1500 kg/hour", "numerics.loading_passes": 10})
-    loading = Pipeline(asked, make_plan(asked, force=CALM)).loading
+
+    def air_of(pipeline: Pipeline) -> Airflow:
+        loading = pipeline.loading
+        assert loading is not None
+        return replace(pipeline.airflow, loading=loading.summary)
+
+    def piped(passes: int) -> Pipeline:
+        asked = loaded_scene().replace({"feed.rate": "1500 kg/hour", "numerics.loading_passes": passes})
+        return Pipeline(asked, make_plan(asked, force=CALM))
+
+    few, enough = piped(3), piped(10)
+    few_told, told = (
+        [notice.text for notice in notices(one.scene, one, air_of(one), None, None)] for one in (few, enough)
+    )
+    off = r"the granules' force on the air has not settled, it is \d+ % off; numerics.loading_passes above 3 goes on"
+    assert [line for line in few_told if re.fullmatch(off, line)]
+    assert not [line for line in told if "force on the air" in line]
+    loading = enough.loading
     assert loading is not None
     assert 3 < len(loading.passes) < 10
     assert loading.summary.unanswered < LoadedCase.answered

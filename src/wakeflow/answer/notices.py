@@ -51,6 +51,7 @@ def notices(
     """
     solved = airflow is not None and not pipeline.kind.at_once
     found = list(_airflow_notices(scene, pipeline, airflow)) if solved and airflow is not None else []
+    found += [] if airflow is None else _unsettled(scene, pipeline, airflow)
     found += [less_sure(line) for line in funnel_notices(scene.funnel, funnel)]
     if tracked is not None:
         if slab is not None and slab.jammed:
@@ -62,6 +63,16 @@ def notices(
             *_captured(tracked.fates if slab is None else slab.fates),
         ]
     return found
+
+
+def _unsettled(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iterator[Notice]:
+    """Of a force on the air that more passes would change; of a single pass the whole effect is in the interval."""
+    found, passes = airflow.loading, scene.numerics.loading_passes
+    if found is not None and passes > 1 and found.unanswered > known(pipeline.loading).answered:
+        yield less_sure(
+            f"the granules' force on the air has not settled, it is {100 * found.unanswered:.2g} % off; "
+            f"numerics.loading_passes above {passes} goes on"
+        )
 
 
 def _passing(pipeline: Pipeline, tracked: Tracked) -> Iterator[Notice]:
