@@ -250,7 +250,8 @@ def passes(pipeline: Pipeline, bins: Moved) -> Iterator[Row]:
     for number, one in enumerate(loading.passes, 1):
         cd = load(AirflowResult, one.folder / "case" / "airflow.json").cd.value
         given = both * json.loads((one.folder / "case" / SOURCE).read_text())["force"][1]
-        yield row(number, given, cd, loading.field_in(one.folder), one.gathered.shares)
+        air = loading.field_in(one.force, (one.key, one.folder))
+        yield row(number, given, cd, air, one.gathered.shares)
 
 
 def answers(pipeline: Pipeline, bins: Moved) -> Iterator[Row]:
