@@ -325,7 +325,7 @@ def test_a_solver_that_hangs_and_ignores_being_told_to_end_is_ended_by_ctrl_c(
         assert child.poll() is None
         time.sleep(0.1)
     child.send_signal(signal.SIGINT)
-    _, said = child.communicate(timeout=30)
+    _, said = child.communicate(timeout=120)
     assert (child.returncode, said) == (
         130,
         "wakeflow: interrupted; what is finished is kept, the same command goes on\n",

@@ -38,7 +38,7 @@ def test_a_second_set_up_waits_for_the_first(cases: Path, tmp_path: Path) -> Non
     environment = os.environ | {"PATH": f"{tools}:{os.environ['PATH']}", "PYTHON": str(tools / "py")}
     command = ["sh", str(root / "cases" / "setup.sh")]
     both = [subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) for _ in range(2)]
-    said = [one.communicate(timeout=60)[1] for one in both]
+    said = [one.communicate(timeout=300)[1] for one in both]
     assert [one.returncode for one in both] == [0, 0], said
     assert log.read_text().split("\n")[:-1] == ["begin venv", "end venv", "begin pip", "end pip"]
     assert sum("another set-up is at work here; waiting for it" in one for one in said) == 1

@@ -245,7 +245,7 @@ def test_an_interrupted_run_goes_on_and_leaves_no_solver(cases: Path, tmp_path: 
     while time.monotonic() < deadline and not list(case.glob("*.part/case/segments.json")):  # the first segment ended
         time.sleep(0.1)
     child.send_signal(signal.SIGINT)
-    _, errors = child.communicate(timeout=60)
+    _, errors = child.communicate(timeout=120)
     assert child.returncode == 130, errors
     assert "interrupted" in errors
     assert not (tmp_path / "out" / "result.json").exists()
