@@ -43,7 +43,7 @@ def test_a_flake_leaves_a_slope_with_a_spin_by_chance_and_the_velocity_of_a_disc
     np.testing.assert_array_equal(tracks.velocity, disc.velocity)
     _of_one_blow(tracks.spin)
     slab = wf.track(
-        None, grains.replace(time=np.linspace(0.0, 40.0, COUNT)), **{**laws, "until": 40.02},
+        None, grains.replace(time=np.linspace(0.0, 20.0, COUNT)), **{**laws, "until": 20.02},
         collisions=wf.Collisions(0.06, step=5e-4),
     )  # fmt: skip
     _of_one_blow(slab.spin[slab.impacts == 1])
