@@ -246,7 +246,7 @@ class ForceDensity:
     @property
     def pressure(self) -> float:
         """The most pressure (Pa) that the force adds or takes on a way through the boxes that never turns back."""
-        along, across = (np.abs(self.density[..., axis]).sum(axis=1 - axis).max() for axis in (0, 1))
+        across, along = (np.abs(self.density[..., axis]).max(axis=axis).sum() for axis in (0, 1))
         return float(along + across) * self.boxes.pitch
 
     @property

@@ -60,6 +60,12 @@ class Pass:
     source: Gathered
     exerted: Array
 
+    @property
+    def unanswered(self) -> float:
+        """How far the force that the air was given is from the one that granules exert in it, over the latter."""
+        off, whole = (float(np.linalg.norm(force)) for force in (self.exerted - self.force.total, self.exerted))
+        return off / max(whole, 1e-300)
+
 
 @dataclass
 class AirLoading(ABC):
@@ -100,8 +106,7 @@ class AirLoading(ABC):
 
     def settled(self, made: Pass) -> bool:
         """Whether a pass is the last one: neither shares nor the force change."""
-        unanswered = _unanswered(float(made.exerted[1]), float(made.force.total[1]))
-        return made.change <= self.plan.target_error and unanswered <= self.answered
+        return made.change <= self.plan.target_error and made.unanswered <= self.answered
 
     @property
     def most(self) -> int:
@@ -138,7 +143,7 @@ class AirLoading(ABC):
             force=tuple(last.exerted.tolist()),
             given=given,
             imbalance=last.source.imbalance,
-            unanswered=_unanswered(float(last.exerted[1]), given),
+            unanswered=last.unanswered,
             sampling=self.sampling,
             **further,
         )
@@ -327,11 +332,6 @@ def relaxed(share: float, lacked: Array, lacking: Array) -> float:
     change = lacking - lacked
     asked = -share * float(np.vdot(lacked, change)) / max(float(np.vdot(change, change)), 1e-300)
     return float(np.clip(asked, *SHARES))
-
-
-def _unanswered(whole: float, given: float) -> float:
-    """How far the force given to an air is from the ``whole`` one that granules exert in it, over the latter."""
-    return abs(whole - given) / max(abs(whole), 1e-300)
 
 
 def exerted_by(scene: Scene, plan: Plan) -> JsonTable:
