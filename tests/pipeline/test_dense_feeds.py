@@ -15,10 +15,12 @@ import wakeflow as wf
 from support import landings_in, loaded_scene, shipped
 from wakeflow.answer.notices import notices
 from wakeflow.core.errors import SceneError
+from wakeflow.core.geometry import Boxes, ForceDensity
 from wakeflow.foam.momentum_source import LEVELS, SOURCE
 from wakeflow.injection.feed import feedstock
-from wakeflow.pipeline.air_loading import SHARES, LoadedCase, exerted_by, relaxed
+from wakeflow.pipeline.air_loading import SHARES, LoadedCase, Pass, exerted_by, relaxed
 from wakeflow.pipeline.airflow import Airflow
+from wakeflow.pipeline.gathered_force import Gathered
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.slab import SlabFlight, SlabFound, _grouped, step_of
@@ -178,6 +180,16 @@ def test_nothing_of_the_force_is_left_out(loaded: wf.Result) -> None:
     assert found.unanswered == pytest.approx(abs(found.force[1] - found.given) / found.force[1])
     assert found.unanswered < 0.1
     assert found.sources <= 2 * LEVELS
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.5, np.pi / 2, np.pi])
+def test_what_is_unanswered_does_not_depend_on_where_gravity_points(tilt: float) -> None:
+    """2 N/m of 2.5 are answered, and 0.3 N/m across them that nobody exerts."""
+    turn = np.array([[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]])
+    given = ForceDensity(Boxes(0.0, 0.0, 0.5, 1, 1), 4.0 * (turn @ [0.3, -2.0]).reshape(1, 1, 2))
+    alone = Gathered(given, np.zeros((1, 2)), given)
+    made = Pass(given, "key", None, alone, 0.0, alone, turn @ [0.0, -2.5])
+    assert made.unanswered == pytest.approx(np.hypot(0.3, 0.5) / 2.5)
 
 
 @pytest.mark.openfoam

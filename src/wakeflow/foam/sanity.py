@@ -157,8 +157,7 @@ def _field_checks(spec: FlowSpec, fields: CaseFields, time: Path) -> Iterator[Ch
     mean = float(np.average(at_faces[plane.on("inlet")], weights=plane.lengths[plane.on("inlet")]))
     head = float((at_faces[inlets] + 0.5 * (faces[inlets] ** 2).sum(axis=1)).max() - mean) / dynamic
     swing = 0.0 if spec.vibration is None else abs(spec.vibration.peak_speed) * spec.vibration.omega
-    pushed = force / dynamic  # Cp; and of air a width deep that the body accelerates:
-    pushed += 2.0 * swing * spec.mesh.projected_width / spec.speed**2
+    pushed = (force + swing * spec.mesh.projected_width) / dynamic  # also by air a width deep that the body accelerates
     highest = head + UNSTEADY * (scale / spec.speed) ** 2 + friction(spec) + pushed
     lowest = head - (SPEED_FACTOR * scale / spec.speed) ** 2 - friction(spec) - pushed
     yield Check("largest Cp", float(pressure.max() - mean) / dynamic, lowest, highest)
@@ -185,7 +184,7 @@ def check_airflow(spec: FlowSpec, folder: Path, result: AirflowResult) -> list[C
     fields = CaseFields(folder)
     checks = list(_field_checks(spec, fields, fields.folder("latest")))
     force, rubbing = of_granules(spec, folder), friction(spec)
-    scale, pushed = gap_speed(spec, driven=force) / spec.speed, 2.0 * force / spec.speed**2
+    scale, pushed = gap_speed(spec, driven=force) / spec.speed, force / (0.5 * spec.speed**2)
     widths = sum(float(np.ptp([x for x, _ in body])) for body in spec.mesh.bodies) / spec.mesh.projected_width
     pressure = next(check for check in checks if check.name == "least Cp")
     checks += [

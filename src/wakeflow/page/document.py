@@ -13,7 +13,7 @@ from ..core.errors import SceneError
 from ..core.files import atomic_write, toml_of
 from ..core.record import JsonTable
 from ..scene import Scene
-from ..scene.checks import doubts
+from ..scene.doubts import doubts
 from ..scene.messages import units_in
 
 if TYPE_CHECKING:

@@ -22,7 +22,8 @@ from ..core.errors import LONGEST, SceneError
 from ..core.files import atomic_write, check_tables, path_of, read_toml
 from ..core.quantities import say, speaking
 from ..core.record import JsonTable
-from .checks import CHECKS, OVER_THE_TOP, doubts, with_units
+from .checks import CHECKS, OVER_THE_TOP
+from .doubts import doubts, with_units
 from .machine import Bin
 from .measured import trays_in
 from .messages import explain, units_in
