@@ -115,8 +115,8 @@ MAX_KEYS = 80_000  # of all tables together; 300 fractions and 10 000 bins have 
 
 
 def read_whole(path: Path, most: int = MAX_INPUT) -> bytes:
-    """The bytes of a file. Raises SceneError, at once, for a device, a pipe and what has more bytes than ``most``;
-    OSError where it cannot be read.
+    """The bytes of a file. Raises SceneError, at once, for a device, a pipe and what has more bytes than ``most``, or
+    where its disk does not give them; OSError where it cannot be opened.
     """
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
     try:
@@ -125,15 +125,24 @@ def read_whole(path: Path, most: int = MAX_INPUT) -> bytes:
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
         if not stat.S_ISREG(about.st_mode):
             raise SceneError(f"{path}: is a device or a pipe; name a file")
-        found = bytearray()
-        while len(found) <= most and (part := os.read(handle, PIECE)):
-            found += part
+        found = _bytes_of(handle, most, path)
     finally:
         os.close(handle)
     if len(found) > most:
         raise SceneError(
             f"{path}: has more than {most / 1e6:g} MB, which nothing of its kind has; is it the right file?"
         )
+    return found
+
+
+def _bytes_of(handle: int, most: int, path: Path) -> bytes:
+    """At most PIECE more than ``most`` bytes of an open file, ``path`` in the message of SceneError."""
+    found = bytearray()
+    try:
+        while len(found) <= most and (part := os.read(handle, PIECE)):
+            found += part
+    except OSError as problem:  # names no file
+        raise SceneError(f"{path}: cannot be read ({problem.strerror}); is its disk damaged or away?") from None
     return bytes(found)
 
 
