@@ -39,7 +39,8 @@ if [ -n "$missing" ]; then
   say "installing$missing"
   log=$(mktemp)
   export DEBIAN_FRONTEND=noninteractive
-  { apt-get update && apt-get install -y --no-install-recommends $missing; } >"$log" 2>&1 || {
+  # Without the lock: a daemon that a package starts would keep it.
+  { apt-get update && apt-get install -y --no-install-recommends $missing; } >"$log" 2>&1 9>&- || {
     tail -n 3 "$log" >&2
     fail "apt-get failed (is there a network?); whole log: $log"
   }
@@ -49,7 +50,8 @@ fi
 python=${PYTHON:-/usr/bin/python3}
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' ||
   fail "$python is older than 3.11; name a newer one: PYTHON=/path/to/python3 sh cases/setup.sh"
-[ -x "$venv/bin/python" ] && "$venv/bin/python" -c '' 2>/dev/null || { rm -rf "$venv"; "$python" -m venv "$venv"; }
+# One whose making was cut short has a python without pip.
+"$venv/bin/python" -m pip --version >/dev/null 2>&1 || { rm -rf "$venv"; "$python" -m venv "$venv"; }
 
 # Installed again only when pyproject.toml, the place of this folder or the wish for the test tools has changed.
 want="$(cat "$root/pyproject.toml" "$root/requirements.lock" | sha256sum) $root"

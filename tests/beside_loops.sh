@@ -7,7 +7,7 @@ logs=$(mktemp -d)
 setsid sh -c 'for loop in 1 2 3 4 5 6; do while :; do :; done & done; wait' &
 loops=$!
 trap 'kill -- "-$loops"' EXIT
-trap 'exit 130' INT TERM
+trap 'exit 130' HUP INT TERM
 for turn in $(seq "${1:-5}"); do
     log=$logs/$turn.log
     began=$(date +%s)

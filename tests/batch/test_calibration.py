@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +12,10 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
+from wakeflow.batch.calibrated_materials import materials_text
 from wakeflow.batch.calibration import Posterior
 from wakeflow.batch.calibration_update import discrepancy_of
-from wakeflow.batch.protocol import protocol
+from wakeflow.batch.protocol import protocol, protocol_of
 from wakeflow.budget.agreement import AGREES, CANNOT_TELL, DISAGREES, agreement_in
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
@@ -85,6 +89,32 @@ def test_what_came_out_is_written_and_the_next_scene_takes_the_materials(posteri
     assert again.uncertainty["fraction.hard.restitution"] == pytest.approx(after.half, rel=1e-4)
 
 
+@pytest.mark.parametrize("name", ["tr\U0001f33e.csv", "tr\x7f.csv", os.fsdecode(b"tr\xff.csv"), 'tr"\\\t.csv'])
+def test_materials_are_toml_whatever_the_measured_file_is_called(name: str) -> None:
+    text = materials_text(scene(), {}, name)
+    found = tomllib.loads(text.encode().decode())["measured-hard"]["source"]
+    assert found == f"calibrated with {name.replace(os.fsdecode(bytes([255])), '?')}"
+
+
+@pytest.mark.parametrize(
+    ("measured", "discrepancy", "message"),
+    [
+        ({}, 0.02, "lacks bin, or share"),
+        ([], 0.02, "give a CSV file, columns by their names"),
+        ({"bin": ["far"], "share": [1.2], "uncertainty": [0.1]}, 0.02, "row 1: share = 1.2"),
+        ({"bin": ["far"], "share": [0.5], "uncertainty": [0.1]}, "60 %", "at most 0.5; no model is exact"),
+        ({"bin": ["far"], "share": [0.5], "uncertainty": [0.1]}, [0.1], "a number such as 0.01, or '1 %'"),
+    ],
+)
+def test_wrong_input_is_refused_before_anything_runs(
+    tmp_path: Path, measured: object, discrepancy: float | str, message: str
+) -> None:
+    with pytest.raises(SceneError) as caught:
+        wf.calibrate(scene(), measured, tmp_path / "run", discrepancy=discrepancy)
+    assert message in str(caught.value)
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_measurement_that_no_input_explains_is_found_out_and_writes_no_materials(tmp_path: Path) -> None:
     """The labels of two trays exchanged: of the soft granules, which all fall near, none would be there."""
     trays = [Tray(fraction="soft", bin="near", share=0.01, uncertainty=0.01),
@@ -143,6 +173,31 @@ def test_a_protocol_promises_what_a_calibration_keeps(folder: Path, posterior: P
     assert after.half == pytest.approx(found.steps[0].half, rel=0.3)
 
 
+def test_no_count_and_no_file_of_others_is_replaced(folder: Path, posterior: Posterior, tmp_path: Path) -> None:
+    own = shutil.copytree(folder, tmp_path / "own")
+    found = protocol_of(posterior.before, out=own)
+    found.form.write_text(f"{found.form.read_text()}hard,far,137\n")
+    with pytest.raises(SceneError, match=r"measured.csv is not as the program wrote it; move it"):
+        protocol_of(posterior.before, out=own)
+    assert found.form.read_text().endswith("137\n")
+    trays = [Tray(fraction="hard", bin="far", share=0.5, uncertainty=0.02)]
+    with (own / "materials.toml").open("a") as stream:
+        stream.write("# mine\n")
+    with pytest.raises(SceneError, match=r"materials.toml is not as the program wrote it"):
+        wf.calibrate(scene(), trays, own)
+    for name, kept in (("shares.csv", own), ("agreement.csv", tmp_path / "beside")):
+        kept.mkdir(exist_ok=True)
+        (kept / "SHA256SUMS").unlink(missing_ok=True)
+        (kept / name).write_text("mine")
+    (own / "result.json").unlink()
+    with pytest.raises(SceneError, match=r"which no run of wakeflow wrote"):
+        wf.calibrate(scene(), trays, own)
+    file = tmp_path / "trays.csv"
+    file.write_text("fraction,bin,share,uncertainty\nsoft,near,0.99,0.02\n")
+    assert main(["compare", str(folder), str(file), "--out", str(tmp_path / "beside")]) == 2
+    assert (tmp_path / "beside" / "agreement.csv").read_text() == (own / "shares.csv").read_text() == "mine"
+
+
 def test_the_commands_print_and_refuse(folder: Path, posterior: Posterior, capsys: pytest.CaptureFixture[str]) -> None:
     file = folder / "trays.csv"
     file.write_text("fraction,bin,share,uncertainty\nsoft,near,0.99,0.02\n")
@@ -153,6 +208,12 @@ def test_the_commands_print_and_refuse(folder: Path, posterior: Posterior, capsy
     assert main(["compare", str(folder), str(file)]) == 2
     assert "no bin 'neer'; did you mean 'near'?" in capsys.readouterr().err
     assert main(["calibrate", str(folder / "nowhere.toml"), str(file)]) == 2
+    for unheard in (["--set", "feed.count=64"], ["--rung", "draft"], ["--force", "lift=on"]):
+        assert main(["protocol", str(folder), "--out", str(folder / "other"), *unheard]) == 2
+        assert "a finished run has its numbers, rung and terms" in capsys.readouterr().err
+    assert main(["protocol", str(folder), "--out", str(folder / "other"), "--kernels", "9" * 400]) == 2
+    assert "count ten at least, a million at most" in capsys.readouterr().err
+    assert not (folder / "other").exists()
 
 
 def test_the_report_of_a_scene_with_trays_shows_both_and_the_verdict(tmp_path: Path) -> None:

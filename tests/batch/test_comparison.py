@@ -418,6 +418,20 @@ def test_a_wrong_key_of_a_scene_is_told_before_it_is_run(over: str, said: str, t
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(
+    "over",
+    [
+        ["feed.height=80 mm,120 mm", "feed.height=60 mm,70 mm"],
+        ["feed.height", "feed.height=80 mm,120 mm"],
+        {"feed.height": [0.08, 0.12], "feed.width = feed.height": [0.01, 0.02]},
+    ],
+)
+def test_a_key_that_is_given_twice_is_refused_before_anything_is_run(over: Any, tmp_path: Path) -> None:
+    with pytest.raises(wf.SceneError, match=r"feed.height is given twice"):
+        wf.sensitivity(shipped("vacuum", SETTINGS), tmp_path, over=over, rung="none")
+    assert not any(tmp_path.iterdir())
+
+
 def test_a_run_in_which_nothing_is_unknown_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene = Path(__file__).parents[2] / "cases" / "vacuum.toml"
     keys = [f"fraction.{name}.{key}" for name in ("soft", "hard") for key in ("restitution", "friction", "size")]

@@ -97,6 +97,11 @@ def test_the_shipped_search_is_read() -> None:
         (("body.rhombus", "body.hedge"), r"unknown key 'hedge' \(known: rhombus\)"),
         (("feed.count", "feed.cuont"), "level.feed.cuont: unknown key 'cuont'; did you mean 'count'?"),
         (('from = "3 m/s"', 'from = "9 m/s"'), "within.air.speed: from must be below to"),
+        (('from = "3 m/s", to = "7 m/s"', 'from = "3 kg", to = "7 kg"'), "within.air.speed = '3.0 kg': needs a number"),
+        *((('"2 hour"', time), "give a time above 0") for time in ("nan", "inf", '"1e400 s"', "-1", "true")),
+        *((("0.95", end), "give a number") for end in ("nan", "true", '"95 %"')),
+        (("0.95", "95"), "least = 95: a share is from 0 to 1"),
+        (("0.95", "0.95, most = 0.9"), "least = 0.95 is above most = 0.9"),
     ],
 )
 def test_a_wrong_file_is_refused_in_one_line(change: tuple[str, str], said: str, tmp_path: Path) -> None:
@@ -106,6 +111,14 @@ def test_a_wrong_file_is_refused_in_one_line(change: tuple[str, str], said: str,
         read_search_file(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("level", ['{ "feed.count" = 256 }', "5", '["a"]', "[]"])
+def test_levels_are_written_in_two_brackets(level: str, tmp_path: Path) -> None:
+    path = tmp_path / "search.toml"
+    path.write_text(FILE.partition("[[")[0].replace("budget", f"level = {level}\nbudget"))
+    with pytest.raises(SceneError, match=r"search.level: write \[\[search.level\]\]"):
+        read_search_file(path)
 
 
 def test_a_search_sweeps_its_levels_and_goes_on_where_it_ended(

@@ -133,6 +133,12 @@ def test_designs_cover_their_ranges_and_say_what_they_need() -> None:
         designs["grid"](axes, 4, 0)
 
 
+@pytest.mark.parametrize("design", ["latin-hypercube", "sobol"])
+def test_a_seed_is_not_below_zero(design: str) -> None:
+    with pytest.raises(SceneError, match="seed = -1: give a whole number of at least 0"):
+        wf.variants(shipped("vacuum"), ["feed.height=60:80:2 mm"], design=design, count=4, seed=-1)
+
+
 def test_variants_are_named_after_what_is_changed_in_si() -> None:
     found = wf.variants(CASES / "rhombus.toml", ["air.speed=360 cm/s,7.2 km/h", "feed.count=64"])
     assert [one.name for one in found] == ["air.speed=3.6", "air.speed=2"]
@@ -149,6 +155,14 @@ def test_a_variant_that_is_no_scene_says_why_and_the_others_stand() -> None:
     assert "fraction.wheat.restitution = 1.5" in bad.problem
     with pytest.raises(SceneError, match=r"air\.spead"):
         wf.variants(CASES / "rhombus.toml", ["feed.count=64,128", "air.spead=3"])
+
+
+def test_a_day_is_no_number_and_no_end_of_the_sweep(tmp_path: Path) -> None:
+    (tmp_path / "vacuum.toml").write_text((CASES / "vacuum.toml").read_text())
+    (tmp_path / "sweep.toml").write_text("[sweep]\nscene = 'vacuum.toml'\nover.feed.height = [2020-01-01, 0.1]")
+    day, good = read_sweep_file(tmp_path / "sweep.toml")
+    assert "feed.height = '2020-01-01': needs a number" in day.problem
+    assert good.scene is not None
 
 
 def test_variants_are_a_line_each() -> None:
@@ -193,6 +207,7 @@ def test_the_shipped_sweep_is_five_speeds() -> None:
         ("[sweep]\nscene = 'no.toml'\nover.air.speed = [1, 2]", "no scene file"),
         ("[sweep]\nscene = 'vacuum.toml'\ndesign = 'cube'\nover.feed.count = [64, 128]", "unknown design of a sweep"),
         ("[sweep", "not valid TOML"),
+        ('[sweep]\nscene = "a\\u0000b"\nover.feed.count = [64, 128]', r"sweep.scene = 'a\\x00b': no path holds"),
     ],
 )
 def test_a_wrong_sweep_file_is_one_line(text: str, message: str, tmp_path: Path) -> None:

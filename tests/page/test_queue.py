@@ -1,5 +1,6 @@
 """Runs one after the other: each is computed as its scene was, stops and goes on, and says what went wrong."""
 
+import errno
 import json
 import time
 from collections.abc import Callable, Iterator
@@ -72,3 +73,16 @@ def test_measured_shares_are_calibrated_with(tmp_path: Path, capsys: pytest.Capt
     told = json.loads(capsys.readouterr().out.splitlines()[-1])["done"]
     assert told.startswith("The measurement ")
     assert (tmp_path / "run" / "calibration.json").exists()
+
+
+def test_a_full_disk_fails_the_run_and_the_next_is_begun(
+    queue: RunQueue, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(**_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", "/tmp/wakeflow-1")
+
+    monkeypatch.setattr("wakeflow.page.queue.TemporaryDirectory", full)
+    both = [_asked(queue, tmp_path / name) for name in ("first", "second")]
+    _until(lambda: not queue.busy, 20.0)
+    assert [one.state for one in both] == [FAILED, FAILED]
+    assert "No space left on device" in both[0].told

@@ -1,15 +1,26 @@
 """Who may ask the page for what: its own script with its token, and nobody else; what two pages see of one."""
 
 import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from serving import Served, served
 
 import wakeflow as wf
 from wakeflow.cli import main
+from wakeflow.cli.show_plan import plan_lines
+from wakeflow.core.errors import SceneError
 from wakeflow.core.files import scene_templates
+from wakeflow.page.session import Session
+from wakeflow.page.stored import listing
 
 JSON = {"Content-Type": "application/json"}
 
@@ -33,6 +44,15 @@ def test_only_the_token_opens_the_page(page: Served) -> None:
     assert "<title>wakeflow</title>" in text
     assert headers["Referrer-Policy"] == "no-referrer"  # the token stays here
     assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+
+
+def test_the_address_that_a_browser_is_started_with_leads_to_the_page_once(page: Served) -> None:
+    path, token = page.page.first_address.partition(str(page.page.port))[2], page.page.token
+    assert token not in path
+    assert page.request(f"{path}x")[0] == page.request(path, headers={"Host": "evil.example"})[0] == 403
+    status, _, headers = page.request(path)
+    assert (status, headers["Location"]) == (302, f"/{token}/")
+    assert page.request(path)[0] == page.request("/once/")[0] == 403
 
 
 def test_another_site_gets_nothing(page: Served) -> None:
@@ -217,3 +237,38 @@ def test_a_run_takes_a_free_name_or_that_of_its_own_answer(page: Served, monkeyp
     page.ask("run", name="vacuum")
     assert added[-1]["folder"] == session.runs / "vacuum"
     page.ask("open", file="rhombus.toml", drop=True)
+
+
+def test_a_scene_that_is_not_there_leaves_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with pytest.raises(SceneError, match="no scene file, run or folder"):
+        Session(tmp_path / "nosuch.toml", plan_lines, lambda *_: None)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_closed_terminal_leaves_no_folder(cases: Path, tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "wakeflow.cli", "open", str(cases / "vacuum.toml"), "--no-browser", "--port", "0"]
+    child = subprocess.Popen(words, env=os.environ | {"TMPDIR": str(tmp_path)}, stdout=subprocess.PIPE, text=True)
+    assert child.stdout is not None
+    assert "http://" in child.stdout.readline()
+    child.send_signal(signal.SIGHUP)
+    child.communicate(timeout=60)
+    assert not list(tmp_path.glob("wakeflow-page-*"))
+
+
+def test_a_run_that_is_opened_from_within_has_its_name_and_a_dangling_link_hides_nothing(
+    small_run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = shutil.copytree(small_run.folder, tmp_path / "air.speed=3")
+    (tmp_path / ".#v.toml").symlink_to("u@h.1")  # as Emacs has it
+    (tmp_path / "away.toml").symlink_to("nowhere")
+    (tmp_path / "v.toml").write_text("")
+    monkeypatch.chdir(run)
+    session = Session(Path(), plan_lines, lambda *_: None)
+    try:
+        assert session.document.name == session.shown == "air.speed=3"
+        assert session.runs == tmp_path
+        found = listing(tmp_path, tmp_path)
+    finally:
+        session.close()
+    assert [one["name"] for one in found["scenes"]] == ["v.toml"]  # type: ignore[attr-defined]

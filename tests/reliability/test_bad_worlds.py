@@ -240,6 +240,38 @@ def test_a_run_that_is_told_to_end_says_that_the_same_command_goes_on(
     assert said == "wakeflow: interrupted; what is finished is kept, the same command goes on\n"
 
 
+LOSES = """
+import ctypes, os, signal, sys, time
+import wakeflow.cli as cli
+
+def told(*_):
+    os.kill(os.getpid(), signal.{signal})
+    time.sleep(0.01)
+
+def work(*_, **__):
+    {way}
+    time.sleep(60)
+
+cli.app = work
+sys.exit(cli.main())
+"""
+WAYS = {
+    "a callback of C code": "ctypes.CFUNCTYPE(None)(told)()",
+    "an except of everything": "try: told()\n    except BaseException: pass",
+    "neither": "told()",
+}
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("way", WAYS)
+def test_an_interrupt_that_a_library_loses_comes_again(way: str, number: signal.Signals) -> None:
+    """LLVM's callbacks lost one in sixty that came while the tracker was loaded, and the run went on to its end."""
+    code = LOSES.format(signal=number.name, way=WAYS[way])
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=50, check=False)
+    assert done.returncode == 128 + number
+    assert done.stderr == "wakeflow: interrupted; what is finished is kept, the same command goes on\n"
+
+
 def test_a_run_started_with_nohup_outlives_its_terminal(cases: Path, tmp_path: Path, plain: dict[str, str]) -> None:
     child = begun(cases, tmp_path / "o", plain, signal.SIGHUP, signal.SIG_IGN)
     child.send_signal(signal.SIGHUP)

@@ -14,12 +14,17 @@ import pytest
 from hostile import damaged
 
 import wakeflow as wf
-from wakeflow.answer.result import Result, kept_granules
+from wakeflow.answer.result import FILE, Result, kept_granules, key_in
+from wakeflow.batch.compute import WIDE
 from wakeflow.batch.work import finished
 from wakeflow.core.errors import LONGEST, SceneError
 from wakeflow.core.store import Store
 from wakeflow.field import FlowField
+from wakeflow.page.document import SceneDocument
+from wakeflow.page.stored import points_of
+from wakeflow.pipeline.cache import StageCache, null_listener
 from wakeflow.scene import Scene
+from wakeflow.scene.measured import read_trays
 
 SEED = 31
 Read = Callable[[Path], Any]
@@ -65,7 +70,7 @@ def originals(small_run: Any, tmp_path_factory: pytest.TempPathFactory) -> dict[
     run.mkdir()
     for name in ("result.json", "granules.npz", "SHA256SUMS"):
         shutil.copy(small_run.folder / name, run / name)
-    (run / "point.json").write_text(json.dumps({"stamp": "stamp"}))
+    (run / "point.json").write_text(json.dumps({"stamp": "stamp", "key": key_in(run)}))
     points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     air = FlowField.from_arrays(points, [[0, 1, 2], [1, 3, 2]], 3.0 * points, np.arange(4.0))
     air.save(run / "field.npz")
@@ -122,10 +127,17 @@ def test_a_folder_with_a_damaged_result_is_written_anew(small_run: Any, cases: P
 
 
 WRONG = {
-    "no share": ("fractions.soft.near", {"value": 1.3, "low": 0.9, "high": 1.4}, "is no share, 0 to 1"),
-    "sum": ("fractions.soft.near", {"value": 0.5, "low": 0.4, "high": 0.6}, "sum to"),
-    "interval": ("fractions.hard.near", {"value": 0.375, "low": 0.4, "high": 0.6}, "is outside of its interval"),
-    "rate": ("throughput.near", -1.0, "is no rate"),
+    "no share": ("separation.fractions.soft.near", {"value": 1.3, "low": 0.9, "high": 1.4}, "is no share, 0 to 1"),
+    "sum": ("separation.fractions.soft.near", {"value": 0.5, "low": 0.4, "high": 0.6}, "sum to"),
+    "interval": ("separation.fractions.hard.near", {"value": 0.375, "low": 0.4, "high": 0.6}, "outside of its"),
+    "scene": ("scene.fraction", [], "scene.fraction is no table"),
+    "fraction": ("scene.fraction.soft", 1, "scene.fraction is no table"),
+    "target": ("scene.fraction.soft.target", 1, "target names no bins"),
+    "inputs": ("inputs", {}, "is none of the inputs"),
+    "bin": ("measure_next.soft", {"nowhere": {}}, "measure_next.soft.nowhere is no share"),
+    "of targets": ("of_targets", {"recovery": {}}, "of_targets.recovery is no recovery"),
+    "version": ("schema", 1, "result.json is damaged"),
+    "rate": ("separation.throughput.near", -1.0, "is no rate"),
 }
 
 
@@ -134,7 +146,7 @@ def test_numbers_that_cannot_be_are_refused_without_a_checksum_too(name: str, sm
     place, value, words = WRONG[name]
     table = json.loads((small_run.folder / "result.json").read_text())
     del table["sha256"]
-    node = table["separation"]
+    node = table
     *above, last = place.split(".")
     for key in above:
         node = node[key]
@@ -142,6 +154,30 @@ def test_numbers_that_cannot_be_are_refused_without_a_checksum_too(name: str, sm
     (tmp_path / "result.json").write_text(json.dumps(table))
     with pytest.raises(SceneError, match=words):
         Result.load(tmp_path)
+
+
+GRANULES: dict[str, Callable[[dict[str, Any]], Any]] = {
+    "bin beyond": lambda of: of["bin"] + 2,
+    "bin before": lambda of: of["bin"] * 0 - 2,
+    "bin of parts": lambda of: of["bin"] + 0.5,
+    "fraction of parts": lambda of: of["fraction"].astype(float),
+    "names of others": lambda of: np.array(["soft", "peas"]),
+    "names in rows": lambda of: of["names"][:, None],
+    "weight of nothing": lambda of: of["weight"] * 0.0,
+    "weight in rows": lambda of: of["weight"][:, None],
+    "time of none": lambda of: of["time"][0],
+}
+
+
+@pytest.mark.parametrize("name", GRANULES)
+def test_granules_that_cannot_be_are_refused_without_a_checksum_too(name: str, small_run: Any, tmp_path: Path) -> None:
+    shutil.copy(small_run.folder / "result.json", tmp_path)
+    whole = kept_granules(small_run.folder)
+    np.savez(tmp_path / "granules.npz", **(whole | {name.split()[0]: GRANULES[name](whole)}))
+    with pytest.raises(SceneError, match=r"granules.npz is damaged; wakeflow report"):
+        kept_granules(tmp_path)
+    np.savez(tmp_path / "granules.npz", **whole)
+    assert set(kept_granules(tmp_path)) == set(whole)
 
 
 def test_an_archive_that_claims_more_than_it_holds_is_not_unpacked(small_run: Any, tmp_path: Path) -> None:
@@ -212,3 +248,64 @@ def test_a_pipe_a_device_and_a_large_file_are_refused_at_once(key: str, cases: P
         path = tmp_path / name  # an absolute name is itself
         with pytest.raises(SceneError, match=words):
             Scene.load(path) if key == "scene" else Scene.load(cases / "rhombus.toml", {key: str(path)})
+
+
+@pytest.mark.parametrize("read", [read_trays, SceneDocument.load])
+def test_a_pipe_and_a_large_file_are_no_trays_and_no_scene_of_a_page(read: Read, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with (tmp_path / "large").open("wb") as stream:
+        stream.truncate(17_000_000)
+    for name, words in {"pipe": "is a device or a pipe", "large": "16 MB"}.items():
+        with pytest.raises(SceneError, match=words):
+            read(tmp_path / name)
+
+
+NOTES = ("", "[", "nan", "Infinity", "-1.0", "null", '"5"', "9" * 400, "[" * 100_000)
+
+
+@pytest.mark.parametrize("text", NOTES)
+def test_a_damaged_note_of_the_time_spent_does_not_stop_a_stage_that_goes_on(text: str, tmp_path: Path) -> None:
+    part = tmp_path / "tracks" / f"{'a' * 64}.part"
+    part.mkdir(parents=True)
+    (part / "seconds.json").write_text(text)
+    cache = StageCache(Store(tmp_path), null_listener, {})
+    cache.make("tracks", "a" * 64, _work)
+    assert 0.0 <= cache.seconds["tracks"].seconds < 60.0
+
+
+TABLES = {
+    "foreign": b"name,age\nAda,36\n", "not UTF-8": b"scene,state\n\xff\xfe,done\n", "cut": b"state,scene\ndone\n",
+    "long cell": b"scene\n" + b"x" * 200_000, "long name": b"scene\n" + b"x" * 5000, "quote": b'scene\n"a\n\0',
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_table_of_a_sweep_that_is_none_is_one_line(name: str, tmp_path: Path) -> None:
+    (tmp_path / WIDE).write_bytes(TABLES[name])
+    if name == "quote":  # a name like any other
+        assert [row["run"] for row in points_of(tmp_path)["rows"]] == [False]
+        return
+    with pytest.raises(SceneError) as caught:
+        points_of(tmp_path)
+    assert says_it(caught.value, WIDE)
+
+
+def test_a_table_of_a_sweep_is_read_with_a_bound(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / WIDE)
+    with pytest.raises(SceneError, match="is a device or a pipe"):
+        points_of(tmp_path)
+
+
+def test_a_result_that_another_run_left_in_a_sweeps_folder_is_none_of_the_sweep(
+    originals: dict[str, Path], tmp_path: Path
+) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(originals["point.json"].parent, run)
+    assert finished(run, "stamp") is not None
+    (run / "point.json").write_text(json.dumps({"stamp": "stamp"}))  # of an earlier version
+    assert finished(run, "stamp") is None
+    (run / "point.json").write_text(json.dumps({"stamp": "stamp", "key": key_in(run)}))
+    table = json.loads((run / FILE).read_text())
+    del table["sha256"]
+    (run / FILE).write_text(json.dumps(table | {"key": "0" * 64}))
+    assert finished(run, "stamp") is None

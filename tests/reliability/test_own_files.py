@@ -64,7 +64,7 @@ def test_every_file_of_a_run_is_listed_with_its_checksum(small_run: Any) -> None
     assert done.returncode == 0
 
 
-@pytest.mark.parametrize("name", ["separation.csv", "figures/landing.png", "granules.npz", "machine/notes.txt"])
+@pytest.mark.parametrize("name", ["separation.csv", "figures/landing.png", "granules.npz", "machine/bins_00.vtp"])
 def test_a_file_that_no_run_wrote_is_not_replaced(name: str, tmp_path: Path) -> None:
     path = tmp_path / "out" / name
     path.parent.mkdir(parents=True)
@@ -72,6 +72,103 @@ def test_a_file_that_no_run_wrote_is_not_replaced(name: str, tmp_path: Path) -> 
     with pytest.raises(SceneError, match=r"holds .*, which no run of wakeflow wrote"):
         wf.run(shipped("vacuum", {"feed.count": 16}), tmp_path / "out")
     assert path.read_text() == "mine"
+
+
+def test_a_lock_or_a_list_of_another_program_lets_nothing_be_replaced(tmp_path: Path) -> None:
+    for name in (".lock", "separation.csv"):
+        (tmp_path / name).write_text("mine")
+    with pytest.raises(SceneError, match=r"holds separation.csv, which no run of wakeflow wrote"):
+        wf.run(shipped("vacuum", {"feed.count": 16}), tmp_path)
+    (tmp_path / "separation.csv").rename(tmp_path / "sweep.csv")
+    with pytest.raises(SceneError, match=r"holds sweep.csv, which no run of wakeflow wrote"):
+        wf.sweep([shipped("vacuum")], tmp_path)
+
+
+def test_what_others_put_into_the_folders_of_a_report_stays_theirs(run: Path) -> None:
+    """A state of ParaView's beside the field, say: the next run and the next report draw around it."""
+    own = [run / name for name in ("machine/notes.txt", "field/my.pvsm", "granules/a.txt", "figures/film.notes")]
+    for path in own:
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("mine")
+    wf.run(shipped("vacuum", {"feed.count": 16}), run)
+    main(["report", str(run)])
+    assert [path.read_text() for path in own] == ["mine"] * 4
+    assert not {path.relative_to(run).as_posix() for path in own} & set(sums.listed(run))
+    assert (run / "machine" / "bins_00.vtp").exists()
+
+
+def test_a_killed_run_is_gone_on_from_and_a_failed_one_excuses_nothing(run: Path, small_run: Any) -> None:
+    (run / "SHA256SUMS").unlink()
+    (run / "result.json").unlink()
+    (run / sums.BEGUN).touch()  # killed while it wrote
+    wf.run(Scene.parse(dict(small_run.scene)), run)
+    assert not (run / sums.BEGUN).exists()
+    before = sums.listed(run)
+    (run / "granules.npz").write_bytes(b"damaged")
+    (run / "new.csv").write_text("1")
+    written = [run / "new.csv", run / "granules.npz"]
+    with pytest.raises(ValueError, match="on the way"), sums.writing(run, lambda: written):
+        raise ValueError("on the way")
+    after = sums.listed(run)
+    assert after.pop("new.csv")
+    assert after == before
+    assert not (run / sums.BEGUN).exists()
+
+
+@pytest.mark.parametrize("what", ["compare", "sweep", "sensitivity"])
+def test_a_figure_or_a_table_of_others_is_not_replaced(what: str, run: Path, small_run: Any, tmp_path: Path) -> None:
+    other = wf.run(Scene.parse(dict(small_run.scene)).replace({"feed.height": 0.12}), tmp_path / "other", report=False)
+    out = tmp_path / "out"
+    (out / "figures").mkdir(parents=True)
+    names = ["figures/trade-off.png", "figures/lines-feed.height.png", "figures/sensitivity.png", "sensitivity.csv"]
+    for name in names:
+        (out / name).write_text("mine")
+    ways = {
+        "compare": lambda: wf.compare([small_run, other]).write(out),
+        "sweep": lambda: wf.sweep(
+            wf.variants(shipped("vacuum", {"feed.count": 16}), {"feed.height": [0.1, 0.12]}), out
+        ),
+        "sensitivity": lambda: wf.sensitivity(run, out),
+    }
+    with pytest.raises(SceneError, match="which no run of wakeflow wrote"):
+        ways[what]()
+    assert [(out / name).read_text() for name in names] == ["mine"] * 4
+
+
+def test_a_damaged_film_is_left_out_of_the_report(run: Path) -> None:
+    (run / "figures" / "film.gif").write_bytes(b"GIF89a")
+    sums.note(run, [run / "figures" / "film.gif"])
+    assert main(["report", str(run)]) == 0
+    assert "film.gif cannot be read here" in (run / "report.html").read_text()
+
+
+def test_a_folder_whose_name_is_not_utf8_is_refused_or_read(run: Path, small_run: Any, tmp_path: Path) -> None:
+    odd = shutil.copytree(run, os.fsdecode(os.fsencode(tmp_path) + b"/o\xff"))
+    with pytest.raises(SceneError, match="its name is not UTF-8; choose another --out"):
+        wf.run(shipped("vacuum", {"feed.count": 16}), odd)
+    wf.compare([small_run, odd]).write(tmp_path / "both")
+    assert "o?" in (tmp_path / "both" / "compare.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    "words", [["view", "."], ["plan", "scene.toml", "--out", "."], ["plan", "scene.toml", "--out", "/"]]
+)
+def test_a_folder_without_a_name_has_a_picture(
+    words: list[str], run: Path, small_run: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    Scene.parse(dict(small_run.scene)).save(run / "scene.toml")
+    monkeypatch.chdir(run)
+    picture = ["--picture", "here.png"] if words[-1] == "/" else []
+    assert main([*words, *picture]) == 0
+    capsys.readouterr()
+
+
+def test_a_list_of_files_leads_nowhere_else(tmp_path: Path) -> None:
+    names = ["figures/lines-/../../../a", "/etc/passwd", "../a", "figures/lines-a.png"]
+    (tmp_path / sums.SUMS).write_text("".join(f"{'0' * 64}  {name}\n" for name in names))
+    assert list(sums.listed(tmp_path)) == names[3:]
 
 
 def test_tables_of_others_are_not_replaced_and_their_pictures_stay(run: Path, small_run: Any, tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """Processes side by side at one scene, or ended at any moment: the same answer, and nothing left over."""
 
+import errno
+import fcntl
 import itertools
 import os
 import random
@@ -7,16 +9,22 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from filelock import FileLock
 
-from support import CASES, loaded_scene, working_in
-from wakeflow.core.process import cores
+from support import CASES, ROOT, loaded_scene, working_in
+from wakeflow.core import store as store_module
+from wakeflow.core.executor import Workers
+from wakeflow.core.process import background, cores, end_group, start_in_group
 from wakeflow.core.sources import kernel_root
-from wakeflow.core.store import is_marked, kept_stages
+from wakeflow.core.store import USERS, Store, cache_in_use, is_marked, kept_stages, remove_stages
 
 SEED = 31
 KILLS = int(os.environ.get("WAKEFLOW_KILLS", "50"))
@@ -71,6 +79,153 @@ def test_cleaning_beside_a_run_takes_nothing_from_it(tmp_path: Path) -> None:
     assert is_marked(cache)
     assert ended(begin(["clean", "--everything"], cache))[0] == 0
     assert not kept_stages(cache)
+
+
+KEY = "a" * 64
+
+
+def test_a_run_that_waits_for_the_stage_of_another_ends_when_it_is_told_to(tmp_path: Path) -> None:
+    """Its second thread waits, and the first, which hears the signal, waits for the second."""
+    (tmp_path / "airflow").mkdir()
+    held, waits = os.open(tmp_path / "airflow" / f"{KEY}.lock", os.O_RDWR | os.O_CREAT), threading.Event()
+    fcntl.flock(held, fcntl.LOCK_EX)
+    other = threading.Timer(30.0, fcntl.flock, [held, fcntl.LOCK_UN])  # the other run's stage ends
+    other.start()
+
+    def end() -> None:
+        assert waits.wait(20.0)
+        raise KeyboardInterrupt
+
+    def job() -> None:
+        Store(tmp_path).make("airflow", KEY, lambda part: None, on_wait=waits.set)
+
+    with pytest.raises(KeyboardInterrupt), background([job]):
+        end()
+    assert other.is_alive()
+    other.cancel()
+    os.close(held)
+
+
+@pytest.mark.parametrize("kind", ["link", "file"])
+def test_what_is_no_folder_at_the_place_of_an_unfinished_stage_is_replaced(kind: str, tmp_path: Path) -> None:
+    store, outside = Store(tmp_path / "cache"), tmp_path / "outside"
+    outside.mkdir()
+    (tmp_path / "cache" / "airflow").mkdir(parents=True)
+    part = tmp_path / "cache" / "airflow" / f"{KEY}.part"
+    part.symlink_to(outside) if kind == "link" else part.write_text("?")
+    folder, _ = store.make("airflow", KEY, lambda part: (part / "data").write_text("made"))
+    assert not list(outside.iterdir())
+    assert not folder.is_symlink()
+    assert (folder / "data").read_text() == "made"
+
+
+def test_a_cache_that_others_own_is_not_cleaned_while_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with cache_in_use(tmp_path):
+        pass
+    plain = os.open
+
+    def refusing(path: Path, flags: int, *more: Any) -> int:
+        if Path(path).name == USERS and flags & os.O_RDWR:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        return plain(path, flags, *more)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "open", refusing)
+        reader = cache_in_use(tmp_path)
+        assert reader.__enter__()
+        with cache_in_use(tmp_path, alone=True) as alone:
+            assert not alone
+    with cache_in_use(tmp_path, alone=True) as alone:  # its owner cleans
+        assert not alone
+    reader.__exit__(None, None, None)
+    with cache_in_use(tmp_path, alone=True) as alone:
+        assert alone
+
+
+def test_a_disk_without_locks_lets_a_run_read_its_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(store_module.fcntl, "flock", refuse)
+    with cache_in_use(tmp_path) as used:
+        assert used
+    with cache_in_use(tmp_path, alone=True) as alone:
+        assert not alone
+
+
+@contextmanager
+def working(folder: Path, words: str, log: Path) -> "Iterator[subprocess.Popen[bytes]]":
+    """A program that works in a folder, as a killed run's solver does."""
+    folder.mkdir(parents=True)
+    with log.open("wb") as sink:
+        child = start_in_group(["sh", "-c", words], folder, os.environ, sink)
+    try:
+        yield child
+    finally:
+        end_group(child)
+
+
+@pytest.mark.parametrize("inner", ["", "case/span"])
+def test_a_part_that_a_killed_runs_solver_writes_to_is_not_cleaned(inner: str, tmp_path: Path) -> None:
+    Store(tmp_path / "cache").make("airflow", "b" * 64, lambda part: None)
+    part = tmp_path / "cache" / "airflow" / f"{KEY}.part"
+    with working(part / inner, "sleep 300", tmp_path / "log"):
+        unfinished = [one for one in kept_stages(tmp_path / "cache") if not one.finished]
+        assert [one.folder for one in unfinished] == [part]
+        assert not remove_stages(tmp_path / "cache", unfinished)
+        assert part.is_dir()
+    assert remove_stages(tmp_path / "cache", unfinished) == unfinished
+    assert not part.exists()
+
+
+def test_a_killed_runs_solver_is_waited_for_two_folders_down(tmp_path: Path) -> None:
+    """An airflow in three dimensions runs in part/case/span."""
+    seen: list[str] = []
+    span = tmp_path / "airflow" / f"{KEY}.part" / "case" / "span"
+    with working(span, "sleep 1; echo late > late", tmp_path / "log") as child:
+        threading.Thread(target=child.wait, daemon=True).start()
+        Store(tmp_path).make("airflow", KEY, lambda part: seen.append((part / "case" / "span" / "late").read_text()))
+    assert seen == ["late\n"]
+
+
+def test_a_worker_that_dies_as_it_is_ended_leaves_the_others_to_be_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pool = Workers(2, tmp_path)
+    for done in [pool.submit(time.sleep, 1.0) for _ in range(2)]:
+        done.result()
+    first, second = list(pool._alive)
+    first.kill()
+    first.wait()
+    monkeypatch.setattr(first, "poll", lambda: None)  # asked just before
+    try:
+        pool.end()
+        assert second.poll() is not None
+    finally:
+        end_group(second)
+
+
+def test_the_loops_beside_the_tests_end_with_their_terminal(tmp_path: Path) -> None:
+    shutil.copy(ROOT / "tests" / "beside_loops.sh", tmp_path)
+    (tmp_path / "run.sh").write_text("touch begun\nexec sleep 60\n")
+    script = subprocess.Popen(["sh", "beside_loops.sh"], cwd=tmp_path, start_new_session=True)
+    try:
+        _until((tmp_path / "begun").exists)
+        os.killpg(script.pid, signal.SIGHUP)
+        script.wait(timeout=60)
+        _until(lambda: not working_in(tmp_path))
+    finally:
+        for left in working_in(tmp_path):
+            os.kill(left, signal.SIGKILL)
+
+
+def _until(holds: Callable[[], bool]) -> None:
+    until = time.monotonic() + 20.0
+    while not holds():
+        assert time.monotonic() < until
+        time.sleep(0.05)
 
 
 @pytest.mark.slow

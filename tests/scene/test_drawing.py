@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from ezdxf.layouts import Modelspace
 from support import shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.scene import Scene
+from wakeflow.scene.drawing import read_outline
 
 SQUARE = [(0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)]  # mm
 
@@ -101,7 +103,7 @@ def two(space: Modelspace) -> None:
         (two, 4, {}, "2 closed outlines and 0 lines that do not close; keep one"),
         (lambda space: space.add_lwpolyline(SQUARE), 4, {}, "0 closed outlines and 1 lines that do not close"),
         (lambda space: None, 4, {}, "no closed outline in it; draw one"),
-        (lambda space: space.add_blockref("*Paper_Space", (0, 0)), 4, {}, "holds a INSERT; explode it"),
+        (lambda space: space.add_blockref("*Paper_Space", (0, 0)), 4, {}, "hood.dxf': holds a INSERT; explode it"),
         (closed, 4, {"shape": "prism"}, "is its shape; delete shape and points"),
         (closed, 4, {"outline": "none.dxf"}, "No such file"),
     ],
@@ -113,6 +115,7 @@ def test_another_drawing_is_one_line_that_says_what_to_do(
         drawn(draw, units, **keys)
     assert says in str(problem.value)
     assert "\n" not in str(problem.value)
+    assert "is no DXF drawing" not in str(problem.value)
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89PNG\r\n\x1a\n", b"AutoCAD Binary DXF\r\n\x1a\x00", b"0\nSECTION\n2\n"])
@@ -122,3 +125,43 @@ def test_no_drawing_is_refused(tmp_path: Path, content: bytes) -> None:
     name = next(iter(tables["body"]))
     with pytest.raises(SceneError, match=r"outline = 'bad.dxf'"):
         Scene.parse({**tables, "body": {name: {"outline": "bad.dxf"}}}, base=tmp_path)
+
+
+def test_a_drawing_without_a_unit_is_not_read_in_metres(tmp_path: Path) -> None:
+    """The entities alone, as small programs write them: no header."""
+    ends = [(*SQUARE[n], *SQUARE[(n + 1) % 4]) for n in range(4)]
+    parts = [f"0\nLINE\n8\n0\n10\n{a}\n20\n{b}\n11\n{c}\n21\n{d}\n" for a, b, c, d in ends]
+    (tmp_path / "bare.dxf").write_text(f"0\nSECTION\n2\nENTITIES\n{''.join(parts)}0\nENDSEC\n0\nEOF\n")
+    with pytest.raises(SceneError, match='does not say its unit; write outline_unit = "mm"'):
+        read_outline("bare.dxf", tmp_path)
+    assert len(read_outline("bare.dxf", tmp_path, "mm")) == 4
+
+
+def test_lines_are_joined_in_a_time_that_grows_with_their_number(drawn: Callable[..., Scene]) -> None:
+    """Each of 3000 loose lines is not compared with all others."""
+
+    def loose(space: Modelspace) -> None:
+        for start, end in np.random.default_rng(31).uniform(0.0, 100.0, (3000, 2, 2)):
+            space.add_line(start, end)
+
+    began = time.process_time()
+    with pytest.raises(SceneError, match="0 closed outlines and"):
+        drawn(loose)
+    assert time.process_time() - began < 10.0
+
+
+PATHS: dict[str, Callable[[str], dict[str, Any]]] = {
+    "materials": lambda path: {"materials": path},
+    "measured": lambda path: {"measured": path},
+    "outline": lambda path: {"body": {"hood": {"outline": path}}},
+    "vibration.samples": lambda path: {"vibration": {"samples": path}},
+    "report.logo": lambda path: {"report": {"logo": path}},
+    "air.case": lambda path: {"air": {"case": path}},
+}
+
+
+@pytest.mark.parametrize(("path", "says"), [("~nosuchuser/x", "no home of that user"), ("a\0b", "no path holds a")])
+@pytest.mark.parametrize("key", PATHS)
+def test_a_path_that_no_file_can_have_is_one_line(key: str, path: str, says: str, tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=f"{key} = .*{says}"):
+        Scene.parse({**shipped("vacuum").tables(), **PATHS[key](path)}, base=tmp_path)

@@ -8,7 +8,7 @@ import pytest
 from support import shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.scene import Scene
-from wakeflow.scene.measured import Measured, Tray, read_trays
+from wakeflow.scene.measured import Measured, Tray, read_trays, trays_of_columns
 from wakeflow.scene.uncertainty import SIGMAS
 
 
@@ -39,6 +39,22 @@ def test_a_file_of_trays_is_read_with_any_separator_and_percent(tmp_path: Path, 
         ("fraction,bin,share,uncertainty\nhard,far,0.5\n", "line 2: has 3 cells, its heads are 4"),
         ("fraction,bin,share,uncertainty\nhard,far,0.5,\n", "line 2: hard in far: give its uncertainty"),
         ("fraction;bin;share;uncertainty\nhard;far;0,5;0.1\n", "write a decimal point: 0.5"),
+        ("fraction,bin,share,uncertainty\nhard,far,120 %,1 %\n", "line 2: share = '120 %': must be less than or equal"),
+        ("fraction,bin,share,uncertainty\nhard,far,36 %,2\n", "line 2: hard in far: uncertainty = 2: write 1e-06 to 1"),
+        ("fraction,bin,share,uncertainty\nhard,far,36 %,2\n", "or '2 %'"),
+        ("fraction,bin,share,uncertainty\nhard,far,0.5,1e-9\n", "uncertainty = 1e-09: write 1e-06 to 1"),
+        ("fraction,bin,share,uncertainty\nhard,far,0.5,1e300\n", "uncertainty = 1e+300: write 1e-06 to 1"),
+        ("fraction,bin,mass,uncertainty\nhard,far,1e-320,1\n", "give 0 or 1e-12 at least, in another unit"),
+        ("fraction,bin,mass,uncertainty\nhard,far,1e308,1\n", "line 2: mass = 1e+308: must be less than or equal to"),
+        ("fraction,bin,mass,uncertainty\nhard,far,5,1e300\n", "uncertainty = 1e+300: write 1e-12 to 1e+12"),
+        ("fraction,bin,mass,uncertainty\nhard,far,0,10 %\n", "line 2: hard in far: give its uncertainty"),
+        ("fraction,bin,count\nhard,far,inf\n", "line 2: count = 'inf': needs a finite number"),
+        ("fraction,bin,count\nhard,far,nan\n", "line 2: count = 'nan': needs a finite number"),
+        (f"fraction,bin,count\nhard,far,{'9' * 400}\n", "needs a finite number"),
+        ("fraction,bin,count\nhard,far,1e13\n", "line 2: count = 10000000000000: must be less than or equal to"),
+        (f"fraction,bin,count\nhard,far,{'9' * 140_000}\n", "line 2: field larger than field limit"),
+        ("fraction,bin,count\n,far,12\n", "line 2: all fractions in far: a count needs its fraction"),
+        ("fraction,bin,share,share\nhard,far,0.1,0.2\n", "head 'share' is there twice"),
     ],
 )
 def test_a_wrong_file_is_refused_in_one_line_that_names_its_own(tmp_path: Path, text: str, message: str) -> None:
@@ -73,6 +89,56 @@ def test_masses_are_shares_of_their_sum_with_all_their_errors() -> None:
     np.testing.assert_allclose(found.covariance, np.cov(drawn.T), rtol=0.04)
 
 
+def test_masses_and_counts_in_several_lines_are_added_up_and_shares_are_not() -> None:
+    counts = [Tray(fraction="a", bin=bin_, count=n) for bin_, n in (("near", 30), ("far", 40), ("near", 30))]
+    found = Measured.of(counts)
+    whole = Measured.of([Tray(fraction="a", bin="near", count=60), Tray(fraction="a", bin="far", count=40)])
+    assert found.places == whole.places == (("a", "near"), ("a", "far"))
+    np.testing.assert_allclose(found.shares, [0.6, 0.4])
+    np.testing.assert_allclose(found.covariance, whole.covariance)
+    masses = [Tray(bin="near", mass=2.0, uncertainty=0.3), Tray(bin="far", mass=5.0, uncertainty=0.2),
+              Tray(bin="near", mass=3.0, uncertainty=0.4)]  # fmt: skip
+    whole = Measured.of([Tray(bin="near", mass=5.0, uncertainty=0.5), masses[1]])
+    np.testing.assert_allclose(Measured.of(masses).covariance, whole.covariance)
+    shares = [Tray(fraction="a", bin="near", share=share, uncertainty=0.1) for share in (0.5, 0.6)]
+    assert list(Measured.of(shares).shares) == [0.5, 0.6]
+
+
+def test_an_uncertainty_in_percent_beside_a_mass_is_of_that_mass(tmp_path: Path) -> None:
+    tray, other = read_trays(written(tmp_path, "bin,mass,uncertainty\nnear,500,10 %\nfar,400,5\n"))
+    assert (tray.uncertainty, other.uncertainty) == (pytest.approx(50.0), 5.0)
+    table = {"bin": "near", "mass": 500.0, "uncertainty": "10 %"}
+    assert shipped("vacuum", {"measured": [table]}).measured[0].uncertainty == pytest.approx(50.0)
+
+
+def test_columns_are_read_as_a_file_is() -> None:
+    whole = {"fraction": np.array(["hard", "hard"]), "bin": ("far", "near"), "count": np.array([5.0, 7.0])}
+    assert [tray.count for tray in trays_of_columns({**whole, "uncertainty": [None, float("nan")]})] == [5, 7]
+    one = {"fraction": [None], "bin": ["far"], "share": [np.float64(0.1)], "uncertainty": ["2 %"]}
+    assert trays_of_columns(one) == [Tray(bin="far", share=0.1, uncertainty=0.02)]
+    assert trays_of_columns({**one, "fraction": ["nan"]})[0].fraction == "nan"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"share": [0.5, 1.2]}, "row 2: share = 1.2: write a share from 0 to 1"),
+        ({"share": ["120 %", 0.5]}, "row 1: share = '120 %': must be less than or equal to 1"),
+        ({"share": [0.5, float("nan")]}, "row 2: is not filled in"),
+        ({"shares": [0.5, 0.5]}, "head 'shares' is unknown; did you mean 'share'?"),
+        ({"bin": ["far"]}, "columns differ: fraction has 2 cells, bin has 1"),
+        ({"share": 0.5}, "column share needs a list of cells"),
+        ({"bin": "far"}, "column bin needs a list of cells"),
+        ({"fraction": [], "bin": [], "share": [], "uncertainty": []}, "columns hold no tray"),
+    ],
+)
+def test_wrong_columns_are_refused_in_one_line(changes: dict[str, object], message: str) -> None:
+    columns = {"fraction": ["hard"] * 2, "bin": ["far"] * 2, "share": [0.5] * 2, "uncertainty": [0.1] * 2}
+    with pytest.raises(SceneError, match=r"^measured: ") as caught:
+        trays_of_columns({**columns, **changes})
+    assert message in str(caught.value)
+
+
 def test_an_unsorted_tray_holds_every_fraction_by_its_mass() -> None:
     found = Measured.of([Tray(bin="near", share=0.5, uncertainty=0.02)])
     known = [("hard", "near"), ("hard", "far"), ("soft", "near"), ("soft", "far")]
@@ -94,8 +160,14 @@ def test_a_scene_takes_its_trays_from_a_file_and_keeps_them(tmp_path: Path) -> N
         ([{"bin": "near", "fraction": "heard", "share": 0.1, "uncertainty": 0.1}], "no fraction 'heard'"),
         ([{"bin": "near", "share": 0.1}], "give its uncertainty"),
         ([{"bin": "near", "uncertainty": 0.1}], "give share, mass or count, one of them"),
-        ([{"bin": "near", "count": 0}], "nothing lay in any tray of it"),
-        ([{"bin": "near", "count": 3}, {"bin": "far", "share": 0.1, "uncertainty": 0.1}], "all trays of it as"),
+        ([{"bin": "near", "share": 1.2, "uncertainty": 0.1}], "measured[1].share = 1.2: too large (allowed: >= 0 and"),
+        ([{"bin": "near", "share": 0.3, "uncertainty": 2.0}], "measured[1]: all fractions in near: uncertainty = 2"),
+        ([{"bin": "near", "count": 3}], "a count needs its fraction; give it, or weigh the tray: mass"),
+        ([{"fraction": "soft", "bin": "near", "count": 0}], "nothing lay in any tray of it"),
+        (
+            [{"bin": "near", "mass": 3.0, "uncertainty": 0.1}, {"bin": "far", "share": 0.1, "uncertainty": 0.1}],
+            "all trays of it as",
+        ),
     ],
 )
 def test_trays_that_do_not_fit_the_scene_are_refused(trays: list[dict[str, object]], message: str) -> None:

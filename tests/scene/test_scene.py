@@ -1,8 +1,12 @@
 """Scenes: what is accepted means what it says; what is wrong is named in one line."""
 
 import copy
+import json
 import math
+import os
 import re
+import subprocess
+import sys
 import tomllib
 from functools import cache
 from html import escape
@@ -540,6 +544,12 @@ def test_air_needs_a_speed_or_a_case() -> None:
     assert _complaints({**data, "air": {"direction": "up"}}) != []
 
 
+def test_the_schema_does_without_docstrings() -> None:
+    """python -OO leaves them out."""
+    code = "from wakeflow.scene.schema import scene_schema; scene_schema()"
+    subprocess.run([sys.executable, "-OO", "-c", code], check=True, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"})
+
+
 def test_every_key_is_explained_with_unit_range_and_default() -> None:
     schema = scene_schema()
     for name, table in schema["$defs"].items():
@@ -669,6 +679,16 @@ def test_a_material_tells_ranges_sources_and_trust(tmp_path: Path, capsys: pytes
     assert "our own lot, 2026" in capsys.readouterr().out
     assert main(["materials", "wheet"]) == 2
     assert "did you mean 'wheat'?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["[/x]", "[red]x", ":smile:", "\x1b[31mx"])
+def test_a_name_is_shown_as_it_is_written(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Not as markup, a picture or a command to the terminal."""
+    written = json.dumps(name)
+    (tmp_path / "mine.toml").write_text(PEAS.replace("[peas", f"[{written}").replace("[peas.", f"[{written}."))
+    for words in ([], [name]):
+        assert main(["materials", *words, "--file", str(tmp_path / "mine.toml")]) == 0
+        assert repr(name)[1:-1] in capsys.readouterr().out
 
 
 def test_all_that_a_material_lacks_is_said_at_once(tmp_path: Path) -> None:

@@ -233,6 +233,7 @@ def test_damaged_landings_are_said_with_their_cure(run: wf.Result, tmp_path: Pat
         ({"purity": "most"}, "purity = 'most': needs a share"),
         ({"purity": None}, "purity = None: a number such as 0.01"),
         ({"stretches": 0}, "at least 1"),
+        ({"stretches": 51}, "at most 50"),
         ({"on": "flor"}, "did you mean 'floor'"),
         ({"on": "top"}, "no granule of wheat landed on top"),
     ],

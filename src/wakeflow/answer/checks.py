@@ -3,24 +3,63 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..core.number import Number
+from ..core.record import JsonMapping
+from ..core.tables import Columns
 
 if TYPE_CHECKING:
-    from .shares import Separation
+    from .shares import LandingResults, Separation
 
 ROUNDED = 1e-6  # by how much sums and ends of intervals may be off
 
 
-def mistakes_in(result: object, shares: Mapping[str, Separation | None]) -> Iterator[str]:
-    """What is wrong with a record, and with the ``shares`` in it, by their names: each in words that name the key."""
+def mistakes_in(result: object, scene: JsonMapping, landings: LandingResults | None) -> Iterator[str]:
+    """What is wrong with a result, the ``scene`` and the ``landings`` in it: each in words that name the key."""
+    yield from _in_scene(scene)
     yield from _in_numbers(result, "")
-    for name, part in shares.items():
-        if part is not None:
-            yield from _in_shares(part, name)
+    if landings is None:
+        return
+    yield from _in_shares(landings.separation, "separation")
+    if landings.without_collisions is not None:
+        yield from _in_shares(landings.without_collisions, "without_collisions")
+    yield from _in_inputs(landings)
+
+
+def _in_scene(scene: JsonMapping) -> Iterator[str]:
+    """Fractions that are no tables, and targets that name no bins."""
+    fractions = scene.get("fraction")
+    if not isinstance(fractions, Mapping) or not all(isinstance(one, Mapping) for one in fractions.values()):
+        yield "scene.fraction is no table of fractions"
+        return
+    for name, one in fractions.items():
+        target = one.get("target") or []
+        if not isinstance(target, str | list | tuple) or not all(isinstance(place, str) for place in target):
+            yield f"scene.fraction.{name}.target names no bins"
+
+
+def _in_inputs(landings: LandingResults) -> Iterator[str]:
+    """Inputs that nothing is known of, and numbers of the answer that there are not, in what inputs do to it."""
+    shares, inputs = landings.separation.fractions, landings.inputs or {}
+    targets = {f"recovery.{name}" for name in shares}
+    targets |= {f"purity.{place}.{name}" for name, places in shares.items() for place in places}
+    moved = {f"of_targets.{name}": parts for name, parts in (landings.of_targets or {}).items()}
+    for name in landings.of_targets or {}:
+        if name not in targets:
+            yield f"of_targets.{name} is no recovery and no purity of the answer"
+    for name, places in (landings.measure_next or {}).items():
+        for place, parts in places.items():
+            moved[f"measure_next.{name}.{place}"] = parts
+            if place not in shares.get(name, {}):
+                yield f"measure_next.{name}.{place} is no share of the answer"
+    for where, parts in moved.items():
+        if unknown := [key for key in parts if key not in inputs]:
+            yield f"{where}.{unknown[0]} is none of the inputs"
 
 
 def _in_numbers(value: object, place: str) -> Iterator[str]:
@@ -58,3 +97,31 @@ def _in_shares(part: Separation, name: str) -> Iterator[str]:
     for place, rate in part.throughput.items():
         if not 0.0 <= rate < math.inf:
             yield f"{name}.throughput.{place} = {rate:.6g} is no rate"
+
+
+# of granules.npz: a row for each granule that is kept
+KEPT = ("fraction", "weight", "position", "bin", "diameter", "fate", "time", "impacts")
+
+
+def are_granules(table: Columns, fractions: Set[str], bins: int | None) -> bool:
+    """Whether the arrays of granules.npz are those of an answer: granules of its ``fractions``, in one of so many
+    ``bins`` (None where it ended before it had any), somewhere, with a size and a mass.
+    """
+    if set(table) != {"names", *KEPT} or not all(table[name].dtype.kind in "iuf" for name in KEPT):
+        return False
+    names, fraction, place, mass = (table[name] for name in ("names", "fraction", "bin", "weight"))
+    shapes = {"position": (mass.size, 2)}
+    return bool(
+        all(table[name].shape == shapes.get(name, (mass.size,)) for name in KEPT)
+        and all(np.isfinite(table[name]).all() for name in KEPT)
+        and fraction.dtype.kind in "iu"
+        and place.dtype.kind in "iu"
+        and names.shape == (len(fractions),)
+        and set(names.tolist()) == fractions
+        and ((fraction >= 0) & (fraction < len(fractions))).all()
+        and (place >= -1).all()  # elsewhere, which is the last of the bins
+        and (bins is None or (place < bins - 1).all())
+        and (table["diameter"] > 0).all()
+        and (mass >= 0).all()
+        and (np.bincount(fraction.astype(int), mass)[fraction] > 0).all()  # a fraction weighs something
+    )

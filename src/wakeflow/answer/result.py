@@ -27,7 +27,7 @@ from ..planning.plan import Plan
 from ..scene.overrides import share_in
 from ..scene.rungs import check_rung
 from ..scene.whole import States, switched
-from .checks import mistakes_in
+from .checks import are_granules, mistakes_in
 from .provenance import Provenance, Refinement
 from .shares import SHARE_UNIT, BudgetRow, LandingResults, Separation
 from .upgrade import upgraded
@@ -128,13 +128,15 @@ class Result:
     def from_json(cls, folder: Path | str, table: object) -> Self:
         """The result whose result.json holds ``table``. Raises SceneError, naming the key, where it is not one."""
         if isinstance(table, dict):
-            table = upgraded(table)
+            try:
+                table = upgraded(table)
+            except (AttributeError, KeyError, TypeError, ValueError):
+                raise SceneError(f"{Path(folder) / FILE} is damaged; {_cure(folder)}") from None
             for name, kind in FLAT.items():
                 inside = {one.key: table.pop(one.key) for one in columns(kind) if one.key in table}
                 table |= {name: inside or None}
         found = replace(from_json(cls, table, str(Path(folder) / FILE)), folder=Path(folder))
-        both = () if found.landings is None else ("separation", "without_collisions")
-        if wrong := next(mistakes_in(found, {name: getattr(found.landings, name) for name in both}), None):
+        if wrong := next(mistakes_in(found, found.scene, found.landings), None):
             raise SceneError(f"{Path(folder) / FILE}: {wrong}; {_cure(folder)}")
         return found
 
@@ -363,30 +365,15 @@ def key_in(folder: Path | str) -> str | None:
 
 def kept_granules(folder: Path) -> Columns:
     """The arrays of granules.npz in a run's ``folder``, by name. Raises SceneError where there is none, or it is
-    damaged.
+    damaged or not of the scene of that run.
     """
     file = folder / GRANULES
     if not file.exists():
         raise SceneError(f"{folder} holds no {GRANULES}: the run ended before its tracks")
     cure = f"wakeflow report {folder} writes it anew"
     sums.check(folder, GRANULES, cure)
-    table = load_arrays(file, cure)
-    if set(table) != {"names", *KEPT} or len({len(table[name]) for name in KEPT}) != 1 or not _plausible(table):
+    table, result = load_arrays(file, cure), Result.load(folder)
+    bins = None if result.landings is None else len(result.landings.separation.bins)
+    if not are_granules(table, set(result.scene["fraction"]), bins):
         raise SceneError(f"{file} is damaged; {cure}")
     return table
-
-
-# of granules.npz: a row for each granule that is kept
-KEPT = ("fraction", "weight", "position", "bin", "diameter", "fate", "time", "impacts")
-
-
-def _plausible(table: Columns) -> bool:
-    """Whether granules are of a fraction there is, somewhere, with a size and a mass."""
-    numbers = all(table[name].dtype.kind in "iuf" and np.isfinite(table[name]).all() for name in KEPT)
-    return bool(
-        numbers
-        and table["position"].shape[1:] == (2,)
-        and ((table["fraction"] >= 0) & (table["fraction"] < len(table["names"]))).all()
-        and (table["diameter"] > 0).all()
-        and (table["weight"] >= 0).all()
-    )

@@ -38,7 +38,7 @@ def _material(name: str, fraction: Fraction, inputs: Mapping[str, Number], sourc
     lines = [
         "", f"[{PREFIX}{name}]", f"diameter = {own.diameter if diameter is None else diameter.value:.6g}",
         f"density = {own.density if density is None else density.value:.6g}", 'confidence = "measured"',
-        f"source = {json.dumps(why)}",
+        f"source = {_quoted(why)}",
     ]  # fmt: skip
     for part in PARTS:
         value = getattr(own, part)
@@ -62,9 +62,15 @@ def _material(name: str, fraction: Fraction, inputs: Mapping[str, Number], sourc
 
 
 def _part(head: str, table: Mapping[str, Any], source: str) -> list[str]:
-    texts = {key: json.dumps(value) if isinstance(value, str) else f"{value:.6g}" for key, value in table.items()}
+    texts = {key: _quoted(value) if isinstance(value, str) else f"{value:.6g}" for key, value in table.items()}
     rows = [f"{key} = {text}" for key, text in texts.items()]
-    return [f"[{head}]", *rows, 'confidence = "measured"', f"source = {json.dumps(source)}"]
+    return [f"[{head}]", *rows, 'confidence = "measured"', f"source = {_quoted(source)}"]
+
+
+def _quoted(text: str) -> str:
+    """A text as TOML has it, which unlike JSON knows no halves of a letter and no bare DEL."""
+    whole = text.encode(errors="replace").decode()
+    return json.dumps(whole, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _std(fraction: Fraction, part: str) -> float:

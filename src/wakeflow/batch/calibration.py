@@ -22,10 +22,12 @@ from ..answer.shares import BudgetPart, BudgetRow, BudgetTotal, InputPart, Input
 from ..budget.agreement import Agreement
 from ..budget.budget import fly_again, make_budget
 from ..budget.source import INPUTS, Flights
+from ..core import sums
 from ..core.errors import SceneError, known
-from ..core.files import path_of, write_json
+from ..core.files import atomic_write, made_folder, path_of, write_json
 from ..core.number import Number
 from ..core.record import to_json
+from ..core.store import cache_in_use, cache_root
 from ..core.tables import CellTable
 from ..pipeline.cache import Listener
 from ..planning.unknowns import SIGMAS, Unknown, unknown_kinds
@@ -33,7 +35,8 @@ from ..runs import run
 from ..runs.progress import as_listener
 from ..runs.stages import one_thread_of_blas, stages_of
 from ..scene import Scene
-from ..scene.measured import Measured, Tray, read_trays
+from ..scene.measured import Measured, Tray, read_trays, trays_of_columns
+from ..scene.overrides import share_in
 from ..scene.whole import States
 from ..statistics.joint import JointShares
 from ..statistics.separation import HOUR, purity_slopes, separate
@@ -46,6 +49,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 TELLS = 0.9  # an input whose interval became narrower by this factor has learnt something
 MEASURED_SHARES = "measured shares"
+MATERIALS = "materials.toml"
+TABLES = ("inputs.csv", "agreement.csv", "correlations.csv", "shares.csv", "calibration.json")
 
 
 # -- The calibration of a scene ----------------------------------------------------------------------------------------
@@ -105,7 +110,8 @@ class Posterior:
             raise SceneError(f"no materials are written: {self.agreement.sentence} Weigh it again, or mend the scene")
         file, scene = path_of(path, "materials file"), Scene.parse(self.before.scene)
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(materials_text(scene, {k: one.after for k, one in self.inputs.items()}, self.source))
+        with atomic_write(file) as stream:
+            stream.write(materials_text(scene, {k: one.after for k, one in self.inputs.items()}, self.source))
         return file
 
     def cells(self) -> CellTable:
@@ -118,7 +124,7 @@ def calibrate(
     measured: Path | str | Mapping[str, Sequence[object]] | Sequence[Tray] | Any,
     out: Path | str | None = None,
     *,
-    discrepancy: float = DISCREPANCY,
+    discrepancy: float | str = DISCREPANCY,
     rung: str | None = None,
     force: States | None = None,
     workers: int | None = None,
@@ -129,18 +135,21 @@ def calibrate(
 
     ``measured``: a CSV file (fraction, bin, share, uncertainty), columns by these names, or a frame of them. The scene
     is run where it has not been, in the folder ``out`` (as :func:`wakeflow.run`), where the files of the calibration
-    are written too. ``discrepancy``: half of the 95 % interval by which the model itself may miss a share of a half.
+    are written too. ``discrepancy``: half of the 95 % interval by which the model itself may miss a share of a half,
+    0.02 or "2 %".
 
     Raises SceneError for wrong input.
     """
-    asked, trays = Scene.of(scene), _trays_of(measured)
-    if not 0.0 < discrepancy <= 0.5:
+    asked, trays, missed = Scene.of(scene), _trays_of(measured), share_in(discrepancy, "discrepancy")
+    if not 0.0 < missed <= 0.5:
         raise SceneError(f"discrepancy = {discrepancy!r}: needs a share above 0, at most 0.5; no model is exact")
     found = Measured.of(trays)
     found.weights([(f, b) for f in asked.fraction for b in (*asked.bin, "elsewhere")], asked.mass_shares())
     heard, planned = as_listener(listener, planned)
+    if out is not None:
+        _claim(path_of(out, "out"))
     result = run(scene, out, rung=rung, force=force, workers=workers, listener=heard, planned=planned)
-    update, scene_flown = _update(result, found, discrepancy, workers, heard)
+    update, scene_flown = _update(result, found, missed, workers, heard)
     posterior = _posterior(result, update, found, scene_flown, _source(measured))
     _write(posterior)
     return posterior
@@ -150,15 +159,13 @@ def _trays_of(measured: object) -> list[Tray]:
     """The trays of a file, of columns by their names, or as they are."""
     if isinstance(measured, Path | str):
         return read_trays(measured)
-    if isinstance(measured, Sequence) and all(isinstance(one, Tray) for one in measured):
+    if isinstance(measured, Sequence) and measured and all(isinstance(one, Tray) for one in measured):
         return list(measured)
     to_dict = getattr(measured, "to_dict", None)
     columns = to_dict("list") if to_dict is not None else measured
     if not isinstance(columns, Mapping):
         raise SceneError("measured: give a CSV file, columns by their names, or a frame of them")
-    rows = zip(*columns.values(), strict=True)
-    return [Tray(**{k: v for k, v in zip(columns, row, strict=True) if v is not None and v == v and v != ""})
-            for row in rows]  # fmt: skip
+    return trays_of_columns(columns)
 
 
 def _source(measured: object) -> str:
@@ -172,7 +179,7 @@ def _update(
     if result.void:
         raise SceneError(f"calibrate: the answer of {result.folder} is void, {result.warnings[0]}")
     request = Request(None, result.options.rung, result.options.force, result.options.target_error)
-    with one_thread_of_blas():
+    with cache_in_use(cache_root()), one_thread_of_blas():
         pipeline, _ = stages_of(Scene.parse(result.scene), request, workers, listener)
         flights = Flights(pipeline, pipeline.tracks(), pipeline.crowd())
         fly_again(flights)
@@ -327,11 +334,35 @@ def _parts(joint: JointShares) -> dict[str, dict[str, dict[str, InputPart]]]:
     return found
 
 
+def _files(folder: Path) -> list[Path]:
+    from ..report.canvas import saved
+
+    return [*(folder / name for name in (*TABLES, MATERIALS)), *saved(folder / "figures" / "calibration.png")]
+
+
+def _claim(folder: Path) -> None:
+    """Raise SceneError where a calibration in ``folder`` would replace what the program did not write, or materials
+    that were changed since.
+    """
+    sums.refuse_foreign(folder, _files(folder))
+    sums.refuse_changed(folder, folder / MATERIALS)
+
+
 def _write(found: Posterior) -> None:
     """The tables and the picture of a calibration into the folder of its run."""
+    _claim(made_folder(found.folder))
+    with sums.writing(found.folder, lambda: _files(found.folder)):
+        _write_tables(found, found.folder)
+        materials = found.folder / MATERIALS
+        if found.agreement.verdict == "disagrees":
+            materials.unlink(missing_ok=True)
+        else:
+            found.save(materials)
+
+
+def _write_tables(found: Posterior, folder: Path) -> None:
     from ..report.figures.measured import draw_measured
 
-    folder = found.folder
     draw_measured(folder / "figures" / "calibration.png", found.agreement, found.trays)
     found.cells().write_csv(folder / "inputs.csv")
     found.agreement.cells().write_csv(folder / "agreement.csv")
@@ -347,7 +378,3 @@ def _write(found: Posterior) -> None:
         "inputs": {key: {"value": one.value, "low": one.low, "high": one.high} for key, one in found.inputs.items()},
         "separation": to_json(known(found.result.landings).separation),
     })  # fmt: skip
-    materials = folder / "materials.toml"
-    materials.unlink(missing_ok=True)
-    if found.agreement.verdict != "disagrees":
-        found.save(materials)

@@ -54,11 +54,11 @@ class RunComparison:
 
         files = page, whole, apart = [folder / name for name in ("compare.html", "compare.csv", "differences.csv")]
         sums.refuse_foreign(made_folder(folder), files)
-        self.table.tidy().write_csv(whole)
-        CellTable.of(self.differences, DIFFERENCES).write_csv(apart)
-        draw_table_figures(folder, self.table)
-        write_comparison(page, self.table, self.differences, self.runs)
-        sums.note(folder, files)
+        with sums.writing(folder, lambda: files):
+            draw_table_figures(folder, self.table)
+            self.table.tidy().write_csv(whole)
+            CellTable.of(self.differences, DIFFERENCES).write_csv(apart)
+            write_comparison(page, self.table, self.differences, self.runs)
 
 
 def compare(runs: Sequence[Result | Path | str]) -> RunComparison:

@@ -166,8 +166,9 @@ def sweep(
                 )  # fmt: skip
                 _check_disk(agenda, folder)
                 rows = _Rows(folder, found, agenda)
-                do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended)
-            return rows.finish(figures=figures)
+                with sums.writing(folder, partial(_tables, folder)):
+                    do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended)
+                    return rows.finish(figures=figures)
     except Timeout:
         raise SceneError(f"another sweep is writing to {folder}; wait for it or choose another --out") from None
 
@@ -183,9 +184,12 @@ def _folder_of(out: Path | str) -> Path:
     """The folder of a sweep, made where there is none. Raises SceneError where it holds what no sweep wrote."""
     folder = path_of(out, "out")
     made_folder(folder)
-    if not (folder / ".lock").exists():
-        sums.refuse_foreign(folder, [folder / name for name in (TABLE, WIDE, PARQUET)])
+    sums.refuse_foreign(folder, _tables(folder))
     return folder
+
+
+def _tables(folder: Path) -> list[Path]:
+    return [folder / name for name in (TABLE, WIDE, PARQUET)]
 
 
 def _variants(scenes: Scenes) -> list[Variant]:
@@ -287,5 +291,4 @@ class _Rows:
         table.write_parquet(self.folder / PARQUET)
         if figures and (not drawn or known.get(TABLE) != sums.digest_of(self.folder / TABLE)):
             draw_table_figures(self.folder, table)
-        sums.note(self.folder, [self.folder / name for name in (TABLE, WIDE, PARQUET)])
         return Sweep(self.folder, table)

@@ -10,7 +10,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ..core import sums
 from ..core.errors import SceneError
+from ..core.files import path_of
 from ..scene import Scene
 from .compute import Sweep, sweep
 from .variant import variants
@@ -42,13 +44,17 @@ def operating_map(
     rates = list(feed) if feed else [part * asked.feed.rate for part in AROUND]
     if min(len(speeds), len(rates)) < 2:
         raise SceneError("a map needs two air speeds and two feed rates at least")
-    found = sweep(variants(asked, {SPEED: speeds, RATE: rates}), out, figures=False, **how)
+    from ..report.canvas import saved
     from ..report.many import draw_map, main_quantities
     from ..report.table_figures import of_worth
 
+    folder = path_of(out, "out")
+    figure = folder / "figures" / FIGURE
+    sums.refuse_foreign(folder, saved(figure))
+    found = sweep(variants(asked, {SPEED: speeds, RATE: rates}), folder, figures=False, **how)
     table = of_worth(found.table)
     if not table.done:
         raise SceneError("every answer is void, so that there is nothing to draw; the first: see the table's reasons")
-    figure = Path(out) / "figures" / FIGURE
-    draw_map(figure, table, main_quantities(table), SPEED, RATE)
+    with sums.writing(folder, lambda: saved(figure)):
+        draw_map(figure, table, main_quantities(table), SPEED, RATE)
     return found, figure

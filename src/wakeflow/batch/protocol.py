@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from ..answer.result import Result
 from ..budget.agreement import joint_of
+from ..core import sums
 from ..core.errors import SceneError, known
-from ..core.files import atomic_write, made_folder
+from ..core.files import atomic_write, made_folder, path_of
 from ..core.registry import did_you_mean
 from ..pipeline.cache import Listener
 from ..runs import run
@@ -36,6 +37,7 @@ Array = NDArray[np.float64]
 HALVED = 0.5  # of the interval: what is asked for
 REPEATS = 0.01  # standard deviation of a share between repetitions of one machine, beyond counting. Chosen
 MOST_LOTS = 12  # repetitions of all fractions together: who needs more measures something else
+MOST_KERNELS = 1_000_000  # in a repetition: nobody counts more
 PAGE, FORM = "protocol.html", "measured.csv"
 
 
@@ -102,10 +104,13 @@ def protocol(
     (a fraction: its recovery; FRACTION.BIN; by default the recovery that is known worst) is known twice as well;
     ``kernels`` of a fraction are fed in one repetition. Writes a page to print and the form that becomes measured.csv.
 
-    Raises SceneError for a fraction or bin that there is not, and for fewer than ten kernels.
+    Raises SceneError for a fraction or bin that there is not, and for fewer than ten kernels or more than a
+    million.
     """
     asked = Scene.of(scene)
     _check(asked, of, kernels)
+    if out is not None:
+        _claim(path_of(out, "out"))
     heard, planned = as_listener(listener, planned)
     result = run(scene, out, rung=rung, force=force, workers=workers, listener=heard, planned=planned)
     return protocol_of(result, of, kernels)
@@ -113,8 +118,8 @@ def protocol(
 
 def _check(scene: Scene, of: str | None, kernels: int) -> None:
     wanted_share(scene, of)
-    if kernels < 10:
-        raise SceneError(f"kernels = {kernels}: count ten at least")
+    if not 10 <= kernels <= MOST_KERNELS:
+        raise SceneError(f"kernels = {kernels}: count ten at least, a million at most")
 
 
 def protocol_of(result: Result, of: str | None = None, kernels: int = 300, out: Path | None = None) -> Protocol:
@@ -123,6 +128,8 @@ def protocol_of(result: Result, of: str | None = None, kernels: int = 300, out: 
     Raises SceneError as :func:`protocol` does, and where the run ended before its shares.
     """
     scene = Scene.parse(result.scene)
+    from ..report.html.protocol import write_protocol
+
     _check(scene, of, kernels)
     if result.landings is None:
         raise SceneError(f"{result.folder} holds no shares: the run ended before them")
@@ -136,11 +143,17 @@ def protocol_of(result: Result, of: str | None = None, kernels: int = 300, out: 
         name, half, steps, tuple(_important(joint, wanted, fractions, kernels)),
         _unsorted(joint, wanted, scene), page, form,
     )  # fmt: skip
-    _write_form(form, scene, fractions)
-    from ..report.html.protocol import write_protocol
-
-    write_protocol(page, scene, made, fractions)
+    _claim(folder)
+    with sums.writing(folder, lambda: [page, form]):
+        _write_form(form, scene, fractions)
+        write_protocol(page, scene, made, fractions)
     return made
+
+
+def _claim(folder: Path) -> None:
+    """Raise SceneError where a page is there that the program did not write, or a form that was filled in."""
+    sums.refuse_foreign(folder, [folder / PAGE])
+    sums.refuse_changed(folder, folder / FORM)
 
 
 def wanted_share(scene: Scene, of: str | None) -> tuple[str, Sequence[str]] | None:

@@ -169,9 +169,11 @@ def sensitivity(
             "give [uncertainty], or run it anew and to its end"
         )
     answer = Sensitivity(folder, result, tuple(moves), failed)
-    sums.claim(folder, [folder / TABLE])
-    CellTable.of(answer.moves, COLUMNS).write_csv(folder / TABLE)
-    sums.note(folder, [folder / TABLE])
+    from ..report.canvas import saved
+
+    sums.claim(folder, [folder / TABLE, *saved(folder / FIGURE)])
+    with sums.writing(folder, lambda: [folder / TABLE]):
+        CellTable.of(answer.moves, COLUMNS).write_csv(folder / TABLE)
     return answer
 
 
@@ -194,14 +196,18 @@ def _axes(over: Mapping[str, object] | Sequence[str], result: Result | None = No
     """What is to be changed. A key without values goes to the ends of its own interval in the run, and is passed over
     before there is one.
     """
+    alone = [] if isinstance(over, Mapping) else [text for text in over if "=" not in text]
     if isinstance(over, Mapping):
         found = axes_of(over, "sensitivity")
     else:
         found = [axis_of_text(text, "--over") for text in over if "=" in text]
-        if result is not None:
-            found += [_own_interval(text, result) for text in over if "=" not in text]
-    if alone := [axis.key for axis in found if len(axis.values) < 2]:
-        raise SceneError(f"{alone[0]}: give its two ends, as in --over {alone[0]}=LOW,HIGH")
+    keys = [*(key for axis in found for key in axis.keys), *alone]
+    if twice := next((key for key in keys if keys.count(key) > 1), None):
+        raise SceneError(f"--over {twice} is given twice; give its two ends once, as in --over {twice}=LOW,HIGH")
+    if result is not None:
+        found += [_own_interval(key, result) for key in alone]
+    if single := [axis.key for axis in found if len(axis.values) < 2]:
+        raise SceneError(f"{single[0]}: give its two ends, as in --over {single[0]}=LOW,HIGH")
     return found
 
 

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..answer.table import names_for
+from ..answer.table import is_part, names_for
 from ..core.errors import SceneError
 from ..core.lazy import cached_property
-from ..core.quantities import quantity
+from ..core.quantities import quantity, split_quantity
 from ..core.record import JsonMapping
 from ..core.registry import did_you_mean
 from ..scene import Scene
 from ..scene.changes import flat
-from ..scene.schema import refuse_unknown
+from ..scene.schema import described, refuse_unknown, unit_and_example
+from ..scene.table import one_quantity, present_key
 from .axis import Axis, axes_of
 from .variant import TaskFile
 
@@ -95,14 +97,13 @@ def read_search_file(
         goals = [Goal(name, sign) for key, sign in DIRECTIONS.items() for name in _names(file.table, key)]
         if not goals:
             raise SceneError("search.maximise or search.minimise: name at least one quantity, such as 'recovery.wheat'")
-        levels = file.table.get("level", [{}])
         task = SearchTask(
             Scene.load(file.scene, {**flat(file.inside("set")), **held}),
             tuple(_within(file, held)),
             tuple(goals),
             _seconds(file.table.get("budget") if budget is None else budget),
             tuple(_limit(name, ends) for name, ends in file.inside("where").items()),
-            tuple({key: value for key, value in flat(level).items() if key not in held} for level in levels),
+            _levels(file.table.get("level", [{}]), held),
             file.whole_number("seed") or 0,
             file.whole_number("at_a_time", least=1) or AT_A_TIME,
         )
@@ -123,6 +124,19 @@ def _check_names(task: SearchTask) -> None:
     for level in task.levels:
         for key in level:
             refuse_unknown(key, tables, f"search.level.{key}")
+    for key, value in (pair for axis in task.within for one in axis.values for pair in axis.changes(one).items()):
+        _check_unit(key, value, tables)
+
+
+def _check_unit(key: str, value: object, tables: JsonMapping) -> None:
+    """Raise SceneError for a value in a unit of another kind than that of its key: every design would have it."""
+    measure = unit_and_example(described(tuple(present_key(key).split(".")), tables))
+    if measure is None or not isinstance(value, str) or split_quantity(value) is None:
+        return
+    try:
+        one_quantity(value, *measure)
+    except ValueError as problem:
+        raise SceneError(f"search.within.{key} = {value!r}: {problem}") from None
 
 
 def _within(file: TaskFile, held: Mapping[str, object]) -> list[Axis]:
@@ -140,6 +154,13 @@ def _within(file: TaskFile, held: Mapping[str, object]) -> list[Axis]:
     return free
 
 
+def _levels(given: Any, held: Mapping[str, object]) -> tuple[JsonMapping, ...]:
+    """What each level changes of the scene, without keys that are ``held``."""
+    if not isinstance(given, list) or not given or not all(isinstance(level, Mapping) for level in given):
+        raise SceneError("search.level: write [[search.level]], in two brackets, and keys of the scene below it")
+    return tuple({key: value for key, value in flat(level).items() if key not in held} for level in given)
+
+
 def _names(table: Mapping[str, object], key: str) -> Sequence[str]:
     found = table.get(key, [])
     names = [found] if isinstance(found, str) else found
@@ -149,9 +170,16 @@ def _names(table: Mapping[str, object], key: str) -> Sequence[str]:
 
 
 def _limit(name: str, ends: Any) -> QuantityLimit:
-    numbers = isinstance(ends, Mapping) and ends and all(isinstance(end, int | float) for end in ends.values())
-    if not numbers or not set(ends) <= {"least", "most"}:
-        raise SceneError(f"search.where.'{name}': write {{ least = 0.9 }} or {{ most = ... }}, the name in quotes")
+    where = f"search.where.'{name}'"
+    if not isinstance(ends, Mapping) or not ends or not set(ends) <= {"least", "most"}:
+        raise SceneError(f"{where}: write {{ least = 0.9 }} or {{ most = ... }}, the name in quotes")
+    for key, end in ends.items():
+        if isinstance(end, bool) or not isinstance(end, int | float) or not math.isfinite(end):
+            raise SceneError(f"{where}.{key} = {end!r}: give a number without a unit, such as 0.9")
+        if is_part(name) and not 0.0 <= end <= 1.0:
+            raise SceneError(f"{where}.{key} = {end!r}: a share is from 0 to 1; write 0.9 for 90 %")
+    if ends.get("least", -math.inf) > ends.get("most", math.inf):
+        raise SceneError(f"{where}: least = {ends['least']!r} is above most = {ends['most']!r}; swap them")
     return QuantityLimit(name, ends.get("least"), ends.get("most"))
 
 
@@ -160,8 +188,8 @@ def _seconds(given: Any) -> float:
         raise SceneError("search.budget is missing: the time of one core that may be spent, such as '2 hour'")
     try:
         budget = quantity(given, "s", "2 hour") if isinstance(given, str) else float(given)
-    except (TypeError, ValueError) as problem:
+    except (TypeError, ValueError, OverflowError) as problem:
         raise SceneError(f"search.budget = {given!r}: {problem}") from None
-    if budget <= 0.0:
-        raise SceneError(f"search.budget = {given!r}: must be above 0")
+    if isinstance(given, bool) or not 0.0 < budget < math.inf:
+        raise SceneError(f"search.budget = {given!r}: give a time above 0 that ends, such as '2 hour'")
     return budget

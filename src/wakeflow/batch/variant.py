@@ -16,6 +16,7 @@ from ..pipeline.cache import Listener, null_listener
 from ..scene import Scene
 from ..scene.changes import differing, flat, folder_name, stem_name
 from ..scene.overrides import changes_of
+from ..scene.own_path import own_path
 from ..scene.schema import refuse_unknown
 from .axis import DIGITS, Axis, axes_of, axis_of_text, designs
 
@@ -57,7 +58,7 @@ class TaskFile:
         name = self.table.get("scene")
         if not isinstance(name, str):
             raise SceneError(f"{self.kind}.scene is missing: name the scene file to change, relative to this one")
-        return self.path.parent / name
+        return own_path(name, self.path.parent, f"{self.kind}.scene")
 
     def inside(self, key: str) -> JsonMapping:
         """The table ``key`` of the table; empty where there is none. Raises SceneError where it is something else."""
@@ -130,6 +131,8 @@ def variants(
     is no valid scene says so itself. Raises SceneError where the axes or the design are wrong.
     """
     axes = axes_of(over, "sweep") if isinstance(over, Mapping) else [axis_of_text(text) for text in over]
+    if seed < 0:
+        raise SceneError(f"seed = {seed}: give a whole number of at least 0")
     if not axes:
         raise SceneError("a sweep needs a key to change: --set KEY=a,b,c, or [sweep.over] in a file")
     keys = [key for axis in axes for key in axis.keys]

@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..answer.result import FILE, Request, Result
+from ..answer.result import FILE, Request, Result, key_in
 from ..core.errors import ProgramError, SceneError, WakeflowError
 from ..core.files import atomic_write, read_json, write_json
 from ..core.record import JsonMapping
@@ -46,7 +46,9 @@ class Job:
 
 
 def finished(folder: Path, stamp: str) -> Result | None:
-    """The result in a folder, where it was made for the same ``stamp``; None where it was not, or is not there."""
+    """The result in a folder, where it was made for the same ``stamp``; None where it was not, where another run has
+    replaced it, or where none is there.
+    """
     try:
         noted = read_json(folder / STAMP)
     except (FileNotFoundError, NotADirectoryError, SceneError):
@@ -54,9 +56,10 @@ def finished(folder: Path, stamp: str) -> Result | None:
     if not isinstance(noted, dict) or noted.get("stamp") != stamp:
         return None
     try:
-        return Result.load(folder)
+        found = Result.load(folder)
     except WakeflowError:  # removed by hand, or written by another version
         return None
+    return found if noted.get("key") == found.key else None
 
 
 def solve_airflow_of(job: Job) -> str:
@@ -72,7 +75,7 @@ def fly_scene(job: Job) -> str:
             return ""
         problem = _tried(job, until=None)
         if not problem:
-            write_json(job.folder / STAMP, {"stamp": job.stamp})
+            write_json(job.folder / STAMP, {"stamp": job.stamp, "key": key_in(job.folder)})
         return problem
 
 

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from io import TextIOWrapper
 from types import FrameType
+from typing import ClassVar
 
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
@@ -19,17 +20,39 @@ from . import batch, run, trays, view
 __all__ = ["app", "main"]
 
 INTERRUPTED = 130  # exit code, as a shell gives it for Ctrl-C
-ENDED = 128  # with the number of the signal added: that of a run which somebody ended
+
+
+AGAIN = 0.1  # s after which an interrupt that was lost comes again
 
 
 class _Ended(KeyboardInterrupt):
-    """A signal asked the program to end: it does what it does for Ctrl-C."""
+    """A signal asked the program to end. Lost before it came to :func:`main`, as in what C code calls back, it comes
+    again.
+    """
+
+    awaited: ClassVar[bool] = True
+
+    def __del__(self) -> None:
+        if self.awaited:
+            signal.setitimer(signal.ITIMER_REAL, AGAIN)
 
 
 def _end(number: int, frame: FrameType | None) -> None:
     del frame
-    signal.signal(number, signal.SIG_IGN)  # once: what is told to end has its time to
+    if number != signal.SIGINT:
+        signal.signal(number, signal.SIG_IGN)  # once: what is told to end has its time to
+    signal.signal(signal.SIGALRM, lambda *_: _raise(number))
+    sys.unraisablehook = _unraised
+    _raise(number)
+
+
+def _raise(number: int) -> None:
     raise _Ended(number)
+
+
+def _unraised(lost: sys.UnraisableHookArgs) -> None:
+    if not isinstance(lost.exc_value, _Ended):
+        sys.__unraisablehook__(lost)
 
 
 app = App(
@@ -69,8 +92,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (CycloptsError, WakeflowError, OSError, MemoryError, ImportError, RecursionError) as problem:
         return _told(problem, sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt as problem:
+        _Ended.awaited = False
         _complain("interrupted; what is finished is kept, the same command goes on")
-        return ENDED + problem.args[0] if isinstance(problem, _Ended) else INTERRUPTED
+        return 128 + problem.args[0] if isinstance(problem, _Ended) else INTERRUPTED  # as a shell gives it
     return code if isinstance(code, int) else 0
 
 
@@ -103,8 +127,8 @@ def _prepare() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) is signal.SIG_DFL:  # nohup ignores the second
+    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
+        if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):  # nohup ignores the second
             signal.signal(number, _end)
 
 

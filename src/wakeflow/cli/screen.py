@@ -9,14 +9,26 @@ from ..core.graded import Grade
 
 if TYPE_CHECKING:
     from rich.table import Table
+    from rich.text import Text
 
 
 MAX_WARNINGS = 3  # on screen; the rest is in the report
 
 
+def plain(words: str | Text, style: str = "") -> Text:
+    """Words as they are, whoever chose them: brackets are no markup, :smile: is no picture, control characters are as
+    Python writes them.
+    """
+    from rich.text import Text
+
+    if isinstance(words, Text):
+        return words
+    return Text("".join(one if one.isprintable() or one == "\n" else repr(one)[1:-1] for one in words), style)
+
+
 def screen_table(
     heads: Sequence[str],
-    rows: Iterable[Sequence[object] | None],
+    rows: Iterable[Sequence[str | Text] | None],
     title: str | None = None,
     caption: str | None = None,
     *,
@@ -30,16 +42,17 @@ def screen_table(
     from rich.table import Table
 
     table = Table(
-        title=title, title_justify="left", caption=caption, caption_justify="left", pad_edge=False,
-        collapse_padding=True, box=SIMPLE_HEAD,
+        title=title and plain(title, "table.title"), title_justify="left",
+        caption=caption and plain(caption, "table.caption"), caption_justify="left",
+        pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD,
     )  # fmt: skip
     for place, head in enumerate(heads):
-        table.add_column(head, justify="left" if place < left else "right", overflow="fold", no_wrap=whole)
+        table.add_column(plain(head), justify="left" if place < left else "right", overflow="fold", no_wrap=whole)
     for row in rows:
         if row is None:
             table.add_section()
         else:
-            table.add_row(*row)  # type: ignore[arg-type]  # words, or Text
+            table.add_row(*map(plain, row))
     return table
 
 
@@ -49,7 +62,7 @@ def print_lines(lines: Iterable[str], style: str | None = None) -> None:
 
     console = Console()
     for line in lines:
-        console.print(line, highlight=False, markup=False, soft_wrap=True, style=style)
+        console.print(plain(line), soft_wrap=True, style=style)
 
 
 def warn(warnings: Sequence[str], grades: Sequence[str], most: int = MAX_WARNINGS) -> None:
@@ -59,6 +72,6 @@ def warn(warnings: Sequence[str], grades: Sequence[str], most: int = MAX_WARNING
     console = Console()
     for line, grade in list(zip(warnings, grades, strict=True))[:most]:
         style = "bold red" if grade == Grade.VOID.value else "yellow" if grade == Grade.LESS_SURE.value else ""
-        console.print(f"! {grade}: {line}", highlight=False, markup=False, style=style)
+        console.print(plain(f"! {grade}: {line}"), style=style)
     if len(warnings) > most:
         console.print(f"! and {len(warnings) - most} more: report.html, or --json", highlight=False)

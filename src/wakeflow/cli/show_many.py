@@ -19,11 +19,12 @@ from ..report.many import input_words, main_quantities
 from ..report.sketch import UNITS
 from ..report.words import NO_VALUE, difference_text, part_text, percent
 from ..statistics.moves import InputMove, Remaining
-from .screen import print_lines, screen_table
+from .screen import plain, print_lines, screen_table
 from .show_result import measure_next
 
 if TYPE_CHECKING:
     from rich.table import Table
+    from rich.text import Text
 
 
 MAX_NAMED_SCENES = 5  # scenes that are named in a line
@@ -185,9 +186,8 @@ def _input_cell(value: object) -> str:
     return NO_VALUE if value is None else shorten(input_words(value), LONGEST_VALUE, placeholder=" ...")
 
 
-def _difference(one: Difference) -> str:
-    text = difference_text(one).replace("[", "\\[")
-    return f"[bold]{text}[/]" if one.clear else text
+def _difference(one: Difference) -> Text:
+    return plain(difference_text(one), "bold" if one.clear else "")
 
 
 def show_search(found: Search) -> None:

@@ -15,12 +15,13 @@ from ..planning.lifting import floor_notices, lifting_line
 from ..planning.machine_rates import on_this_machine
 from ..planning.plan import REPLICATES, replicate_size, whole_terms
 from ..report.machine_words import fall_words, motion_words, tilt_words
-from .screen import MAX_WARNINGS, screen_table, warn
+from .screen import MAX_WARNINGS, plain, screen_table, warn
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from rich.table import Table
+    from rich.text import Text
 
     from ..planning.plan import Plan
     from ..planning.stages import StageCost
@@ -182,7 +183,6 @@ def _parts(stages: Sequence[StageCost]) -> dict[str, float]:
 def show_whole_plan(plan: Plan) -> None:
     """Print what is used, the bound on every term for every fraction, what is left out, every stage, every warning."""
     from rich.console import Console
-    from rich.text import Text
 
     console = Console()
     for line in plan.used:
@@ -192,7 +192,7 @@ def show_whole_plan(plan: Plan) -> None:
     rows = []
     for (name, why), out in _grouped(plan.left_out).items():
         bounds = "\n".join("–" if row.bound is None else f"{row.bound:.2g}" for row in out)
-        rows.append([name, "\n".join(row.fraction or "all" for row in out), bounds, Text(why)])
+        rows.append([name, "\n".join(row.fraction or "all" for row in out), bounds, why])
     console.print(screen_table(["left out", "fraction", f"bound ({plan.unit})", "why"], rows, left=4))
     console.print(_stages_table(on_this_machine(plan, cache_root())[0]))
     warn(plan.warnings, [notice.grade.value for notice in plan.notices], most=len(plan.notices))
@@ -227,10 +227,12 @@ def _bounds_table(plan: Plan) -> Table:
     """Terms by fractions: what each could move, in body widths; a star where it is computed."""
     terms = list(next(iter(plan.fractions.values())).bounds)
     whole = whole_terms(plan.airflow, plan.crowd)
-    rows: list[list[str] | None] = []
+    rows: list[Sequence[str | Text] | None] = []
     for term in terms:
         cells = [
-            f"[bold]* {how.bounds[term]:.2g}[/]" if term in how.forces or term in whole else f"{how.bounds[term]:.2g}"
+            plain(f"* {how.bounds[term]:.2g}", "bold")
+            if term in how.forces or term in whole
+            else plain(f"{how.bounds[term]:.2g}")
             for how in plan.fractions.values()
         ]
         rows.append([term, *cells])

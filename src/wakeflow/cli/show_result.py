@@ -61,7 +61,7 @@ def show_result(result: Result) -> None:
         for line in (*result.refinement.unmet, *result.refinement.measure):
             console.print(f"• {line}", highlight=False, markup=False)
     warn(result.warnings, result.grades)
-    console.print(f"results: {result.folder}", highlight=False, soft_wrap=True)
+    print_lines([f"results: {result.folder}"])
     if result.landings is not None:  # the answer last: it is what stays in sight
         if result.landings.without_collisions is not None:
             console.print(alone_table(result.landings.separation, result.landings.without_collisions))

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from ..core.quantities import duration
 from ..core.store import KeptStage
 from ..laws.material import Material, default_margins
-from .screen import screen_table
+from .screen import plain, screen_table
 
 NONE = "–"
 MAX_ROWS = 50  # of the cache
@@ -42,12 +42,11 @@ def show_material(name: str, one: Material) -> None:
     """Print every value of a material, how well a lot's mean is taken to be known, how far to trust it, its source."""
     from rich.console import Console
     from rich.padding import Padding
-    from rich.text import Text
 
     console = Console()
     for told, source in _values(name, one):
-        console.print(told, highlight=False, markup=False, style="bold")
-        console.print(Padding(Text(source), (0, 0, 0, 4)))
+        console.print(plain(told), style="bold")
+        console.print(Padding(plain(source), (0, 0, 0, 4)))
 
 
 def _values(name: str, one: Material) -> Iterator[tuple[str, str]]:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from ..core.errors import SceneError
 from ..scene.overrides import share_of
 from .options import GATE, Folder, Gate, Quiet, Settings, Threads, scene_and_folder
 
@@ -88,6 +89,8 @@ def protocol(
     from .show_trays import show_protocol
 
     if scene.is_dir():
+        if settings or gate != GATE:
+            raise SceneError("a finished run has its numbers, rung and terms; give its scene file to change them")
         made = protocol_of(Result.load(scene), of, kernels, out)
         if not quiet:
             show_protocol(made)
@@ -112,11 +115,17 @@ def beside_trays(run_folder: Path, file: Path, out: Path | None) -> None:
     found = agreement_in(Result.load(run_folder), Measured.of(read_trays(file)))
     show_agreement(found)
     if out is not None:
+        from ..core import sums
+        from ..core.files import made_folder
+        from ..report.canvas import saved
         from ..report.figures.measured import draw_measured
 
-        found.cells().write_csv(out / "agreement.csv")
-        draw_measured(out / "measured.png", found)
-        print(f"{out / 'agreement.csv'}\n{out / 'measured.png'}")
+        table, figure = out / "agreement.csv", out / "measured.png"
+        sums.refuse_foreign(made_folder(out), [table, *saved(figure)])
+        with sums.writing(out, lambda: [table, *saved(figure)]):
+            found.cells().write_csv(table)
+            draw_measured(figure, found)
+        print(f"{table}\n{figure}")
 
 
 COMMANDS = (calibrate, protocol)

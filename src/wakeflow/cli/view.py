@@ -73,7 +73,14 @@ def plan(
     else:
         show_plan(made, asked, units_written(scene))
     if picture is not None or not as_json:
-        _draw(picture or folder.with_name(f"{folder.name}-plan.png"), asked, scene, told=not as_json, show=show)
+        _draw(picture or _next_to(folder, "-plan.png"), asked, scene, told=not as_json, show=show)
+
+
+def _next_to(path: Path, ending: str) -> Path:
+    """A file beside a scene or a folder, named after it."""
+    named = path.resolve() if path.name in ("", "..") else path
+    name = named.stem if named.suffix == ".toml" else named.name
+    return named.parent / f"{name or 'scene'}{ending}"
 
 
 def open_(
@@ -125,7 +132,7 @@ def view(what: Path, *, picture: Picture = None, settings: Settings = ()) -> Non
     run = what if what.is_dir() else None
     scene = Scene.parse(dict(Result.load(what).scene)) if run else Scene.load(what, changes_of(settings))
     screen = any(os.environ.get(name) for name in DISPLAYS)
-    path = picture or (None if screen else what.with_name(f"{what.stem}-view.png"))
+    path = picture or (None if screen else _next_to(what, "-view.png"))
     if path is not None and picture is None:
         print(f"no screen for a window (neither DISPLAY nor WAYLAND_DISPLAY is set); drawn instead: {path}")
     look(scene, run, path)

@@ -83,7 +83,8 @@ class Workers(Executor):
         self._over = True
         for child in list(self._alive):
             if child.poll() is None:
-                os.killpg(child.pid, signal.SIGTERM)
+                with suppress(ProcessLookupError):  # it has ended by itself since
+                    os.killpg(child.pid, signal.SIGTERM)
         self.shutdown(cancel_futures=True)
 
     def __exit__(

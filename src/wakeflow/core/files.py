@@ -34,9 +34,11 @@ def path_of(given: Path | str, name: str) -> Path:
 
 
 def made_folder(folder: Path) -> Path:
-    """The folder for results, made where it is not there. Raises SceneError where it cannot be, and where a folder in
-    it is a link: what it leads to is not the program's.
+    """The folder for results, made where it is not there. Raises SceneError where it cannot be, where its name is not
+    UTF-8 (VTK takes no other), and where a folder in it is a link: what it leads to is not the program's.
     """
+    if os.fsencode(folder) != str(folder).encode(errors="replace"):
+        raise SceneError(f"--out {folder}: its name is not UTF-8; choose another --out")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         linked = sorted(path for path in folder.iterdir() if path.is_symlink() and path.is_dir())
@@ -51,13 +53,16 @@ def made_folder(folder: Path) -> Path:
 
 @contextmanager
 def atomic_write(path: Path | str, mode: str = "w") -> Iterator[IO[Any]]:
-    """Open a temporary neighbour of ``path`` for writing; it takes the name ``path`` only when all went well."""
+    """Open a temporary neighbour of ``path`` for writing; it takes the name ``path`` only when all went well. Text is
+    UTF-8, with a ? for what none of it can say, as a byte of a file's name.
+    """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_name(f".{path.name[:SHORTENED]}.{secrets.token_hex(4)}.tmp")
     handle = os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o666)  # less the user's umask
     try:
-        with os.fdopen(handle, mode, encoding=None if "b" in mode else "utf-8") as stream:
+        coding = (None, None) if "b" in mode else ("utf-8", "replace")
+        with os.fdopen(handle, mode, encoding=coding[0], errors=coding[1]) as stream:
             yield stream
             stream.flush()
             os.fsync(stream.fileno())

@@ -93,6 +93,7 @@ def _ends_with(event: threading.Event) -> Iterator[None]:
 
 # -- The only module that starts outside programs ----------------------------------------------------------------------
 POLL = 0.05  # s between looks at the log
+INNER = 2  # folders that a stage's programs work in below its own: part/case/span
 ORPHANED = 60.0  # s that a program may take to end after the run that started it was killed
 STARTED = 'test "$PPID" = "$0" && exec "$@"'  # unless the run ended before it could be noted whose end to follow
 MAX_LINE = 1 << 20  # bytes of a line of a log; what is longer is none, and only its end is kept
@@ -211,32 +212,43 @@ def start_in_group(
 
 
 def wait_for_orphans(folder: Path) -> None:
-    """Wait until no program works in ``folder`` or in one in it that a killed run started: on a busy machine it writes
-    on for a moment after the run. Raises ProgramError where one lives on.
+    """Wait until no program works in ``folder`` that a killed run started: on a busy machine it writes on for a moment
+    after the run. Raises ProgramError where one lives on.
     """
     deadline = time.monotonic() + ORPHANED
-    for place in (folder, *(path for path in folder.iterdir() if path.is_dir())):
-        held = os.open(place, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            while not _locked(held):
-                check_cancelled()
-                if time.monotonic() > deadline:
-                    raise ProgramError(f"a program of a killed run still works in {place}; end it and start again")
-                time.sleep(POLL)
-        finally:
-            os.close(held)
+    while is_worked_in(folder):
+        check_cancelled()
+        if time.monotonic() > deadline:
+            raise ProgramError(f"a program of a killed run still works in {folder}; end it and start again")
+        time.sleep(POLL)
 
 
-def _locked(held: int) -> bool:
-    """Whether the open folder could be locked alone, for a moment; true of one on a file system without locks."""
+def is_worked_in(folder: Path) -> bool:
+    """Whether a program that :func:`start_in_group` started works in ``folder``, or in one in it up to ``INNER`` deep;
+    links are not followed. False on a file system without locks.
+    """
+    for place, inner, _ in os.walk(folder):  # passes over what is removed meanwhile
+        if len(Path(place).relative_to(folder).parts) == INNER:
+            inner.clear()
+        if _is_locked(place):
+            return True
+    return False
+
+
+def _is_locked(place: str) -> bool:
+    """Whether the folder cannot be locked alone, for a moment."""
+    try:
+        held = os.open(place, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    except OSError:  # removed meanwhile
+        return False
     try:
         fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
         fcntl.flock(held, fcntl.LOCK_UN)
-    except BlockingIOError:
-        return False
-    except OSError:
-        pass
-    return True
+    except OSError as problem:  # any other: a file system without locks
+        return isinstance(problem, BlockingIOError)
+    finally:
+        os.close(held)
+    return False
 
 
 def _follow(

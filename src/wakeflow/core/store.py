@@ -12,15 +12,19 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .errors import SceneError
 from .files import atomic_write, read_json, write_json
-from .process import wait_for_orphans
+from .process import check_cancelled, is_worked_in, wait_for_orphans
+
+if TYPE_CHECKING:
+    from filelock import BaseFileLock
 
 # -- The cache of finished stages --------------------------------------------------------------------------------------
 MANIFEST = "manifest.json"
 DIGEST = re.compile(r"[0-9a-f]{64}")
+PATIENCE = 0.5  # s of waiting for another process between looks at whether this one's work is still wanted
 
 
 def cache_root() -> Path:
@@ -146,20 +150,36 @@ def cache_in_use(root: Path, *, alone: bool = False) -> Iterator[bool]:
     that is so; the block runs either way.
     """
     root.mkdir(parents=True, exist_ok=True)
-    try:
-        handle = os.open(root / USERS, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-    except OSError:  # a cache that others own and share for reading alone
+    handle = _opened(root / USERS, alone)
+    if handle is None:
         yield not alone
         return
     try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB if alone else fcntl.LOCK_SH)
-        except BlockingIOError:
-            yield False
-            return
-        yield True
+        yield _used(handle, alone)
     finally:
         os.close(handle)
+
+
+def _opened(users: Path, alone: bool) -> int | None:
+    """The file that is locked, open; for reading where others own the cache and share it for reading alone: their
+    cleaning waits for us too. None where that cannot be, and where we would clean what is theirs.
+    """
+    ways = [os.O_RDWR | os.O_CREAT] if alone else [os.O_RDWR | os.O_CREAT, os.O_RDONLY]
+    for way in ways:
+        with suppress(OSError):
+            return os.open(users, way | os.O_CLOEXEC, 0o666)
+    return None
+
+
+def _used(handle: int, alone: bool) -> bool:
+    """Lock the open file; whether nobody else removes stages now, or ``alone``: uses them."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB if alone else fcntl.LOCK_SH)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks: nobody knows who else reads
+        return not alone
+    return True
 
 
 @dataclass(frozen=True)
@@ -191,11 +211,13 @@ class Store:
         except Timeout:
             if on_wait is not None:
                 on_wait()
-            lock.acquire()
+            _wait_for(lock)
         try:
             if self._whole(final):  # another process finished it while this one waited
                 return final, True
             _remove(final)
+            if part.is_symlink() or not part.is_dir():  # what a link leads to is not the cache's
+                _remove(part)
             part.mkdir(exist_ok=True)
             wait_for_orphans(part)
             work(part)
@@ -219,12 +241,23 @@ class Store:
             return False
 
 
+def _wait_for(lock: BaseFileLock) -> None:
+    """Take the lock as soon as the other process lets go of it; ends with this thread's work."""
+    from filelock import Timeout
+
+    while True:
+        check_cancelled()
+        with suppress(Timeout):
+            lock.acquire(timeout=PATIENCE)
+            return
+
+
 def _remove(folder: Path) -> None:
     """Remove what is at the place of a stage's folder, a link itself and not what it leads to."""
-    if folder.is_symlink() or folder.is_file():
-        folder.unlink()
-    elif folder.exists():
+    if folder.is_dir() and not folder.is_symlink():
         shutil.rmtree(folder)
+    else:
+        folder.unlink(missing_ok=True)
 
 
 def _members(folder: Path) -> list[str]:
@@ -301,7 +334,7 @@ def oldest_beyond(stages: Sequence[KeptStage], keep: float) -> list[KeptStage]:
 
 def remove_stages(root: Path, stages: Sequence[KeptStage]) -> list[KeptStage]:
     """Remove stages of the cache's ``root``; those that were removed. One that a process works on at this moment stays,
-    and while a run reads the cache every finished one.
+    a killed run's solver too, and while a run reads the cache every finished one.
     """
     from filelock import FileLock, Timeout
 
@@ -314,6 +347,8 @@ def remove_stages(root: Path, stages: Sequence[KeptStage]) -> list[KeptStage]:
                 continue
             try:
                 with FileLock(one.folder.with_name(f"{one.folder.name.removesuffix('.part')}.lock"), timeout=0):
+                    if is_worked_in(one.folder):
+                        continue
                     _remove(one.folder)
             except Timeout:
                 continue

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import SceneError
-from ..core.files import atomic_write, toml_of
+from ..core.files import atomic_write, read_whole, toml_of
 from ..core.record import JsonTable
 from ..scene import Scene
 from ..scene.doubts import doubts
@@ -209,7 +209,7 @@ def merged(base: str, mine: str, theirs: str) -> str | None:
 
 def _read(path: Path) -> str:
     try:
-        return path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
+        return read_whole(path).decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError:
         raise SceneError(f"{path}: not UTF-8; save it as UTF-8 in your editor") from None
     except OSError as problem:

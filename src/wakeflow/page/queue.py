@@ -139,7 +139,10 @@ class RunQueue:
     def _work(self) -> None:
         while (one := self._next()) is not None:
             self._changed()
-            state, told = self._compute(one)
+            try:
+                state, told = self._compute(one)
+            except (OSError, ValueError) as problem:  # as of a full /tmp: the next run may go better
+                state, told = FAILED, str(problem)
             with self._wake:
                 self._stop.discard(one.number)
                 one.state, one.told = state, told

@@ -51,7 +51,7 @@ class Page:
     """A session that is served: its open pages hear what changes; it ends when none is left and nothing is computed."""
 
     def __init__(self, what: Path | None, lines: Lines, *, runs: Path | None = None) -> None:
-        self.token = secrets.token_urlsafe(24)
+        self.token, self.once = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
         self.loop = asyncio.get_running_loop()
         self.ended = asyncio.Event()
         self.pages: set[asyncio.Queue[str]] = set()
@@ -65,11 +65,15 @@ class Page:
         """Where the page is, with its token."""
         return f"http://{ADDRESS}:{self.port}/{self.token}/"
 
+    @property
+    def first_address(self) -> str:
+        """What leads to the page once: a browser's command line, with the address in it, is seen by all users."""
+        return f"http://{ADDRESS}:{self.port}/once/{self.once}"
+
     def listen(self, port: int | None) -> None:
         """Take a ``port``, or the first free one. Raises SceneError where there is none."""
-        application = Application(
-            [(r"/([^/]*)/(.*)", _Handler, {"page": self}), (r".*", _Nothing, {"page": self})], log_function=_log
-        )
+        routes = {r"/once/(.*)": _Once, r"/([^/]*)/(.*)": _Handler, r".*": _Nothing}
+        application = Application([(path, kind, {"page": self}) for path, kind in routes.items()], log_function=_log)
         for tried in [port] if port is not None else range(PORT, PORT + PORTS):
             try:
                 sockets = bind_sockets(tried, ADDRESS)
@@ -145,6 +149,13 @@ class _Guarded(RequestHandler):
         }.items():  # fmt: skip
             self.set_header(name, value)
 
+    def check_host(self) -> str:
+        """The host that is asked for, this machine. Raises HTTPError for another."""
+        host: str = self.request.headers.get("Host", "")
+        if host not in (f"{ADDRESS}:{self.page.port}", f"localhost:{self.page.port}"):
+            raise HTTPError(403)
+        return host
+
     def write_error(self, status_code: int, **_: Any) -> None:
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         told = {403: "Open the address that wakeflow open has printed.\n", 404: "There is nothing here.\n"}
@@ -162,13 +173,22 @@ class _Nothing(_Guarded):
         raise HTTPError(403)
 
 
+class _Once(_Guarded):
+    """The way of the browser that is started to the page."""
+
+    def get(self, code: str) -> None:
+        self.check_host()
+        if not self.page.once or not hmac.compare_digest(code.encode(), self.page.once.encode()):
+            raise HTTPError(403)
+        self.page.once = ""
+        self.redirect(f"/{self.page.token}/")
+
+
 class _Handler(_Guarded):
     """The page, its files, what it hears and what it asks for."""
 
     def prepare(self) -> None:
-        port, host = self.page.port, self.request.headers.get("Host", "")
-        if host not in (f"{ADDRESS}:{port}", f"localhost:{port}"):
-            raise HTTPError(403)
+        host = self.check_host()
         if not hmac.compare_digest(self.path_args[0].encode(), self.page.token.encode()):
             raise HTTPError(403)
         if self.request.method not in ("GET", "POST"):
@@ -269,9 +289,9 @@ async def _serve(
     except SceneError:
         page.session.close()
         raise
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         page.loop.add_signal_handler(number, page.ended.set)
     ready(page.address)
     if browser:
-        await page.loop.run_in_executor(None, webbrowser.open, page.address)
+        await page.loop.run_in_executor(None, webbrowser.open, page.first_address)
     await page.serve()

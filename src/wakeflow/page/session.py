@@ -45,10 +45,10 @@ class Session:
         self._lines, self._say = lines, say
         self._drawing = threading.Lock()  # matplotlib's fonts are everyone's
         self._landings: dict[Path, StoredLandings] = {}
-        self._compared = Path(tempfile.mkdtemp(prefix="wakeflow-page-"))
-        self.queue = RunQueue(self._queue_changed)
         self.shown: str | None = None  # the run that the page was opened for
         self.document = self._first(what)
+        self._compared = Path(tempfile.mkdtemp(prefix="wakeflow-page-"))
+        self.queue = RunQueue(self._queue_changed)
         self._drawn: dict[str, object] = {}
         self._held: Scene | None = None  # what is dragged is dragged from there
 
@@ -61,6 +61,8 @@ class Session:
         """The scene that is opened: a file, that of a run, the only one of a folder, or one to start from."""
         if what is None:
             return _template("rhombus")
+        if what.name in ("", ".."):
+            what = what.resolve()  # it needs a name
         if (what / FILE).is_file():
             self.runs, self.shown = what.parent, what.name
             return self._of_run(what)

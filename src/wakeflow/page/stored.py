@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,9 +11,11 @@ from pathlib import Path
 from ..answer.result import FILE
 from ..batch.compute import WIDE
 from ..core.errors import SceneError
+from ..core.files import read_whole
 
 DEEP = 3  # folders below the first that are looked into
 MOST = 300  # of a kind that are listed
+LARGEST = 100_000_000  # bytes of a sweep's table
 HIDDEN = (".", "_")
 
 
@@ -24,7 +27,8 @@ def listing(root: Path, scenes: Path) -> dict[str, object]:
             runs.append(_row(root, folder, FILE))
         if WIDE in files:
             sweeps.append(_row(root, folder, WIDE))
-    found = [_row(scenes, path, "") for path in sorted(scenes.glob("*.toml"))]
+    own = [path for path in sorted(scenes.glob("*.toml")) if not path.name.startswith(".") and path.is_file()]
+    found = [_row(scenes, path, "") for path in own]
     return {"scenes": found[:MOST], "runs": _newest(runs), "sweeps": _newest(sweeps)}
 
 
@@ -43,10 +47,12 @@ def points_of(folder: Path) -> dict[str, object]:
     """
     file = folder / WIDE
     try:
-        with file.open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.DictReader(stream))
-    except (OSError, csv.Error) as problem:
+        rows = list(csv.DictReader(io.StringIO(read_whole(file, LARGEST).decode(), newline="")))
+        runs = [(folder / row["scene"] / FILE).exists() for row in rows]
+    except (OSError, UnicodeDecodeError, csv.Error) as problem:
         raise SceneError(f"{file} cannot be read: {problem}") from None
+    except (KeyError, TypeError):  # other heads, a row that ends before its scene
+        raise SceneError(f"{file} is no table of a sweep; the sweep's command writes it anew") from None
     heads = list(rows[0]) if rows else []
     numbers = [head for head in heads if f"{head}.low" in heads]
     first = next((heads.index(one) for one in numbers), len(heads))
@@ -54,7 +60,7 @@ def points_of(folder: Path) -> dict[str, object]:
     return {
         "inputs": inputs,
         "numbers": numbers,
-        "rows": [row | {"run": (folder / row["scene"] / FILE).exists()} for row in rows],
+        "rows": [row | {"run": run} for row, run in zip(rows, runs, strict=True)],
     }
 
 

@@ -7,6 +7,7 @@ computes it and the versions of outside programs; a change of anything else answ
 from __future__ import annotations
 
 import json
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +15,8 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from ..core.files import write_json
+from ..core.errors import SceneError
+from ..core.files import read_json, write_json
 from ..core.process import check_cancelled
 from ..core.record import column
 from ..core.sources import code_key
@@ -85,7 +87,7 @@ class StageCache:
 
         def timed(part: Path) -> None:
             spent, started = part / SECONDS, time.monotonic()
-            before = json.loads(spent.read_text()) if spent.exists() else 0.0
+            before = _spent_before(spent)
             try:
                 work(part)
             finally:  # an interrupted stage goes on later; its time counts
@@ -100,3 +102,12 @@ class StageCache:
         self.seconds[name] = StageTime(seconds, cached and not computed_before)
         self.tell(stage, f"done ({'from the cache' if cached else f'{seconds:.1f} s'})")
         return folder
+
+
+def _spent_before(noted: Path) -> float:
+    """What an interrupted stage took so far (s); 0 where nobody noted it, or a damaged disk did."""
+    try:
+        found = read_json(noted)
+    except (OSError, SceneError):
+        return 0.0
+    return float(found) if isinstance(found, int | float) and 0.0 <= found <= sys.float_info.max else 0.0

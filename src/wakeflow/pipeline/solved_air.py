@@ -13,6 +13,7 @@ from ..core.files import atomic_write, case_template
 from ..core.geometry import ForceDensity
 from ..core.lazy import cached_property
 from ..core.record import load
+from ..core.sources import PACKAGE
 from ..core.store import content_key, digest_files
 from ..meshing.spec import MeshReport
 from ..planning.airflow import SHEDDING_ABOVE
@@ -33,12 +34,12 @@ class SolvedAir(CaseAir):
 
     @cached_property
     def mesh(self) -> tuple[str, Path]:
-        """Key and folder (mesh.msh, mesh.vtu, mesh.json); a folder ``meshes`` here gets the .msh as <key>.msh too."""
+        """Key and folder (mesh.msh, mesh.vtu, mesh.json); in a checkout its folder ``meshes`` gets <key>.msh too."""
         from ..meshing import build_mesh
 
         key = content_key("mesh", repr(self.mesh_spec), code_of("mesh"), version_of("gmsh"))
         folder = self.cache.make("mesh", key, lambda part: build_mesh(self.mesh_spec, part))
-        _publish(folder / "mesh.msh", Path("meshes"), key)
+        _publish(folder / "mesh.msh", key)
         return key, folder
 
     @property
@@ -155,9 +156,12 @@ class TimeResolvedAir(SolvedAir):
         return made, self.wakes.blended(theta, strength)
 
 
-def _publish(file: Path, folder: Path, key: str) -> None:
-    """Show a cached mesh under its key in the project's own ``meshes`` folder, where there is one."""
+def _publish(file: Path, key: str) -> None:
+    """Show a cached mesh under its key in the folder ``meshes`` of this program's checkout, where that is the current
+    folder; one of that name anywhere else is not the program's.
+    """
+    folder = Path("meshes").absolute()
     target = folder / f"{key}.msh"
-    if folder.is_dir() and not target.exists():
+    if folder == PACKAGE.parent.parent / "meshes" and folder.is_dir() and not target.exists():
         with atomic_write(target, "wb") as stream:
             stream.write(file.read_bytes())

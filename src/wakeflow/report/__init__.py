@@ -5,7 +5,6 @@ The only package that imports pyvista, matplotlib and jinja2, each inside the fu
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +20,7 @@ __all__ = [
     "Outcome",
     "clear_report",
     "draw_discharge",
+    "films",
     "is_whole",
     "pictures_of",
     "report_files",
@@ -85,23 +85,28 @@ def is_whole(folder: Path, names: Iterable[str] = ()) -> bool:
 
 
 def report_files(folder: Path) -> list[Path]:
-    """What is in ``folder`` of all that a report replaces there: files, and folders of its own."""
+    """What is in ``folder`` of all that a report replaces there."""
     from . import vtk
     from .figures import figure_files
 
-    own = (folder / name for name in (*LASTING, *AT_TIMES, *vtk.FILES, *vtk.FOLDERS))
-    return [*(path for path in own if path.exists()), *figure_files(folder / "figures")]
+    own = (folder / name for name in (*LASTING, *AT_TIMES, *vtk.FILES))
+    return [*(path for path in own if path.exists()), *vtk.pieces(folder), *figure_files(folder / "figures")]
+
+
+def films(folder: Path) -> list[Path]:
+    """Where a film of a run may be in its ``folder``."""
+    from .film import FORMATS
+
+    return [folder / "figures" / f"film.{suffix}" for suffix in FORMATS]
 
 
 def clear_report(folder: Path, *, film: bool = True) -> None:
     """Remove what an earlier report left here, so that nothing of another scene is next to the new one; without
     ``film`` the one that was made of the same answer stays.
     """
-    from . import pictures
-    from .film import FORMATS
+    from . import pictures, vtk
 
-    for path in report_files(folder):
-        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-    for suffix in FORMATS if film else ():
-        (folder / "figures" / f"film.{suffix}").unlink(missing_ok=True)
+    for path in (*report_files(folder), *(films(folder) if film else ())):
+        path.unlink(missing_ok=True)
+    vtk.clear_pieces(folder)
     pictures.clear_pictures(folder / "figures")

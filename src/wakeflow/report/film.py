@@ -187,14 +187,19 @@ def film_in(folder: Path) -> Path | None:
 
 
 def film_section(film: Path | None) -> str:
-    """The section of the page between its marks, empty without a film; one that is too large is named, not shown."""
+    """The section of the page between its marks, empty without a film; one that is too large, or damaged, is named, not
+    shown.
+    """
     from .html.template import page_template
 
     if film is None:
         return f"{BEGIN}{END}"
     size = film.stat().st_size
     data = None if size > ON_PAGE else base64.b64encode(film.read_bytes()).decode("ascii")
-    still = base64.b64encode(still_of(film)).decode("ascii")
+    try:
+        still = base64.b64encode(still_of(film)).decode("ascii")
+    except (OSError, ValueError, RuntimeError, ImportError):  # cut short; no program that reads it
+        data = still = None
     section = page_template("film.html.j2").render(film=film, size=size, data=data, still=still)
     return f"{BEGIN}{section}{END}"
 
@@ -225,7 +230,8 @@ def show_film(folder: Path, film: Path) -> None:
     page = folder / "report.html"
     if not page.exists():
         return
-    text = page.read_text(encoding="utf-8")
+    text = page.read_text(encoding="utf-8", errors="surrogateescape")
     section = film_section(film)
-    with atomic_write(page) as stream:
-        stream.write(re.sub(f"{BEGIN}.*?{END}", lambda _: section, text, count=1, flags=re.DOTALL))
+    shown = re.sub(f"{BEGIN}.*?{END}", lambda _: section, text, count=1, flags=re.DOTALL)
+    with atomic_write(page, "wb") as stream:
+        stream.write(shown.encode(errors="surrogateescape"))

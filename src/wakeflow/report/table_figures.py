@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from ..answer.result import VOID
@@ -18,33 +20,33 @@ OF_TABLE = re.compile(r"figures/((lines|map)-.*|trade-off)\.[a-z]+")  # the figu
 def draw_table_figures(folder: Path, table: ResultTable) -> list[Path]:
     """Draw what suits the inputs of a table into figures/ of its ``folder``: a figure of lines for each, a map for each
     two that form a grid, and purity against recovery. Returns the files; those of an earlier table are removed, and
-    nothing else: SHA256SUMS says which they are.
+    nothing else: SHA256SUMS says which they are. Raises SceneError where one of others would be replaced.
     """
+    drawn = _figures(folder / "figures", of_worth(table))
+    sums.refuse_foreign(folder, [file for png in drawn for file in saved(png)])
     for name in sums.listed(folder):
         if OF_TABLE.fullmatch(name):
             (folder / name).unlink(missing_ok=True)
-    files = _drawn(folder / "figures", table)
-    sums.note(folder, [file for png in files for file in saved(png)])
-    return files
+    for png, draw in drawn.items():
+        draw(png)
+    sums.note(folder, [file for png in drawn for file in saved(png)])
+    return list(drawn)
 
 
-def _drawn(folder: Path, table: ResultTable) -> list[Path]:
-    table = of_worth(table)
+def _figures(folder: Path, table: ResultTable) -> dict[Path, Callable[[Path], None]]:
+    """What draws each figure, by its file."""
     names, keys = main_quantities(table), numeric_inputs(table)
-    files: list[Path] = []
     if not names or not table.done:
-        return files
-    for key in keys:
-        files.append(folder / f"lines-{key}.png")
-        draw_lines(files[-1], table, names, key)
+        return {}
+    found: dict[Path, Callable[[Path], None]] = {
+        folder / f"lines-{key}.png": partial(draw_lines, table=table, names=names, key=key) for key in keys
+    }
     for x, y in itertools.combinations(keys, 2):
         if grid_of(table, x, y) is not None:
-            files.append(folder / f"map-{x}-{y}.png")
-            draw_map(files[-1], table, names, x, y)
+            found[folder / f"map-{x}-{y}.png"] = partial(draw_map, table=table, names=names, x=x, y=y)
     if any(pairs_of(table)):
-        files.append(folder / "trade-off.png")
-        draw_trade_off(files[-1], table)
-    return files
+        found[folder / "trade-off.png"] = partial(draw_trade_off, table=table)
+    return found
 
 
 def of_worth(table: ResultTable) -> ResultTable:

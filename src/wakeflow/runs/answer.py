@@ -20,6 +20,7 @@ from ..budget.mesh import airflow_on_grids
 from ..budget.model import MODEL
 from ..budget.source import Flights
 from ..budget.total import totalled
+from ..core import sums
 from ..core.graded import gravest_first
 from ..core.process import background, cores
 from ..core.tables import save_arrays
@@ -31,7 +32,7 @@ from ..scene import Scene
 from ..statistics.inputs import Inputs, inputs_of
 from ..statistics.partition import partition_curves
 from ..statistics.separation import separate
-from .folder import answer_key, field_files, report_into, some_granules, versions
+from .folder import answer_key, field_files, report_into, some_granules, versions, written_files
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Landings, Tracked
@@ -89,8 +90,13 @@ class OneRun:
             refinement=self.refinement,
             folder=self.folder,
         )
-        result = self._drawn(result, tracked, None if flown is None else flown.landings)
-        result.save()
+        return self._written(result, tracked, None if flown is None else flown.landings)
+
+    def _written(self, result: Result, tracked: Tracked | None, answer: Mapping[str, Landings] | None) -> Result:
+        """The result with its pictures, its folder written."""
+        with sums.writing(self.folder, partial(written_files, self.folder)):
+            result = self._drawn(result, tracked, answer)
+            result.save()
         return result
 
     def _ahead(self) -> list[Callable[[], object]]:

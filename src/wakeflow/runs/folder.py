@@ -60,21 +60,23 @@ def _sources() -> str:
 
 
 # -- What a run leaves in its folder next to result.json ---------------------------------------------------------------
-LOCK = ".lock"  # is in every folder that a run was begun in
+LOCK = ".lock"  # held by the run that writes
 
 
 def refuse_foreign(folder: Path) -> None:
-    """Raise SceneError where a run in ``folder`` would replace files that no run wrote."""
-    if not (folder / LOCK).exists() and key_in(folder) is None:
+    """Raise SceneError where a run in ``folder`` would replace files that no run wrote; a result of an earlier version
+    has no list of them.
+    """
+    if (folder / sums.SUMS).exists() or key_in(folder) is None:
         sums.refuse_foreign(folder, written_files(folder))
 
 
 def written_files(folder: Path) -> list[Path]:
-    """What is in ``folder`` of all that a run leaves there: files, and folders of its own."""
-    from ..report import pictures_of, report_files
+    """What is in ``folder`` of all that a run leaves or removes there."""
+    from ..report import films, pictures_of, report_files
 
     drawn = (folder / "figures" / file for picture in pictures_of(folder).values() for file in picture.files)
-    own = [folder / FILE, folder / GRANULES, folder / "figures" / "pictures.json", *drawn]
+    own = [folder / FILE, folder / GRANULES, folder / "figures" / "pictures.json", *drawn, *films(folder)]
     return [*report_files(folder), *(path for path in own if path.exists())]
 
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from ..answer.provenance import Refinement
 from ..answer.result import Request, Result
-from ..core import sums
 from ..core.errors import SceneError
 from ..core.files import made_folder, path_of, remove_drafts
 from ..core.process import check_workers
@@ -22,7 +21,7 @@ from ..scene.changes import stem_name
 from ..scene.whole import States
 from .answer import OneRun
 from .effort import affordable
-from .folder import LOCK, refuse_foreign, written_files
+from .folder import LOCK, refuse_foreign
 from .progress import as_listener, ignore
 from .refine import refined
 from .stages import one_thread_of_blas, stages_of
@@ -110,7 +109,6 @@ def run_once(
             remove_drafts(folder / "figures")
             pipeline, poured = stages_of(scene, request, workers, listener, planned, made)
             result = OneRun(scene, pipeline, poured, folder, request, redraw, report, refinement, pdf).result()
-            sums.note(folder, written_files(folder))
             if workers is None and request.near is None:  # all cores, from rest: as the plan expects it
                 spent = {stage: one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
                 learn(pipeline.store.root, pipeline.plan.stages, spent)

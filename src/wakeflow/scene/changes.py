@@ -82,7 +82,7 @@ def stem_name(stem: str) -> str:
 def _text(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
-    text = re.sub(r"\s*%", "pct", value if isinstance(value, str) else json.dumps(value))
+    text = re.sub(r"\s*%", "pct", value if isinstance(value, str) else json.dumps(value, default=str))
     return re.sub(r"[^A-Za-z0-9.,_-]+", "-", text).strip("-")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ import numpy as np
 from ..core.errors import SceneError
 from ..core.files import read_whole
 from ..core.quantities import quantity
+from .own_path import own_path
 from .table import Array
 
 if TYPE_CHECKING:
@@ -32,10 +34,11 @@ def read_outline(file: str, base: Path, unit: object = None) -> list[list[float]
     Raises SceneError, one line, where the file is no drawing, has no unit, or more or less than one closed outline.
     """
     say = f"outline = {file!r}"
+    path = own_path(file, base, "outline")
     try:
-        text = read_whole(base / Path(file).expanduser()).decode("latin-1")  # names of layers do not count
+        text = read_whole(path).decode("latin-1")  # names of layers do not count
     except OSError as problem:
-        raise SceneError(f"{say}: {problem.strerror}: {base / file}") from None
+        raise SceneError(f"{say}: {problem.strerror}: {path}") from None
     try:
         from ezdxf.filemanagement import read
         from ezdxf.lldxf.const import DXFError
@@ -43,11 +46,13 @@ def read_outline(file: str, base: Path, unit: object = None) -> list[list[float]
         raise SceneError(f"{say}: reading it needs ezdxf: pip install ezdxf, or sh cases/setup.sh") from None
     try:
         drawing = read(io.StringIO(text, newline=None))
-        lines = _lines_of(drawing.modelspace(), say)
+        found = _joined(_lines_of(drawing.modelspace(), say))
+    except SceneError:
+        raise
     except (DXFError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as problem:
         raise SceneError(f"{say}: is no DXF drawing in text that can be read ({problem}); save it again") from None
-    scale = _metres(unit, drawing.units, say)
-    corners: list[list[float]] = (scale * _only(_joined(lines), say)).tolist()
+    scale = _metres(unit, drawing.units if "$INSUNITS" in text else 0, say)  # ezdxf takes metres where it is missing
+    corners: list[list[float]] = (scale * _only(found, say)).tolist()
     return corners
 
 
@@ -76,7 +81,7 @@ def _lines_of(entities: Iterable[DXFEntity], say: str) -> list[Array]:
         paths.append(make_path(one))
     ends = np.array([(p.x, p.y) for path in paths for p in path.control_vertices()] or [(0.0, 0.0)])
     extent = float(np.ptp(ends, axis=0).max())
-    if not extent > 0.0:
+    if not 0.0 < extent < math.inf:
         raise SceneError(f"{say}: no closed outline in it; draw one, in the model space")
     return [np.array([(p.x, p.y) for p in path.flattening(ROUND * extent)]) for path in paths if len(path)]
 
@@ -86,23 +91,53 @@ def _joined(lines: list[Array]) -> tuple[list[Array], int]:
     are left open.
     """
     near = MEETS * float(np.ptp(np.concatenate(lines), axis=0).max())
-    closed, left, ends = [], list(lines), 0
-    while left:
-        chain, grown = left.pop(), True
-        while grown and np.hypot(*(chain[0] - chain[-1])) > near:
-            grown = False
-            for at, other in enumerate(left):
-                found = next((o for o in (other, other[::-1]) if np.hypot(*(o[0] - chain[-1])) <= near), None)
-                if found is not None:
-                    chain, grown = np.concatenate([chain, found[1:]]), True
-                    del left[at]
-                    break
+    closed, free, ends = [], _FreeEnds(lines, near), 0
+    for number in reversed(range(len(lines))):
+        if number not in free.lines:
+            continue
+        parts = [free.take(number)]
+        start, end = parts[0][0], parts[0][-1]
+        while math.dist(start, end) > near and (met := free.meeting(end)) is not None:
+            line = free.take(met[0])[:: -1 if met[1] else 1]
+            parts.append(line[1:])
+            end = line[-1]
+        chain = np.concatenate(parts)
         apart = np.hypot(*np.diff(chain, axis=0, append=chain[:1]).T) > near
-        if np.hypot(*(chain[0] - chain[-1])) <= near and apart.sum() >= 3:
+        if math.dist(start, end) <= near and apart.sum() >= 3:
             closed.append(chain[apart])
         else:
             ends += 1
     return closed, ends
+
+
+class _FreeEnds:
+    """The ``lines`` that are in no chain yet, by number, and the squares of the size ``near`` that their ends lie in: a
+    line is found by where it ends in a time that does not grow with their number.
+    """
+
+    def __init__(self, lines: list[Array], near: float) -> None:
+        self.lines, self.near = dict(enumerate(lines)), near
+        self.squares: dict[tuple[int, int], dict[tuple[int, bool], Array]] = {}
+        for number, line in self.lines.items():
+            for backward, end in ((False, line[0]), (True, line[-1])):
+                self.squares.setdefault(self._square(end), {})[number, backward] = end
+
+    def take(self, number: int) -> Array:
+        """A line, which is free no more."""
+        line = self.lines.pop(number)
+        for backward, end in ((False, line[0]), (True, line[-1])):
+            del self.squares[self._square(end)][number, backward]
+        return line
+
+    def meeting(self, point: Array) -> tuple[int, bool] | None:
+        """The first line with an end at ``point``, and whether that is its last point; None where there is none."""
+        column, row = self._square(point)
+        around = (self.squares.get((column + i, row + j), {}) for i in (-1, 0, 1) for j in (-1, 0, 1))
+        met = (next((one for one, end in ends.items() if math.dist(end, point) <= self.near), None) for ends in around)
+        return min((one for one in met if one is not None), default=None)
+
+    def _square(self, point: Array) -> tuple[int, int]:
+        return math.floor(point[0] / self.near), math.floor(point[1] / self.near)
 
 
 def _only(found: tuple[list[Array], int], say: str) -> Array:

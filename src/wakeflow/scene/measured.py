@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import hypot, isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,11 +19,12 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
 from ..core.errors import SceneError
-from ..core.files import path_of
+from ..core.files import path_of, read_whole
 from ..core.number import Number
 from ..core.quantities import split_quantity
 from ..core.registry import did_you_mean
-from .table import SHARE, Name, Table
+from .own_path import own_path
+from .table import SHARE, Name, Table, one_quantity
 from .uncertainty import SIGMAS
 
 Array = NDArray[np.float64]
@@ -30,6 +32,10 @@ AMOUNTS = ("share", "mass", "count")  # of which a row gives one
 HEADS = ["fraction", "bin", *AMOUNTS, "uncertainty"]
 BY_CHANCE = 0.5  # granules that are added to each counted tray where its chance is judged (Jeffreys' prior)
 EXAMPLE = "fraction,bin,share,uncertainty"
+# No scale reads wider than this, in any unit; squares of such numbers and of their ratios are still what floats hold.
+LEAST_MASS, MOST = 1e-12, 1e12
+LEAST_SHARE = 1e-6  # of the uncertainty of a share: nobody sorts a million kernels; what is less counts as exact
+NOTHING = ("None", "nan", "<NA>", "NaT")  # cells of a frame where nothing was measured
 
 
 class Tray(Table):
@@ -40,20 +46,47 @@ class Tray(Table):
     share: Annotated[float, Field(ge=0, le=1), SHARE] | None = Field(
         None, description="of the fraction's mass, or of the whole feed's where the tray was not sorted"
     )
-    mass: Annotated[float, Field(ge=0)] | None = Field(None, description="in any unit, the same for all trays")
-    count: Annotated[int, Field(ge=0)] | None = Field(None, description="granules, of every tray of the fraction")
+    mass: Annotated[float, Field(ge=0, le=MOST)] | None = Field(None, description="in any unit, the same for all trays")
+    count: Annotated[int, Field(ge=0, le=int(MOST))] | None = Field(
+        None, description="granules, of every tray of the fraction"
+    )
     uncertainty: Annotated[float, Field(ge=0), SHARE] | None = Field(
         None, description="half of the 95 % interval of the share or mass; of a count only what is beyond chance"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _part_of_mass(cls, data: Any) -> Any:
+        """An uncertainty in percent beside a mass is that part of the mass."""
+        given, mass = (data.get(key) for key in ("uncertainty", "mass")) if isinstance(data, Mapping) else (None, None)
+        if not isinstance(given, str) or not isinstance(mass, int | float) or not 0.0 <= mass <= MOST:
+            return data
+        try:
+            return {**data, "uncertainty": mass * one_quantity(given, "1", "10 %")}
+        except ValueError:
+            return data  # which its own field refuses
 
     @model_validator(mode="after")
     def _one_amount(self) -> Tray:
         given = [name for name in AMOUNTS if getattr(self, name) is not None]
         if len(given) != 1:
             raise SceneError(f"{self.about}: give share, mass or count, one of them")
+        if given == ["count"] and self.fraction is None:  # whose granules differ in mass
+            raise SceneError(f"{self.about}: a count needs its fraction; give it, or weigh the tray: mass")
         if given != ["count"] and not self.uncertainty:
             raise SceneError(f"{self.about}: give its uncertainty, half of the 95 % interval, above 0")
+        self._check_sizes()
         return self
+
+    def _check_sizes(self) -> None:
+        """Raise SceneError where the mass is no scale's, or the uncertainty none of such a number."""
+        if self.mass and self.mass < LEAST_MASS:
+            raise SceneError(f"{self.about}: mass = {self.mass:g}: give 0 or {LEAST_MASS:g} at least, in another unit")
+        least, most = (LEAST_SHARE, 1.0) if self.mass is None else (LEAST_MASS, MOST)
+        if self.uncertainty and not least <= self.uncertainty <= most:
+            points = self.mass is None and 1.0 < self.uncertainty <= 100.0
+            hint = f", or '{self.uncertainty:g} %'" if points else ""
+            raise SceneError(f"{self.about}: uncertainty = {self.uncertainty:g}: write {least:g} to {most:g}{hint}")
 
     @property
     def amount(self) -> str:
@@ -78,7 +111,12 @@ class Measured:
 
     @classmethod
     def of(cls, trays: Sequence[Tray]) -> Measured:
-        """What ``trays`` say. Raises SceneError where one fraction is given in two ways, or nothing was found of it."""
+        """What ``trays`` say; those of one fraction and bin are added up, but for shares, which stay as many
+        measurements.
+
+        Raises SceneError where one fraction is given in two ways, or nothing was found of it.
+        """
+        trays = _added_up(trays)
         shares, covariance = np.zeros(len(trays)), np.zeros((len(trays), len(trays)))
         for name in dict.fromkeys(tray.fraction for tray in trays):
             mine = [place for place, tray in enumerate(trays) if tray.fraction == name]
@@ -119,6 +157,19 @@ def check_names(fraction: str | None, place: str, known: Sequence[tuple[str, str
             raise SceneError(f"measured: no {kind} {name!r}{did_you_mean(name, names)} (known: {', '.join(names)})")
 
 
+def _added_up(trays: Sequence[Tray]) -> list[Tray]:
+    """The trays, each mass or count that is in several lines as one: each is divided by the sum of all."""
+    found: dict[object, Tray] = {}
+    for line, tray in enumerate(trays):
+        kind = tray.amount
+        place = line if kind == "share" else (tray.fraction, tray.bin, kind)
+        if (one := found.get(place)) is not None:
+            spread = hypot(one.uncertainty or 0.0, tray.uncertainty or 0.0)
+            tray = one.model_copy(update={kind: getattr(one, kind) + getattr(tray, kind), "uncertainty": spread})
+        found[place] = tray
+    return list(found.values())
+
+
 def _of_fraction(trays: Sequence[Tray]) -> tuple[Array, Array]:
     """Shares (n,) and covariance (n, n) of the trays of one fraction."""
     amounts = {tray.amount for tray in trays}
@@ -149,7 +200,9 @@ def read_trays(path: Path | str) -> list[Tray]:
     """
     file = path_of(path, "measured")
     try:
-        lines = file.read_text(encoding="utf-8-sig").splitlines()
+        lines = read_whole(file).decode("utf-8-sig").splitlines()
+    except SceneError as problem:
+        raise SceneError(f"measured: {problem}") from None
     except (OSError, UnicodeDecodeError) as problem:
         why = problem.strerror if isinstance(problem, OSError) else "not a text file"
         raise SceneError(f"measured: cannot read {file}: {why}") from None
@@ -157,27 +210,61 @@ def read_trays(path: Path | str) -> list[Tray]:
     if not rows:
         raise SceneError(f"measured: {file.name} is empty; its first line is {EXAMPLE}")
     mark = next((mark for mark in (";", "\t", ",") if mark in rows[0][1]), ",")
-    heads = [head.strip().lower() for head in next(csv.reader([rows[0][1]], delimiter=mark))]
+    (_, first), *others = ((f"{file.name}, line {n}", _cells(line, mark, f"{file.name}, line {n}")) for n, line in rows)
+    heads = [head.strip().lower() for head in first]
     _check_heads(heads, file.name)
-    found = [_tray(heads, next(csv.reader([line], delimiter=mark)), f"{file.name}, line {n}") for n, line in rows[1:]]
+    found = [_tray(heads, cells, at) for at, cells in others]
     if not found:
         raise SceneError(f"measured: {file.name} holds no tray; write one a line: wheat,middle,0.12,0.02")
     return found
+
+
+def trays_of_columns(columns: Mapping[Any, Any]) -> list[Tray]:
+    """The trays of columns by their heads, which are those of a file; numbers, or texts as in a file.
+
+    Raises SceneError, one line that names the column or the row, for what cannot be read.
+    """
+    heads, arrays = [str(head) for head in columns], [np.asarray(one, dtype=object) for one in columns.values()]
+    _check_heads(heads, "columns")
+    for head, one in zip(heads, arrays, strict=True):
+        if one.ndim != 1:
+            raise SceneError(f"measured: column {head} needs a list of cells, one a tray")
+        if len(one) != len(arrays[0]):
+            raise SceneError(f"measured: columns differ: {heads[0]} has {len(arrays[0])} cells, {head} has {len(one)}")
+    rows = [[_text(cell) for cell in row] for row in zip(*arrays, strict=True)]
+    if not rows:
+        raise SceneError("measured: columns hold no tray; give one a row")
+    return [_tray(heads, row, f"row {number}") for number, row in enumerate(rows, 1)]
+
+
+def _text(cell: object) -> str:
+    if isinstance(cell, str):
+        return cell  # a fraction may be called nan
+    return "" if str(cell) in NOTHING else str(cell)
+
+
+def _cells(line: str, mark: str, at: str) -> list[str]:
+    try:
+        return next(csv.reader([line], delimiter=mark))
+    except csv.Error as problem:
+        raise SceneError(f"measured: {at}: {problem}; a line is wheat,middle,0.12,0.02") from None
 
 
 def _check_heads(heads: Sequence[str], name: str) -> None:
     unknown = [head for head in heads if head not in HEADS]
     if unknown:
         raise SceneError(
-            f"measured: {name}: head {unknown[0]!r} is unknown{did_you_mean(unknown[0], HEADS)}; the first line is "
-            f"{EXAMPLE}, or has mass or count for share"
+            f"measured: {name}: head {unknown[0]!r} is unknown{did_you_mean(unknown[0], HEADS)}; heads are "
+            f"{EXAMPLE}, or mass or count for share"
         )
     if "bin" not in heads or not set(AMOUNTS) & set(heads):
-        raise SceneError(f"measured: {name}: lacks bin, or share, mass or count; its first line is {EXAMPLE}")
+        raise SceneError(f"measured: {name}: lacks bin, or share, mass or count; heads are {EXAMPLE}")
+    if twice := next((head for head in heads if heads.count(head) > 1), None):
+        raise SceneError(f"measured: {name}: head {twice!r} is there twice; delete one of the columns")
 
 
 def _tray(heads: Sequence[str], cells: Sequence[str], at: str) -> Tray:
-    """The tray of one line. Raises SceneError that names the line."""
+    """The tray of one line or row. Raises SceneError that names it."""
     if len(cells) != len(heads):
         raise SceneError(f"measured: {at}: has {len(cells)} cells, its heads are {len(heads)}")
     table: dict[str, Any] = {head: cell.strip() for head, cell in zip(heads, cells, strict=True) if cell.strip()}
@@ -190,20 +277,23 @@ def _tray(heads: Sequence[str], cells: Sequence[str], at: str) -> Tray:
         return Tray(**table)
     except ValidationError as problem:
         first = problem.errors()[0]
-        what = "".join(f"{part} " for part in first["loc"])
-        raise SceneError(f"measured: {at}: {what}{first['msg'].removeprefix('Value error, ')}") from None
+        what = "".join(f"{part} = {table.get(str(part))!r}: " for part in first["loc"])
+        words = first["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+        raise SceneError(f"measured: {at}: {what}{words}") from None
 
 
-def _number(text: str, head: str, at: str) -> float | int:
-    """A cell as a number; a share or an uncertainty may be written in percent."""
+def _number(text: str, head: str, at: str) -> float | int | str:
+    """A cell as a number; a share or an uncertainty that is written in percent as it is, for the tray to read."""
     parts = split_quantity(text)
     if parts is not None and parts[1] == "%" and head in ("share", "uncertainty"):
-        return 0.01 * parts[0]
+        return text
     try:
         value = float(text)
     except ValueError:
         hint = f"; write a decimal point: {text.replace(',', '.')}" if "," in text else ""
         raise SceneError(f"measured: {at}: {head} = {text!r} is no number{hint}") from None
+    if not isfinite(value):
+        raise SceneError(f"measured: {at}: {head} = {text!r}: needs a finite number")
     if head == "count":
         if value != int(value):
             raise SceneError(f"measured: {at}: count = {text!r}: granules are counted in whole numbers")
@@ -220,4 +310,5 @@ def trays_in(data: Mapping[str, object], base: Path) -> Mapping[str, object]:
     given = data.get("measured")
     if not isinstance(given, str):
         return data
-    return {**data, "measured": [tray.model_dump(exclude_none=True) for tray in read_trays(base / given)]}
+    trays = read_trays(own_path(given, base, "measured"))
+    return {**data, "measured": [tray.model_dump(exclude_none=True) for tray in trays]}

@@ -9,12 +9,13 @@ from pathlib import Path
 
 from ..core.errors import SceneError, known
 from ..core.files import MAX_RECORD, read_packed, read_toml, read_whole
+from ..core.foam_code import refuse_code
 from ..core.quantities import quantity
 from ..core.record import JsonMapping, JsonTable
 from ..laws.constants import STANDARD_AIR
 from ..laws.material import Material, materials, read_material
-from .case_code import refuse_code
 from .drawing import with_drawings
+from .own_path import own_path
 
 # -- Materials of the user's own ---------------------------------------------------------------------------------------
 SHAPED = ("rebound_scatter", "tangential_restitution")  # of granules whose shape is known, where they are not 0
@@ -45,7 +46,7 @@ def with_own_materials(data: JsonMapping, base: Path) -> JsonMapping:
     file = data.get("materials")
     if not isinstance(file, str):
         return data
-    known = read_materials(base / file)
+    known = read_materials(own_path(file, base, "materials"))
     fractions = {
         which: _as_fraction(known[table["material"]], table)
         if isinstance(table, Mapping) and table.get("material") in known
@@ -124,7 +125,7 @@ LOGOS = {".png": "image/png", ".svg": "image/svg+xml", ".jpg": "image/jpeg", ".j
 
 def _logo(given: str, base: Path) -> Path:
     """The file of a logo, absolute. Raises SceneError where it is none."""
-    path = (base / Path(given).expanduser()).resolve()
+    path = own_path(given, base, "report.logo").resolve()
     if path.suffix.lower() not in LOGOS:
         raise SceneError(f"report.logo = {given!r}: needs a file that ends in {', '.join(LOGOS)}")
     if not path.is_file():
@@ -150,7 +151,7 @@ def read_samples(given: str, base: Path) -> dict[str, list[float]]:
 
     Raises SceneError for a file that cannot be read, and for a line that is not two numbers, naming it.
     """
-    path = base / Path(given).expanduser()
+    path = own_path(given, base, "vibration.samples")
     try:
         lines = read_whole(path).decode("utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as problem:
@@ -186,14 +187,14 @@ def find_case(given: str, base: Path) -> Path:
     """The case's folder, absolute; ``given`` is relative to ``base``. Raises SceneError where no case with a mesh and a
     solution is.
     """
-    case = (base / Path(given).expanduser()).resolve()
+    case = own_path(given, base, "air.case").resolve()
     boundary = case / "constant" / "polyMesh" / "boundary"
     if not any(path.exists() for path in (boundary, boundary.with_name("boundary.gz"))):
         raise SceneError(f"air.case = {given!r}: no OpenFOAM mesh (constant/polyMesh) in {case}")
     latest = _latest(case)
     if latest is None:
         raise SceneError(f"air.case = {given!r}: no solved time in {case}; run its solver (and reconstructPar) first")
-    refuse_code(case, latest)
+    refuse_code(case)
     return case
 
 

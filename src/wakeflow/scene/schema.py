@@ -51,7 +51,8 @@ def scene_schema() -> Node:
     """
     made = SceneTables.model_json_schema(by_alias=True, schema_generator=_OfToml)
     for table in (made, *made["$defs"].values()):
-        table["description"] = table["description"].replace("``", "`")  # editors show Markdown
+        if "description" in table:  # python -OO leaves docstrings out
+            table["description"] = table["description"].replace("``", "`")  # editors show Markdown
         for node in table["properties"].values():
             _document(node)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **made, "title": "Scene"}

@@ -34,6 +34,7 @@ PLACES = 400  # candidates for a divider: quantiles of the landings, finer than 
 ON_LINE = 1e-6  # m: a landing is on a line that it is no further from
 LEVELS = 20  # of a trade-off curve
 STEPS = 60  # bisections of the Lagrange multiplier
+MAX_STRETCHES = 50  # of a product: each is searched beside all others, and no machine has so many dividers
 
 
 @dataclass(frozen=True)
@@ -79,8 +80,7 @@ def dividers(
     least = share_in(purity, "purity")
     if not 0.0 < least < 1.0:
         raise SceneError(f"purity = {least:g}: above 0 and below 1 ('99 %' or 0.99: one percent of others)")
-    if stretches < 1:
-        raise SceneError(f"stretches = {stretches}: at least 1")
+    _check_count(stretches)
     landed = landed_along(run, fraction, on)
     return _judged(landed, fraction, least, stretches)
 
@@ -88,9 +88,16 @@ def dividers(
 def trade_off(
     run: Result | Path | str, fraction: str, purities: Sequence[float], *, stretches: int = 1, on: str = "floor"
 ) -> list[Dividers]:
-    """:func:`dividers` at every one of ``purities``."""
+    """:func:`dividers` at every one of ``purities``. Raises SceneError as that does."""
+    _check_count(stretches)
     landed = landed_along(run, fraction, on)
     return [_judged(landed, fraction, purity, stretches) for purity in purities]
+
+
+def _check_count(stretches: int) -> None:
+    """Raise SceneError for a number of stretches that no product has."""
+    if not 1 <= stretches <= MAX_STRETCHES:
+        raise SceneError(f"stretches = {stretches}: at least 1, at most {MAX_STRETCHES}")
 
 
 def purities(run: Result | Path | str, fraction: str, on: str = "floor") -> list[float]:

@@ -5,13 +5,13 @@ Nothing is drawn here, so no OpenGL is needed.
 """
 
 from .air import link_field, write_field
-from .files import write_machine
+from .files import clear_pieces, pieces, write_machine
 from .tracks import write_landings, write_moving, write_tracks
 
 __all__ = [
-    "FILES", "FOLDERS", "link_field", "write_field", "write_landings", "write_machine", "write_moving", "write_tracks",
+    "FILES", "clear_pieces", "link_field", "pieces", "write_field", "write_landings", "write_machine", "write_moving",
+    "write_tracks",
 ]  # fmt: skip
 
-# what the functions here leave in a run's folder: files, and what the indices among them name
+# what the functions here leave in a run's folder, besides the pieces that the indices among them name
 FILES = ("field.npz", "field.vtu", "field.pvd", "mean.vtu", "machine.vtm", "tracks.vtp", "granules.pvd", "landings.vtp")
-FOLDERS = ("field", "granules", "machine")

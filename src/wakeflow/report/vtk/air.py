@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...core.files import link_or_copy
 from ..air import as_flown, at_moments, dynamic_pressure, inlet_pressure
-from .files import lifted, save_piece, save_series
+from .files import clear_pieces, lifted, save_piece, save_series
 
 if TYPE_CHECKING:
     from ...field import FlowField
@@ -56,7 +55,7 @@ def link_field(source: Path, folder: Path) -> None:
 def _clear(folder: Path) -> None:
     for name in (*reversed(NAMES), ITSELF):
         (folder / name).unlink(missing_ok=True)
-    shutil.rmtree(folder / "field", ignore_errors=True)
+    clear_pieces(folder, "field")
 
 
 def _grid(state: FlowField, scene: Scene, level: float | None) -> Any:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-import shutil
+import re
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
@@ -17,6 +18,11 @@ from ...core.files import atomic_write
 if TYPE_CHECKING:
     from ...scene import Scene
 
+PIECES = {
+    "field": r"field_\d{4,}\.vtu",
+    "granules": r"granules_\d{4,}\.vtp",
+    "machine": r"[a-z]+_\d{2,}\.vtp",
+}  # folders
 HEAD = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>\n'
 FOOT = "  </Collection>\n</VTKFile>\n"
 
@@ -49,6 +55,21 @@ def lines_of(parts: Sequence[ArrayLike]) -> Any:
 def number_by_name(data: Any, what: str, names: Iterable[str]) -> None:
     """Say in the field data of a file which name each value of its array ``what`` represents."""
     data.field_data[f"{what}_names"] = list(names)
+
+
+def pieces(folder: Path, *names: str) -> list[Path]:
+    """The pieces in the folders ``names``, by default all that there are, next to their indices in ``folder``."""
+    found = ((folder / name, re.compile(PIECES[name])) for name in names or PIECES)
+    return [path for place, own in found if place.is_dir() for path in place.iterdir() if own.fullmatch(path.name)]
+
+
+def clear_pieces(folder: Path, *names: str) -> None:
+    """Remove these pieces, and their folders where nothing else is in them."""
+    for path in pieces(folder, *names):
+        path.unlink(missing_ok=True)
+    for name in names or PIECES:
+        with suppress(OSError):  # not there, or not empty
+            (folder / name).rmdir()
 
 
 def save_piece(data: Any, path: Path) -> Path:
@@ -88,7 +109,7 @@ def write_machine(folder: Path | str, scene: Scene) -> Path:
     ``vibration (m)``, its amplitude (x, y), and the ``frequency (Hz)``.
     """
     folder, place = Path(folder), Path(folder) / "machine"
-    shutil.rmtree(place, ignore_errors=True)
+    clear_pieces(folder, "machine")
     lines = ["  <vtkMultiBlockDataSet>\n"]
     for number, (group, blocks) in enumerate(machine_blocks(scene).items()):
         lines.append(f'    <Block index="{number}" name={quoteattr(group)}>\n')

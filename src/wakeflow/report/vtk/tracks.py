@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,7 +14,7 @@ from ...core.tables import Columns
 from ...pipeline.landings import FATES
 from ..air import moments_of
 from ..moving import Path2D
-from .files import lifted, lines_of, number_by_name, save_piece, save_series
+from .files import clear_pieces, lifted, lines_of, number_by_name, save_piece, save_series
 
 if TYPE_CHECKING:
     from ...field import FlowField
@@ -66,7 +65,7 @@ def write_moving(
     """
     path = Path(folder) / "granules.pvd"
     path.unlink(missing_ok=True)
-    shutil.rmtree(path.with_suffix(""), ignore_errors=True)
+    clear_pieces(Path(folder), "granules")
     if field is None or field.period is None or not scene.numerics.snapshots:
         return None
     found = [one for one in _granules(tracks, scene) if len(one.track["time"]) > 1]
