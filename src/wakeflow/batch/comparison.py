@@ -71,7 +71,8 @@ def compare(runs: Sequence[Result | Path | str]) -> RunComparison:
     found = [run if isinstance(run, Result) else Result.load(run) for run in runs]
     if len(found) < 2:
         raise SceneError("give at least two runs to compare")
-    if twice := [run.folder for run in found if [other.folder for other in found].count(run.folder) > 1]:
+    folders = [run.folder.resolve() for run in found]
+    if twice := [run.folder for run, folder in zip(found, folders, strict=True) if folders.count(folder) > 1]:
         raise SceneError(f"{twice[0]} is given twice")
     columns = differing([Scene.parse(run.scene) for run in found]) | _options(found)
     names = _names([run.folder for run in found])
@@ -97,8 +98,8 @@ def _options(runs: Sequence[Result]) -> dict[str, list[object]]:
 
 
 def _names(folders: Sequence[Path]) -> list[str]:
-    """The last parts of the folders' paths, as many as tell them apart."""
-    parts = [folder.absolute().parts for folder in folders]
+    """The last parts of the folders' paths, as many as tell them apart; ? for a byte that is not UTF-8."""
+    parts = [Path(str(folder.absolute()).encode(errors="replace").decode()).parts for folder in folders]
     deep = max(len(one) for one in parts)
     for count in range(1, deep + 1):
         names = ["/".join(one[-count:]) for one in parts]

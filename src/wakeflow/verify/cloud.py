@@ -18,10 +18,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.foam_code import refuse_code
 from ..core.record import JsonTable
 from ..field import FlowField
 from ..foam.case import write_parameters
 from ..foam.polymesh import read_polymesh
+from ..foam.prepare import FOREIGN
 from ..foam.programs import call
 from ..foam.read import time_folders
 from ..foam.solver import last_state, states
@@ -83,6 +85,7 @@ class SolvedCase:
 
     def copy(self, folder: Path, span: float) -> Path:
         """A case in ``folder`` that goes on for ``span`` (s) on one rank, and its first time folder."""
+        refuse_code(self.folder, str(self.folder), FOREIGN)
         shutil.rmtree(folder, ignore_errors=True)
         for name in ("constant", "system", self.state.name):
             shutil.copytree(self.folder / name, folder / name)

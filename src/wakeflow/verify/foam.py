@@ -18,12 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FoamError
+from ..core.foam_code import refuse_code
 from ..core.process import run_program
 from ..core.record import JsonTable
 from ..field import FlowField
 from ..foam.case import INSTALL, FlowSpec, environment
 from ..foam.polymesh import FoamMesh, read_polymesh
-from ..foam.prepare import prepare_case
+from ..foam.prepare import FOREIGN, prepare_case
 from ..foam.reconstruction import PlaneMesh
 from ..laws.constants import GRAVITY
 from ..meshing import MeshSpec, build_mesh
@@ -283,6 +284,7 @@ def fly_parcels(
     that it tracks at a time; ``folder`` is made anew. Raises FoamError when OpenFOAM fails or a granule begins outside
     the mesh.
     """
+    refuse_code(foam.case, str(foam.case), FOREIGN)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     for name in ("constant", "system", "0"):
