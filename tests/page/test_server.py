@@ -131,6 +131,12 @@ def test_a_request_that_is_no_action_is_refused(page: Served) -> None:
     assert page.request(f"/{token}/__init__", "POST", "{}", own)[0] == 404
     assert page.request(f"/{token}/state", "POST", "[]", own)[0] == 400
     assert page.request(f"/{token}/state", "POST", "{", own)[0] == 400
+    assert page.request(f"/{token}/state", "POST", "[" * 100_000, own)[0] == 400
+    for name in ("", "\udcff", "a\nb"):
+        assert (
+            "a name without a folder"
+            in json.loads(page.request(f"/{token}/save", "POST", json.dumps({"name": name}), own)[1])["refused"]
+        )
     assert "at most 1000000" in page.ask("edit", text="x" * 1_000_001)["refused"]
 
 

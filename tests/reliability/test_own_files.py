@@ -18,6 +18,7 @@ from wakeflow.core import sums
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import atomic_write, write_json
 from wakeflow.core.tables import CellTable
+from wakeflow.report.film import BEGIN, END, show_film
 from wakeflow.scene import Scene
 from wakeflow.scene.changes import run_folder
 
@@ -140,6 +141,23 @@ def test_a_damaged_film_is_left_out_of_the_report(run: Path) -> None:
     sums.note(run, [run / "figures" / "film.gif"])
     assert main(["report", str(run)]) == 0
     assert "film.gif cannot be read here" in (run / "report.html").read_text()
+
+
+def test_a_pipe_in_the_place_of_granules_is_not_waited_for(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (run / "granules.npz").unlink()
+    os.mkfifo(run / "granules.npz")
+    assert main(["bins", str(run), "--purity", "soft"]) == 2
+    assert "holds no granules.npz" in capsys.readouterr().err
+    with pytest.raises(SceneError, match=r"granules.npz is no file"):
+        sums.check(run, "granules.npz", "")
+
+
+def test_a_page_with_a_byte_that_is_not_utf8_takes_a_film(run: Path) -> None:
+    (run / "report.html").write_bytes(f"{BEGIN}{END}".encode() + b"\xff")
+    (run / "film.gif").write_bytes(b"GIF89a")
+    show_film(run, run / "film.gif")
+    assert (run / "report.html").read_bytes().endswith(b"\xff")
+    assert b"film.gif" in (run / "report.html").read_bytes()
 
 
 def test_a_folder_whose_name_is_not_utf8_is_refused_or_read(run: Path, small_run: Any, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from shlex import quote
 from typing import Any, Self
 
 import numpy as np
@@ -308,7 +309,7 @@ def _read(folder: Path | str) -> JsonTable:
 
 
 def _cure(folder: Path | str) -> str:
-    return f"make it again with: wakeflow run SCENE --out {folder}"
+    return f"make it again with: wakeflow run SCENE --out {quote(str(folder))}"
 
 
 def _unfinished(folder: Path | str) -> SceneError:
@@ -318,7 +319,7 @@ def _unfinished(folder: Path | str) -> SceneError:
     inside = sorted(path.parent.name for path in place.glob(f"*/{FILE}"))
     if inside:
         return SceneError(f"{folder} is no run but holds some, {', '.join(inside)}: name {place / inside[0]}")
-    return SceneError(f"{folder} holds no finished run; make one with: wakeflow run SCENE --out {folder}")
+    return SceneError(f"{folder} holds no finished run; make one with: wakeflow run SCENE --out {quote(str(folder))}")
 
 
 def asked_in(folder: Path | str, *, whole: bool = True) -> tuple[JsonTable, Request]:
@@ -368,9 +369,9 @@ def kept_granules(folder: Path) -> Columns:
     damaged or not of the scene of that run.
     """
     file = folder / GRANULES
-    if not file.exists():
+    if not file.is_file():
         raise SceneError(f"{folder} holds no {GRANULES}: the run ended before its tracks")
-    cure = f"wakeflow report {folder} writes it anew"
+    cure = f"wakeflow report {quote(str(folder))} writes it anew"
     sums.check(folder, GRANULES, cure)
     table, result = load_arrays(file, cure), Result.load(folder)
     bins = None if result.landings is None else len(result.landings.separation.bins)

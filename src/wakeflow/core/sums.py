@@ -49,7 +49,9 @@ def note(folder: Path, files: Iterable[Path], *, anew: bool = True) -> None:
 
 
 def digest_of(path: Path) -> str:
-    """sha256 (hex) of a file's bytes."""
+    """sha256 (hex) of a file's bytes. Raises SceneError for a pipe or a device, which may give none."""
+    if path.exists() and not path.is_file():
+        raise SceneError(f"{path} is no file; move it, or choose another --out")
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 

@@ -253,7 +253,7 @@ class _Handler(_Guarded):
             ask = json.loads(self.request.body)
             if not isinstance(ask, dict):
                 raise ValueError(ask)
-        except ValueError:
+        except (ValueError, RecursionError):
             raise HTTPError(400) from None
         try:
             answer = await self.page.act(name, ask)

@@ -363,7 +363,7 @@ def _template(kind: str) -> SceneDocument:
 
 
 def _new_file(home: Path, name: str) -> Path:
-    if Path(name).name != name or name.startswith(".") or "\0" in name or "\\" in name:
+    if not name or Path(name).name != name or name.startswith(".") or not name.isprintable() or "\\" in name:
         raise SceneError(f"{name!r}: a name without a folder, not beginning with a dot")
     return home / (name if name.endswith(".toml") else f"{name}.toml")
 
