@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import atexit
 import errno
+import os
 import signal
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from io import TextIOWrapper
 from types import FrameType
-from typing import ClassVar
+from typing import ClassVar, NoReturn
 
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
@@ -94,8 +97,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as problem:
         _Ended.awaited = False
         _complain("interrupted; what is finished is kept, the same command goes on")
-        return 128 + problem.args[0] if isinstance(problem, _Ended) else INTERRUPTED  # as a shell gives it
+        code = 128 + problem.args[0] if isinstance(problem, _Ended) else INTERRUPTED  # as a shell gives it
+        return code if arguments is not None else _leave(code)
     return code if isinstance(code, int) else 0
+
+
+def _leave(code: int) -> NoReturn:
+    """End the process at once. Python would first take apart what was interrupted half-made, such as LLVM's parts, and
+    has crashed in it.
+    """
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):  # the reader left
+            stream.flush()
+    os._exit(code)
 
 
 def _told(problem: Exception, words: Sequence[str]) -> int:
