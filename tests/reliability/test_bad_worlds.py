@@ -253,6 +253,7 @@ def work(*_, **__):
     time.sleep(60)
 
 cli.app = work
+signal.signal(signal.{signal}, signal.SIG_DFL)  # as it is for a program that a shell starts
 sys.exit(cli.main())
 """
 WAYS = {

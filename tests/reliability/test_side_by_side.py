@@ -210,7 +210,8 @@ def test_a_worker_that_dies_as_it_is_ended_leaves_the_others_to_be_ended(
 def test_the_loops_beside_the_tests_end_with_their_terminal(tmp_path: Path) -> None:
     shutil.copy(ROOT / "tests" / "beside_loops.sh", tmp_path)
     (tmp_path / "run.sh").write_text("touch begun\nexec sleep 60\n")
-    script = subprocess.Popen(["sh", "beside_loops.sh"], cwd=tmp_path, start_new_session=True)
+    hears = ["env", "--default-signal=HUP", "sh", "beside_loops.sh"]  # also where these tests were started by nohup
+    script = subprocess.Popen(hears, cwd=tmp_path, start_new_session=True)
     try:
         _until((tmp_path / "begun").exists)
         os.killpg(script.pid, signal.SIGHUP)
@@ -219,6 +220,7 @@ def test_the_loops_beside_the_tests_end_with_their_terminal(tmp_path: Path) -> N
     finally:
         for left in working_in(tmp_path):
             os.kill(left, signal.SIGKILL)
+        script.wait()
 
 
 def _until(holds: Callable[[], bool]) -> None:

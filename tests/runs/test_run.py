@@ -302,16 +302,19 @@ def test_files_that_no_run_wrote_are_not_replaced(tmp_path: Path) -> None:
     scene = shipped("vacuum", {"feed.count": 64})
     (tmp_path / "machine").mkdir()
     (tmp_path / "machine" / "drawing.dwg").write_text("my own")
-    (tmp_path / "notes.txt").write_text("my own")
-    with pytest.raises(SceneError, match=r"holds machine, which no run of wakeflow wrote .* name another folder"):
+    for name in ("notes.txt", "report.html"):
+        (tmp_path / name).write_text("my own")
+    with pytest.raises(SceneError, match=r"holds report.html, which no run of wakeflow wrote .* name another folder"):
         wf.run(scene, tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["machine", "notes.txt"]
-    (tmp_path / "machine").rename(tmp_path / "drawings")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["machine", "notes.txt", "report.html"]
+    (tmp_path / "report.html").rename(tmp_path / "page.html")
     wf.run(scene, tmp_path, report=False)  # beside files that it does not touch
     (tmp_path / "result.json").unlink()
-    (tmp_path / "report.html").write_text("of a run that was stopped before it ended")
+    (tmp_path / "report.html").write_text("of a run that was killed before it ended")
+    (tmp_path / ".begun").touch()
     assert wf.run(scene, tmp_path).landings is not None
-    assert (tmp_path / "notes.txt").read_text() == "my own"
+    for name in ("notes.txt", "page.html", "machine/drawing.dwg"):
+        assert (tmp_path / name).read_text() == "my own"
 
 
 @pytest.mark.parametrize(
