@@ -2,6 +2,7 @@
 
 import io
 import random
+import shutil
 from collections import Counter
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
@@ -113,6 +114,7 @@ def test_a_mutated_command_line_is_obeyed_or_refused_in_one_line(
 ) -> None:
     """60 in the quick suite, 2000 with --slow."""
     (tmp_path / "here").mkdir()
+    run = shutil.copytree(small_run.folder, tmp_path / "finished")  # commands write into it
     monkeypatch.chdir(tmp_path / "here")
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "cache"))
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
@@ -120,7 +122,7 @@ def test_a_mutated_command_line_is_obeyed_or_refused_in_one_line(
     codes = []
     for number in range(first, 60 if first == 0 else 2000):
         try:
-            codes.append(check_words(number, cases / "vacuum.toml", small_run.folder, tmp_path))
+            codes.append(check_words(number, cases / "vacuum.toml", run, tmp_path))
         except Exception as problem:
             raise AssertionError(
                 f"command {number} of seed {SEED}: {type(problem).__name__}: {problem!s:.500}"
