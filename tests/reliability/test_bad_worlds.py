@@ -266,7 +266,7 @@ WAYS = {
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 @pytest.mark.parametrize("way", WAYS)
 def test_an_interrupt_that_a_library_loses_comes_again(way: str, number: signal.Signals) -> None:
-    """LLVM's callbacks lost one in sixty that came while the tracker was loaded, and the run went on to its end."""
+    """LLVM's callbacks lost some that came while the tracker was loaded, and the run went on to its end."""
     code = LOSES.format(signal=number.name, way=WAYS[way])
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=50, check=False)
     assert done.returncode == 128 + number

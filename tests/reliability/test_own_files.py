@@ -124,6 +124,7 @@ def test_a_figure_or_a_table_of_others_is_not_replaced(what: str, run: Path, sma
     names = ["figures/trade-off.png", "figures/lines-feed.height.png", "figures/sensitivity.png", "sensitivity.csv"]
     for name in names:
         (out / name).write_text("mine")
+    (out / "result.json").write_text("{}")  # of another program
     ways = {
         "compare": lambda: wf.compare([small_run, other]).write(out),
         "sweep": lambda: wf.sweep(

@@ -20,7 +20,7 @@ from ..answer.shares import InputSummary
 from ..answer.table import Difference, differences_of
 from ..core import sums
 from ..core.errors import SceneError
-from ..core.files import path_of
+from ..core.files import made_folder, path_of
 from ..core.lazy import cached_property
 from ..core.quantities import quantity, split_quantity
 from ..core.registry import did_you_mean
@@ -123,8 +123,8 @@ class Sensitivity:
             draw_tornado(target, self.of(quantities))
             return target
         sums.claim(self.folder, saved(target))
-        draw_tornado(target, self.of(quantities))
-        sums.note(self.folder, saved(target))
+        with sums.writing(self.folder, lambda: saved(target)):
+            draw_tornado(target, self.of(quantities))
         return target
 
 
@@ -171,7 +171,7 @@ def sensitivity(
     answer = Sensitivity(folder, result, tuple(moves), failed)
     from ..report.canvas import saved
 
-    sums.claim(folder, [folder / TABLE, *saved(folder / FIGURE)])
+    sums.refuse_foreign(made_folder(folder), [folder / TABLE, *saved(folder / FIGURE)])
     with sums.writing(folder, lambda: [folder / TABLE]):
         CellTable.of(answer.moves, COLUMNS).write_csv(folder / TABLE)
     return answer

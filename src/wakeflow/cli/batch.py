@@ -235,16 +235,17 @@ def bins(
     if sign:
         show_dividers([dividers(run_folder, fraction, _portion(purity, asked), stretches=stretches, on=on)], on)
         return
+    from ..report.canvas import saved
     from ..report.curves import draw_dividers, write_dividers
 
     levels = purities(run_folder, fraction, on)
     curve = trade_off(run_folder, fraction, levels, stretches=stretches, on=on)
     show_dividers(curve, on)
     figure, table = run_folder / "figures" / f"bins-{fraction}-{on}.png", run_folder / f"bins-{fraction}-{on}.csv"
-    sums.claim(run_folder, [figure, table])
-    draw_dividers(figure, curve)
-    write_dividers(table, curve)
-    sums.note(run_folder, [figure, table])
+    sums.claim(run_folder, [*saved(figure), table])
+    with sums.writing(run_folder, lambda: [*saved(figure), table]):
+        draw_dividers(figure, curve)
+        write_dividers(table, curve)
     print(f"{figure}\n{table}")
 
 

@@ -18,11 +18,11 @@ from ...core.files import atomic_write
 if TYPE_CHECKING:
     from ...scene import Scene
 
-PIECES = {
+PIECES = {  # the program's own files in each folder
     "field": r"field_\d{4,}\.vtu",
     "granules": r"granules_\d{4,}\.vtp",
     "machine": r"[a-z]+_\d{2,}\.vtp",
-}  # folders
+}
 HEAD = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>\n'
 FOOT = "  </Collection>\n</VTKFile>\n"
 
