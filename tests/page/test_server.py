@@ -234,6 +234,31 @@ def test_measured_trays_wait_in_the_list_with_the_runs_own_options(
     assert added[0]["folder"] == session.runs.resolve() / "vacuum"
 
 
+@pytest.mark.parametrize(
+    ("action", "what", "told"),
+    [
+        ("state", {"self": 1}, "state: self: "),
+        ("edit", {"set": ["air.speed"]}, "edit: set: "),
+        ("edit", {"set": {"air.speed": 3}}, "edit: set.air.speed: "),
+        ("edit", {"drag": "feed", "x": float("nan"), "y": 0.0}, "edit: x: "),
+        ("edit", {"text": None, "txet": ""}, "edit: txet: "),
+        ("settle", {}, "settle: keep: "),
+        ("open", {"kind": 3}, "open: kind: "),
+        ("job", {"act": "stop", "number": "one"}, "job: number: "),
+        ("job", {"act": "stop", "number": 1e300}, "job: number: "),
+        ("landings", {}, "landings: run: "),
+        ("dividers", {"run": "vacuum", "ends": {"far": [0.0]}}, "dividers: ends.far.1: "),
+        ("compare", {"runs": "vacuum"}, "compare: runs: "),
+        ("measured", {"run": "vacuum", "rows": [["hard", "far", None, 0.02]]}, "measured: rows.0.2: "),
+    ],
+)
+def test_a_question_of_another_shape_is_refused_in_a_line(
+    page: Served, capfd: pytest.CaptureFixture[str], action: str, what: dict[str, Any], told: str
+) -> None:
+    assert page.ask(action, **what)["refused"].startswith(told)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_a_run_takes_a_free_name_or_that_of_its_own_answer(page: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     session, added = page.page.session, list[dict[str, object]]()
     monkeypatch.setattr(session.queue, "add", lambda **asked: added.append(asked))

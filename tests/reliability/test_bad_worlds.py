@@ -50,9 +50,19 @@ def plain(tmp_path: Path) -> dict[str, str]:
     return {**os.environ, "WAKEFLOW_CACHE": str(tmp_path / "cache")}
 
 
-def test_a_terminal_that_has_ascii_alone_shows_the_tables(cases: Path, tmp_path: Path, plain: dict[str, str]) -> None:
-    bare = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONIOENCODING": "ascii"}
-    environment = {key: value for key, value in (plain | bare).items() if key != "HOME"}
+ENVIRONMENTS = {
+    "a terminal that has ASCII alone": {
+        "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONIOENCODING": "ascii"
+    },
+    "a backend that matplotlib does not know": {"MPLBACKEND": "nonsense"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("odd", ENVIRONMENTS)
+def test_an_odd_environment_without_a_home_is_enough(
+    odd: str, cases: Path, tmp_path: Path, plain: dict[str, str]
+) -> None:
+    environment = {key: value for key, value in (plain | ENVIRONMENTS[odd]).items() if key != "HOME"}
     code, said = started(["run", str(cases / "vacuum.toml"), *SMALL, "--out", str(tmp_path / "o")], environment)
     assert (code, (tmp_path / "o" / "result.json").exists()) == (0, True), said
 
@@ -209,6 +219,19 @@ def test_odd_paths_are_written_to(name: str, cases: Path, tmp_path: Path, plain:
         ["run", str(scene), *SMALL, "--out", str(tmp_path / name), "--until", "tracks", "--quiet"], plain
     )
     assert (code, (tmp_path / name / "result.json").exists()) == (0, True), said
+
+
+@pytest.mark.parametrize("words", [["run", f"{'x' * 300}.toml"], ["run", "{scene}", "--out", f"a/{'x' * 300}"]])
+def test_a_name_that_no_disk_takes_is_told_so(
+    words: list[str], cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.main([word.format(scene=cases / "vacuum.toml") for word in words]) == 2
+    said = capsys.readouterr().err
+    assert "too long" in said
+    assert "choose a" in said
+    assert "WAKEFLOW_CACHE" not in said
+    assert said.count("\n") == 1
 
 
 def begun(

@@ -1,6 +1,7 @@
 """What a run leaves is its own: no file of others is replaced or removed, no link is followed, nothing is left over."""
 
 import csv
+import errno
 import os
 import re
 import shutil
@@ -114,6 +115,11 @@ def test_a_killed_run_is_gone_on_from_and_a_failed_one_excuses_nothing(run: Path
     assert after.pop("new.csv")
     assert after == before
     assert not (run / sums.BEGUN).exists()
+
+
+def test_a_disk_that_is_full_is_told_with_the_folder(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match=re.escape(str(tmp_path))), sums.writing(tmp_path, list):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))  # as write() says it: without a name
 
 
 @pytest.mark.parametrize("what", ["compare", "sweep", "sensitivity"])

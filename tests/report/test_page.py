@@ -304,8 +304,9 @@ def test_a_user_makes_a_film_of_a_run(small_run: wf.Result, tmp_path: Path) -> N
 
 
 def test_what_cannot_be_filmed_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["animate", str(tmp_path)]) == 2
     folder = tmp_path / "run"
+    assert main(["animate", str(folder)]) == 2
+    assert not folder.exists()
     wf.run(shipped("vacuum", {"feed.count": 32}), folder, report=False)
     for options, told in (
         (["--fraction", "sfot"], "unknown fraction 'sfot'; did you mean 'soft'? (known: soft, hard)"),

@@ -139,6 +139,7 @@ def _told(problem: Exception, words: Sequence[str]) -> int:
 
 def _prepare() -> None:
     """Set up a process of its own: letters that the terminal has not are shown as ?, and who ends it is heard."""
+    os.environ.pop("MPLBACKEND", None)  # no window is opened, and matplotlib fails at a name that it does not know
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")
@@ -154,6 +155,9 @@ def _of_the_system(problem: OSError) -> int:
         _complain(f"{place}{said}; free some space, what is finished is kept, the same command goes on")
     elif problem.errno in (errno.EMFILE, errno.ENFILE):
         _complain(f"{place}{said}; allow more with: ulimit -n 1024")
+    elif problem.errno == errno.ENAMETOOLONG:
+        _complain(f"{place}{said}; choose a shorter one, mostly 255 bytes are allowed")
+        return SceneError.exit_code
     else:
         _complain(f"{place}{said}; choose another --out and WAKEFLOW_CACHE")
         return SceneError.exit_code

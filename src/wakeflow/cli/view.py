@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -168,6 +169,7 @@ def animate(
     size
         Dots of its longer side.
     """
+    from ..answer.result import Result
     from ..core import sums
     from ..core.store import bytes_of
     from ..report.film import show_film
@@ -175,13 +177,15 @@ def animate(
     path = out or run_folder / "figures" / f"film.{format_}"
     if path.suffix != f".{format_}":
         raise SceneError(f"--out {path}: name it *.{format_}, or ask for another --format")
-    if out is None:
-        sums.claim(run_folder, [path])
     lasting, bytes_ = None if span is None else _seconds(span), bytes_of(most)
-    _film(run_folder, path, lasting, fractions, quiet=quiet, seconds=seconds, size=size, most=bytes_)
-    if out is None:
-        show_film(run_folder, path)
-        sums.note(run_folder, [path, run_folder / "report.html"])
+    film = partial(_film, run_folder, path, lasting, fractions, quiet=quiet, seconds=seconds, size=size, most=bytes_)
+    if out is not None:
+        film()
+    else:
+        sums.claim(Result.load(run_folder).folder, [path])
+        with sums.writing(run_folder, lambda: [path, run_folder / "report.html"]):
+            film()
+            show_film(run_folder, path)
     if not quiet:
         print(f"{path}, {path.stat().st_size / 1e6:.2g} MB")
 

@@ -89,7 +89,9 @@ def writing(folder: Path, files: Callable[[], Iterable[Path]]) -> Iterator[None]
         (folder / BEGUN).write_text(_THIS)
     try:
         yield
-    except BaseException:
+    except BaseException as problem:
+        if isinstance(problem, OSError) and problem.filename is None:  # as where the disk is full
+            problem.filename = str(folder)
         with suppress(OSError):  # a full disk, say: BEGUN stays
             note(folder, files(), anew=False)
             (folder / BEGUN).unlink(missing_ok=True)

@@ -9,13 +9,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..core.errors import ProgramError, SceneError
 from ..core.process import run_program
-
-if TYPE_CHECKING:
-    pass
 
 WAITS, GOES, DONE, STOPPED, FAILED = "waits", "is computed", "done", "stopped", "failed"
 

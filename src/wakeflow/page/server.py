@@ -18,9 +18,11 @@ import sys
 import webbrowser
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
 from tornado.httpserver import HTTPServer
 from tornado.iostream import StreamClosedError
 from tornado.netutil import bind_sockets
@@ -99,7 +101,7 @@ class Page:
         if name not in self.session.ACTIONS:
             raise HTTPError(404)
         pool = self._slow if name in SLOW else self._quick
-        return await self.loop.run_in_executor(pool, getattr(self.session, name), ask)
+        return await self.loop.run_in_executor(pool, partial(self.session.ACTIONS[name], self.session, **ask))
 
     async def serve(self) -> None:
         """Until the last page is closed and nothing is computed, or the process is asked to end."""
@@ -257,6 +259,9 @@ class _Handler(_Guarded):
             raise HTTPError(400) from None
         try:
             answer = await self.page.act(name, ask)
+        except ValidationError as problem:
+            first = problem.errors()[0]
+            answer = {"refused": f"{name}: {'.'.join(map(str, first['loc']))}: {first['msg']}"}
         except WakeflowError as problem:
             answer = {"refused": str(problem)}
         except OSError as problem:  # a full disk, a folder without the right to write

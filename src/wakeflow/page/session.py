@@ -1,6 +1,7 @@
 """What one page works on: a scene, its plan, its runs, finished runs; and every action that the browser can ask for.
 
-An action takes and gives plain JSON and raises SceneError for what a person did wrong. None knows of HTTP.
+An action takes and gives plain JSON and raises SceneError for what a person did wrong, and those in ACTIONS pydantic's
+ValidationError for JSON of another shape. None knows of HTTP.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ import tempfile
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+from pydantic import ConfigDict, Field, validate_call
 
 from ..answer.result import FILE, Result
 from ..core.errors import SceneError, WakeflowError
@@ -33,7 +36,9 @@ if TYPE_CHECKING:
 
 Lines = Callable[..., list[tuple[str, str]]]  # the plan's lines, as the command line prints them
 Say = Callable[[str, dict[str, object]], None]  # tells every open page: kind, data
-Ask = Mapping[str, Any]
+Place = Annotated[float, Field(ge=-1e6, le=1e6)]  # m
+Ends = Mapping[str, tuple[Place, Place]]  # of each bin: from, to
+checked = validate_call(config=ConfigDict(allow_inf_nan=False))
 KEPT = 8  # finished runs whose landings are kept in memory
 
 
@@ -82,7 +87,7 @@ class Session:
         return SceneDocument(Scene.parse(result.scene).as_toml(), name=folder.name)
 
     # -- the scene -----------------------------------------------------------------------------------------------------
-    def state(self, _: Ask) -> dict[str, object]:
+    def state(self) -> dict[str, object]:
         """All of the scene as the page shows it."""
         document, look = self.document, self.document.look
         undo, redo = document.steps
@@ -113,25 +118,29 @@ class Session:
             "bodies": {name: body.outline().tolist() for name, body in scene.body.items()},
         }  # fmt: skip
 
-    def edit(self, ask: Ask) -> dict[str, object]:
-        """Change the scene: the whole ``text``, keys to ``set`` (null takes one out), a ``drag`` of a handle to a place
-        in m, a table to ``add``; or ``undo`` and ``redo``.
+    def edit(
+        self, *, text: str | None = None, before: str | None = None, set: Mapping[str, str | None] | None = None,
+        drag: str | None = None, x: Place = 0.0, y: Place = 0.0, add: str | None = None, undo: bool = False,
+        redo: bool = False, gesture: str | None = None,
+    ) -> dict[str, object]:  # fmt: skip
+        """Change the scene: the whole ``text``, where it was ``before``; keys to ``set`` (None takes one out); a handle
+        to ``drag`` to a place ``x``, ``y`` (m); a table to ``add``; or ``undo`` and ``redo``.
         """
-        document, gesture = self.document, ask.get("gesture")
-        if "text" in ask:
-            text = merged(str(ask.get("before", document.text)), str(ask["text"]), document.text)
-            if text is None:
+        document = self.document
+        if text is not None:
+            both = merged(document.text if before is None else before, text, document.text)
+            if both is None:
                 raise SceneError("another page has changed the same lines: its text is shown now; change it again")
-            document.write(text, gesture)
-        elif "set" in ask:
-            document.set({str(key): None if one is None else str(one) for key, one in ask["set"].items()}, gesture)
-        elif "drag" in ask:
-            self._drag(str(ask["drag"]), float(ask["x"]), float(ask["y"]), gesture)
-        elif "add" in ask:
-            self._add(str(ask["add"]))
-        elif ask.get("undo"):
+            document.write(both, gesture)
+        elif set is not None:
+            document.set(set, gesture)
+        elif drag is not None:
+            self._drag(drag, x, y, gesture)
+        elif add is not None:
+            self._add(add)
+        elif undo:
             document.undo()
-        elif ask.get("redo"):
+        elif redo:
             document.redo()
         return self._tell_scene()
 
@@ -157,20 +166,18 @@ class Session:
         self.document.set({f"{table}.{key}": typed for key, typed in keys.items()})
 
     def _tell_scene(self) -> dict[str, object]:
-        state = self.state({})
+        state = self.state()
         self._say("scene", state)
         return state
 
-    def save(self, ask: Ask) -> dict[str, object]:
+    def save(self, *, name: str | None = None) -> dict[str, object]:
         """Write the scene to its file, or to a new one called ``name`` in the folder of the first."""
-        name = ask.get("name")
-        path = None if name is None else _new_file(self.home, str(name))
-        self.document.save(path)
+        self.document.save(None if name is None else _new_file(self.home, name))
         return self._tell_scene()
 
-    def settle(self, ask: Ask) -> dict[str, object]:
+    def settle(self, *, keep: bool) -> dict[str, object]:
         """End a conflict with the disk: ``keep`` the text here or take the file's."""
-        self.document.settle(keep=bool(ask["keep"]))
+        self.document.settle(keep=keep)
         return self._tell_scene()
 
     def watch(self) -> None:
@@ -178,24 +185,26 @@ class Session:
         if self.document.compare_with_disk():
             self._tell_scene()
 
-    def open(self, ask: Ask) -> dict[str, object]:
+    def open(
+        self, *, file: str | None = None, run: str | None = None, kind: str = "rhombus", drop: bool = False
+    ) -> dict[str, object]:
         """Take up another scene: the ``file`` of the folder, a shipped ``kind`` to start from, or that of a ``run``.
         Raises SceneError where the one that is open is not saved, unless ``drop`` says that it may go.
         """
-        if self.document.changed and self.document.saved is not None and not ask.get("drop"):
+        if self.document.changed and self.document.saved is not None and not drop:
             raise SceneError(f"{self.document.name} is not saved: save it, or open the other one again to drop it")
-        if "file" in ask:
-            found = SceneDocument.load(inside(self.home, str(ask["file"])))
-        elif "run" in ask:
-            found = self._of_run(self._run(str(ask["run"])))
+        if file is not None:
+            found = SceneDocument.load(inside(self.home, file))
+        elif run is not None:
+            found = self._of_run(self._run(run))
         else:
-            found = _template(str(ask["kind"]))
+            found = _template(kind)
         found.version = self.document.version + 1
         self.document, self._drawn, self._held = found, {}, None
         return self._tell_scene()
 
     # -- the plan ------------------------------------------------------------------------------------------------------
-    def plan(self, _: Ask) -> dict[str, object]:
+    def plan(self) -> dict[str, object]:
         """The plan's lines, and of each fraction whether the air lifts it; of a wrong scene nothing."""
         document, look = self.document, self.document.look
         if look.scene is None:
@@ -209,21 +218,21 @@ class Session:
                 "air": None if look.scene.air is None else look.scene.air.speed}  # fmt: skip
 
     # -- runs ----------------------------------------------------------------------------------------------------------
-    def run(self, ask: Ask) -> dict[str, object]:
+    def run(self, *, name: str | None = None, quick: bool = False, full: bool = True) -> dict[str, object]:
         """Put the scene as it is now at the end of the list of runs, with a first look before it where ``quick`` asks
         for it. Raises SceneError where it is wrong.
         """
         document, look = self.document, self.document.look
         if look.scene is None:
             raise SceneError(look.mistake)
-        name = self._free(str(ask.get("name") or document.name), look.scene)
+        free = self._free(name or document.name, look.scene)
         asked: dict[str, Any] = {"text": document.text, "base": document.base, "scene": document.name}
-        if ask.get("quick"):
-            folder = self.runs / f"{name}-first-look"
-            self.queue.add(name=f"{name} first look", folder=folder, options={"quick": True}, **asked)
-        if ask.get("full", True):
-            self.queue.add(name=name, folder=self.runs / name, **asked)
-        return self.list({})
+        if quick:
+            folder = self.runs / f"{free}-first-look"
+            self.queue.add(name=f"{free} first look", folder=folder, options={"quick": True}, **asked)
+        if full:
+            self.queue.add(name=free, folder=self.runs / free, **asked)
+        return self.list()
 
     def _free(self, name: str, scene: Scene) -> str:
         """The name of a run's folder: one that is free, or holds the answer of this very scene."""
@@ -237,16 +246,15 @@ class Session:
                 return free
         raise SceneError(f"a thousand runs are called {name}: choose another name")
 
-    def job(self, ask: Ask) -> dict[str, object]:
+    def job(self, *, act: str, number: int) -> dict[str, object]:
         """``stop`` a run, ``go_on`` with it, or ``drop`` it from the list, by its ``number``."""
         acts = {"stop": self.queue.stop, "go_on": self.queue.go_on, "drop": self.queue.drop}
-        act = str(ask["act"])
         if act not in acts:
             raise SceneError(f"unknown act {act!r}{did_you_mean(act, list(acts))}")
-        acts[act](int(ask["number"]))
-        return self.list({})
+        acts[act](number)
+        return self.list()
 
-    def list(self, _: Ask) -> dict[str, object]:
+    def list(self) -> dict[str, object]:
         """The runs that were asked for, and what is on the disk."""
         return {
             "queue": [one.table() for one in self.queue.runs], "kinds": list(scene_templates()),
@@ -282,14 +290,14 @@ class Session:
             self._landings[key] = StoredLandings.of(Result.load(folder))
         return self._landings[key]
 
-    def landings(self, ask: Ask) -> dict[str, object]:
+    def landings(self, *, run: str) -> dict[str, object]:
         """Of a finished ``run``: where its granules landed, its dividers, its shares."""
-        stored = self._stored(str(ask["run"]))
+        stored = self._stored(run)
         scene, channel = stored.scene, stored.scene.channel
         half = channel.width / 2
         level, upright = (-half, half), (channel.bottom, channel.top)
         return {
-            "run": ask["run"], "folder": str(stored.result.folder),
+            "run": run, "folder": str(stored.result.folder),
             "report": (stored.result.folder / "report.html").is_file(),
             "colours": fraction_colours(list(scene.fraction)),
             "targets": {name: list(one.targets) for name, one in scene.fraction.items()},
@@ -301,12 +309,11 @@ class Session:
             "ends": stored.ends, "step": step_of(scene), **self._answer(stored, stored.ends),
         }  # fmt: skip
 
-    def dividers(self, ask: Ask) -> dict[str, object]:
+    def dividers(self, *, run: str, ends: Ends) -> dict[str, object]:
         """The answer of a finished ``run`` with its bins between other ``ends`` (m)."""
-        ends = {str(name): (float(pair[0]), float(pair[1])) for name, pair in ask["ends"].items()}
-        return self._answer(self._stored(str(ask["run"])), ends)
+        return self._answer(self._stored(run), ends)
 
-    def _answer(self, stored: StoredLandings, ends: Mapping[str, tuple[float, float]]) -> dict[str, object]:
+    def _answer(self, stored: StoredLandings, ends: Ends) -> dict[str, object]:
         found = stored.shares(ends)
         return {
             "shares": {
@@ -316,27 +323,26 @@ class Session:
             "recovery": {name: None if one is None else _plain(one) for name, one in found.recovery.items()},
         }
 
-    def compare(self, ask: Ask) -> dict[str, object]:
+    def compare(self, *, runs: tuple[str, ...]) -> dict[str, object]:
         """Write the page of several ``runs`` side by side; returns its name."""
         from ..batch.comparison import compare
 
-        folders = [self._run(str(name)) for name in ask["runs"]]
-        found = compare(folders)
+        found = compare([self._run(name) for name in runs])
         place = Path(tempfile.mkdtemp(dir=self._compared))
         with self._drawing:
             found.write(place)
         return {"page": place.name, "differs": {key: [str(entry.inputs.get(key, "")) for entry in found.table.entries]
                                                 for key in found.table.inputs}}  # fmt: skip
 
-    def sweep(self, ask: Ask) -> dict[str, object]:
+    def sweep(self, *, sweep: str) -> dict[str, object]:
         """A sweep's points."""
-        return points_of(inside(self.runs, str(ask["sweep"])))
+        return points_of(inside(self.runs, sweep))
 
-    def measured(self, ask: Ask) -> dict[str, object]:
+    def measured(self, *, run: str, rows: tuple[tuple[str, str, float, float], ...]) -> dict[str, object]:
         """Put the calibration of a ``run`` by measured trays at the end of the list: ``rows`` of fraction, bin, share
         and uncertainty. Raises SceneError where there are none.
         """
-        folder, rows = self._run(str(ask["run"])), [list(row) for row in ask["rows"]]
+        folder = self._run(run)
         if not rows:
             raise SceneError("type the share of at least one tray")
         heads = "fraction", "bin", "share", "uncertainty"
@@ -347,12 +353,11 @@ class Session:
             options={"rung": result.options.rung, "force": result.options.force},
             measured={head: [row[i] for row in rows] for i, head in enumerate(heads)},
         )  # fmt: skip
-        return self.list({})
+        return self.list()
 
-    ACTIONS = (
-        "state", "edit", "save", "settle", "open", "plan", "run", "job", "list", "landings", "dividers", "compare",
-        "sweep", "measured",
-    )  # fmt: skip
+    ACTIONS: ClassVar = {one.__name__: checked(one) for one in (
+        state, edit, save, settle, open, plan, run, job, list, landings, dividers, compare, sweep, measured,
+    )}  # fmt: skip
 
 
 def _template(kind: str) -> SceneDocument:
