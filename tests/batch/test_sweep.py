@@ -396,14 +396,14 @@ def test_the_same_command_goes_on_after_a_kill(tmp_path: Path) -> None:
     command += ["--set", "feed.height=80:140:4 mm", "--workers", "1", "--out", str(tmp_path), "--quiet"]
     program = [sys.executable, "-m", "wakeflow.cli", *command]
     with subprocess.Popen(program, start_new_session=True) as sweep:
-        while not (points := sorted(tmp_path.glob("*/point.json"))):
+        while not (points := sorted(tmp_path.glob("*/.point.json"))):
             assert sweep.poll() is None
             time.sleep(0.02)
         os.kill(sweep.pid, signal.SIGKILL)
-    done = {path: path.stat().st_mtime_ns for path in sorted(tmp_path.glob("*/point.json"))}
+    done = {path: path.stat().st_mtime_ns for path in sorted(tmp_path.glob("*/.point.json"))}
     assert 1 <= len(points) <= len(done) < 4
     assert main(command) == 0
-    after = {path: path.stat().st_mtime_ns for path in sorted(tmp_path.glob("*/point.json"))}
+    after = {path: path.stat().st_mtime_ns for path in sorted(tmp_path.glob("*/.point.json"))}
     assert len(after) == 4
     assert {path: after[path] for path in done} == done
     with (tmp_path / "sweep.csv").open() as stream:

@@ -91,6 +91,12 @@ def test_marks_between_digits_are_never_passed_over(whole: int, mark: str, rest:
             quantity(f"{whole}{mark}{rest:03d}{unit}", wanted, "")
 
 
+@pytest.mark.parametrize("unit", ["(Hz", "Hz)", "{Hz", "Hz;", "$Hz", "Hz !", 'Hz"', "Hz \\", "Hz*" * 3000 + "Hz"])
+def test_a_unit_that_is_not_whole_or_has_other_letters_is_none(unit: str) -> None:
+    with pytest.raises(ValueError, match="is not a unit like 'Hz'"):
+        quantities.converted(20.0, unit, "Hz")
+
+
 def test_numbers_are_said_in_the_users_unit() -> None:
     assert say(0.05, "m") == "0.05 m"
     with speaking({"m": "mm", "rad": "deg", "Hz": "rpm", "1": "%"}):

@@ -170,3 +170,36 @@ def test_a_file_that_is_gone_is_made_anew_and_a_taken_name_is_refused(tmp_path: 
 )
 def test_changes_of_other_lines_are_both_kept(mine: str, theirs: str, both: str | None) -> None:
     assert merged("a\nb\nc\nd\n", mine, theirs) == both
+
+
+def test_a_file_that_is_gone_ends_a_conflict_and_one_too_long_is_not_replaced(tmp_path: Path) -> None:
+    document = _opened("vacuum", tmp_path)
+    assert document.path is not None
+    document.write("a = 1\n")
+    document.path.write_text("b = 1\n")
+    assert document.compare_with_disk()
+    assert document.conflict
+    document.path.unlink()
+    assert document.compare_with_disk()
+    assert not document.conflict
+    document.save()
+    assert document.path.read_text() == "a = 1\n"
+    document.path.write_text("#" * 1_000_001)
+    assert not document.compare_with_disk()
+    with pytest.raises(SceneError, match=r"vacuum.toml: a scene of 1000001 letters"):
+        document.save()
+
+
+def test_a_saved_file_keeps_its_mode_and_its_place_behind_a_link(tmp_path: Path) -> None:
+    real = _opened("vacuum", tmp_path).path
+    assert real is not None
+    real.chmod(0o600)
+    (tmp_path / "link.toml").symlink_to(real.name)
+    document = SceneDocument.load(tmp_path / "link.toml")
+    document.write("a = 1\n")
+    document.save()
+    assert (tmp_path / "link.toml").is_symlink()
+    assert (real.read_text(), real.stat().st_mode & 0o777) == ("a = 1\n", 0o600)
+    (tmp_path / "away.toml").symlink_to("nowhere")
+    with pytest.raises(SceneError, match="exists; choose another name"):
+        document.save(tmp_path / "away.toml")

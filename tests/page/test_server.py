@@ -17,6 +17,7 @@ from serving import Served, served
 import wakeflow as wf
 from wakeflow.cli import main
 from wakeflow.cli.show_plan import plan_lines
+from wakeflow.core import sums
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import scene_templates
 from wakeflow.page.session import Session
@@ -237,7 +238,7 @@ def test_measured_trays_wait_in_the_list_with_the_runs_own_options(
 @pytest.mark.parametrize(
     ("action", "what", "told"),
     [
-        ("state", {"self": 1}, "state: self: "),
+        ("state", {"of": 1}, "state: of: "),
         ("edit", {"set": ["air.speed"]}, "edit: set: "),
         ("edit", {"set": {"air.speed": 3}}, "edit: set.air.speed: "),
         ("edit", {"drag": "feed", "x": float("nan"), "y": 0.0}, "edit: x: "),
@@ -275,6 +276,38 @@ def test_a_scene_that_is_not_there_leaves_no_folder(tmp_path: Path, monkeypatch:
     with pytest.raises(SceneError, match="no scene file, run or folder"):
         Session(tmp_path / "nosuch.toml", plan_lines, lambda *_: None)
     assert not list(tmp_path.iterdir())
+
+
+def test_what_is_odd_in_a_folder_hides_nothing_else(small_run: Any, tmp_path: Path) -> None:
+    (tmp_path / "a.toml").mkdir()
+    (tmp_path / "b.toml").write_bytes(b"\xff")
+    (tmp_path / "c.toml").write_text("# mine\n")
+    (tmp_path / "bad").mkdir()
+    (tmp_path / "bad" / "result.json").symlink_to("nowhere")
+    (tmp_path / "scenes.csv").write_text("scene,share.hard.near\nx,9.4\n")
+    sums.note(tmp_path, [tmp_path / "scenes.csv"])
+    (tmp_path / "scenes.csv").write_text("scene,share.hard.near\nx,0.4\n")
+    session = Session(tmp_path, plan_lines, lambda *_: None)
+    session.runs = tmp_path
+    try:
+        assert session.document.name == "c"
+        assert session.list()["runs"] == []
+        with pytest.raises(SceneError, match=r"scenes.csv is damaged"):
+            session.sweep(sweep=".")
+    finally:
+        session.close()
+
+
+def test_a_scene_without_a_file_is_not_dropped_unasked(tmp_path: Path) -> None:
+    session = Session(None, plan_lines, lambda *_: None, tmp_path)
+    try:
+        session.open(kind="prism")
+        session.edit(set={"air.speed": "3 m/s"})
+        with pytest.raises(SceneError, match="is not saved"):
+            session.open(kind="vacuum")
+        session.open(kind="vacuum", drop=True)
+    finally:
+        session.close()
 
 
 def test_a_closed_terminal_leaves_no_folder(cases: Path, tmp_path: Path) -> None:

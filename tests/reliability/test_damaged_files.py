@@ -57,7 +57,7 @@ READERS: dict[str, Read] = {
     "result.json": lambda path: Result.load(path.parent).table,
     "granules.npz": _granules,
     "field.npz": _field,
-    "point.json": lambda path: getattr(finished(path.parent, "stamp"), "table", None),
+    ".point.json": lambda path: getattr(finished(path.parent, "stamp"), "table", None),
     "manifest.json": _stage,
     "data": _stage,
 }
@@ -70,12 +70,12 @@ def originals(small_run: Any, tmp_path_factory: pytest.TempPathFactory) -> dict[
     run.mkdir()
     for name in ("result.json", "granules.npz", "SHA256SUMS"):
         shutil.copy(small_run.folder / name, run / name)
-    (run / "point.json").write_text(json.dumps({"stamp": "stamp", "key": key_in(run)}))
+    (run / ".point.json").write_text(json.dumps({"stamp": "stamp", "key": key_in(run)}))
     points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     air = FlowField.from_arrays(points, [[0, 1, 2], [1, 3, 2]], 3.0 * points, np.arange(4.0))
     air.save(run / "field.npz")
     stage, _ = Store(run / "cache").make("tracks", "a" * 64, _work)
-    files = {name: run / name for name in ("result.json", "granules.npz", "field.npz", "point.json")}
+    files = {name: run / name for name in ("result.json", "granules.npz", "field.npz", ".point.json")}
     return files | {name: stage / name for name in ("manifest.json", "data")}
 
 
@@ -100,7 +100,7 @@ def damage(originals: dict[str, Path], name: str, count: int, first: int = 0) ->
         except Exception as problem:
             raise AssertionError(f"{name} {number} of seed {SEED}: {type(problem).__name__}: {problem}") from problem
         else:
-            assert found == kept or (name == "point.json" and found is None), f"{name} {number}: another content"
+            assert found == kept or (name == ".point.json" and found is None), f"{name} {number}: another content"
         finally:
             path.write_bytes(whole)
     print(f"seed {SEED}: {name}: {said} of {count} refused, the others unchanged in what they say")
@@ -300,11 +300,11 @@ def test_a_result_that_another_run_left_in_a_sweeps_folder_is_none_of_the_sweep(
     originals: dict[str, Path], tmp_path: Path
 ) -> None:
     run = tmp_path / "run"
-    shutil.copytree(originals["point.json"].parent, run)
+    shutil.copytree(originals[".point.json"].parent, run)
     assert finished(run, "stamp") is not None
-    (run / "point.json").write_text(json.dumps({"stamp": "stamp"}))  # of an earlier version
+    (run / ".point.json").write_text(json.dumps({"stamp": "stamp"}))  # of an earlier version
     assert finished(run, "stamp") is None
-    (run / "point.json").write_text(json.dumps({"stamp": "stamp", "key": key_in(run)}))
+    (run / ".point.json").write_text(json.dumps({"stamp": "stamp", "key": key_in(run)}))
     table = json.loads((run / FILE).read_text())
     del table["sha256"]
     (run / FILE).write_text(json.dumps(table | {"key": "0" * 64}))

@@ -2,9 +2,12 @@
 
 import csv
 import errno
+import importlib
+import multiprocessing
 import os
 import re
 import shutil
+import signal
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +17,7 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
+from wakeflow.answer.result import Result
 from wakeflow.cli import main
 from wakeflow.core import sums
 from wakeflow.core.errors import SceneError
@@ -102,23 +106,150 @@ def test_what_others_put_into_the_folders_of_a_report_stays_theirs(run: Path) ->
 def test_a_killed_run_is_gone_on_from_and_a_failed_one_excuses_nothing(run: Path, small_run: Any) -> None:
     (run / "SHA256SUMS").unlink()
     (run / "result.json").unlink()
-    (run / sums.BEGUN).touch()  # killed while it wrote
+    (run / f"{sums.BEGUN}run").touch()  # killed while it wrote
     wf.run(Scene.parse(dict(small_run.scene)), run)
-    assert not (run / sums.BEGUN).exists()
+    assert not list(run.glob(f"{sums.BEGUN}*"))
     before = sums.listed(run)
     (run / "granules.npz").write_bytes(b"damaged")
     (run / "new.csv").write_text("1")
     written = [run / "new.csv", run / "granules.npz"]
-    with pytest.raises(ValueError, match="on the way"), sums.writing(run, lambda: written):
+    with pytest.raises(ValueError, match="on the way"), sums.writing(run, lambda: written, "some"):
         raise ValueError("on the way")
     after = sums.listed(run)
     assert after.pop("new.csv")
     assert after == before
-    assert not (run / sums.BEGUN).exists()
+    assert not list(run.glob(f"{sums.BEGUN}*"))
+
+
+def _killed(words: list[str]) -> None:
+    """A command that is killed when it has written its files."""
+    sums.note = lambda *_, **__: os.kill(os.getpid(), signal.SIGKILL)  # type: ignore[assignment]
+    main(words)
+
+
+def test_a_killed_command_excuses_its_own_files_alone(run: Path) -> None:
+    """And it goes on after others have written there meanwhile."""
+    bins, table = ["bins", str(run), "--purity", "soft"], run / "sensitivity.csv"
+    child = multiprocessing.get_context("spawn").Process(target=_killed, args=(bins,))
+    child.start()
+    child.join(100)
+    assert child.exitcode == -signal.SIGKILL
+    table.write_text("mine")
+    (run / "figures" / "film.gif").write_text("mine")
+    assert main(["sensitivity", str(run)]) == 2
+    with pytest.raises(SceneError, match=r"film.gif"):
+        wf.run(shipped("vacuum", {"feed.count": 16}), run)
+    assert [table.read_text(), (run / "figures" / "film.gif").read_text()] == ["mine", "mine"]
+    (run / "figures" / "film.gif").unlink()
+    assert main(["animate", str(run), "--seconds", "1", "--size", "240", "--span", "100 ms", "--quiet"]) == 0
+    assert main(bins) == 0
+    assert not list(run.glob(f"{sums.BEGUN}*"))
+
+
+def test_a_killed_command_has_not_changed_the_form_that_it_wrote(tmp_path: Path) -> None:
+    form = tmp_path / "measured.csv"
+    for text in ("one", "two"):  # killed before it was noted
+        sums.refuse_changed(form, "protocol")
+        with sums.replacing(form, "protocol") as draft:
+            draft.write_text(text)
+        assert form.read_text() == text
+    sums.refuse_changed(form, "protocol")
+    form.write_text("filled in")
+    with pytest.raises(SceneError, match="not as the program wrote it"):
+        sums.refuse_changed(form, "protocol")
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".begun-protocol", "measured.csv"]
+
+
+def test_a_list_of_checksums_that_the_user_made_stays(run: Path, small_run: Any, tmp_path: Path) -> None:
+    (tmp_path / "compare.csv").write_text("mine")
+    own = f"{sums.digest_of(tmp_path / 'compare.csv')}  compare.csv\n"
+    (tmp_path / "SHA256SUMS").write_text(own)
+    for _ in "with it", "without a file that is replaced":
+        with pytest.raises(SceneError, match="holds SHA256SUMS, which no run of wakeflow wrote"):
+            wf.compare([small_run, run]).write(tmp_path)
+        (tmp_path / "compare.csv").unlink(missing_ok=True)
+    assert (tmp_path / "SHA256SUMS").read_text() == own
+
+
+def test_a_link_that_leads_nowhere_is_not_replaced_or_written_through(tmp_path: Path, run: Path) -> None:
+    link = tmp_path / "own.toml"
+    link.symlink_to("away")
+    for words in (["new", "vacuum", str(link)], ["materials", "--new", str(link)]):
+        assert main(words) == 2
+    (run / f"{sums.BEGUN}bins-soft-floor").symlink_to(tmp_path / "away")
+    assert main(["bins", str(run), "--purity", "soft"]) == 2
+    with pytest.raises(SceneError, match="not as the program"):
+        sums.refuse_changed(link, "protocol")
+    assert link.is_symlink()
+    assert not (tmp_path / "away").exists()
+
+
+def test_a_sweep_into_a_folder_that_a_link_leads_to_is_refused(run: Path, theirs: Path) -> None:
+    (run / "sensitivity").symlink_to(theirs)
+    assert main(["sensitivity", str(run), "--over", "fraction.hard.restitution=0.45,0.55"]) == 2
+    assert [path.name for path in theirs.iterdir()] == ["landing.png"]
+
+
+def test_a_page_that_no_run_wrote_takes_no_film(small_run: Any, tmp_path: Path) -> None:
+    wf.run(Scene.parse(dict(small_run.scene)), tmp_path, report=False)
+    (tmp_path / "report.html").write_text("mine")
+    assert main(["animate", str(tmp_path), "--seconds", "1", "--size", "240", "--span", "100 ms", "--quiet"]) == 0
+    assert main(["report", str(tmp_path)]) == 2
+    assert (tmp_path / "report.html").read_text() == "mine"
+
+
+@pytest.mark.parametrize("command", ["animate", "calibrate"])
+def test_what_is_made_of_one_answer_is_not_laid_beside_another(
+    command: str, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As where another process runs another scene into the folder meanwhile."""
+    trays, scene = tmp_path / "trays.csv", tmp_path / "scene.toml"
+    Scene.parse(Result.load(run).scene).save(scene)
+    trays.write_text("fraction,bin,share,uncertainty\nhard,far,0.6,0.05\n")
+    small = ["--seconds", "1", "--size", "240", "--span", "100 ms", "--quiet"]
+    words, way = {
+        "animate": ([str(run), *small], "wakeflow.report.film.write_film"),
+        "calibrate": ([str(scene), str(trays), "--out", str(run)], "wakeflow.batch.calibration._posterior"),
+    }[command]
+    module, name = way.rpartition(".")[::2]
+    real = getattr(importlib.import_module(module), name)
+
+    def meanwhile(*given: Any, **how: Any) -> object:
+        wf.run(shipped("vacuum", {"feed.count": 16}), run)
+        return real(*given, **how)
+
+    monkeypatch.setattr(way, meanwhile)
+    assert main([command, *words]) == 2
+    assert "holds another answer now; the same command" in capsys.readouterr().err
+    assert not (run / "figures" / "film.gif").exists()
+    assert not (run / "inputs.csv").exists()
+
+
+def test_a_traceback_does_not_replace_a_file_of_that_name(tmp_path: Path) -> None:
+    folder = tmp_path / "feed.count=16"
+    folder.mkdir()
+    (folder / "failure.log").write_text("mine")
+    done = wf.sweep(wf.variants(shipped("vacuum"), {"feed.count": [16, 32]}), tmp_path, workers=1, figures=False)
+    assert "holds failure.log" in done.failed["feed.count=16"]
+    assert (folder / "failure.log").read_text() == "mine"
+
+
+def test_a_picture_replaces_a_link_and_not_what_it_leads_to(cases: Path, tmp_path: Path) -> None:
+    (tmp_path / "photo.png").write_text("a photo")
+    (tmp_path / "link.png").symlink_to("photo.png")
+    assert main(["view", str(cases / "vacuum.toml"), "--picture", str(tmp_path / "link.png")]) == 0
+    assert (tmp_path / "photo.png").read_text() == "a photo"
+    assert (tmp_path / "link.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_damaged_tracks_are_not_shown(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (run / "tracks.vtp").write_bytes((run / "tracks.vtp").read_bytes().replace(b"since", b"sinse", 1) + b" ")
+    assert main(["view", str(run), "--picture", str(tmp_path / "p.png")]) == 2
+    assert "tracks.vtp is damaged" in capsys.readouterr().err
 
 
 def test_a_disk_that_is_full_is_told_with_the_folder(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match=re.escape(str(tmp_path))), sums.writing(tmp_path, list):
+    with pytest.raises(OSError, match=re.escape(str(tmp_path))), sums.writing(tmp_path, list, "some"):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))  # as write() says it: without a name
 
 
@@ -192,7 +323,7 @@ def test_a_folder_without_a_name_has_a_picture(
 
 def test_a_list_of_files_leads_nowhere_else(tmp_path: Path) -> None:
     names = ["figures/lines-/../../../a", "/etc/passwd", "../a", "figures/lines-a.png"]
-    (tmp_path / sums.SUMS).write_text("".join(f"{'0' * 64}  {name}\n" for name in names))
+    (tmp_path / sums.SUMS).write_text("\n".join([sums.MARK, *(f"{'0' * 64}  {name}" for name in names)]))
     assert list(sums.listed(tmp_path)) == names[3:]
 
 

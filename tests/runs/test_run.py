@@ -311,7 +311,7 @@ def test_files_that_no_run_wrote_are_not_replaced(tmp_path: Path) -> None:
     wf.run(scene, tmp_path, report=False)  # beside files that it does not touch
     (tmp_path / "result.json").unlink()
     (tmp_path / "report.html").write_text("of a run that was killed before it ended")
-    (tmp_path / ".begun").touch()
+    (tmp_path / ".begun-run").touch()
     assert wf.run(scene, tmp_path).landings is not None
     for name in ("notes.txt", "page.html", "machine/drawing.dwg"):
         assert (tmp_path / name).read_text() == "my own"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -100,6 +101,9 @@ def two(space: Modelspace) -> None:
     [
         (closed, 0, {}, 'does not say its unit; write outline_unit = "mm"'),
         (closed, 4, {"outline_unit": "kg"}, "outline_unit = 'kg': "),
+        (closed, 4, {"outline_unit": "mile"}, "outline_unit = 'mile': 'mile' may be 1609 m or a sea mile"),
+        (lambda space: space.add_lwpolyline(SQUARE, close=True, dxfattribs={"extrusion": (1, 0, 1)}), 4, {},
+         "does not lie in the plane of x and y"),
         (two, 4, {}, "2 closed outlines and 0 lines that do not close; keep one"),
         (lambda space: space.add_lwpolyline(SQUARE), 4, {}, "0 closed outlines and 1 lines that do not close"),
         (lambda space: None, 4, {}, "no closed outline in it; draw one"),
@@ -116,6 +120,20 @@ def test_another_drawing_is_one_line_that_says_what_to_do(
     assert says in str(problem.value)
     assert "\n" not in str(problem.value)
     assert "is no DXF drawing" not in str(problem.value)
+
+
+def test_what_the_reader_mends_is_not_told_in_the_letters_of_the_file(
+    tmp_path: Path, drawn: Callable[..., Scene], capfd: pytest.CaptureFixture[str]
+) -> None:
+    drawn(closed)
+    file = tmp_path / "hood.dxf"
+    text = file.read_text()
+    file.write_text(
+        text.replace("AcDbLayerTableRecord", "AcDb\x1b[31mRED").replace("  0\nLAYER\n", "  0\n\x1b[31mRED\n")
+    )
+    with suppress(SceneError):
+        read_outline("hood.dxf", tmp_path)
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89PNG\r\n\x1a\n", b"AutoCAD Binary DXF\r\n\x1a\x00", b"0\nSECTION\n2\n"])

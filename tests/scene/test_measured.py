@@ -34,6 +34,8 @@ def test_a_file_of_trays_is_read_with_any_separator_and_percent(tmp_path: Path, 
         ("fraction,bin,shares\nhard,far,0.5\n", "head 'shares' is unknown; did you mean 'share'?"),
         ("fraction,bin\nhard,far\n", "lacks bin, or share, mass or count"),
         ("fraction,bin,count\nhard,far,\n", "line 2: is not filled in"),
+        ("fraction;bin;count\nhard;far;1,000\n", "line 2: count = '1,000': write 1000"),
+        ("fraction,bin,count\nhard,far,1.234.567\n", "line 2: count = '1.234.567': write 1234567"),
         ("fraction,bin,count\nhard,far,3.5\n", "line 2: count = '3.5': granules are counted in whole numbers"),
         ("fraction,bin,share,uncertainty\nhard,far,62,1\n", "write a share from 0 to 1, or 62 %"),
         ("fraction,bin,share,uncertainty\nhard,far,0.5\n", "line 2: has 3 cells, its heads are 4"),
@@ -108,7 +110,8 @@ def test_an_uncertainty_in_percent_beside_a_mass_is_of_that_mass(tmp_path: Path)
     tray, other = read_trays(written(tmp_path, "bin,mass,uncertainty\nnear,500,10 %\nfar,400,5\n"))
     assert (tray.uncertainty, other.uncertainty) == (pytest.approx(50.0), 5.0)
     table = {"bin": "near", "mass": 500.0, "uncertainty": "10 %"}
-    assert shipped("vacuum", {"measured": [table]}).measured[0].uncertainty == pytest.approx(50.0)
+    both = [table, {**table, "bin": "far"}]
+    assert shipped("vacuum", {"measured": both}).measured[0].uncertainty == pytest.approx(50.0)
 
 
 def test_columns_are_read_as_a_file_is() -> None:
@@ -174,3 +177,11 @@ def test_trays_that_do_not_fit_the_scene_are_refused(trays: list[dict[str, objec
     with pytest.raises(SceneError, match=r"scene: ") as caught:
         shipped("vacuum").replace({"measured": trays})
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(("fraction", "said"), [("soft", "soft: no mass"), (None, "all fractions: no mass")])
+def test_masses_are_given_of_every_bin(fraction: str | None, said: str) -> None:
+    """The only tray of a fraction would hold all of it, exactly."""
+    trays = [{"fraction": fraction, "bin": "near", "mass": 3.0, "uncertainty": 0.1}]
+    with pytest.raises(SceneError, match=f"measured: {said} or count in far; give 0 where nothing lay"):
+        shipped("vacuum").replace({"measured": [{k: v for k, v in tray.items() if v is not None} for tray in trays]})

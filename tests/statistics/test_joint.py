@@ -1,5 +1,7 @@
 """The update of shares and inputs by measured ones: against closed forms, against many draws, and its test of fit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -86,3 +88,23 @@ def test_counted_trays_of_a_whole_fraction_lose_a_degree_of_freedom() -> None:
     counted = Measured.of([Tray(fraction="a", bin="left", count=80), Tray(fraction="a", bin="right", count=120)])
     fit = misfit(known, counted, counted.weights(PLACES, {"a": 0.5, "b": 0.5}))
     assert (fit.freedom, fit.chi_square) == (1, pytest.approx(0.0, abs=1e-12))
+
+
+def test_shares_in_bounds_sum_to_one_and_what_is_known_well_stays() -> None:
+    known = replace(
+        joint(), shares=np.array([0.97, 0.05, 1.1, -0.2]), covariance=np.diag([1e-12, 1e-2, 1e-2, 1e-2])
+    )  # fmt: skip
+    found = known.in_bounds().shares
+    np.testing.assert_allclose(found, [0.97, 0.03, 1.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(known.in_bounds().in_bounds().shares, found, atol=1e-12)
+    even = replace(joint(), shares=np.array([0.5, 0.7, 0.7, 0.3]), covariance=np.zeros((4, 4))).in_bounds().shares
+    np.testing.assert_allclose(even, [0.4, 0.6, 0.7, 0.3])
+
+
+def test_shares_in_bounds_are_the_most_probable_of_their_sum() -> None:
+    """Of independent errors, none of the shares at an end: against a minimiser."""
+    spread, raw = np.array([1e-3, 4e-3, 0.0, 0.0]), np.array([0.45, 0.65, 0.7, 0.3])
+    found = replace(joint(), shares=raw, covariance=np.diag(spread)).in_bounds().shares[:2]
+    first = np.linspace(0.3, 0.5, 200_001)
+    misfit_of = (first - raw[0]) ** 2 / spread[0] + (1.0 - first - raw[1]) ** 2 / spread[1]
+    assert found[0] == pytest.approx(first[np.argmin(misfit_of)], abs=1e-6)

@@ -88,8 +88,9 @@ class Axis:
         """Whether the flat ``tables`` hold what a ``value`` makes of a scene, numbers to ``within``."""
         for key, wanted in self.changes(value).items():
             parts = split_quantity(wanted) if isinstance(wanted, str) else None
+            plain = SWITCHES.get(wanted, wanted) if isinstance(wanted, str) else wanted
             try:
-                number = _si(*parts, key) if parts else SWITCHES.get(wanted, wanted)
+                number = _si(*parts, key) if parts else plain
             except ValueError:
                 return False
             own = tables[key]
@@ -185,7 +186,11 @@ def axes_of(table: Mapping[str, object], where: str) -> list[Axis]:
 def _axes(table: Mapping[str, object], where: str, above: tuple[str, ...]) -> Sequence[Axis]:
     found: list[Axis] = []
     for name, value in table.items():
+        if not isinstance(name, str):
+            raise SceneError(f"{where}: {name!r}: name a key of the scene")
         key = ".".join((*above, name))
+        if isinstance(value, tuple | range | np.ndarray):
+            value = list(value)
         if isinstance(value, list):
             if not value:
                 raise SceneError(f"{where}: {key} = []: give at least one value")

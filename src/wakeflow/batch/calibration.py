@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.result import Request, Result
+from ..answer.result import Request, Result, key_in
 from ..answer.shares import BudgetPart, BudgetRow, BudgetTotal, InputPart, InputSummary, Separation
 from ..budget.agreement import Agreement
 from ..budget.budget import fly_again, make_budget
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 TELLS = 0.9  # an input whose interval became narrower by this factor has learnt something
 MEASURED_SHARES = "measured shares"
-MATERIALS = "materials.toml"
+COMMAND, MATERIALS = "calibrate", "materials.toml"
 TABLES = ("inputs.csv", "agreement.csv", "correlations.csv", "shares.csv", "calibration.json")
 
 
@@ -191,16 +191,13 @@ def _update(
 # -- What came out -----------------------------------------------------------------------------------------------------
 def separation_after(joint: JointShares, before: Separation, scene: Scene) -> Separation:
     """Shares, recoveries, purities and throughputs as they are known jointly."""
-    mass, bins = scene.mass_shares(), before.bins
-    raw = {name: [joint.number(joint.tray(name, [place])) for place in bins] for name in before.fractions}
-    fractions = {}
-    for name, found in raw.items():
-        total = sum(one.value for one in found)
-        kept = [_within(one, one.value / total if total > 0.0 else 0.0) for one in found]
-        old = before.fractions[name]
-        fractions[name] = {
-            place: replace(one, numerical=old[place].numerical) for place, one in zip(bins, kept, strict=True)
+    mass, bins, joint = scene.mass_shares(), before.bins, joint.in_bounds()
+    fractions = {
+        name: {
+            place: replace(joint.number(joint.tray(name, [place])), numerical=old[place].numerical) for place in bins
         }
+        for name, old in before.fractions.items()
+    }
     own = {name: {place: one.value for place, one in found.items()} for name, found in fractions.items()}
     recovery = {
         name: None if found is None else replace(
@@ -216,10 +213,6 @@ def separation_after(joint: JointShares, before: Separation, scene: Scene) -> Se
         for place in bins
     }  # fmt: skip
     return replace(before, fractions=fractions, recovery=recovery, purity=purity, throughput=throughput, cut=())
-
-
-def _within(one: Number, value: float) -> Number:
-    return Number(value, min(one.low, value), max(one.high, value))
 
 
 def _purity(
@@ -344,20 +337,23 @@ def _claim(folder: Path) -> None:
     """Raise SceneError where a calibration in ``folder`` would replace what the program did not write, or materials
     that were changed since.
     """
-    sums.refuse_foreign(folder, _files(folder))
-    sums.refuse_changed(folder, folder / MATERIALS)
+    sums.refuse_foreign(folder, _files(folder), COMMAND)
+    sums.refuse_changed(folder / MATERIALS, COMMAND)
 
 
 def _write(found: Posterior) -> None:
     """The tables and the picture of a calibration into the folder of its run."""
     _claim(made_folder(found.folder))
-    with sums.writing(found.folder, lambda: _files(found.folder)):
+    if key_in(found.folder) not in (None, found.before.key):
+        raise SceneError(f"{found.folder} holds another answer now; the same command calibrates it")
+    with sums.writing(found.folder, lambda: _files(found.folder), COMMAND):
         _write_tables(found, found.folder)
         materials = found.folder / MATERIALS
         if found.agreement.verdict == "disagrees":
             materials.unlink(missing_ok=True)
         else:
-            found.save(materials)
+            with sums.replacing(materials, COMMAND) as draft:
+                found.save(draft)
 
 
 def _write_tables(found: Posterior, folder: Path) -> None:

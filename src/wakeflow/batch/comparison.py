@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -53,8 +53,8 @@ class RunComparison:
         from ..report.table_figures import draw_table_figures
 
         files = page, whole, apart = [folder / name for name in ("compare.html", "compare.csv", "differences.csv")]
-        sums.refuse_foreign(made_folder(folder), files)
-        with sums.writing(folder, lambda: files):
+        sums.refuse_foreign(made_folder(folder), files, "compare")
+        with sums.writing(folder, lambda: files, "compare"):
             draw_table_figures(folder, self.table)
             self.table.tidy().write_csv(whole)
             CellTable.of(self.differences, DIFFERENCES).write_csv(apart)
@@ -66,7 +66,7 @@ def compare(runs: Sequence[Result | Path | str]) -> RunComparison:
 
     Raises SceneError with fewer than two, and where a folder holds no finished run.
     """
-    if isinstance(runs, Result | Path | str):
+    if isinstance(runs, Result | Path | str) or not isinstance(runs, Iterable):
         raise SceneError("give a list of runs to compare, as in compare([one, other])")
     found = [run if isinstance(run, Result) else Result.load(run) for run in runs]
     if len(found) < 2:

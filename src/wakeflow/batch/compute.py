@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 WRITE_EVERY = 30.0  # s between tables on disk while scenes are computed
-TABLE, WIDE, PARQUET = "sweep.csv", "scenes.csv", "sweep.parquet"
+COMMAND, TABLE, WIDE, PARQUET = "sweep", "sweep.csv", "scenes.csv", "sweep.parquet"
 
 Scenes = Iterable[Scene | Path | str | Variant] | Mapping[str, Scene | Path | str] | Path | str
 
@@ -166,7 +166,7 @@ def sweep(
                 )  # fmt: skip
                 _check_disk(agenda, folder)
                 rows = _Rows(folder, found, agenda)
-                with sums.writing(folder, partial(_tables, folder)):
+                with sums.writing(folder, partial(_tables, folder), COMMAND):
                     do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended)
                     return rows.finish(figures=figures)
     except Timeout:
@@ -184,7 +184,7 @@ def _folder_of(out: Path | str) -> Path:
     """The folder of a sweep, made where there is none. Raises SceneError where it holds what no sweep wrote."""
     folder = path_of(out, "out")
     made_folder(folder)
-    sums.refuse_foreign(folder, _tables(folder))
+    sums.refuse_foreign(folder, _tables(folder), COMMAND)
     return folder
 
 

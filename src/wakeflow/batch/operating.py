@@ -50,11 +50,11 @@ def operating_map(
 
     folder = path_of(out, "out")
     figure = folder / "figures" / FIGURE
-    sums.refuse_foreign(folder, saved(figure))
+    sums.refuse_foreign(folder, saved(figure), "map")
     found = sweep(variants(asked, {SPEED: speeds, RATE: rates}), folder, figures=False, **how)
     table = of_worth(found.table)
     if not table.done:
         raise SceneError("every answer is void, so that there is nothing to draw; the first: see the table's reasons")
-    with sums.writing(folder, lambda: saved(figure)):
+    with sums.writing(folder, lambda: saved(figure), "map"):
         draw_map(figure, table, main_quantities(table), SPEED, RATE)
     return found, figure

@@ -38,7 +38,7 @@ HALVED = 0.5  # of the interval: what is asked for
 REPEATS = 0.01  # standard deviation of a share between repetitions of one machine, beyond counting. Chosen
 MOST_LOTS = 12  # repetitions of all fractions together: who needs more measures something else
 MOST_KERNELS = 1_000_000  # in a repetition: nobody counts more
-PAGE, FORM = "protocol.html", "measured.csv"
+COMMAND, PAGE, FORM = "protocol", "protocol.html", "measured.csv"
 
 
 @dataclass(frozen=True)
@@ -144,16 +144,17 @@ def protocol_of(result: Result, of: str | None = None, kernels: int = 300, out: 
         _unsorted(joint, wanted, scene), page, form,
     )  # fmt: skip
     _claim(folder)
-    with sums.writing(folder, lambda: [page, form]):
-        _write_form(form, scene, fractions)
+    with sums.writing(folder, lambda: [page, form], COMMAND):
         write_protocol(page, scene, made, fractions)
+        with sums.replacing(form, COMMAND) as draft:
+            _write_form(draft, scene, fractions)
     return made
 
 
 def _claim(folder: Path) -> None:
     """Raise SceneError where a page is there that the program did not write, or a form that was filled in."""
-    sums.refuse_foreign(folder, [folder / PAGE])
-    sums.refuse_changed(folder, folder / FORM)
+    sums.refuse_foreign(folder, [folder / PAGE], COMMAND)
+    sums.refuse_changed(folder / FORM, COMMAND)
 
 
 def wanted_share(scene: Scene, of: str | None) -> tuple[str, Sequence[str]] | None:

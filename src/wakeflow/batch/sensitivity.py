@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from ..planning.plan import Plan
 
 
+COMMAND, TORNADO = "sensitivity", "tornado"
 TABLE, FIGURE, SWEPT = "sensitivity.csv", "figures/sensitivity.png", "sensitivity"
 COLUMNS = {  # heads of the table, and what each is of a move
     "quantity": "quantity", "value": "value", "input": "key", "input low": "low", "input high": "high",
@@ -122,8 +123,8 @@ class Sensitivity:
         if path is not None:
             draw_tornado(target, self.of(quantities))
             return target
-        sums.claim(self.folder, saved(target))
-        with sums.writing(self.folder, lambda: saved(target)):
+        sums.claim(self.folder, saved(target), TORNADO)
+        with sums.writing(self.folder, lambda: saved(target), TORNADO):
             draw_tornado(target, self.of(quantities))
         return target
 
@@ -155,8 +156,10 @@ def sensitivity(
         _ends(_axes(over), Scene.of(scene))  # what is wrong with a key is said before anything is computed
     result = _finished(scene, out, rung, force, partial(run, workers=workers, listener=listener, planned=planned))
     folder = result.folder if out is None else path_of(out, "out")
+    _claim(folder)
     moves, axes, failed = regressed_moves(result.landings), _axes(over, result), {}
     if axes:
+        made_folder(folder)
         found, pairs = _ends(axes, Scene.parse(result.scene))
         done = sweep(
             found, folder / SWEPT, rung=result.options.rung, force=result.options.force, scheduler=scheduler,
@@ -169,12 +172,17 @@ def sensitivity(
             "give [uncertainty], or run it anew and to its end"
         )
     answer = Sensitivity(folder, result, tuple(moves), failed)
-    from ..report.canvas import saved
-
-    sums.refuse_foreign(made_folder(folder), [folder / TABLE, *saved(folder / FIGURE)])
-    with sums.writing(folder, lambda: [folder / TABLE]):
+    with sums.writing(made_folder(folder), lambda: [folder / TABLE], COMMAND):
         CellTable.of(answer.moves, COLUMNS).write_csv(folder / TABLE)
     return answer
+
+
+def _claim(folder: Path) -> None:
+    """Raise SceneError where the table or its figure would replace what the program did not write."""
+    from ..report.canvas import saved
+
+    sums.refuse_foreign(folder, [folder / TABLE], COMMAND)
+    sums.refuse_foreign(folder, saved(folder / FIGURE), TORNADO)
 
 
 def _finished(

@@ -130,9 +130,14 @@ def variants(
     ``fixed``: dotted keys that are the same in all. ``listener`` hears how many are read. A variant that
     is no valid scene says so itself. Raises SceneError where the axes or the design are wrong.
     """
+    if not isinstance(over, Mapping | Sequence) or not all(isinstance(one, str) for one in over):
+        raise SceneError(f"over = {over!r}: give keys and their values, {{'air.speed': ['5 m/s', '6 m/s']}}")
     axes = axes_of(over, "sweep") if isinstance(over, Mapping) else [axis_of_text(text) for text in over]
-    if seed < 0:
-        raise SceneError(f"seed = {seed}: give a whole number of at least 0")
+    for name, number in (("seed", seed), ("count", 1 if count is None else count)):
+        if isinstance(number, bool) or not isinstance(number, int) or number < 0:
+            raise SceneError(f"{name} = {number!r}: give a whole number of at least 0")
+    if fixed is not None and not isinstance(fixed, Mapping):
+        raise SceneError(f"fixed = {fixed!r}: name each key and its value, {{'air.speed': '7 m/s'}}")
     if not axes:
         raise SceneError("a sweep needs a key to change: --set KEY=a,b,c, or [sweep.over] in a file")
     keys = [key for axis in axes for key in axis.keys]

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..answer.result import FILE, Request, Result, key_in
+from ..core import sums
 from ..core.errors import ProgramError, SceneError, WakeflowError
 from ..core.files import atomic_write, read_json, write_json
 from ..core.record import JsonMapping
@@ -20,7 +21,7 @@ from ..runs import run_once
 from ..scene import Scene
 
 LOCK = ".job.lock"  # held by the process that works on a folder
-STAMP = "point.json"  # written last into a scene's folder: what the numbers beside it were made for
+STAMP = ".point.json"  # written last into a scene's folder: what the numbers beside it were made for
 CRASH = "failure.log"  # the traceback of a failure that is nobody's wrong input
 
 
@@ -89,6 +90,7 @@ def _alone(folder: Path) -> AbstractContextManager[object]:
 
 def _tried(job: Job, until: str | None) -> str:
     try:
+        sums.refuse_foreign(job.folder, [job.folder / CRASH], CRASH)
         (job.folder / STAMP).unlink(missing_ok=True)
         if until is None:
             compile_tracker()
@@ -109,6 +111,6 @@ def _tried(job: Job, until: str | None) -> str:
 
 
 def _note(folder: Path, text: str) -> Path:
-    with atomic_write(folder / CRASH) as stream:
+    with sums.writing(folder, lambda: [folder / CRASH], CRASH), atomic_write(folder / CRASH) as stream:
         stream.write(text)
     return folder / CRASH

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import errno
 import os
+import re
 import signal
 import sys
 from collections.abc import Sequence
@@ -139,6 +140,8 @@ def _told(problem: Exception, words: Sequence[str]) -> int:
 
 def _prepare() -> None:
     """Set up a process of its own: letters that the terminal has not are shown as ?, and who ends it is heard."""
+    if not re.fullmatch("[1-9][0-9]+", os.environ.get("COLUMNS", "80")):
+        del os.environ["COLUMNS"]  # narrower than 10 nothing is read, and of no width nothing is shown
     os.environ.pop("MPLBACKEND", None)  # no window is opened, and matplotlib fails at a name that it does not know
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):

@@ -191,7 +191,7 @@ def compare(
         Folders that ``wakeflow run`` or ``wakeflow sweep`` wrote; the first is what the others are compared with. Or
         one folder and a CSV file of measured shares (fraction,bin,share,uncertainty).
     """
-    if len(run_folders) == 2 and run_folders[1].suffix == ".csv":
+    if len(run_folders) == 2 and (run_folders[1].suffix.lower() == ".csv" or run_folders[1].is_file()):
         from .trays import beside_trays
 
         beside_trays(run_folders[0], run_folders[1], out)
@@ -242,8 +242,9 @@ def bins(
     curve = trade_off(run_folder, fraction, levels, stretches=stretches, on=on)
     show_dividers(curve, on)
     figure, table = run_folder / "figures" / f"bins-{fraction}-{on}.png", run_folder / f"bins-{fraction}-{on}.csv"
-    sums.claim(run_folder, [*saved(figure), table])
-    with sums.writing(run_folder, lambda: [*saved(figure), table]):
+    files = [*saved(figure), table]
+    sums.claim(run_folder, files, table.stem)
+    with sums.writing(run_folder, lambda: files, table.stem):
         draw_dividers(figure, curve)
         write_dividers(table, curve)
     print(f"{figure}\n{table}")

@@ -121,8 +121,9 @@ def beside_trays(run_folder: Path, file: Path, out: Path | None) -> None:
         from ..report.figures.measured import draw_measured
 
         table, figure = out / "agreement.csv", out / "measured.png"
-        sums.refuse_foreign(made_folder(out), [table, *saved(figure)])
-        with sums.writing(out, lambda: [table, *saved(figure)]):
+        files = [table, *saved(figure)]
+        sums.refuse_foreign(made_folder(out), files, "trays")
+        with sums.writing(out, lambda: files, "trays"):
             found.cells().write_csv(table)
             draw_measured(figure, found)
         print(f"{table}\n{figure}")

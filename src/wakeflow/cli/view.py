@@ -169,7 +169,7 @@ def animate(
     size
         Dots of its longer side.
     """
-    from ..answer.result import Result
+    from ..answer.result import Result, key_in
     from ..core import sums
     from ..core.store import bytes_of
     from ..report.film import show_film
@@ -182,10 +182,16 @@ def animate(
     if out is not None:
         film()
     else:
-        sums.claim(Result.load(run_folder).folder, [path])
-        with sums.writing(run_folder, lambda: [path, run_folder / "report.html"]):
+        result, page = Result.load(run_folder), run_folder / "report.html"
+        sums.claim(run_folder, [path], "animate")
+        with sums.writing(run_folder, lambda: [path], "animate"):
             film()
-            show_film(run_folder, path)
+            if key_in(run_folder) != result.key:
+                path.unlink()
+                raise SceneError(f"{run_folder} holds another answer now; the same command films it")
+            if page.name in sums.listed(run_folder):
+                show_film(run_folder, path)
+                sums.note(run_folder, [page])
     if not quiet:
         print(f"{path}, {path.stat().st_size / 1e6:.2g} MB")
 

@@ -119,6 +119,8 @@ class Workers(Executor):
         ours, theirs = Pipe()
         command = [sys.executable, "-P", "-m", "wakeflow.core.executor", str(theirs.fileno())]
         env = {**os.environ, **ONE_THREAD, **self.env}
+        if self._own.log.is_symlink():
+            self._own.log.unlink()
         with self._own.log.open("ab") as sink, theirs:
             child = start_in_group(command, self.cwd, env, sink, pass_fds=(theirs.fileno(),))
         self._alive[child] = ours

@@ -30,6 +30,8 @@ def path_of(given: Path | str, name: str) -> Path:
     """What a caller gives as a path. Raises SceneError, by its ``name``, where it is none."""
     if not isinstance(given, str | os.PathLike):
         raise SceneError(f"{name} = {given!r}: needs a path, not {type(given).__name__}")
+    if "\0" in os.fspath(given):
+        raise SceneError(f"{name} = {given!r}: no path holds a zero byte")
     return Path(given)
 
 

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
+from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -34,6 +35,14 @@ FACTORS = {
     ("g", "kg"): 1e-3, ("kg", "g"): 1e3,
     ("%", "1"): 1e-2, ("1", "%"): 1e2,
 }  # fmt: skip
+NO_UNIT = re.compile(r"[^\w\s/*^().%‰°·⋅×⁻+-]")
+TWO_MEANINGS = {  # units that are one thing here and another there: what each may be, and how that is written
+    "ton": "1000 kg (t) or 907 kg (short_ton)", "hundredweight": "50.8 kg or 45.4 kg (write kg)",
+    "cwt": "50.8 kg or 45.4 kg (write kg)", "gallon": "4.55 l or 3.79 l (write l)", "gal": "4.55 l or 3.79 l (write l)",
+    "mil": "a thousandth of an inch (thou) or of a metre (mm)", "kt": "a knot (knot) or 1000 t",
+    "mile": "1609 m or a sea mile, 1852 m (write m)",
+}  # fmt: skip
+NOT_READ = ArithmeticError, AssertionError, AttributeError, RecursionError, TokenError, TypeError, ValueError
 _making = threading.Lock()
 _SPOKEN: ContextVar[Mapping[str, str]] = ContextVar("spoken units")
 
@@ -48,12 +57,15 @@ def quantity(text: str, unit: str, example: str) -> float:
     """The number in ``unit`` that a text such as "50 mm" says; "1" is the unit of a share, for which "90 %" is one.
 
     A frequency may be an angular speed: 1800 rpm and 188.5 rad/s are 30 Hz. An angle has a unit of angle, never none.
-    Raises ValueError, saying how to write it, for all else: no unit, one of another kind, a decimal comma, digits in
-    groups.
+    Raises ValueError, saying how to write it, for all else: no unit, one of another kind or of two meanings, a decimal
+    comma, digits in groups.
     """
     parts = split_quantity(text)
     if parts is not None and (grad := _GRAD.search(parts[1])):
         raise ValueError(f"needs deg or gon: {grad[0]!r} may be a degree or a hundredth of a right angle")
+    for word in re.findall(r"[a-z_]+", parts[1].lower()) if parts is not None else ():
+        if readings := TWO_MEANINGS.get(word) or TWO_MEANINGS.get(word.removesuffix("s")):
+            raise ValueError(f"{word!r} may be {readings}: write which")
     if parts is not None and parts[1]:
         try:
             return converted(parts[0], parts[1], unit)
@@ -89,7 +101,7 @@ def converted(value: float, given: str, wanted: str) -> float:
             source, target = (turns if one == hertz else one for one in (source, target))
         if _kind(source) == _kind(target):
             return float(registry.Quantity(value, source).to(target).magnitude)
-    except (pint.PintError, ArithmeticError, AssertionError, AttributeError, TypeError, ValueError):
+    except (pint.PintError, *NOT_READ):
         pass  # what pint raises for text that is no unit
     raise ValueError(f"{given!r} is not a unit like {wanted!r}")
 
@@ -106,6 +118,8 @@ def _registry() -> Any:
 
 def _unit(text: str) -> Unit:
     """A unit of pint's from text: kg/m3 is kg/m^3, /min is 1/min."""
+    if strange := NO_UNIT.search(text):
+        raise ValueError(f"{strange[0]!r} is in no unit")  # pint passes over it
     named = "" if text == "1" else re.sub(r"(?<=[^\W\d_])(\d)", r"^\1", text)
     unit: Unit = _registry().parse_units(f"1{named}" if named.startswith("/") else named)
     return unit

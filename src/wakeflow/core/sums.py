@@ -1,12 +1,15 @@
 """SHA256SUMS: which files of a folder the program wrote, and their checksums. ``sha256sum -c SHA256SUMS`` checks them.
 
 Only files that are listed there are ever replaced or removed, and one that is listed is not read once it has changed.
-While the program writes into a folder BEGUN is in it: where that was killed, its files are the program's all the same.
+While a command writes into a folder a file that begins with BEGUN and bears the command's name is in it: where that was
+killed, the files of this command, and no others, are the program's all the same.
 """
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
+import os
 import re
 import secrets
 from collections.abc import Callable, Iterable, Iterator
@@ -17,9 +20,9 @@ from .errors import SceneError
 from .files import atomic_write, made_folder, read_whole
 
 SUMS = "SHA256SUMS"
-BEGUN = ".begun"
+MARK = "# written by wakeflow"  # the first line; sha256sum skips it. One of a user's own has none
+BEGUN = ".begun-"
 RESULT = "result.json"  # of a run
-_THIS = secrets.token_hex(8)  # this process
 LINE = re.compile(r"([0-9a-f]{64})  (.+)")
 
 
@@ -27,25 +30,43 @@ def listed(folder: Path) -> dict[str, str]:
     """The checksums (hex) of what was written into a folder, by path relative to it; empty where none are noted. A path
     that leads out of the folder is none.
     """
+    found = {match[2]: match[1] for match in map(LINE.fullmatch, _lines(folder)) if match}
+    return {name: digest for name, digest in found.items() if name[0] != "/" and ".." not in Path(name).parts}
+
+
+def _lines(folder: Path) -> list[str]:
+    """Those of the program's list, MARK the first; none where there is no list, or one of others."""
     try:
         lines = read_whole(folder / SUMS).decode().splitlines()
-    except (OSError, UnicodeDecodeError, SceneError):  # no list: nothing is the program's
-        return {}
-    found = {match[2]: match[1] for match in map(LINE.fullmatch, lines) if match}
-    return {name: digest for name, digest in found.items() if name[0] != "/" and ".." not in Path(name).parts}
+    except (OSError, UnicodeDecodeError, SceneError):
+        return []
+    return lines if lines[:1] == [MARK] else []
 
 
 def note(folder: Path, files: Iterable[Path], *, anew: bool = True) -> None:
     """Note that the program wrote ``files`` into a folder, beside what is listed and still there; not ``anew``: only
     those that are not listed.
     """
-    own = {name: digest for name, digest in listed(folder).items() if (folder / name).is_file()}
-    for path in files:
-        name = path.relative_to(folder).as_posix()
-        if path.is_file() and not path.is_symlink() and (anew or name not in own):
-            own[name] = digest_of(path)
-    with atomic_write(folder / SUMS) as stream:
-        stream.writelines(f"{digest}  {name}\n" for name, digest in sorted(own.items()))
+    with _one_at_a_time(folder):
+        own = {name: digest for name, digest in listed(folder).items() if (folder / name).is_file()}
+        for path in files:
+            name = path.relative_to(folder).as_posix()
+            if path.is_file() and not path.is_symlink() and (anew or name not in own):
+                own[name] = digest_of(path)
+        with atomic_write(folder / SUMS) as stream:
+            stream.writelines([f"{MARK}\n", *(f"{digest}  {name}\n" for name, digest in sorted(own.items()))])
+
+
+@contextmanager
+def _one_at_a_time(folder: Path) -> Iterator[None]:
+    """While the block runs no other process is in one for this folder, where the file system can lock."""
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        with suppress(OSError):
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
 
 
 def digest_of(path: Path) -> str:
@@ -56,53 +77,83 @@ def digest_of(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def refuse_foreign(folder: Path, files: Iterable[Path]) -> None:
-    """Raise SceneError where one of ``files`` is in a folder and the program did not write it."""
-    with suppress(OSError):
-        if (folder / BEGUN).read_text() != _THIS:  # of a process that was killed
-            return
+def refuse_foreign(folder: Path, files: Iterable[Path], command: str) -> None:
+    """Raise SceneError where one of the ``files`` of a ``command`` is in a folder and the program did not write it."""
     own = listed(folder)
-    for path in files:
-        name = path.relative_to(folder).as_posix()
-        if (path.is_symlink() or path.exists()) and name not in own:
-            raise SceneError(
-                f"--out {folder}: holds {name}, which no run of wakeflow wrote and this one would replace; name "
-                "another folder"
-            )
+    held = [name for path in files if _there(path) and (name := path.relative_to(folder).as_posix()) not in own]
+    if (folder / f"{BEGUN}{command}").exists():  # it was killed
+        held = []
+    if _there(folder / SUMS) and not _lines(folder):
+        held = [SUMS]
+    if held:
+        raise SceneError(
+            f"--out {folder}: holds {held[0]}, which no run of wakeflow wrote and this one would replace; name "
+            "another folder"
+        )
 
 
-def claim(folder: Path, files: Iterable[Path]) -> None:
+def _there(path: Path) -> bool:
+    return path.is_symlink() or path.exists()
+
+
+def claim(folder: Path, files: Iterable[Path], command: str) -> None:
     """As :func:`refuse_foreign`, for what is added to the folder of a finished run; one of an earlier version has no
     list, and everything in it passes. Raises SceneError too where a link leads out of the folder.
     """
     if (made_folder(folder) / SUMS).exists() or not (folder / RESULT).exists():
-        refuse_foreign(folder, files)
+        refuse_foreign(folder, files, command)
 
 
 @contextmanager
-def writing(folder: Path, files: Callable[[], Iterable[Path]]) -> Iterator[None]:
-    """While the block runs ``files`` of a folder are written; they are asked for and noted when it has ended. Where it
-    ends by an exception, what is listed stays as it is, so that no damage of it is noted. What no run wrote is refused
-    before (:func:`refuse_foreign`, :func:`claim`).
+def writing(folder: Path, files: Callable[[], Iterable[Path]], command: str) -> Iterator[None]:
+    """While the block runs a ``command`` writes ``files`` of a folder; they are asked for and noted when it has ended.
+    Where it ends by an exception, what is listed stays as it is, so that no damage of it is noted. What no run wrote is
+    refused before (:func:`refuse_foreign`, :func:`claim`).
     """
-    if not (folder / BEGUN).exists():
-        (folder / BEGUN).write_text(_THIS)
+    begun = folder / f"{BEGUN}{command}"
+    _append(begun, "")
     try:
         yield
     except BaseException as problem:
         if isinstance(problem, OSError) and problem.filename is None:  # as where the disk is full
             problem.filename = str(folder)
-        with suppress(OSError):  # a full disk, say: BEGUN stays
+        with suppress(OSError):  # a full disk, say: it stays begun
             note(folder, files(), anew=False)
-            (folder / BEGUN).unlink(missing_ok=True)
+            begun.unlink(missing_ok=True)
         raise
     note(folder, files())
-    (folder / BEGUN).unlink(missing_ok=True)
+    begun.unlink(missing_ok=True)
 
 
-def refuse_changed(folder: Path, path: Path) -> None:
-    """Raise SceneError where a file that people edit is no more as the program wrote it."""
-    if path.exists() and listed(folder).get(path.relative_to(folder).as_posix()) != digest_of(path):
+@contextmanager
+def replacing(path: Path, command: str) -> Iterator[Path]:
+    """A draft of a file that people edit: it takes the name ``path`` when the block has ended. A ``command`` that is
+    killed before it has noted the file has not changed it.
+    """
+    draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
+    try:
+        yield draft
+        _append(path.with_name(f"{BEGUN}{command}"), f"{digest_of(draft)}  {path.name}\n")
+        os.replace(draft, path)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def _append(path: Path, text: str) -> None:
+    """Add to a file, which is made where there is none, but not through a link."""
+    handle = os.open(path, os.O_CREAT | os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+    with os.fdopen(handle, "a", encoding="utf-8") as stream:
+        stream.write(text)
+
+
+def refuse_changed(path: Path, command: str) -> None:
+    """Raise SceneError where a file that people edit is no more as a ``command`` wrote it."""
+    if not _there(path):
+        return
+    known = [listed(path.parent).get(path.name, "")]
+    with suppress(OSError):  # as a killed one was about to write it
+        known += (path.with_name(f"{BEGUN}{command}")).read_text(errors="replace").split()
+    if not path.exists() or digest_of(path) not in known:
         raise SceneError(f"{path} is not as the program wrote it; move it, or choose another --out")
 
 

@@ -237,6 +237,10 @@ def _moisture(at: str, table: Mapping[str, Any]) -> Moisture:
         if not isinstance(table[key], list) or len(table[key]) != 2:
             raise SceneError(f"{at}.{key} = {table[key]!r}: give two numbers, at the driest and at the wettest")
         low, high = (_number(f"{at}.{key}", one, key) for one in table[key])
+        if key == "share" and not low < high:
+            raise SceneError(f"{at}.share = {table[key]!r}: give the driest first, then the wettest")
+        if key != "share" and min(low, high) <= 0.0:
+            raise SceneError(f"{at}.{key} = {table[key]!r}: give two numbers above 0")
         ends[key] = low, high
     return Moisture(**ends, source=str(table["source"]))
 
@@ -272,7 +276,7 @@ _shipped()
 
 def write_own_material(path: Path) -> None:
     """Write a commented material to fill in. Raises SceneError where a file stands there."""
-    if path.exists():
+    if path.is_symlink() or path.exists():
         raise SceneError(f"--new {path}: exists; choose another name")
     with atomic_write(path) as stream:
         stream.write(Path(__file__).with_name("my-material.toml").read_text(encoding="utf-8"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from difflib import SequenceMatcher
@@ -146,13 +147,16 @@ class SceneDocument:
         target = path or self.path
         if target is None:
             raise SceneError("this scene has no file yet: give a name")
-        if target != self.path and target.exists():
+        if target != self.path and (target.is_symlink() or target.exists()):
             raise SceneError(f"{target} exists; choose another name")
-        if target == self.path:
+        if target == self.path and target.exists():
+            _read(target)  # what is not read is not replaced
             self.compare_with_disk()
             if self.conflict:
                 raise SceneError(f"{target} was changed on the disk; choose which of the two texts stays")
-        with atomic_write(target) as stream:
+        with atomic_write(target.resolve()) as stream:
+            if target.exists():
+                os.fchmod(stream.fileno(), target.stat().st_mode & 0o7777)
             stream.write(self.text)
         self.path, self.base, self.name = target, target.parent, target.stem
         self.saved, self.version = self.text, self.version + 1
@@ -163,10 +167,13 @@ class SceneDocument:
         """
         if self.path is None:
             return False
+        if not self.path.exists():  # saving makes it anew
+            ended, self.conflict = self.conflict, False
+            return ended
         try:
             there = _read(self.path)
         except SceneError:
-            return False  # gone, or half written: saving makes it anew
+            return False  # half written
         if there in (self.saved, self.text):
             mended, self.conflict = self.conflict or there != self.saved, False
             self.saved = there
@@ -209,11 +216,14 @@ def merged(base: str, mine: str, theirs: str) -> str | None:
 
 def _read(path: Path) -> str:
     try:
-        return read_whole(path).decode("utf-8-sig").replace("\r\n", "\n")
+        text = read_whole(path).decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError:
         raise SceneError(f"{path}: not UTF-8; save it as UTF-8 in your editor") from None
     except OSError as problem:
         raise SceneError(f"{path}: {problem.strerror}") from None
+    if len(text) > LARGEST:
+        raise SceneError(f"{path}: a scene of {len(text)} letters: at most {LARGEST}")
+    return text
 
 
 def _look(text: str, path: Path, base: Path) -> Look:

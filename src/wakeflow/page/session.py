@@ -10,6 +10,7 @@ import shutil
 import tempfile
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -73,8 +74,10 @@ class Session:
             return self._of_run(what)
         if what.is_dir():
             self.home, self.runs = what, what if any(what.glob(f"*/{FILE}")) else what / "runs"
-            scenes = sorted(what.glob("*.toml"))
-            return SceneDocument.load(scenes[0]) if scenes else _template("rhombus")
+            for path in sorted(what.glob("*.toml")):
+                with suppress(SceneError):  # a folder, say
+                    return SceneDocument.load(path)
+            return _template("rhombus")
         if not what.exists():
             raise SceneError(
                 f"no scene file, run or folder {str(what)!r}; make a scene with: wakeflow new rhombus {what}"
@@ -191,7 +194,7 @@ class Session:
         """Take up another scene: the ``file`` of the folder, a shipped ``kind`` to start from, or that of a ``run``.
         Raises SceneError where the one that is open is not saved, unless ``drop`` says that it may go.
         """
-        if self.document.changed and self.document.saved is not None and not drop:
+        if self.document.changed and any(self.document.steps) and not drop:
             raise SceneError(f"{self.document.name} is not saved: save it, or open the other one again to drop it")
         if file is not None:
             found = SceneDocument.load(inside(self.home, file))

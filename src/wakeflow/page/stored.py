@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..answer.result import FILE
 from ..batch.compute import WIDE
+from ..core import sums
 from ..core.errors import SceneError
 from ..core.files import read_whole
 
@@ -23,9 +24,9 @@ def listing(root: Path, scenes: Path) -> dict[str, object]:
     """Scene files below the folder ``scenes``, runs and sweeps below ``root``, the newest first."""
     runs, sweeps = [], []
     for folder, files in _folders(root):
-        if FILE in files:
+        if FILE in files and (folder / FILE).is_file():
             runs.append(_row(root, folder, FILE))
-        if WIDE in files:
+        if WIDE in files and (folder / WIDE).is_file():
             sweeps.append(_row(root, folder, WIDE))
     own = [path for path in sorted(scenes.glob("*.toml")) if not path.name.startswith(".") and path.is_file()]
     found = [_row(scenes, path, "") for path in own]
@@ -46,6 +47,7 @@ def points_of(folder: Path) -> dict[str, object]:
     have a run to open. Raises SceneError where there is no such table.
     """
     file = folder / WIDE
+    sums.check(folder, WIDE, "the sweep's command writes it anew")
     try:
         rows = list(csv.DictReader(io.StringIO(read_whole(file, LARGEST).decode(), newline="")))
         runs = [(folder / row["scene"] / FILE).exists() for row in rows]

@@ -312,8 +312,8 @@ def _save_data(path: Path, data: Mapping[str, AnyArray]) -> None:
 
 
 def saved(path: Path) -> list[Path]:
-    """What :func:`save` left for ``path`` (.png)."""
-    return [file for suffix in SUFFIXES if (file := path.with_suffix(suffix)).exists()]
+    """What :func:`save` may leave for ``path`` (.png)."""
+    return [path.with_suffix(suffix) for suffix in SUFFIXES]
 
 
 # -- The colours of fractions ------------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from ..core import sums
 from .canvas import saved
 from .many import draw_lines, draw_map, draw_trade_off, grid_of, main_quantities, numeric_inputs, pairs_of
 
+COMMAND = "figures"  # whose files they are in a folder
 OF_TABLE = re.compile(r"figures/((lines|map)-.*|trade-off)\.[a-z]+")  # the figures that a table had
 
 
@@ -23,13 +24,14 @@ def draw_table_figures(folder: Path, table: ResultTable) -> list[Path]:
     nothing else: SHA256SUMS says which they are. Raises SceneError where one of others would be replaced.
     """
     drawn = _figures(folder / "figures", of_worth(table))
-    sums.refuse_foreign(folder, [file for png in drawn for file in saved(png)])
+    files = [file for png in drawn for file in saved(png)]
+    sums.refuse_foreign(folder, files, COMMAND)
     for name in sums.listed(folder):
         if OF_TABLE.fullmatch(name):
             (folder / name).unlink(missing_ok=True)
-    for png, draw in drawn.items():
-        draw(png)
-    sums.note(folder, [file for png in drawn for file in saved(png)])
+    with sums.writing(folder, lambda: files, COMMAND):
+        for png, draw in drawn.items():
+            draw(png)
     return list(drawn)
 
 

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core import sums
 from ..core.errors import SceneError
+from ..core.files import atomic_write
 from .canvas import BARS, BODY, fraction_colours
 from .machine_words import feed_corners
 from .vtk.files import machine_blocks
@@ -22,6 +24,7 @@ TRACK, BAR = 2.0, 8.0  # pixels wide
 PALE = 0.5  # opacity of the air
 FRONT = (0.0, 0.0, 1e-4)  # m: before the air
 SINCE = "time since release (s)"
+ANEW = "draw it anew with: wakeflow report RUN"
 
 
 def look(scene: Scene, run: Path | None = None, picture: Path | None = None) -> None:
@@ -31,6 +34,7 @@ def look(scene: Scene, run: Path | None = None, picture: Path | None = None) -> 
     With ``picture`` no window opens, and a PNG of what it would show goes there. Raises SceneError for another file.
     """
     import pyvista
+    from PIL import Image
 
     if picture is not None and picture.suffix.lower() != ".png":
         raise SceneError(f"{picture}: the picture of a window is a PNG; name it so")
@@ -47,9 +51,10 @@ def look(scene: Scene, run: Path | None = None, picture: Path | None = None) -> 
         if picture is None:
             plotter.show(title="wakeflow")
         else:
-            picture.parent.mkdir(parents=True, exist_ok=True)
-            plotter.screenshot(picture)
+            drawn = Image.fromarray(plotter.screenshot(None, return_img=True))
             plotter.close()
+            with atomic_write(picture, "wb") as stream:
+                drawn.save(stream, "PNG")
 
 
 def _add_machine(plotter: Any, scene: Scene) -> None:
@@ -73,6 +78,7 @@ def _add_air(plotter: Any, run: Path) -> None:
     found = [file for file in (run / "field.vtu", run / "mean.vtu") if file.exists()]
     if not found:
         return
+    sums.check(run, found[0].name, ANEW)
     grid: Any = pyvista.read(found[0])
     velocity = np.asarray(grid.point_data["velocity (m/s)"])
     grid.point_data["air speed (m/s)"] = np.linalg.norm(velocity, axis=1)
@@ -86,6 +92,7 @@ def _add_tracks(plotter: Any, scene: Scene, run: Path, *, slider: bool) -> None:
 
     if not (run / "tracks.vtp").exists():
         return
+    sums.check(run, "tracks.vtp", ANEW)
     tracks: Any = pyvista.read(run / "tracks.vtp").translate(FRONT)
     flown = [tracks.get_cell(number).point_ids for number in range(tracks.n_cells)]
     ends = [float(tracks.point_data[SINCE][ids[-1]]) for ids in flown if len(ids) > 1]

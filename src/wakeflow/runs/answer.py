@@ -32,7 +32,7 @@ from ..scene import Scene
 from ..statistics.inputs import Inputs, inputs_of
 from ..statistics.partition import partition_curves
 from ..statistics.separation import separate
-from .folder import answer_key, field_files, report_into, some_granules, versions, written_files
+from .folder import COMMAND, answer_key, field_files, report_into, some_granules, versions, written_files
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Landings, Tracked
@@ -94,7 +94,7 @@ class OneRun:
 
     def _written(self, result: Result, tracked: Tracked | None, answer: Mapping[str, Landings] | None) -> Result:
         """The result with its pictures, its folder written."""
-        with sums.writing(self.folder, partial(written_files, self.folder)):
+        with sums.writing(self.folder, partial(written_files, self.folder), COMMAND):
             result = self._drawn(result, tracked, answer)
             result.save()
         return result

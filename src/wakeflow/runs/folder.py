@@ -61,6 +61,7 @@ def _sources() -> str:
 
 # -- What a run leaves in its folder next to result.json ---------------------------------------------------------------
 LOCK = ".lock"  # held by the run that writes
+COMMAND = "run"
 
 
 def refuse_foreign(folder: Path) -> None:
@@ -68,7 +69,7 @@ def refuse_foreign(folder: Path) -> None:
     has no list of them.
     """
     if (folder / sums.SUMS).exists() or key_in(folder) is None:
-        sums.refuse_foreign(folder, written_files(folder))
+        sums.refuse_foreign(folder, written_files(folder), COMMAND)
 
 
 def written_files(folder: Path) -> list[Path]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ..core.lazy import loaded
 
 if TYPE_CHECKING:
-    from .checks import OVER_THE_TOP, RESERVED_BIN
+    from .checks import OVER_THE_TOP
     from .feed import CollisionTable, Feed, Profile
     from .fraction import Fraction, Size, Speeds
     from .funnel import Funnel
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .pictures import Picture, picture_tables
     from .rebound import Coefficient, Rebound
     from .scene import Scene, units_written
-    from .table import Table
+    from .table import RESERVED_BIN, Table
     from .whole import Numerics, SceneTables
 
 __all__ = [

@@ -14,15 +14,15 @@ from ..core.geometry import contains, distance_between, edges, segments_cross, w
 from ..core.quantities import metres, say, spoken
 from ..core.registry import did_you_mean
 from .machine import SIDES
-from .measured import Measured, check_names
+from .measured import Measured
 from .pictures import STANDARD_FIGURES, Streamlines
 from .rungs import rungs
+from .table import RESERVED_BIN
 from .uncertainty import OF_FRACTION, OF_SCENE
 from .whole import SceneTables
 
 APART = 0.02  # widths of the first body: bodies that are nearer to each other, or to an opening, cannot be meshed
 OVER_THE_TOP = "top"  # the bin of what upward air carries out of the channel, where the scene has none up there
-RESERVED_BIN = "elsewhere"  # the bin in which everything counts that reaches no other
 Array = NDArray[np.float64]
 
 
@@ -322,9 +322,7 @@ def _trays_known(scene: SceneTables) -> Iterator[str]:
     """Trays are of the scene's fractions and bins, and those of one fraction are given in one way."""
     known = [(name, place) for name in scene.fraction for place in (*scene.bin, RESERVED_BIN)]
     try:
-        for tray in scene.measured:
-            check_names(tray.fraction, tray.bin, known)
-        Measured.of(scene.measured)
+        Measured.of(scene.measured).weights(known, dict.fromkeys(scene.fraction, 1.0))
     except SceneError as problem:
         yield str(problem)
 

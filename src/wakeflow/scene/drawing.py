@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -44,9 +45,11 @@ def read_outline(file: str, base: Path, unit: object = None) -> list[list[float]
         from ezdxf.lldxf.const import DXFError
     except ImportError:
         raise SceneError(f"{say}: reading it needs ezdxf: pip install ezdxf, or sh cases/setup.sh") from None
+    logging.getLogger("ezdxf").setLevel(logging.CRITICAL)  # it tells what it mends, with the file's own letters
     try:
-        drawing = read(io.StringIO(text, newline=None))
-        found = _joined(_lines_of(drawing.modelspace(), say))
+        with np.errstate(all="ignore"):
+            drawing = read(io.StringIO(text, newline=None))
+            found = _joined(_lines_of(drawing.modelspace(), say))
     except SceneError:
         raise
     except (DXFError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as problem:
@@ -83,6 +86,8 @@ def _lines_of(entities: Iterable[DXFEntity], say: str) -> list[Array]:
     extent = float(np.ptp(ends, axis=0).max())
     if not 0.0 < extent < math.inf:
         raise SceneError(f"{say}: no closed outline in it; draw one, in the model space")
+    if any(np.ptp([p.z for p in path.control_vertices()] or [0.0]) > MEETS * extent for path in paths):
+        raise SceneError(f"{say}: a line of it does not lie in the plane of x and y; turn the drawing into that plane")
     return [np.array([(p.x, p.y) for p in path.flattening(ROUND * extent)]) for path in paths if len(path)]
 
 

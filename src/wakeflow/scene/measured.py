@@ -8,6 +8,7 @@ lay there. An uncertainty is half of a 95 % interval, as everywhere.
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot, isfinite
@@ -21,10 +22,10 @@ from pydantic import Field, ValidationError, model_validator
 from ..core.errors import SceneError
 from ..core.files import path_of, read_whole
 from ..core.number import Number
-from ..core.quantities import split_quantity
+from ..core.quantities import quantity, split_quantity
 from ..core.registry import did_you_mean
 from .own_path import own_path
-from .table import SHARE, Name, Table, one_quantity
+from .table import RESERVED_BIN, SHARE, Name, Table
 from .uncertainty import SIGMAS
 
 Array = NDArray[np.float64]
@@ -35,6 +36,7 @@ EXAMPLE = "fraction,bin,share,uncertainty"
 # No scale reads wider than this, in any unit; squares of such numbers and of their ratios are still what floats hold.
 LEAST_MASS, MOST = 1e-12, 1e12
 LEAST_SHARE = 1e-6  # of the uncertainty of a share: nobody sorts a million kernels; what is less counts as exact
+THOUSANDS = re.compile(r"[0-9]{1,3}(?:([.,])[0-9]{3})+")  # 1,000 or 1.000: parted here, a decimal mark there
 NOTHING = ("None", "nan", "<NA>", "NaT")  # cells of a frame where nothing was measured
 
 
@@ -62,7 +64,7 @@ class Tray(Table):
         if not isinstance(given, str) or not isinstance(mass, int | float) or not 0.0 <= mass <= MOST:
             return data
         try:
-            return {**data, "uncertainty": mass * one_quantity(given, "1", "10 %")}
+            return {**data, "uncertainty": mass * quantity(given, "1", "10 %")}
         except ValueError:
             return data  # which its own field refuses
 
@@ -108,6 +110,7 @@ class Measured:
     places: tuple[tuple[str | None, str], ...]
     shares: Array
     covariance: Array
+    summed: tuple[str | None, ...] = ()  # fractions whose shares are of the sum of their trays
 
     @classmethod
     def of(cls, trays: Sequence[Tray]) -> Measured:
@@ -123,7 +126,8 @@ class Measured:
             found, spread = _of_fraction([trays[place] for place in mine])
             shares[mine] = found
             covariance[np.ix_(mine, mine)] = spread
-        return cls(tuple((tray.fraction, tray.bin) for tray in trays), shares, covariance)
+        summed = tuple({tray.fraction for tray in trays if tray.amount != "share"})
+        return cls(tuple((tray.fraction, tray.bin) for tray in trays), shares, covariance, summed)
 
     def numbers(self) -> list[Number]:
         """Each share with its 95 % interval."""
@@ -136,8 +140,14 @@ class Measured:
         """What each tray (n,) holds of the shares ``known`` (S,) by fraction and bin; ``mass``: share of every fraction
         in the feed, which trays that were not sorted are made of.
 
-        Raises SceneError for a tray of a fraction or bin that there is not.
+        Raises SceneError for a tray of a fraction or bin that there is not, and for a bin without a tray where shares
+        are of the sum of all.
         """
+        for name in self.summed:
+            wanted = {bin_ for other, bin_ in known if name in (None, other)} - {RESERVED_BIN}
+            if lacking := sorted(wanted - {place for fraction, place in self.places if fraction == name}):
+                missing = f"no mass or count in {', '.join(lacking)}"
+                raise SceneError(f"measured: {name or 'all fractions'}: {missing}; give 0 where nothing lay")
         made = np.zeros((len(self.places), len(known)))
         for row, (fraction, place) in enumerate(self.places):
             check_names(fraction, place, known)
@@ -287,6 +297,8 @@ def _number(text: str, head: str, at: str) -> float | int | str:
     parts = split_quantity(text)
     if parts is not None and parts[1] == "%" and head in ("share", "uncertainty"):
         return text
+    if head == "count" and (grouped := THOUSANDS.fullmatch(text)):
+        raise SceneError(f"measured: {at}: count = {text!r}: write {text.replace(grouped[1], '')}")
     try:
         value = float(text)
     except ValueError:

@@ -92,8 +92,21 @@ def changed(data: JsonMapping, changes: JsonMapping, name: str = "scene") -> Jso
             if not nodes or not all(isinstance(node, dict) for node in nodes):
                 raise SceneError(f"{key}: {'.'.join(tables[: i + 1])} is {'a value, not a' if nodes else 'no'} table")
         for node in nodes:
-            node[last] = _merged(key.split("."), node.get(last), json.loads(json.dumps(value, default=str)))
+            node[last] = _merged(key.split("."), node.get(last), _plain(key, value))
     return result
+
+
+def _plain(key: str, value: object) -> Any:
+    """A value as plain JSON. Raises SceneError where it is none."""
+    try:
+        return json.loads(json.dumps(value, default=_listed))
+    except (TypeError, ValueError, RecursionError):
+        raise SceneError(f"{key}: a value of {type(value).__name__} that no scene holds") from None
+
+
+def _listed(value: Any) -> object:
+    """An array or a number of numpy's as Python's own; else the value's text."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
 def _merged(place: Sequence[str], before: Any, value: Any) -> Any:
@@ -142,6 +155,8 @@ def _refuse_misspelt(place: tuple[str, ...], table: str, key: str, data: JsonTab
 
 def _value(text: str) -> object:
     """A TOML value where the text is one (number, list, true, quoted string), else the text itself."""
+    if "\n" in text:
+        return text
     try:
         found = tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):  # no TOML, or nothing that any key takes

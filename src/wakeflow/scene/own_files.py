@@ -44,25 +44,31 @@ def with_own_materials(data: JsonMapping, base: Path) -> JsonMapping:
     Raises SceneError as :func:`read_materials` does.
     """
     file = data.get("materials")
-    if not isinstance(file, str):
+    fractions = data.get("fraction", {})
+    if not isinstance(file, str) or not isinstance(fractions, Mapping):
         return data
     known = read_materials(own_path(file, base, "materials"))
-    fractions = {
-        which: _as_fraction(known[table["material"]], table)
-        if isinstance(table, Mapping) and table.get("material") in known
+    found = {
+        which: _as_fraction(which, known[table["material"]], table)
+        if isinstance(table, Mapping) and table.get("material") in list(known)
         else table
-        for which, table in dict(data.get("fraction", {})).items()
+        for which, table in fractions.items()
     }
-    return {**{key: table for key, table in data.items() if key != "materials"}, "fraction": fractions}
+    return {**{key: table for key, table in data.items() if key != "materials"}, "fraction": found}
 
 
-def _as_fraction(material: Material, table: Mapping[str, object]) -> dict[str, object]:
-    """The keys of a fraction of a ``material``, those in its own ``table`` first; at its ``moisture`` where it has one.
+def _as_fraction(which: object, material: Material, table: Mapping[str, object]) -> dict[str, object]:
+    """The keys of the fraction ``which`` of a ``material``, those in its own ``table`` first; at its ``moisture`` where
+    it has one.
 
     Raises SceneError as :meth:`Material.at_moisture` does.
     """
     if "moisture" in table:
-        material = material.at_moisture(_share_of(table["moisture"]))
+        share = _share_of(table["moisture"])
+        try:
+            material = material.at_moisture(share)
+        except SceneError as problem:
+            raise SceneError(f"fraction.{which}.moisture = {100 * share:g} %: {problem}") from None
         table = {key: value for key, value in table.items() if key != "moisture"}
     values: dict[str, object] = {
         "size": material.diameter, "density": material.density, "impact": material.impact,
@@ -82,8 +88,8 @@ def _share_of(given: object) -> float:
     """A share of water as a scene writes it."""
     try:
         return quantity(given, "1", "14 %") if isinstance(given, str) else float(str(given))
-    except ValueError as problem:
-        raise SceneError(f"moisture = {given!r}: {problem}") from None
+    except ValueError:
+        raise SceneError(f"moisture = {given!r}: needs a share, such as '14 %'") from None
 
 
 def _spread(material: Material, key: str) -> object:
@@ -144,6 +150,9 @@ def _of_case(air: JsonMapping, base: Path) -> JsonTable:
     return {**found, **air, "case": str(case)}
 
 
+FIGURES = re.compile(r"\s*[-+]?[.,]?[0-9]")  # no heading begins so
+
+
 # -- A file of measured vibration --------------------------------------------------------------------------------------
 def read_samples(given: str, base: Path) -> dict[str, list[float]]:
     """Times (s) and accelerations (m/s2) of a CSV file, its path relative to ``base``: two numbers a line, separated by
@@ -162,15 +171,15 @@ def read_samples(given: str, base: Path) -> dict[str, list[float]]:
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         separator = next((mark for mark in (";", "\t", ",") if mark in line), None)
-        cells = next(csv.reader([line], delimiter=separator)) if separator else line.split()
         try:
+            cells = next(csv.reader([line], delimiter=separator)) if separator else line.split()
             time, acceleration = map(float, cells)
-        except ValueError:
-            if not found["time"]:
+        except (ValueError, csv.Error):
+            if not found["time"] and not FIGURES.match(line):
                 continue
             raise SceneError(
-                f"vibration.samples = {given!r}: line {number} of {path.name} is {line.strip()[:40]!r}; "
-                "every line needs two numbers, time in s and acceleration in m/s2"
+                f"vibration.samples = {given!r}: line {number} of {path.name} is {line.strip()[:40]!r}; every line "
+                "needs two numbers with a decimal point, time in s and acceleration in m/s2; a note begins with #"
             ) from None
         found["time"].append(time)
         found["acceleration"].append(acceleration)

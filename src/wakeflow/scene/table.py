@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -16,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJson
 from pydantic_core.core_schema import CoreSchema, no_info_before_validator_function
 
 from ..core.errors import SceneError
-from ..core.quantities import QUANTITY, quantity, split_quantity
+from ..core.quantities import QUANTITY, quantity
 from ..core.record import JsonMapping, JsonTable
 from ..core.registry import Registry
 
@@ -106,26 +105,10 @@ class WithUnit:
         return {"anyOf": [handler(schema), text], "unit": self.unit, "examples": [self.example]}
 
     def _number(self, value: object) -> object:
-        return one_quantity(value, self.unit, self.example) if isinstance(value, str) else value
+        return quantity(value, self.unit, self.example) if isinstance(value, str) else value
 
 
-TWO_MEANINGS = {  # units that are one thing here and another there: what each may be, and how that is written
-    "ton": "1000 kg (t) or 907 kg (short_ton)", "hundredweight": "50.8 kg or 45.4 kg (write kg)",
-    "cwt": "50.8 kg or 45.4 kg (write kg)", "gallon": "4.55 l or 3.79 l (write l)", "gal": "4.55 l or 3.79 l (write l)",
-    "mil": "a thousandth of an inch (thou) or of a metre (mm)", "kt": "a knot (knot) or 1000 t",
-    "mile": "1609 m or a sea mile, 1852 m (write m)",
-}  # fmt: skip
-
-
-def one_quantity(text: str, unit: str, example: str) -> float:
-    """As :func:`wakeflow.core.quantities.quantity`; raises ValueError, with both readings, for a unit that has two."""
-    _, written = split_quantity(text) or (0.0, "")
-    for word in re.findall(r"[a-z_]+", written.lower()):
-        if readings := TWO_MEANINGS.get(word) or TWO_MEANINGS.get(word.removesuffix("s")):
-            raise ValueError(f"{word!r} may be {readings}: write which")
-    return quantity(text, unit, example)
-
-
+RESERVED_BIN = "elsewhere"  # the bin in which everything counts that reaches no other
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,40}$")]  # becomes a patch and a file name
 Length = Annotated[float, Field(gt=0, lt=1e3), WithUnit("m", "50 mm")]
 Coordinate = Annotated[float, Field(gt=-1e3, lt=1e3), WithUnit("m", "-120 mm")]

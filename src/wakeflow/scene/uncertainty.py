@@ -10,8 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from ..core.quantities import split_quantity
-from .table import one_quantity
+from ..core.quantities import quantity, split_quantity
 
 SIGMAS = 1.959964  # standard deviations to either end of a normal distribution's middle 95 %
 Margin = float | str  # half of a 95 % interval: in the number's unit (SI), or "5 %" of the number
@@ -101,7 +100,7 @@ def _margin(key: str, value: object) -> Margin:
                 raise ValueError(f"{key} = {value!r}: a number that is never negative is off by 100 % at most")
             return f"{parts[0]:g} %"
         try:
-            value = one_quantity(value, unit, example)
+            value = quantity(value, unit, example)
         except ValueError as problem:
             raise ValueError(f"{key} = {value!r}: {problem}") from None
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < float("inf"):

@@ -77,25 +77,27 @@ def dividers(
     top, left, right, or a bin of the scene whose line is taken. The granules are those of granules.npz
     (numerics.keep a fraction). Raises SceneError where the run has none, or not that fraction or line.
     """
-    least = share_in(purity, "purity")
-    if not 0.0 < least < 1.0:
-        raise SceneError(f"purity = {least:g}: above 0 and below 1 ('99 %' or 0.99: one percent of others)")
-    _check_count(stretches)
-    landed = landed_along(run, fraction, on)
-    return _judged(landed, fraction, least, stretches)
+    return trade_off(run, fraction, [purity], stretches=stretches, on=on)[0]
 
 
 def trade_off(
-    run: Result | Path | str, fraction: str, purities: Sequence[float], *, stretches: int = 1, on: str = "floor"
+    run: Result | Path | str, fraction: str, purities: Sequence[float | str], *, stretches: int = 1, on: str = "floor"
 ) -> list[Dividers]:
     """:func:`dividers` at every one of ``purities``. Raises SceneError as that does."""
+    if not isinstance(purities, Sequence | np.ndarray) or isinstance(purities, str):
+        raise SceneError(f"purities = {purities!r}: a list of them, as [0.9, 0.95]")
+    least = [share_in(purity, "purity") for purity in purities]
+    if wrong := [one for one in least if not 0.0 < one < 1.0]:
+        raise SceneError(f"purity = {wrong[0]:g}: above 0 and below 1 ('99 %' or 0.99: one percent of others)")
     _check_count(stretches)
     landed = landed_along(run, fraction, on)
-    return [_judged(landed, fraction, purity, stretches) for purity in purities]
+    return [_judged(landed, fraction, purity, stretches) for purity in least]
 
 
 def _check_count(stretches: int) -> None:
     """Raise SceneError for a number of stretches that no product has."""
+    if isinstance(stretches, bool) or not isinstance(stretches, int):
+        raise SceneError(f"stretches = {stretches!r}: a whole number")
     if not 1 <= stretches <= MAX_STRETCHES:
         raise SceneError(f"stretches = {stretches}: at least 1, at most {MAX_STRETCHES}")
 
@@ -113,7 +115,7 @@ def landed_along(run: Result | Path | str, fraction: str, on: str) -> Landed1D:
     """The stored landings of a run on a line of its channel. Raises SceneError as :func:`dividers` does."""
     result = run if isinstance(run, Result) else Result.load(run)
     scene = Scene.parse(result.scene)
-    if fraction not in scene.fraction:
+    if fraction not in list(scene.fraction):
         known = list(scene.fraction)
         raise SceneError(f"no fraction {fraction!r}{did_you_mean(fraction, known)} (known: {', '.join(known)})")
     data, line = kept_granules(result.folder), _line(scene, on)

@@ -67,6 +67,22 @@ class JointShares:
             cross=self.cross - gain_inputs @ to_shares.T,
         )
 
+    def in_bounds(self) -> JointShares:
+        """The same with each fraction's shares from 0 to 1 and of sum 1: what they have too much or too little goes to
+        each in proportion to its variance, as the most probable shares of that sum have it where they are independent.
+        """
+        shares, variances = self.shares.copy(), np.clip(np.diag(self.covariance), 0.0, None)
+        for name in dict.fromkeys(name for name, _ in self.places):
+            free = np.array([other == name for other, _ in self.places])
+            mine = free.copy()
+            while free.any():
+                rest, part = 1.0 - shares[mine].sum(), variances[free]
+                shares[free] += rest * (part / part.sum() if part.sum() > 0.0 else 1.0 / free.sum())
+                if not (below := free & (shares < 0.0)).any():
+                    break
+                shares[below], free = 0.0, free & ~below
+        return replace(self, shares=shares)
+
     def half(self, weights: Array) -> float:
         """Half of the 95 % interval of ``weights`` (S,) times the shares."""
         return SIGMAS * sqrt(max(0.0, float(weights @ self.covariance @ weights)))
