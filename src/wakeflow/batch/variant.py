@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from numbers import Integral
 from pathlib import Path
 
 from ..core.errors import SceneError
@@ -134,7 +135,7 @@ def variants(
         raise SceneError(f"over = {over!r}: give keys and their values, {{'air.speed': ['5 m/s', '6 m/s']}}")
     axes = axes_of(over, "sweep") if isinstance(over, Mapping) else [axis_of_text(text) for text in over]
     for name, number in (("seed", seed), ("count", 1 if count is None else count)):
-        if isinstance(number, bool) or not isinstance(number, int) or number < 0:
+        if isinstance(number, bool) or not isinstance(number, Integral) or number < 0:
             raise SceneError(f"{name} = {number!r}: give a whole number of at least 0")
     if fixed is not None and not isinstance(fixed, Mapping):
         raise SceneError(f"fixed = {fixed!r}: name each key and its value, {{'air.speed': '7 m/s'}}")

@@ -80,20 +80,18 @@ def digest_of(path: Path) -> str:
 def refuse_foreign(folder: Path, files: Iterable[Path], command: str) -> None:
     """Raise SceneError where one of the ``files`` of a ``command`` is in a folder and the program did not write it."""
     own = listed(folder)
-    held = [name for path in files if _there(path) and (name := path.relative_to(folder).as_posix()) not in own]
+    held = [
+        name for path in files if os.path.lexists(path) and (name := path.relative_to(folder).as_posix()) not in own
+    ]
     if (folder / f"{BEGUN}{command}").exists():  # it was killed
         held = []
-    if _there(folder / SUMS) and not _lines(folder):
+    if os.path.lexists(folder / SUMS) and not _lines(folder):
         held = [SUMS]
     if held:
         raise SceneError(
             f"--out {folder}: holds {held[0]}, which no run of wakeflow wrote and this one would replace; name "
             "another folder"
         )
-
-
-def _there(path: Path) -> bool:
-    return path.is_symlink() or path.exists()
 
 
 def claim(folder: Path, files: Iterable[Path], command: str) -> None:
@@ -148,7 +146,7 @@ def _append(path: Path, text: str) -> None:
 
 def refuse_changed(path: Path, command: str) -> None:
     """Raise SceneError where a file that people edit is no more as a ``command`` wrote it."""
-    if not _there(path):
+    if not os.path.lexists(path):
         return
     known = [listed(path.parent).get(path.name, "")]
     with suppress(OSError):  # as a killed one was about to write it

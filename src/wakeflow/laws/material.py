@@ -8,6 +8,7 @@ The data are in uncertainties.toml, with the words for them at its head.
 
 from __future__ import annotations
 
+import os
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -276,7 +277,7 @@ _shipped()
 
 def write_own_material(path: Path) -> None:
     """Write a commented material to fill in. Raises SceneError where a file stands there."""
-    if path.is_symlink() or path.exists():
+    if os.path.lexists(path):
         raise SceneError(f"--new {path}: exists; choose another name")
     with atomic_write(path) as stream:
         stream.write(Path(__file__).with_name("my-material.toml").read_text(encoding="utf-8"))

@@ -147,7 +147,7 @@ class SceneDocument:
         target = path or self.path
         if target is None:
             raise SceneError("this scene has no file yet: give a name")
-        if target != self.path and (target.is_symlink() or target.exists()):
+        if target != self.path and os.path.lexists(target):
             raise SceneError(f"{target} exists; choose another name")
         if target == self.path and target.exists():
             _read(target)  # what is not read is not replaced

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
@@ -95,7 +96,7 @@ def write_template(kind: str, target: Path, *, overwrite: bool = False) -> None:
     known = scene_templates()
     if kind not in known:
         raise SceneError(f"unknown scene {kind!r}{did_you_mean(kind, list(known))} (known: {', '.join(known)})")
-    if (target.is_symlink() or target.exists()) and not overwrite:
+    if os.path.lexists(target) and not overwrite:
         raise SceneError(f"{target} exists; choose another name or add --overwrite")
     path, text = shlex.quote(str(target)), known[kind].read_text(encoding="utf-8")
     with atomic_write(target) as stream:

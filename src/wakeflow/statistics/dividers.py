@@ -13,8 +13,9 @@ judged on the other, both ways (Stone 1974, J. R. Stat. Soc. B 36, 111); the div
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from pathlib import Path
 from typing import NamedTuple
 
@@ -84,7 +85,7 @@ def trade_off(
     run: Result | Path | str, fraction: str, purities: Sequence[float | str], *, stretches: int = 1, on: str = "floor"
 ) -> list[Dividers]:
     """:func:`dividers` at every one of ``purities``. Raises SceneError as that does."""
-    if not isinstance(purities, Sequence | np.ndarray) or isinstance(purities, str):
+    if isinstance(purities, str) or not isinstance(purities, Iterable):
         raise SceneError(f"purities = {purities!r}: a list of them, as [0.9, 0.95]")
     least = [share_in(purity, "purity") for purity in purities]
     if wrong := [one for one in least if not 0.0 < one < 1.0]:
@@ -96,7 +97,7 @@ def trade_off(
 
 def _check_count(stretches: int) -> None:
     """Raise SceneError for a number of stretches that no product has."""
-    if isinstance(stretches, bool) or not isinstance(stretches, int):
+    if isinstance(stretches, bool) or not isinstance(stretches, Integral):
         raise SceneError(f"stretches = {stretches!r}: a whole number")
     if not 1 <= stretches <= MAX_STRETCHES:
         raise SceneError(f"stretches = {stretches}: at least 1, at most {MAX_STRETCHES}")
