@@ -1,18 +1,19 @@
 """What a measurement would buy: the interval of a recovery or a purity, were a number of the scene known better.
 
-A number's own part of the interval is known from the regression on the draws (:mod:`wakeflow.statistics.inputs`): the
-half of the range that it gives alone. Known to a fraction f of what it is known to now, it leaves f times that; the
-rest of the interval stays, since parts that are independent add up in squares.
+Known to a fraction f of what it is known to now, and still where it is expected, an input does to every draw of the
+joint answer (:mod:`wakeflow.answer.joint`) what it alone does there at f times its distance; all else stays, so that no
+measurement of an input leaves less than what computing adds.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from ..core.errors import known as required
 from ..core.number import Number
-from .shares import InputPart, InputSummary, LandingResults
+from .result import Result
+from .shares import InputPart, LandingResults
 
 GAIN = 0.005  # of a share: a measurement that narrows an interval by less is not worth a line; chosen
 MAX_LISTED = 3  # measurements of a quantity
@@ -71,31 +72,31 @@ def method_of(key: str) -> Method | None:
     return METHODS.get(key) or METHODS.get(key.rpartition(".")[2] if key.startswith("fraction.") else "")
 
 
-def purchases(number: Number, parts: Mapping[str, InputPart], known: Mapping[str, InputSummary]) -> list[Purchase]:
-    """What each measurement alone would make of a ``number`` of the answer, the most useful first."""
-    found = [made for key, part in parts.items() if (made := _bought(number, key, part, known[key])) is not None]
+def purchases(result: Result, name: str, number: Number, parts: Mapping[str, InputPart]) -> list[Purchase]:
+    """What each measurement alone would make of a ``number`` of the answer called ``name``, the most useful first."""
+    found = [made for key, part in parts.items() if (made := _bought(result, name, number, key, part)) is not None]
     found = [one for one in found if number.half - one.number.half >= GAIN]
     return sorted(found, key=lambda one: one.number.half)[:MAX_LISTED]
 
 
-def _bought(number: Number, key: str, part: InputPart, known: InputSummary) -> Purchase | None:
+def _bought(result: Result, name: str, number: Number, key: str, part: InputPart) -> Purchase | None:
+    known, own = required(required(result.landings).inputs)[key], result.joint.own
     method, now = method_of(key), 0.5 * (known.high - known.low)
     if method is None or not part.tells or not now > method.half(known.value) > 0.0:
         return None
-    left = method.half(known.value) / now
-    gone = part.half**2 * (1.0 - left**2)
-    low, high = (math.sqrt(max(0.0, arm**2 - gone)) for arm in (number.value - number.low, number.high - number.value))
-    narrower = Number(number.value, number.value - low, number.value + high)
+    left = {key: method.half(known.value) / now}
+    narrower = own.known_better(required(own.of_name(name)), left, number.value)
     return Purchase(key, method.half(known.value), known.unit, method, narrower)
 
 
-def worth_measuring(landings: LandingResults | None) -> Iterator[tuple[str, Number, list[Purchase]]]:
+def worth_measuring(result: Result) -> Iterator[tuple[str, Number, list[Purchase]]]:
     """For each recovery and purity of a target: its name, its number, and the measurements that would narrow it."""
+    landings = result.landings
     if landings is None or not landings.of_targets or landings.inputs is None:
         return
     for name, parts in landings.of_targets.items():
         number = target_number(landings, name)
-        if number is not None and (bought := purchases(number, parts, landings.inputs)):
+        if number is not None and (bought := purchases(result, name, number, parts)):
             yield name, number, bought
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from shlex import quote
@@ -16,8 +16,9 @@ from ..core.files import MAX_RECORD, check_tables, path_of, read_json, write_jso
 from ..core.graded import GRADES, Grade
 from ..core.lazy import cached_property
 from ..core.number import Number
+from ..core.quantities import quantity
 from ..core.record import JsonTable, column, columns, from_json, to_json
-from ..core.registry import Registry
+from ..core.registry import Registry, did_you_mean
 from ..core.store import content_key
 from ..core.tables import Columns, frame_of, load_arrays
 from ..funnel.rate import FunnelSummary
@@ -28,15 +29,18 @@ from ..planning.plan import Plan
 from ..scene.overrides import share_in
 from ..scene.rungs import check_rung
 from ..scene.whole import States, switched
+from .cells import Ends
 from .checks import are_granules, mistakes_in
+from .joint import JointAnswer
 from .provenance import Provenance, Refinement
 from .shares import SHARE_UNIT, BudgetRow, LandingResults, Separation
-from .upgrade import upgraded
 
-SCHEMA = 2
+SCHEMA = 3
 FILE = "result.json"
 CHECKSUM = "sha256"  # key of result.json: of all that is beside it there
 GRANULES = "granules.npz"
+JOINT = "joint.npz"  # the ensemble from which every interval is taken
+ENDS = ("from", "to")  # of a bin
 VOID = "void"  # the caveat of an answer that is worth nothing
 
 
@@ -129,10 +133,8 @@ class Result:
     def from_json(cls, folder: Path | str, table: object) -> Self:
         """The result whose result.json holds ``table``. Raises SceneError, naming the key, where it is not one."""
         if isinstance(table, dict):
-            try:
-                table = upgraded(table)
-            except (AttributeError, KeyError, TypeError, ValueError):
-                raise SceneError(f"{Path(folder) / FILE} is damaged; {_cure(folder)}") from None
+            if table.get("schema") != SCHEMA:
+                raise SceneError(f"{Path(folder) / FILE} is of another version of wakeflow; {_cure(folder)}")
             for name, kind in FLAT.items():
                 inside = {one.key: table.pop(one.key) for one in columns(kind) if one.key in table}
                 table |= {name: inside or None}
@@ -197,6 +199,51 @@ class Result:
         that stays empty.
         """
         return self._shares.part_of(place, fraction)
+
+    @cached_property
+    def joint(self) -> JointAnswer:
+        """All shares jointly: what every interval is taken from. Raises SceneError where the run ended before the
+        shares, or its arrays are missing or damaged.
+        """
+        record = None if self.landings is None else self.landings.joint
+        if record is None:
+            raise SceneError(f"{self.folder} holds no shares: the run ended before them")
+        file, cure = self.folder / JOINT, _cure(self.folder)
+        if not file.is_file():
+            raise SceneError(f"{self.folder} holds no {JOINT}; {cure}")
+        sums.check(self.folder, JOINT, cure)
+        try:
+            return JointAnswer.of(record, load_arrays(file, cure))
+        except (KeyError, ValueError, IndexError, TypeError):
+            raise SceneError(f"{file} is damaged; {cure}") from None
+
+    def with_joint(self, joint: JointAnswer | None) -> Self:
+        """The same with its shares jointly, before they are in its folder."""
+        if joint is not None:
+            vars(self)["joint"] = joint
+        return self
+
+    def moved(self, changes: Mapping[str, object]) -> MovedBins:
+        """The answer with some bins moved, nothing flown: ``{"bin.near.to": "90 mm", "bin.far.from": "90 mm"}``, keys
+        as of ``Scene.replace``, lengths in m or with their unit.
+
+        Raises SceneError where the run ended before the shares, for another key, and for bins that overlap.
+        """
+        ends = dict(self.joint.cells.ends)
+        for key, value in changes.items():
+            kind, _, rest = key.partition(".")
+            name, _, end = rest.rpartition(".")
+            if kind != "bin" or end not in ENDS or name not in ends:
+                known = [f"bin.{one}.{side}" for one in ends for side in ENDS]
+                raise SceneError(f"moved: {key!r} is no end of a bin on a side of this run{did_you_mean(key, known)}")
+            low, high = ends[name]
+            place = _length(key, value)
+            ends[name] = (place, high) if end == "from" else (low, place)
+        return self.between(ends)
+
+    def between(self, ends: Ends) -> MovedBins:
+        """The answer with its bins between other ``ends`` (m, from and to by bin), as :meth:`moved`."""
+        return MovedBins(self.joint.moved(ends).separation())
 
     def frame(self) -> Any:
         """The shares, a row for each fraction and bin: ``share`` by mass, ``low`` and ``high`` of its 95 % interval,
@@ -279,6 +326,37 @@ class Result:
         """The bins where a fraction should land; empty when the scene names none."""
         target = self.scene["fraction"].get(fraction, {}).get("target") or ()
         return (target,) if isinstance(target, str) else tuple(target)
+
+
+@dataclass(frozen=True)
+class MovedBins:
+    """The answer of a run with its bins elsewhere: shares, purities, recoveries and throughputs of ``shares``."""
+
+    shares: Separation
+
+    def share(self, fraction: str, place: str) -> Number:
+        """As :meth:`Result.share`."""
+        return self.shares.share(fraction, place)
+
+    def recovery(self, fraction: str) -> Number:
+        """As :meth:`Result.recovery`."""
+        return self.shares.recovered(fraction)
+
+    def purity(self, place: str, fraction: str) -> Number:
+        """As :meth:`Result.purity`."""
+        return self.shares.part_of(place, fraction)
+
+
+def _length(key: str, value: object) -> float:
+    """A length in m, of a number or a text with its unit. Raises SceneError for anything else."""
+    try:
+        if isinstance(value, str):
+            return quantity(value, "m", "90 mm")
+        if isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value):
+            return float(value)
+    except ValueError as problem:
+        raise SceneError(f"{key} = {value!r}: {problem}") from None
+    raise SceneError(f"{key} = {value!r}: needs a number in m or a string such as '90 mm'")
 
 
 def _in_percent(name: str, one: Number) -> str:

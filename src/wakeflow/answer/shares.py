@@ -244,6 +244,35 @@ class InputSummary(Number):
 
 
 @dataclass(frozen=True)
+class JointSource:
+    """A source of error in the joint answer."""
+
+    name: str = column("", "as in the budget; lack of fit: of the response to the inputs, between the flown draws")
+    computing: bool = column("", "whether finer computing makes it smaller")
+    bounded: bool = column("", "whether only its bounds are known")
+    shared: bool = column("", "whether its draw is the same in every run")
+
+
+@dataclass(frozen=True)
+class JointRecord:
+    """What the arrays of joint.npz are of: some thousand joint draws of all shares, from which every interval is
+    taken.
+    """
+
+    draws: int = column("1", "how many there are")
+    fractions: tuple[str, ...] = column("", "in the order of the arrays")
+    targets: dict[str, tuple[str, ...]] = column("", "bins where each fraction should land")
+    inputs: tuple[str, ...] = column("", "their keys, in the order of the arrays")
+    bins: tuple[str, ...] = column("", "in the order of the arrays; elsewhere comes last")
+    on: dict[str, str] = column("", "side of the channel of each bin that lies on one")
+    ends: dict[str, tuple[float, float]] = column("m", "from and to of these")
+    images: tuple[int, ...] | None = column("", "place of each bin's mirror image; null without one")
+    flow: float = column("kg/s", "of the feed")
+    sources: tuple[JointSource, ...] = column("", "what adds to the shares beside the inputs")
+    salt: str = column("", "what makes this run's draws of them its own")
+
+
+@dataclass(frozen=True)
 class LandingResults:
     """What the landings of all granules amount to."""
 
@@ -279,6 +308,7 @@ class LandingResults:
         "", "by recovery.FRACTION and purity.BIN.FRACTION of targets, what each of them does to it, the 64 largest "
         "first", absent=True, default=None,
     )  # fmt: skip
+    joint: JointRecord | None = column("", "of the ensemble in joint.npz", absent=True, default=None)
 
 
 WEIGHTY, MAX_NAMED = 0.1, 3  # part of the variance from which an unknown is named, and how many are

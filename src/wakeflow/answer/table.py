@@ -25,6 +25,7 @@ from ..funnel.rate import FunnelSummary
 from ..pipeline.airflow import Airflow
 from ..scene import RESERVED_BIN, Scene
 from ..scene.messages import unit_of
+from .joint import JointAnswer, difference
 from .result import VOID, Result
 from .shares import Separation
 
@@ -122,7 +123,7 @@ DIGITS = 12  # of an input in another unit: 0.3, not 0.30000000000000004
 @dataclass(frozen=True)
 class Entry:
     """One scene of a table: its ``inputs`` (SI), its ``state`` (done, failed or open), the ``reason`` why it failed, or
-    what is against the intervals of one that is done (:attr:`Result.caveat`), its numbers.
+    what is against the intervals of one that is done (:attr:`Result.caveat`), its numbers, the folder of its run.
     """
 
     name: str
@@ -130,6 +131,13 @@ class Entry:
     state: str
     reason: str = ""
     quantities: tuple[TableQuantity, ...] = ()
+    folder: Path | None = field(default=None, compare=False, repr=False)
+
+    @cached_property
+    def joint(self) -> JointAnswer | None:
+        """Its shares jointly; None of a scene without a run, or of one that ended before them."""
+        result = None if self.folder is None else Result.load(self.folder)
+        return None if result is None or result.landings is None else result.joint
 
     @cached_property
     def by_name(self) -> dict[str, TableQuantity]:
@@ -274,18 +282,16 @@ def _cell(value: object) -> Cell:
 
 
 # -- By how much the numbers of later results differ from those of a first one -----------------------------------------
-RUNG, SWITCHED = "rung", "force."  # keys of how runs were asked for, beside those of their scenes
 
 
 @dataclass(frozen=True, kw_only=True)
 class Difference(Number):
     """A quantity of one run less that of the first, with its 95 % interval where both have one.
 
-    What is unknown of the scene is the same in two runs on one rung with the same terms and moves both alike: the
-    interval of a share then holds what computing adds. Otherwise, and of purities, it holds all that is not known of
-    both. Either is taken as independent (squares of the arms add up: Zou & Donner 2008, Stat. Med. 27, 1693), and parts
-    of a whole differ by no more than one. Runs that feed the same granules agree better than that, so that it errs on
-    the wide side. ``void``: one of the two answers is worth nothing.
+    Shares, recoveries, purities and throughputs are compared draw by draw of the two joint answers: what both runs do
+    not know is the same in both, everything else is each run's own. Other numbers, as those of the airflow, count as
+    independent (squares of the arms add up: Zou & Donner 2008, Stat. Med. 27, 1693). ``void``: one of the two answers
+    is worth nothing.
     """
 
     scene: str
@@ -304,31 +310,24 @@ def differences_of(entries: Sequence[Entry]) -> Iterator[Difference]:
     """Those of every later entry from the first, quantity by quantity."""
     first = entries[0]
     for entry in entries[1:]:
-        alike, void = _computed_alike(first, entry), VOID in (first.reason, entry.reason)
+        void = VOID in (first.reason, entry.reason)
         for one in entry.quantities:
             base = first.by_name.get(one.name)
-            if base is None:
-                continue
-            low, high = _ends(base, one, alike)
-            yield Difference(one.value - base.value, low, high, scene=entry.name, against=first.name,
-                             quantity=one.name, unit=one.unit, void=void)  # fmt: skip
+            if base is not None:
+                found = _difference(first, entry, base, one)
+                yield Difference(*found, scene=entry.name, against=first.name, quantity=one.name, unit=one.unit,
+                                 void=void)  # fmt: skip
 
 
-def _computed_alike(first: Entry, entry: Entry) -> bool:
-    """Whether two runs leave out the same: their rung and the terms that were switched by hand."""
-    keys = {key for one in (first, entry) for key in one.inputs if key == RUNG or key.startswith(SWITCHED)}
-    return all(first.inputs.get(key) == entry.inputs.get(key) for key in keys)
-
-
-def _ends(base: TableQuantity, one: TableQuantity, alike: bool) -> tuple[float, float]:
-    if not (base.known and one.known):
-        return -math.inf, math.inf
+def _difference(first: Entry, entry: Entry, base: TableQuantity, one: TableQuantity) -> Number:
     value = one.value - base.value
-    if alike and one.numerical is not None and base.numerical is not None:
-        below = above = math.hypot(one.numerical, base.numerical)
-    else:
-        below = math.hypot(one.value - one.low, base.high - base.value)
-        above = math.hypot(one.high - one.value, base.value - base.low)
-    if is_part(one.name):
-        return max(value - below, -1.0), min(value + above, 1.0)
-    return value - below, value + above
+    if first.joint is not None and entry.joint is not None:
+        found = difference(entry.joint.own, first.joint.own, one.name)
+        if found is not None:
+            return Number(value, min(found.low, value), max(found.high, value))
+    if not (base.known and one.known):
+        return Number(value)
+    below, above = (math.hypot(*arms) for arms in (
+        (one.value - one.low, base.high - base.value), (one.high - one.value, base.value - base.low)))  # fmt: skip
+    part = is_part(one.name)  # parts of a whole differ by no more than one
+    return Number(value, max(value - below, -1.0 if part else -math.inf), min(value + above, 1.0 if part else math.inf))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..answer.result import Result
-from ..answer.table import DONE, RUNG, SWITCHED, Difference, Entry, ResultTable, differences_of, quantities_of
+from ..answer.table import DONE, Difference, Entry, ResultTable, differences_of, quantities_of
 from ..core import sums
 from ..core.errors import SceneError
 from ..core.files import made_folder
@@ -80,7 +80,7 @@ def compare(runs: Sequence[Result | Path | str]) -> RunComparison:
     entries = []
     for place, (name, run) in enumerate(zip(names, found, strict=True)):
         inputs = {key: values[place] for key, values in columns.items()}
-        entries.append(Entry(name, inputs, DONE, run.caveat, quantities_of(run)))
+        entries.append(Entry(name, inputs, DONE, run.caveat, quantities_of(run), run.folder))
         for fraction in run.scene["fraction"]:
             targets.setdefault(fraction, run.targets(fraction))
     return RunComparison(ResultTable(tuple(entries), targets), tuple(found))
@@ -90,9 +90,9 @@ def _options(runs: Sequence[Result]) -> dict[str, list[object]]:
     """How the runs were asked for, where that differs: the rung that was computed, the accuracy, switched terms."""
     terms = dict.fromkeys(term for run in runs for term in run.options.force)
     columns: dict[str, list[object]] = {
-        RUNG: [run.plan.rung for run in runs],
+        "rung": [run.plan.rung for run in runs],
         "target-error": [run.plan.target_error for run in runs],
-        **{f"{SWITCHED}{term}": [run.options.force.get(term) for run in runs] for term in terms},
+        **{f"force.{term}": [run.options.force.get(term) for run in runs] for term in terms},
     }
     return {key: values for key, values in columns.items() if any(value != values[0] for value in values)}
 

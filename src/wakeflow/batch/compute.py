@@ -274,7 +274,7 @@ class _Rows:
             return
         for fraction in result.scene["fraction"]:
             self.targets.setdefault(fraction, result.targets(fraction))
-        self.entries[one.name] = Entry(one.name, one.inputs, DONE, result.caveat, quantities_of(result))
+        self.entries[one.name] = Entry(one.name, one.inputs, DONE, result.caveat, quantities_of(result), result.folder)
 
     @property
     def table(self) -> ResultTable:

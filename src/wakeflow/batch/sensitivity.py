@@ -105,7 +105,7 @@ class Sensitivity:
         if landings is None:
             return {}
         names = [name for name in landings.separation.fractions if self.result.targets(name)]
-        return {name: remaining(landings, name, self.result.targets(name), halves) for name in names}
+        return {name: remaining(self.result, name, halves) for name in names}
 
     def frame(self) -> Any:
         """A row a move: a pandas DataFrame where pandas is installed, else a dict of numpy arrays, by column."""

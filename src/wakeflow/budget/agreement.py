@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import hypot, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..answer.joint import JointAnswer
 from ..answer.result import Result
-from ..answer.shares import BudgetRow, LandingResults
-from ..core.errors import SceneError, known
 from ..core.number import Number
 from ..core.tables import CellTable
 from ..planning.unknowns import SIGMAS
 from ..scene import Scene
 from ..scene.measured import Measured
-from ..statistics.joint import JointShares, Misfit, Place, misfit, tied_errors
-from .source import INPUTS
-from .total import half_of
 
 Array = NDArray[np.float64]
 AGREES, DISAGREES, CANNOT_TELL = "agrees", "disagrees", "cannot tell"
 RARE = 0.01  # a misfit that is less probable than that is none of chance
 COARSE = 0.1  # of a share: a comparison that no tray would notice less of says nothing
+TINY = 1e-10  # of the largest eigenvalue: a combination of trays that is known no better is no test of its own
+SEED = 20110  # of what is measured of every draw: any, but always the same
 LARGE_PULL = 2.0  # standard deviations of a tray from what the others let expect, from which it is named
 COLUMNS = {
     "fraction": "fraction", "bin": "bin", "measured": "found", "measured low": "found_low",
@@ -104,79 +102,72 @@ class Agreement:
         return CellTable.of(self.trays, COLUMNS)
 
 
-def agreement_of(
-    known: JointShares, measured: Measured, mass: Mapping[str, float], about: JointShares | None = None
-) -> Agreement:
-    """Of ``measured`` shares with those that are ``known`` without them; ``mass``: share of each fraction in the feed.
-    ``about``: the same, linear about the inputs that explain the measurement best, which the test of both is made with.
-
-    Raises SceneError for a tray of a fraction or bin that there is not.
+def trays_in(joint: JointAnswer, measured: Measured) -> Array:
+    """What each tray (n,) holds in every draw (copies and draws, n). Raises SceneError for a tray of a fraction or bin
+    that there is not.
     """
-    weights = measured.weights(known.places, mass)
-    found: Misfit = misfit(about or known, measured, weights)
+    return _tables(joint) @ weights_in(joint, measured).T
+
+
+def weights_in(joint: JointAnswer, measured: Measured) -> Array:
+    """What each tray (n, shares) holds of all shares."""
+    places = [(name, place) for name in joint.fractions for place in joint.own.names]
+    return measured.weights(places, dict(zip(joint.fractions, joint.mass, strict=True)))
+
+
+def _tables(joint: JointAnswer) -> Array:
+    """The shares of every draw, of a machine and its image one after the other (copies and draws, shares)."""
+    tables = joint.own.tables()
+    return tables.reshape(tables.shape[0] * tables.shape[1], -1)
+
+
+def agreement_of(joint: JointAnswer, measured: Measured, missed: Array | None = None) -> Agreement:
+    """Of ``measured`` shares with a joint answer that knows nothing of them; ``missed``: covariance (shares, shares) of
+    what the model itself may miss.
+
+    How probable a misfit as large is, is counted over the draws, each measured as the trays were: shares are seldom
+    normal. Raises SceneError for a tray of a fraction or bin that there is not.
+    """
+    weights, told = weights_in(joint, measured), trays_in(joint, measured)
+    noise = measured.covariance + (0.0 if missed is None else weights @ missed @ weights.T)
+    off = measured.shares - told.mean(axis=0)
+    inverse, freedom = _inverse(np.atleast_2d(np.cov(told.T)) + noise)
+    seen = (
+        told - told.mean(axis=0) + np.random.default_rng(SEED).multivariate_normal(np.zeros(len(off)), noise, len(told))
+    )
+    squares, square = np.einsum("ni,ij,nj->n", seen, inverse, seen), float(off @ inverse @ off)
+    chance = (1.0 + float((squares >= square).sum())) / (1.0 + len(squares))
+    alone = np.diag(inverse)
+    pulls = np.divide(inverse @ off, np.sqrt(alone), out=np.zeros_like(off), where=alone > 0.0)
     trays, least = [], np.inf
     for row, (place, share) in enumerate(zip(measured.places, measured.numbers(), strict=True)):
-        own, half = known.number(weights[row]), known.half(weights[row])
-        both = hypot(half, SIGMAS * sqrt(float(measured.covariance[row, row])))
-        off = abs(share.value - float(weights[row] @ known.shares))
-        trays.append(ComparedTray(*place, share, own, off / both if both > 0.0 else 0.0, float(found.pulls[row])))
+        own = joint.own.number(partial(_tray, weights[row]))
+        both = hypot(own.half, SIGMAS * sqrt(float(measured.covariance[row, row])))
+        away = abs(share.value - own.value)
+        trays.append(ComparedTray(*place, share, own, away / both if both > 0.0 else 0.0, float(pulls[row])))
         least = min(least, both)
-    return Agreement(tuple(trays), found.chi_square, found.freedom, found.chance, float(least))
+    return Agreement(tuple(trays), square, freedom, chance, float(least))
+
+
+def _tray(weights: Array, table: Array) -> Array:
+    return np.asarray(table.reshape(*table.shape[:-2], -1) @ weights)
+
+
+def _inverse(covariance: Array) -> tuple[Array, int]:
+    """The inverse over the combinations that are free, and how many these are."""
+    sizes, ways = np.linalg.eigh(covariance)
+    free = sizes > TINY * max(float(sizes.max()), TINY)
+    return (ways[:, free] / sizes[free]) @ ways[:, free].T, int(free.sum())
 
 
 def agreement_in(result: Result, measured: Measured) -> Agreement:
     """Of ``measured`` shares with a finished run. Raises SceneError where that ended before its shares, or has no such
     fraction or bin.
     """
-    if result.landings is None:
-        raise SceneError(f"{result.folder} holds no shares: the run ended before them")
-    return agreement_of(joint_of(result.landings), measured, Scene.parse(result.scene).mass_shares())
+    return agreement_of(result.joint, measured)
 
 
 def measured_in(result: Result) -> Measured | None:
     """What was measured, as the scene of a run says; None without it."""
     trays = Scene.parse(result.scene).measured if result.scene.get("measured") else []
     return Measured.of(trays) if trays else None
-
-
-# -- What is known of all shares of an answer together -----------------------------------------------------------------
-def joint_of(landings: LandingResults) -> JointShares:
-    """Of a finished run: its regression on the inputs, and the errors of the other sources."""
-    shares = landings.separation.fractions
-    places = [(name, place) for name, found in shares.items() for place in found]
-    keys = list(landings.inputs or {})
-    rows = {row.quantity: row for row in landings.budget}
-    middle, slopes = np.zeros(len(places)), np.zeros((len(places), len(keys)))
-    beyond = np.zeros(len(places))
-    for i, (name, place) in enumerate(places):
-        parts = ((landings.measure_next or {}).get(name) or {}).get(place) or {}
-        for key, part in parts.items():
-            slopes[i, keys.index(key)] = (part.half if part.rise is None else part.rise) / SIGMAS
-        low, high = _ends(rows.get(f"share.{name}.{place}"))
-        middle[i] = shares[name][place].value + 0.5 * (low + high)
-        beyond[i] = max(0.0, (0.5 * (high - low) / SIGMAS) ** 2 - float(slopes[i] @ slopes[i]))
-    errors = tied_errors(places, beyond + other_errors(places, shares, landings.budget))
-    return JointShares.linear(keys, places, middle, slopes, errors)
-
-
-def _ends(row: BudgetRow | None) -> tuple[float, float]:
-    """How far the inputs move a share, below and above."""
-    part = None if row is None else next((one for one in row.parts if one.source == INPUTS), None)
-    if part is None or part.error is None:
-        return 0.0, 0.0
-    return (-part.error if part.low is None else part.low), (part.error if part.high is None else part.high)
-
-
-def other_errors(
-    places: Sequence[Place], shares: Mapping[str, Mapping[str, Number]], budget: Sequence[BudgetRow]
-) -> Array:
-    """The variances (S,) of the shares by all sources but the inputs; of a share without a row that of its interval."""
-    rows, found = {row.quantity: row for row in budget}, np.zeros(len(places))
-    for i, (name, place) in enumerate(places):
-        row, share = rows.get(f"share.{name}.{place}"), known(shares.get(name))[place]
-        if row is None:
-            half = max(share.high - share.value, share.value - share.low) if share.known else 0.0
-        else:
-            half = hypot(*(half_of(part) for part in row.parts if part.source != INPUTS))
-        found[i] = (half / SIGMAS) ** 2
-    return found

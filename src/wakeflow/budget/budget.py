@@ -8,12 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from ..answer.shares import LEFT_OUT, BudgetRow, BudgetTotal, Separation
+from ..answer.joint import JointAnswer
+from ..answer.shares import LEFT_OUT, BudgetPart, BudgetRow, BudgetTotal
 from ..core.graded import Notice, less_sure
 from ..pipeline.pipeline import Pipeline
 from ..planning.terms import TYPICAL
 from .source import Flights, FractionResults, in_order
-from .total import combine
+from .total import in_ensemble, total_of
 
 ONLY_STEPS = "of the tracker's steps alone: where 95 % of the granules land with finer ones"
 
@@ -29,37 +30,39 @@ def flights_ahead(pipeline: Pipeline) -> list[Callable[[], object]]:
     return [job for source in in_order() for job in source.ahead(pipeline)]
 
 
-def make_budget(flights: Flights, separation: Separation) -> tuple[BudgetRow, ...]:
-    """Rows for the share of every fraction in every bin, also in one that got none, then for its landing place.
+def make_budget(flights: Flights) -> tuple[JointAnswer, tuple[BudgetRow, ...]]:
+    """The joint answer with all that is not known; and rows for the share of every fraction in every bin, also in one
+    that got none, then for its landing place.
 
     Errors of shares are absolute; a row with a unit states its errors in that unit. The error of a landing place is
     the 95th percentile over the granules of how far the companion run moves them. A part that represents a left-out
     term has a note and a kind: left-out (small enough for the accuracy asked for) or not-computed.
     """
-    pipeline = flights.pipeline
+    pipeline, joint = flights.pipeline, flights.ensemble
+    results = {name: FractionResults(name, flights.landings[name], joint.own, flights) for name in joint.fractions}
+    parts = {name: _parts(fraction) for name, fraction in results.items()}
+    joint = in_ensemble(joint, parts, results)
     spent = sum(stage.seconds for stage in pipeline.seconds.values())
-    rows: list[BudgetRow] = []
-    places: list[BudgetRow] = []
-    for name, shares in separation.fractions.items():
-        fraction = FractionResults(name, flights.landings[name], shares, flights)
-        rows += _share_rows(fraction, spent)
-        parts = tuple(part for source in in_order() for part in source.landing(fraction))
-        spent_here = flights.tracking + sum(part.seconds for part in parts)
-        largest = max((part.error for part in parts if part.error is not None), default=None)
-        cost = BudgetTotal(largest, spent_here, note=ONLY_STEPS)
-        places.append(BudgetRow(f"landing.{name}", pipeline.scene.unit, parts, cost))
-    return (*rows, *places)
+    rows = [
+        BudgetRow(f"share.{name}.{place}", None, found, total_of(joint.own.share(name, place), found, spent))
+        for name, places in parts.items()
+        for place, found in places.items()
+    ]
+    return joint, (*rows, *(_landing_row(fraction) for fraction in results.values()))
 
 
-def _share_rows(fraction: FractionResults, seconds: float) -> list[BudgetRow]:
-    """A row for each bin: where nothing landed, what was left out or not computed could still have brought some."""
+def _parts(fraction: FractionResults) -> dict[str, tuple[BudgetPart, ...]]:
+    """The parts of every bin: where nothing landed, what was left out or not computed could still have brought some."""
     found = [source.shares(fraction) for source in in_order()]
-    rows = []
-    for place, share in fraction.shares.items():
-        parts = tuple(part for parts in found for part in parts.get(place, ()))
-        total = combine(share.value, parts, seconds)
-        rows.append(BudgetRow(f"share.{fraction.name}.{place}", None, parts, total))
-    return rows
+    return {place: tuple(part for parts in found for part in parts.get(place, ())) for place in fraction.shares}
+
+
+def _landing_row(fraction: FractionResults) -> BudgetRow:
+    parts = tuple(part for source in in_order() for part in source.landing(fraction))
+    spent = fraction.flights.tracking + sum(part.seconds for part in parts)
+    largest = max((part.error for part in parts if part.error is not None), default=None)
+    total = BudgetTotal(largest, spent, note=ONLY_STEPS)
+    return BudgetRow(f"landing.{fraction.name}", fraction.pipeline.scene.unit, parts, total)
 
 
 @dataclass(frozen=True)

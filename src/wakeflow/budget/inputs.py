@@ -37,19 +37,19 @@ class UnknownInputs(Source["InputSamples"]):
         return pipeline.draws()
 
     def shares(self, fraction: FractionResults) -> Parts:
-        inputs = fraction.flights.inputs({fraction.name: fraction.shares})
-        if inputs is None:
+        if fraction.flights.of(self) is None:
             return {}
-        seconds = fraction.pipeline.spent(STAGE)
-        found = {}
+        found, among, seconds = {}, fraction.flights.among, fraction.pipeline.spent(STAGE)
         for bin_ in fraction.shares:
-            over = inputs.of_share(fraction.name, [bin_])
-            told = ", ".join(f"{key} {one.points}" for key, one in weightiest(over.effects))
+            of = fraction.answer.of_share(fraction.name, [bin_])
+            over, effects = fraction.answer.number(of), fraction.answer.effects(of, fraction.name)
+            told = ", ".join(f"{key} {one.points}" for key, one in weightiest(effects))
             note = f"depends most on (points each) {told}" if told else None
-            if note is not None and inputs.correction is not None:
-                note += f"; {inputs.factor(fraction.name):.2g} times what they move of granules alone"
-            found[bin_] = [replace(self.part(over.half, seconds, note), low=over.low, high=over.high)]
+            if note is not None and among is not None:
+                note += f"; {among.factor(fraction.name):.2g} times what they move of granules alone"
+            low, high = over.low - over.value, over.high - over.value
+            found[bin_] = [replace(self.part(max(-low, high), seconds, note), low=low, high=high)]
         return found
 
 
-add(UnknownInputs())
+UNKNOWN = add(UnknownInputs())

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from math import sqrt
+from math import copysign, sqrt
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -49,6 +49,12 @@ class _SlabAgain(Source[tuple[SlabFound, ...]]):
         return None if again is None else (again,)
 
     def shares(self, fraction: FractionResults) -> Parts:
+        found = self._compared(fraction)
+        seconds = sum(map(fraction.pipeline.spent, self.flown)) if found else 0.0
+        return {place: [self.part(abs(moved), seconds, note)] for place, (moved, note) in found.items()}
+
+    def _compared(self, fraction: FractionResults) -> dict[str, tuple[float, str | None]]:
+        """What the change is of the fraction's share in every bin, beyond chance, and what was compared in words."""
         found, slab = fraction.flights.of(self), fraction.flights.crowd
         if found is None or slab is None:
             return {}
@@ -58,9 +64,8 @@ class _SlabAgain(Source[tuple[SlabFound, ...]]):
         paired = self.same_feed and all(_apart(found, fraction) for found in both)
         if paired:
             own = own[: len(changed)]
-        seconds = sum(map(fraction.pipeline.spent, self.flown))
         return {
-            place: [self.part(*beyond_chance(changed[:, i], own[:, i], seconds, paired=paired, part=self.of_apart))]
+            place: beyond_chance(changed[:, i], own[:, i], paired=paired, part=self.of_apart)
             for i, place in enumerate(fraction.shares)
         }
 
@@ -102,6 +107,9 @@ class _BetweenGranules(_SlabAgain):
         ]
         return tuple(one for one in ends if one is not None) or None
 
+    def signed(self, fraction: FractionResults) -> dict[str, float] | None:
+        return {place: moved for place, (moved, _) in self._compared(fraction).items()} or None
+
     @property
     def flown(self) -> tuple[str, ...]:
         return self.companion.name, self.below.name
@@ -142,15 +150,13 @@ def _apart(found: SlabFound, fraction: FractionResults) -> bool:
     return 1 + int(found.landings[fraction.name].replicate.max()) == -(-found.replicates // images)
 
 
-def beyond_chance(
-    changed: np.ndarray, own: np.ndarray, seconds: float, *, paired: bool, part: float = 1.0
-) -> tuple[float, float, str | None]:
-    """Of the difference of two means, of which a ``part`` is the error, what is beyond chance, the ``seconds``, and
-    what was compared in words; the whole difference where too few replicates show no chance.
+def beyond_chance(changed: np.ndarray, own: np.ndarray, *, paired: bool, part: float = 1.0) -> tuple[float, str | None]:
+    """Of the difference of two means, of which a ``part`` is the error, what is beyond chance, with its sign, and what
+    was compared in words; the whole difference where too few replicates show no chance.
     """
     apart = float(changed.mean() - own.mean())
     if min(len(changed), len(own)) < 2:
-        return part * abs(apart), seconds, None
+        return part * apart, None
     if paired:
         which, variance = f"between the same {len(own)} replicates", (changed - own).var(ddof=1) / len(own)
     else:
@@ -158,7 +164,7 @@ def beyond_chance(
         variance = changed.var(ddof=1) / len(changed) + own.var(ddof=1) / len(own)
     of, chance = "" if part == 1.0 else "half of ", 100 * student(len(changed) - 1) * sqrt(variance)
     note = f"{of}a difference {which} of {100 * apart:+.2g} points, of which chance alone may make {chance:.2g}"
-    return part * sqrt(max(0.0, apart**2 - variance)), seconds, note
+    return part * copysign(sqrt(max(0.0, apart**2 - variance)), apart), note
 
 
 for _source in (SlabStep(), SlabDepth(), BetweenGranulesRestitution(), BetweenGranulesFriction()):

@@ -13,19 +13,19 @@ from dataclasses import dataclass, field
 from math import sqrt
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 
+from ..answer.joint import Bins, JointAnswer
 from ..answer.provenance import RefinedSettings
 from ..answer.shares import UNKNOWN, BudgetPart
 from ..core.lazy import cached_property
-from ..core.number import Number
 from ..core.registry import Registry
 from ..pipeline.airflow import Airflow
 from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Pipeline
 from ..planning.stages import StageCost, Workload, error_sources
 from ..planning.unknowns import SIGMAS
-from ..statistics.inputs import Inputs
+from ..statistics.ensemble import joint_answer, responses
 from ..statistics.separation import Spread, share_spreads
-from .comparison import AmongOthers, compared, free_ends
+from .comparison import AmongOthers, compared
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 Flown = TypeVar("Flown")
 Parts = Mapping[str, Sequence[BudgetPart]]
 INPUTS = "inputs"  # the part of what the scene does not say exactly
+RESPONSES = "responses"  # to them
 
 
 class Source(Generic[Flown]):
@@ -80,6 +81,13 @@ class Source(Generic[Flown]):
         del fraction  # for subclasses
         return {}
 
+    def signed(self, fraction: FractionResults) -> Mapping[str, float] | None:
+        """What this source changes of the fraction's share in every bin at the upper end of its 95 % interval, where it
+        is a number of the world that is the same one in every run; None of any other.
+        """
+        del fraction  # for subclasses
+        return None
+
     def landing(self, fraction: FractionResults) -> Sequence[BudgetPart]:
         """Parts of the error of where the fraction's granules land, in body widths."""
         del fraction  # for subclasses
@@ -120,14 +128,24 @@ class Flights:
         found: Flown | None = self._made[source.name]
         return found
 
-    def inputs(self, shares: Mapping[str, Mapping[str, Number]]) -> Inputs | None:
-        """What the unknown inputs do to ``shares`` by fraction and bin; None where everything is known exactly."""
-        draws = self._made.get(INPUTS)
-        if draws is None:
-            return None
-        scene, crowd = self.pipeline.scene, self.crowd
-        among = None if crowd is None else AmongOthers(scene, self.tracked.landings, crowd.landings).factor
-        return Inputs(draws, shares, scene.mass_shares(), free_ends(scene), scene.images, among)
+    @cached_property
+    def among(self) -> AmongOthers | None:
+        """How landings among other granules lie beside those of granules alone; None where each flies alone."""
+        return (
+            None if self.crowd is None else AmongOthers(self.pipeline.scene, self.tracked.landings, self.crowd.landings)
+        )
+
+    @cached_property
+    def ensemble(self) -> JointAnswer:
+        """The joint answer with what the unknown inputs change, and with no other source of error."""
+        scene, crowd, draws = self.pipeline.scene, self.crowd, self._made.get(INPUTS)
+        if draws is not None and RESPONSES not in self._made:
+            self._made[RESPONSES] = responses(scene, draws)
+        factors = None if self.among is None else {name: self.among.factor(name) for name in self.landings}
+        salt = self.pipeline.tracks_key if crowd is None else f"{self.pipeline.collisions_key}"
+        return joint_answer(
+            scene, self.landings, draws=draws, how=self._made.get(RESPONSES), factors=factors, salt=salt
+        )
 
     @property
     def landings(self) -> Mapping[str, Landings]:
@@ -147,12 +165,20 @@ class Flights:
 
 @dataclass(frozen=True)
 class FractionResults:
-    """A fraction whose errors are asked for: its name, its landings (the answer's), and its share in every bin."""
+    """A fraction whose errors are asked for: its name, its landings (the answer's), and the answer with what the inputs
+    change of it.
+    """
 
     name: str
     landings: Landings
-    shares: Mapping[str, Number]
+    answer: Bins
     flights: Flights
+
+    @cached_property
+    def shares(self) -> dict[str, float]:
+        """Its share in every bin, and elsewhere."""
+        row = self.answer.value[self.answer.joint.fractions.index(self.name)]
+        return dict(zip(self.answer.names, map(float, row), strict=True))
 
     @property
     def pipeline(self) -> Pipeline:

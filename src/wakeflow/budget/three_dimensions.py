@@ -25,18 +25,22 @@ class ThirdDimension(Source[None]):
     if_large = "run rung 3d (--rung 3d)"
 
     def shares(self, fraction: FractionResults) -> Parts:
+        note = "as far as its share in three dimensions is from the plane one, each granule alone"
+        found = self.signed(fraction) or {}
+        return {place: [self.part(abs(moved), note=note)] for place, moved in found.items()}
+
+    def signed(self, fraction: FractionResults) -> dict[str, float] | None:
         pipeline = fraction.pipeline
         farther = farther_in_three_dimensions(pipeline.scene, pipeline.plan).get(fraction.name, {})
         found = dict.fromkeys(fraction.shares, 0.0)
         for place, more in farther.items():
-            own = fraction.shares[place].value
+            own = fraction.shares[place]
             if not 0.0 < own < 1.0:
                 continue
             moved = 1.0 / (1.0 + math.exp(-log_odds(own) - more)) - own
             for other, share in fraction.shares.items():
-                found[other] += moved if other == place else -moved * share.value / (1.0 - own)
-        note = "as far as its share in three dimensions is from the plane one, each granule alone"
-        return {place: [self.part(abs(moved), note=note)] for place, moved in found.items()} if farther else {}
+                found[other] += moved if other == place else -moved * share / (1.0 - own)
+        return found if farther else None
 
 
 add(ThirdDimension())

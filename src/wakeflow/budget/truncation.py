@@ -23,6 +23,7 @@ from ..planning.unknowns import Unknown
 from ..scene import RESERVED_BIN, Scene
 from ..statistics.separation import upper_limit
 from .comparison import free_ends, points_of
+from .inputs import UNKNOWN
 from .source import FractionResults, Parts, Source, add
 
 Array = NDArray[np.float64]
@@ -38,13 +39,14 @@ class LeftOutTerms(Source[None]):
     def shares(self, fraction: FractionResults) -> Parts:
         pipeline, flights = fraction.pipeline, fraction.flights
         found = truncation_terms(pipeline.scene, pipeline.plan, fraction.name, fraction.landings)
-        inputs = flights.inputs({fraction.name: fraction.shares})
-        if inputs is None or VIBRATION in pipeline.plan.force:
+        draws, answer = flights.of(UNKNOWN), fraction.answer
+        if draws is None or VIBRATION in pipeline.plan.force:
             return found
-        speed = next((one for one in inputs.draws.unknowns if one.key == AIR_SPEED), None)
+        speed = next((one for one in draws.unknowns if one.key == AIR_SPEED), None)
         for place, parts in found.items():
             if speed is not None and any(part.source == VIBRATION for part in parts):
-                effect = inputs.of_share(fraction.name, [place]).effects.get(AIR_SPEED, NO_EFFECT)
+                effects = answer.effects(answer.of_share(fraction.name, [place]), fraction.name)
+                effect = effects.get(AIR_SPEED, NO_EFFECT)
                 found[place] = [swung(pipeline.scene, pipeline.plan, part, effect, speed) for part in parts]
         return found
 

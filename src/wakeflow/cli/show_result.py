@@ -140,7 +140,7 @@ def measure_next(result: Result) -> list[str]:
     """What a measurement would make of each recovery and each purity of a target; without targets, on which numbers
     each fraction's least certain share depends most.
     """
-    if told := measurement_lines(result.landings):
+    if told := measurement_lines(result):
         return [*told, HOW_TO_MEASURE]
     told = []
     for name, (place, parts) in ({} if result.landings is None else least_certain(result.landings)).items():

@@ -64,10 +64,10 @@ def frame_of(columns: Mapping[str, AnyArray]) -> Any:
     return import_module("pandas").DataFrame(dict(columns))
 
 
-def save_arrays(path: Path | str, arrays: Mapping[str, ArrayLike]) -> None:
+def save_arrays(path: Path | str, arrays: Mapping[str, ArrayLike], *, compressed: bool = False) -> None:
     """Write arrays by their names as one file (.npz), whole or not at all."""
     with atomic_write(path, "wb") as stream:
-        write_arrays(stream, arrays)
+        write_arrays(stream, arrays, compressed=compressed)
 
 
 def write_arrays(stream: IO[bytes], arrays: Mapping[str, ArrayLike], *, compressed: bool = False) -> None:

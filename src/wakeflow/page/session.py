@@ -317,12 +317,14 @@ class Session:
         return self._answer(self._stored(run), ends)
 
     def _answer(self, stored: StoredLandings, ends: Ends) -> dict[str, object]:
-        found = stored.shares(ends)
+        found = stored.result.between(ends).shares
         return {
             "shares": {
                 name: {place: _plain(one) for place, one in row.items()} for name, row in found.fractions.items()
             },
-            "purity": {place: {name: _plain(one) for name, one in row.items()} for place, row in found.purity.items()},
+            "purity": {
+                place: {name: _plain(one) for name, one in row.items()} for place, row in found.purity.items() if row
+            },
             "recovery": {name: None if one is None else _plain(one) for name, one in found.recovery.items()},
         }
 

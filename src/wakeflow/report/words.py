@@ -102,10 +102,10 @@ def in_three_dimensions(landings: LandingResults | None) -> str:
     return f"Three dimensions: {', '.join(told)} ({about})" if told else ""
 
 
-def measurement_lines(landings: LandingResults | None) -> list[str]:
+def measurement_lines(result: Result) -> list[str]:
     """A line for each recovery and purity that a measurement would narrow: the best one, and what it leaves."""
     lines = []
-    for name, number, bought in worth_measuring(landings):
+    for name, number, bought in worth_measuring(result):
         kind, *of = name.split(".")
         what = f"recovery of {of[0]}" if kind == "recovery" else f"purity of {of[1]} in {of[0]}"
         best = bought[0]

@@ -10,16 +10,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..answer.joint import JointAnswer
 from ..answer.notices import notices, with_mesh_error, with_residence
 from ..answer.provenance import Refinement, provenance_of
-from ..answer.result import FILE, SCHEMA, FlightResults, Request, Result, key_in, provenance_in
-from ..answer.shares import BudgetRow, LandingResults, Separation, collisions_of
+from ..answer.result import FILE, GRANULES, JOINT, SCHEMA, FlightResults, Request, Result, key_in, provenance_in
+from ..answer.shares import LandingResults, collisions_of
+from ..answer.unknown_inputs import effects_in, summary_of
 from ..budget.air_loading import loading_effects
 from ..budget.budget import flights_ahead, fly_again, make_budget, total_notices
+from ..budget.inputs import UNKNOWN
 from ..budget.mesh import airflow_on_grids
 from ..budget.model import MODEL
 from ..budget.source import Flights
-from ..budget.total import totalled
 from ..core import sums
 from ..core.graded import gravest_first
 from ..core.process import background, cores
@@ -29,9 +31,7 @@ from ..pipeline.airflow import Airflow, MeshReport
 from ..pipeline.pipeline import Pipeline
 from ..planning.three_dimensions import in_three_dimensions
 from ..scene import Scene
-from ..statistics.inputs import Inputs, inputs_of
 from ..statistics.partition import partition_curves
-from ..statistics.separation import separate
 from .folder import COMMAND, answer_key, field_files, report_into, some_granules, versions, written_files
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class OneRun:
         if tracked is not None and airflow is not None:
             airflow = self._flown(airflow)
         flights = None if tracked is None else self._flights(tracked)
-        landings = None if flown is None else self._landings(flown)
+        landings, joint = (None, None) if flown is None else self._landings(flown)
         scene, plan = self.pipeline.scene, self.pipeline.plan
         slab = None if landings is None else landings.slab
         told = notices(scene, self.pipeline, airflow, self.poured, tracked, slab)
@@ -90,12 +90,14 @@ class OneRun:
             refinement=self.refinement,
             folder=self.folder,
         )
-        return self._written(result, tracked, None if flown is None else flown.landings)
+        return self._written(result, tracked, None if flown is None else flown.landings, joint)
 
-    def _written(self, result: Result, tracked: Tracked | None, answer: Mapping[str, Landings] | None) -> Result:
+    def _written(
+        self, result: Result, tracked: Tracked | None, answer: Mapping[str, Landings] | None, joint: JointAnswer | None
+    ) -> Result:
         """The result with its pictures, its folder written."""
         with sums.writing(self.folder, partial(written_files, self.folder), COMMAND):
-            result = self._drawn(result, tracked, answer)
+            result = self._drawn(result.with_joint(joint), tracked, answer, joint).with_joint(joint)
             result.save()
         return result
 
@@ -149,22 +151,24 @@ class OneRun:
     def _flights(self, tracked: Tracked) -> FlightResults:
         return FlightResults(tracked.fates, tracked.injected, self.pipeline.impact_loads)
 
-    def _landings(self, flights: Flights) -> LandingResults:
+    def _landings(self, flights: Flights) -> tuple[LandingResults, JointAnswer]:
         scene = self.pipeline.scene
-        separation, budget, inputs = _with_totals(scene, flights)
-        crowd = flights.crowd
-        alone = None if crowd is None else _with_totals(scene, replace(flights, crowd=None))[0]
+        joint, budget = make_budget(flights)
+        separation, crowd = joint.own.separation(), flights.crowd
+        alone = None if crowd is None else make_budget(replace(flights, crowd=None))[0].own.separation()
         slab = None if crowd is None else collisions_of(self.pipeline.plan, crowd)
         wakes = flights.of(MODEL)
         bracket = None if wakes is None else wakes.means(list(scene.bin))
         loading = self.pipeline.loading
         effects = None if loading is None else loading_effects(loading, separation.bins)
-        summary, parts = inputs_of(inputs)
+        draws = flights.of(UNKNOWN)
+        known = None if draws is None else {one.key: summary_of(one) for one in draws.unknowns}
         separation = replace(separation, cut=partition_curves(scene, self.pipeline.plan, flights.landings))
         beside = in_three_dimensions(scene, self.pipeline.plan) or None
-        wanted = {name: fraction.targets for name, fraction in scene.fraction.items()}
-        of_targets = None if inputs is None else inputs.of_targets(wanted) or None
-        return LandingResults(separation, bracket, budget, alone, slab, effects, beside, summary, parts, of_targets)
+        parts, of_targets = (None, None) if known is None else effects_in(flights.ensemble.own)
+        return LandingResults(
+            separation, bracket, budget, alone, slab, effects, beside, known, parts, of_targets or None, joint.record()
+        ), joint
 
     def _key(self, tracked: Tracked | None) -> str:
         """What the answer depends on."""
@@ -172,7 +176,9 @@ class OneRun:
         tracks = self.pipeline.tracks_key if tracked else None
         return answer_key(self.asked, self.request, self.pipeline.plan.summary(), tracks, crowd)
 
-    def _drawn(self, result: Result, tracked: Tracked | None, answer: Mapping[str, Landings] | None) -> Result:
+    def _drawn(
+        self, result: Result, tracked: Tracked | None, answer: Mapping[str, Landings] | None, joint: JointAnswer | None
+    ) -> Result:
         """The result with the pictures of its report, which is drawn where it is not in the folder already; the
         ``answer``'s landings, where there is one, are in them.
         """
@@ -183,11 +189,14 @@ class OneRun:
         if not stands:  # the new answer is there: the older one goes whole, so that no mixture is left
             (folder / FILE).unlink(missing_ok=True)
             report.clear_report(folder)
-            (folder / "granules.npz").unlink(missing_ok=True)
+            for file in (GRANULES, JOINT):
+                (folder / file).unlink(missing_ok=True)
+        if joint is not None:
+            save_arrays(folder / JOINT, joint.arrays(), compressed=True)
         if tracked is not None:
             landings = tracked.landings if answer is None else answer
             granules = some_granules(scene, landings)
-            save_arrays(folder / "granules.npz", {"names": np.array(list(landings)), **granules})
+            save_arrays(folder / GRANULES, {"names": np.array(list(landings)), **granules})
             wanted = self.request.until is None and self.report
             if wanted and (self.redraw or not stands or not report.is_whole(folder, scene.picture)):
                 report_into(self.pipeline, tracked, landings, granules, result, pdf=self.pdf)
@@ -195,10 +204,3 @@ class OneRun:
         if self.request.until == "funnel" and self.poured is not None:
             report.draw_discharge(folder / "figures" / "discharge.png", self.poured)
         return result
-
-
-def _with_totals(scene: Scene, flights: Flights) -> tuple[Separation, tuple[BudgetRow, ...], Inputs | None]:
-    """The shares of the granules of ``flights`` with all parts of their error in the intervals, and these parts."""
-    found = separate(scene, flights.landings)
-    budget, inputs = make_budget(flights, found), flights.inputs(found.fractions)
-    return totalled(found, budget, inputs, scene), budget, inputs

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..answer.result import FILE, GRANULES, Request, Result, key_in
+from ..answer.result import FILE, GRANULES, JOINT, Request, Result, key_in
 from ..core import sums
 from ..core.record import to_json
 from ..core.sources import PACKAGE, code_key
@@ -77,7 +77,14 @@ def written_files(folder: Path) -> list[Path]:
     from ..report import films, pictures_of, report_files
 
     drawn = (folder / "figures" / file for picture in pictures_of(folder).values() for file in picture.files)
-    own = [folder / FILE, folder / GRANULES, folder / "figures" / "pictures.json", *drawn, *films(folder)]
+    own = [
+        folder / FILE,
+        folder / GRANULES,
+        folder / JOINT,
+        folder / "figures" / "pictures.json",
+        *drawn,
+        *films(folder),
+    ]
     return [*report_files(folder), *(path for path in own if path.exists())]
 
 

@@ -7,11 +7,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..answer.measurements import target_number
+from ..answer.result import Result
 from ..answer.shares import InputPart, LandingResults
 from ..answer.table import is_part
+from ..core.errors import known as required
 
 # -- Which input moves which number of an answer by how much -----------------------------------------------------------
 SHARE = "share."
+LEAST = 1e-3  # of the interval: what an input does less is nothing
 REGRESSION, SWEEP = "regression", "sweep"
 
 
@@ -120,28 +123,26 @@ class Remaining:
     together: float
 
 
-def remaining(
-    landings: LandingResults, fraction: str, targets: Sequence[str], measured: Mapping[str, float]
-) -> list[Remaining]:
-    """What measuring leaves of the recovery of a ``fraction`` in its ``targets``, the input that moves it most first.
+def remaining(result: Result, fraction: str, measured: Mapping[str, float]) -> list[Remaining]:
+    """What measuring leaves of the recovery of a ``fraction``, the input that moves it most first.
 
-    ``measured``: half of the 95 % interval of an input (SI) as it is to be known; empty: each in turn exactly. By the
-    regression on the draws: an input whose interval shrinks to the part f takes 1 - f^2 of its own variance away, at
-    most all of it. Empty where no recovery is known or nothing told how it is moved.
+    ``measured``: half of the 95 % interval of an input (SI) as it is to be known; empty: each in turn exactly. Each is
+    taken to be where it is expected. Empty where no recovery is known or no input moves it.
     """
-    found, known = landings.separation.recovery.get(fraction), landings.inputs or {}
-    if found is None or not landings.measure_next:
+    landings = result.landings
+    name, known = f"recovery.{fraction}", {} if landings is None else landings.inputs or {}
+    parts = {} if landings is None else (landings.of_targets or {}).get(name, {})
+    found = None if landings is None else landings.separation.recovery.get(fraction)
+    if found is None or not parts:
         return []
-    places = [landings.measure_next.get(fraction, {}).get(one, {}) for one in targets]
-    moved = {key: sum(part.rise or 0.0 for place in places if (part := place.get(key))) for key in known}
-    rows, half, left = [], found.half, found.half**2
-    for key in sorted((key for key in known if moved[key]), key=lambda one: -abs(moved[one])):
-        if measured and key not in measured:
+    own, rows, left = result.joint.own, [], dict[str, float]()
+    of = required(own.of_name(name))
+    for key in sorted(parts, key=lambda one: -parts[one].half):
+        if (measured and key not in measured) or parts[key].half < LEAST * found.half:
             continue
-        own = 0.5 * (known[key].high - known[key].low)
-        then = min(own, measured.get(key, 0.0))
-        less = moved[key] ** 2 * (1.0 - (then / own) ** 2)
-        left -= less
-        alone, together = (math.sqrt(max(0.0, one)) for one in (half**2 - less, left))
-        rows.append(Remaining(key, known[key].unit, own, then, alone, together))
+        now = 0.5 * (known[key].high - known[key].low)
+        then = min(now, measured.get(key, 0.0))
+        left[key] = then / now
+        alone, together = (own.known_better(of, one, found.value).half for one in ({key: then / now}, left))
+        rows.append(Remaining(key, known[key].unit, now, then, alone, together))
     return rows

@@ -22,14 +22,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..answer.joint import LEVEL, Source, tied_root
 from ..answer.shares import Separation
 from ..core.number import Number, student
 from ..pipeline.landings import Landings, pooled
-from ..scene import RESERVED_BIN, Scene
+from ..scene import Scene
 
 # -- How far a share may be off for being taken from few granules and from few shedding cycles of the wake -------------
 Array = NDArray[np.float64]
-LEVEL = 0.95  # of every interval
 
 
 def wilson(count: int, total: int) -> tuple[float, float]:
@@ -137,7 +137,6 @@ def _half(variance: float, quantile: float) -> float:
 
 
 # -- From landings to the answer ---------------------------------------------------------------------------------------
-HOUR = 3600.0  # s
 
 
 def share_interval(samples: Array, count: int, spread: Spread | None = None) -> Number:
@@ -173,89 +172,23 @@ def upper_limit(count: int, total: int) -> float:
 
 
 def separate(scene: Scene, landings: Mapping[str, Landings]) -> Separation:
-    """Shares, purity, recovery and throughput (kg/h) of every bin from the ``landings`` of each fraction."""
-    bins, images = [*scene.bin, RESERVED_BIN], scene.images
-    cycles = cycles_of(landings[name] for name in landings)
-    tallies: dict[str, list[Tally]] = {}  # one a bin
-    count: dict[str, int] = {}
-    for name in landings:
-        landing = landings[name]
-        tallies[name] = Tally.every(landing, len(scene.bin), cycles, images)
-        count[name] = round(landing.size)
-    fractions = {
-        name: {
-            place: share_interval(tally.samples, count[name], tally.spread)
-            for place, tally in zip(bins, found, strict=True)
-        }
-        for name, found in tallies.items()
+    """Shares, purity, recovery and throughput (kg/h) of every bin from the ``landings`` of each fraction, with the
+    interval that the finite numbers of granules and of shedding cycles make.
+    """
+    from .ensemble import joint_answer
+
+    spreads = {name: share_spreads(found, len(scene.bin), scene.images) for name, found in landings.items()}
+    sources = [
+        Source(which, np.stack([tied_root(np.array([getattr(one, which) for one in row])) for row in spreads.values()]))
+        for which in Spread._fields
+    ]
+    return joint_answer(scene, landings, sources=sources).own.separation()
+
+
+def shares_in(scene: Scene, landings: Mapping[str, Landings]) -> dict[str, Array]:
+    """The share of every fraction in every bin and elsewhere (bins + 1,)."""
+    cycles = cycles_of(landings.values())
+    return {
+        name: np.array([tally.share for tally in Tally.every(one, len(scene.bin), cycles, scene.images)])
+        for name, one in landings.items()
     }
-    purity, throughput = _contents(scene, bins, tallies, fractions)
-    recovery = {name: _recovery(scene, name, bins, found, count[name]) for name, found in tallies.items()}
-    return Separation(tuple(bins), fractions, purity, recovery, throughput)
-
-
-def _recovery(scene: Scene, name: str, bins: list[str], tallies: Sequence[Tally], count: int) -> Number | None:
-    """Share of a fraction in its target bins; None where the scene names none."""
-    targets = scene.fraction[name].targets
-    if not targets:
-        return None
-    hits = np.sum([tallies[bins.index(target)].hits for target in targets], axis=0)
-    inside = tallies[0]._replace(hits=hits)
-    return share_interval(inside.samples, count, inside.spread)
-
-
-def _contents(
-    scene: Scene,
-    bins: list[str],
-    tallies: Mapping[str, Sequence[Tally]],
-    fractions: Mapping[str, Mapping[str, Number]],
-) -> tuple[dict[str, dict[str, Number] | None], dict[str, float]]:
-    """Purity of every fraction in every bin, None where it is empty, and every bin's throughput (kg/h)."""
-    mass = scene.mass_shares()
-    purity: dict[str, dict[str, Number] | None] = {}
-    throughput: dict[str, float] = {}
-    for i, place in enumerate(bins):
-        here = {name: found[i] for name, found in tallies.items()}
-        limits = {
-            name: (mass[name] * found[place].low, mass[name] * found[place].high) for name, found in fractions.items()
-        }
-        inside = sum(mass[name] * tally.share for name, tally in here.items())
-        throughput[place] = HOUR * scene.feed.mass_flow * inside
-        purity[place] = {name: _purity(name, mass, here, limits) for name in here} if inside > 0 else None
-    return purity, throughput
-
-
-def _purity(
-    name: str, mass: Mapping[str, float], tallies: Mapping[str, Tally], limits: Mapping[str, tuple[float, float]]
-) -> Number:
-    """Share of fraction ``name`` in a bin's mass: ratio of means over replicates, and its 95 % interval.
-
-    ``mass``: share of every fraction in the feed; ``limits``: (low, high) of its mass in the bin. The interval holds
-    the one of the linearised ratio (delta method) and, where a fraction's granules are too few to spread over the
-    replicates, what the intervals of the shares allow.
-    """
-    own = tallies[name]
-    shares = {other: tally.share for other, tally in tallies.items()}
-    value = mass[name] * own.share / sum(mass[other] * share for other, share in shares.items())
-    slope = purity_slopes(name, mass, shares)
-    deviations = np.sum([slope[other] * tally.deviations for other, tally in tallies.items()], axis=0)
-    chance = sum(slope[other] ** 2 * tally.chance for other, tally in tallies.items())
-    half = spread_of(deviations, own.realisation, chance).together
-    low, high = value - half, value + half
-    if any(np.ptp(tally.samples) == 0.0 or np.any(tally.samples == 0.0) for tally in tallies.values()):
-        others = [ends for other, ends in limits.items() if other != name]
-        least_own, most_own = limits[name]
-        least, most = sum(ends[0] for ends in others), sum(ends[1] for ends in others)
-        low = min(low, least_own / (least_own + most) if least_own + most > 0 else 0.0)
-        high = max(high, most_own / (most_own + least) if most_own + least > 0 else 1.0)
-    return Number(value, max(0.0, low), min(1.0, high))
-
-
-def purity_slopes(name: str, mass: Mapping[str, float], shares: Mapping[str, float]) -> dict[str, float]:
-    """By how much the share of fraction ``name`` in a bin's mass grows with each fraction's own share in that bin.
-
-    ``mass``: share of every fraction in the feed; ``shares`` of each in the bin, which must hold some.
-    """
-    total = sum(mass[other] * share for other, share in shares.items())
-    value = mass[name] * shares[name] / total
-    return {other: mass[other] * (float(other == name) - value) / total for other in shares}

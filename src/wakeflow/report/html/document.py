@@ -88,7 +88,7 @@ def render(
         grades=_grades(result),
         landing=pictures.get(LANDING),
         logo=_logo(scene),
-        measurements=words.measurement_lines(result.landings),
+        measurements=words.measurement_lines(result),
         scene=scene,
         colours=fraction_colours(list(scene.fraction)),
         bins=[*bins_across(scene), RESERVED_BIN],

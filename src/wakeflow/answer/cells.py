@@ -1,0 +1,165 @@
+"""Where granules can land, cut into cells: a bin, and a bin that was moved, is a sum of cells and parts of cells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import SceneError
+from ..core.registry import did_you_mean
+from ..scene import RESERVED_BIN, Scene
+from ..scene.machine import SIDES
+
+Array = NDArray[np.float64]
+Whole = NDArray[np.int64]
+Ends = Mapping[str, tuple[float, float]]  # of bins on sides of the channel: from and to (m)
+ON_LINE = 1e-6  # m: a landing is on a side that it is no further from
+SAME = 1e-7  # m: ends of bins that are nearer to each other are one
+FINE = 160  # cells of a side at most, beside what bins end in; chosen: moved ends are read between them
+MOST = 3000  # cells of all fractions together: a scene of very many fractions has coarser ones
+SHORTEST = 1e-9  # m
+
+
+@dataclass(frozen=True)
+class Cells:
+    """The cells of a scene: those along each side of the channel that has bins (``edges`` (n + 1,) m by side, of
+    ascending place), one for each other bin (``others``), and elsewhere. ``ends`` of the bins on sides, in the scene's
+    order of ``bins``; ``on``: the side of each.
+    """
+
+    bins: tuple[str, ...]
+    on: Mapping[str, str]
+    ends: Ends
+    edges: Mapping[str, Array]
+
+    @classmethod
+    def of(cls, scene: Scene, fractions: int = 1) -> Cells:
+        """Of a ``scene`` as it is flown, for so many ``fractions``."""
+        channel, half = scene.channel, scene.channel.width / 2
+        placed = {name: one for name, one in scene.bin.items() if one.side}
+        ends = {name: (float(one.start or 0.0), float(one.to or 0.0)) for name, one in placed.items()}
+        on = {name: str(one.side) for name, one in placed.items()}
+        fine = int(np.clip(MOST // max(1, fractions * len(set(on.values()))), 4, FINE))
+        edges = {}
+        for side in (one for one in SIDES if one in on.values()):
+            low, high = (-half, half) if side in ("floor", "top") else (channel.bottom, channel.top)
+            own = [end for name in on if on[name] == side for end in ends[name]]
+            edges[side] = _edges([low, high, *own], fine)
+        return cls(tuple(scene.bin), on, ends, edges)
+
+    @property
+    def others(self) -> list[str]:
+        """The bins that lie on no side."""
+        return [name for name in self.bins if name not in self.on]
+
+    @property
+    def first(self) -> dict[str, int]:
+        """The number of the first cell of every side."""
+        starts = np.cumsum([0, *(len(one) - 1 for one in self.edges.values())])
+        return dict(zip(self.edges, map(int, starts), strict=False))
+
+    @property
+    def count(self) -> int:
+        """How many cells there are, elsewhere the last."""
+        return sum(len(one) - 1 for one in self.edges.values()) + len(self.others) + 1
+
+    # -- landings ------------------------------------------------------------------------------------------------------
+    def along(self, scene: Scene, position: Array, bin_: NDArray[np.integer]) -> tuple[Whole, Array]:
+        """The side (..., index into ``edges``) and the place (...) m along it of landings at ``position`` (..., 2) in
+        ``bin_`` (...); -1 of those on no side that has bins.
+        """
+        x, y = np.moveaxis(np.asarray(position, dtype=float), -1, 0)
+        channel, half, names = scene.channel, scene.channel.width / 2, list(self.edges)
+        gaps = {"floor": y - channel.bottom, "top": y - channel.top, "left": x + half, "right": x - half}
+        side, place = np.full(x.shape, -1), np.zeros(x.shape)
+        for number, name in enumerate(names):
+            own = np.isin(bin_, [i for i, one in enumerate(self.bins) if self.on.get(one) == name])
+            here = own | ((bin_ < 0) & (side < 0) & (np.abs(gaps[name]) <= ON_LINE))
+            side[here] = number
+            place[here] = (x if name in ("floor", "top") else y)[here]
+        return side, place
+
+    def at(self, side: Whole, place: Array, otherwise: Whole) -> Whole:
+        """The number of the cell (...) at a ``place`` of a ``side``, the nearest beyond its ends; ``otherwise`` where
+        there is no side.
+        """
+        found = np.broadcast_to(otherwise, np.shape(side)).copy()
+        for number, (name, edges) in enumerate(self.edges.items()):
+            mine = side == number
+            cell = np.clip(np.searchsorted(edges, place[mine], side="right") - 1, 0, len(edges) - 2)
+            found[mine] = self.first[name] + cell
+        return found
+
+    def off_sides(self, bin_: NDArray[np.integer]) -> Whole:
+        """The number of the cell (...) of landings on no side, which the ``bin_`` alone tells."""
+        last, table = self.count - 1, np.full(len(self.bins) + 1, self.count - 1)
+        for number, name in enumerate(self.others):
+            table[self.bins.index(name)] = last - len(self.others) + number
+        return np.asarray(table[np.where(np.asarray(bin_) < 0, len(self.bins), bin_)])
+
+    def mirrored(self, images: Sequence[int]) -> Whole:
+        """The image (cells,) of every cell in a machine with two equal sides, whose bins have ``images``."""
+        found, twin = np.arange(self.count), {"left": "right", "right": "left"}
+        for name, edges in self.edges.items():
+            here = self.first[name] + np.arange(len(edges) - 1)
+            found[here] = here[::-1] if name not in twin else self.first[twin[name]] + np.arange(len(edges) - 1)
+        for name in self.others:
+            number = self.bins.index(name)
+            found[self.off_sides(np.array(number))] = self.off_sides(np.array(images[number]))
+        return found
+
+    # -- bins ----------------------------------------------------------------------------------------------------------
+    def moved(self, ends: Ends) -> dict[str, tuple[float, float]]:
+        """The ends of all bins on sides, some of them moved. Raises SceneError for a bin that there is not, ends in the
+        wrong order or beyond the channel, and bins that overlap.
+        """
+        for name, (low, high) in ends.items():
+            if name not in self.ends:
+                raise SceneError(f"no bin {name!r} on a side of this run{did_you_mean(name, list(self.ends))} "
+                                 f"(known: {', '.join(self.ends)})")  # fmt: skip
+            if not low < high:
+                raise SceneError(f"bin.{name}: from = {1000 * low:g} mm must be below to = {1000 * high:g} mm")
+            edges = self.edges[self.on[name]]
+            if low < edges[0] - SAME or high > edges[-1] + SAME:
+                raise SceneError(f"bin.{name}: {1000 * low:g} to {1000 * high:g} mm is not within the "
+                                 f"{self.on[name]}, {1000 * edges[0]:g} to {1000 * edges[-1]:g} mm")  # fmt: skip
+        found = {name: ends.get(name, pair) for name, pair in self.ends.items()}
+        for side in self.edges:
+            row = sorted((found[name], name) for name in found if self.on[name] == side)
+            for ((_, high), one), ((low, _), other) in pairwise(row):
+                if low < high - SAME:
+                    raise SceneError(f"bins {one} and {other} overlap: {other} begins at {1000 * low:g} mm")
+        return found
+
+    def parts(self, ends: Ends | None = None) -> Array:
+        """The part (cells, bins + 1) of every cell that is in every bin, elsewhere last, the bins between other
+        ``ends`` where some are given.
+        """
+        found = np.zeros((self.count, len(self.bins) + 1))
+        where = self.ends if ends is None else ends
+        for name, (low, high) in where.items():
+            edges = self.edges[self.on[name]]
+            inside = np.clip(edges, low, high)
+            part = np.diff(inside) / np.diff(edges)
+            found[self.first[self.on[name]] + np.arange(len(part)), self.bins.index(name)] = part
+        for number, name in enumerate(self.others):
+            found[self.count - 1 - len(self.others) + number, self.bins.index(name)] = 1.0
+        found[:, -1] = 1.0 - found[:, :-1].sum(axis=1)
+        return np.clip(found, 0.0, 1.0)
+
+    def bin_names(self) -> Iterator[str]:
+        """The bins in the scene's order, then elsewhere."""
+        yield from (*self.bins, RESERVED_BIN)
+
+
+def _edges(ends: Sequence[float], fine: int) -> Array:
+    """Edges of cells that hold all ``ends``, between which cells are about as long as a ``fine`` part of all."""
+    marks = np.unique(np.round(ends, 12))
+    marks = marks[np.concatenate([[True], np.diff(marks) > SHORTEST])]
+    whole = (marks[-1] - marks[0]) / fine
+    parts = [np.linspace(a, b, max(1, round((b - a) / whole)) + 1)[:-1] for a, b in pairwise(marks)]
+    return np.concatenate([*parts, marks[-1:]])

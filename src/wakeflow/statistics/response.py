@@ -1,0 +1,319 @@
+"""How a fraction's landings go with the inputs that nobody knows exactly, from the few draws of them that were flown.
+
+A share bends where the inputs carry granules over the end of a bin; where they land does so far less. So the landings
+are followed, not the shares. (1) The displacement of granules along a side, from where they land in the answer to where
+they land in a draw, is fitted in every draw over the place, robustly: granules that meet another face are set aside.
+(2) The fits go with the inputs as a Gaussian process (Rasmussen & Williams 2006, Gaussian Processes for Machine
+Learning, ch. 2): straight and bent, each input by what it does. (3) In any draw of the ensemble every granule is moved
+so, and by what granules near it in the draws nearest to that one were moved beyond the fit; the cells are counted
+again. (4) What the flown draws have beyond that, jumps to other faces and to other sides, goes with the inputs as a
+second Gaussian process, whose noise is that of few granules. What that process does not know of a draw is its lack of
+fit: small where draws were flown, large where none was.
+
+Where the air scatters granules otherwise in every flight, (1) has little to say and (4) is a regression of shares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..answer.cells import Cells
+from ..planning.unknowns import FARTHEST
+
+Array = NDArray[np.float64]
+Whole = NDArray[np.int64]
+KNOTS = 8  # of the displacement along a side, between as many equal parts of the granules; chosen
+SMOOTH = 0.3  # granules by which neighbouring knots count as one
+ROUNDS = 3  # of fits, each without the granules that the one before shows to have met another face
+SCATTERED = 5.0  # robust standard deviations of all displacements from which one is a jump
+OFF = 6.0  # robust standard deviations from the fit, likewise
+USUAL = 1.4826  # of a median absolute deviation: a normal distribution's standard deviation
+FEWEST = 0.3  # of a side's granules: where the fit leaves out more, none are left out
+NEAREST = 4  # flown draws whose granules say how the displacement scatters
+REPEATS = 4  # of a scatter's choice where a flown draw is predicted from its neighbours
+MOST_MOVED = 1024  # granules of a fraction that are moved in every draw of the ensemble
+BENDS, WAVES, REACH = (0.0, 0.1, 0.5), (0.0, 0.3, 1.0), 0.7  # kernels that are tried: squares, and short waves
+SIZES = tuple(np.geomspace(1e-3, 1e3, 13).tolist())  # variances over that of the noise
+STEADY = 0.3  # part of the kernel of what the flown draws have beyond the prediction that is the same in all
+SEED = 20110  # of the choices of a scatter: any, but always the same
+
+
+class Places(NamedTuple):
+    """Landings (R, M) of R draws: the ``side`` (-1: on none), the ``place`` (m) along it, the ``cell``."""
+
+    side: Whole
+    place: Array
+    cell: Whole
+
+
+@dataclass(frozen=True)
+class Process:
+    """A Gaussian process over the inputs: ``z`` (R, K) of the flown draws, the ``weight`` of each input (K,) in the
+    kernel of ``bend``, ``wave`` and ``steady``, its ``size``, the ``inverse`` (R, R) of the covariance.
+    """
+
+    z: Array
+    weight: Array
+    bend: float
+    wave: float
+    steady: float
+    size: float
+    inverse: Array
+
+    def kernel(self, at: Array) -> Array:
+        """Covariance (n, R) of draws at ``at`` (n, K) with those that were flown."""
+        return np.asarray(self.size * _kernel(at, self.z, self.weight, self.bend, self.wave, self.steady))
+
+    def gain(self, at: Array) -> Array:
+        """What every flown draw counts for (n, R) at ``at`` (n, K)."""
+        return np.asarray(self.kernel(at) @ self.inverse)
+
+    def doubt(self, at: Array) -> Array:
+        """The variance (n,) that is left at ``at`` (n, K), in units of the outputs' own."""
+        own = (at**2) @ self.weight + self.steady
+        prior = self.size * (own + self.bend * own**2 + self.wave)
+        return np.clip(prior - np.einsum("nr,nr->n", self.gain(at), self.kernel(at)), 0.0, None)
+
+
+def _kernel(a: Array, b: Array, weight: Array, bend: float, wave: float, steady: float) -> Array:
+    line = (a * weight) @ b.T + steady
+    found = line + bend * line**2
+    if wave:
+        apart = ((a**2) @ weight)[:, None] + (b**2) @ weight - 2.0 * (line - steady)
+        found += wave * np.exp(-0.5 * np.clip(apart, 0.0, None) / REACH**2)
+    return np.asarray(found)
+
+
+def process(z: Array, outputs: Array, noise: Array, weight: Array, steady: float = 0.0) -> tuple[Process, Array]:
+    """The likeliest process through ``outputs`` (R, O), each draw with a ``noise`` (R,), whose inputs count by
+    ``weight`` (K,); and the covariance (O, O) of the outputs where the process has the variance 1.
+
+    The outputs are shares of a whole, and count as one number. Their noise is in proportion to ``noise``.
+    """
+    best: tuple[float, float, float, float, Array, Array] | None = None
+    root = np.sqrt(noise / noise.mean())
+    for bend in BENDS:
+        for wave in WAVES:
+            made = _kernel(z, z, weight, bend, wave, steady)
+            sizes, ways = np.linalg.eigh(made / np.outer(root, root))
+            turned = (ways.T @ (outputs / root[:, None])) ** 2
+            for size in SIZES:
+                spread = size * np.clip(sizes, 0.0, None) + 1.0
+                scatter = max(float((turned / spread[:, None]).sum()), 1e-300)
+                likely = -0.5 * len(z) * np.log(scatter) - 0.5 * float(np.log(spread).sum())
+                if best is None or likely > best[0]:
+                    inverse = (ways / spread) @ ways.T / np.outer(root, root)
+                    best = likely, bend, wave, size, inverse, outputs.T @ inverse @ outputs / len(z)
+    assert best is not None
+    _, bend, wave, size, inverse, own = best
+    return Process(z, weight, bend, wave, steady, size, inverse), np.asarray(own)
+
+
+def weights_of(z: Array, outputs: Array) -> Array:
+    """How much every input (K,) moves ``outputs`` (R, O), together 1: its slopes' squares less their noise, and a tenth
+    of that noise, so that none counts for nothing.
+    """
+    draws, many = z.shape
+    if many < draws // 2:
+        design = np.column_stack([np.ones(draws), z])
+        line, *_ = np.linalg.lstsq(design, outputs, rcond=None)
+        scatter = ((outputs - design @ line) ** 2).sum(axis=0) / (draws - many - 1)
+        slopes, unit = line[1:], np.diag(np.linalg.pinv(design.T @ design))[1:]
+    else:
+        unit = 1.0 / np.maximum((z**2).sum(axis=0), 1.0)
+        slopes, scatter = unit[:, None] * (z.T @ (outputs - outputs.mean(axis=0))), outputs.var(axis=0)
+    noise = unit[:, None] * scatter
+    found = np.clip(slopes**2 - noise, 0.0, None).sum(axis=1) + 0.1 * noise.sum(axis=1)
+    total = float(found.sum())
+    return found / total if total > 0.0 else np.full(many, 1.0 / max(1, many))
+
+
+# -- the displacement along a side -------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Displacement:
+    """Displacements along a side at its ``knots`` (J,), ``fitted`` (R, J) in every flown draw and followed by
+    ``going``; ``kept`` (R, M) granules that go with the fit, and what each has ``beyond`` it (R, M).
+    """
+
+    knots: Array
+    fitted: Array
+    going: Process
+    kept: NDArray[np.bool_]
+    beyond: Array
+
+    def at(self, z: Array) -> Array:
+        """The displacement (n, J) at the knots in draws at ``z`` (n, K)."""
+        return self.going.gain(z) @ self.fitted
+
+
+def _hats(place: Array, knots: Array) -> tuple[Whole, Array]:
+    """The knot before each place, and how far it is on the way to the next."""
+    before = np.clip(np.searchsorted(knots, place) - 1, 0, len(knots) - 2)
+    return before, np.clip((place - knots[before]) / (knots[before + 1] - knots[before]), 0.0, 1.0)
+
+
+def _between(values: Array, place: Array, knots: Array) -> Array:
+    """``values`` (..., J) at knots, at places (...) or (G,)."""
+    before, part = _hats(place, knots)
+    if values.ndim == place.ndim == 2 and values.shape[0] == place.shape[0]:
+        low, high = (np.take_along_axis(values, before + more, axis=1) for more in (0, 1))
+    else:
+        low, high = values[..., before], values[..., before + 1]
+    return np.asarray(low * (1.0 - part) + high * part)
+
+
+def displaced(z: Array, own: Array, then: Array, here: NDArray[np.bool_]) -> Displacement | None:
+    """How granules that land at ``own`` (R, M) in the answer and at ``then`` (R, M) in draws at ``z`` (R, K) are moved,
+    of those that land on the side in both (``here``); None where they are too few or all in one place.
+    """
+    if here.sum() < 2 * len(z) or np.ptp(own[here]) <= 0.0:
+        return None
+    knots = np.unique(np.quantile(own[here], np.linspace(0.0, 1.0, KNOTS)))
+    moved, kept = np.where(here, then - own, 0.0), here
+    usual = USUAL * float(np.median(np.abs(moved[here])))
+    for _ in range(ROUNDS):
+        fitted = _fitted(own, moved, kept, knots)
+        beyond = moved - _between(fitted, own, knots)
+        scale = USUAL * float(np.median(np.abs(beyond[here])))
+        fits = here & (np.abs(moved) <= SCATTERED * usual + 1e-9) & (np.abs(beyond) <= OFF * scale + 1e-9)
+        kept = fits if fits.sum() > FEWEST * here.sum() else here
+    fitted = _fitted(own, moved, kept, knots)
+    going, _ = process(z, fitted, np.ones(len(z)), weights_of(z, fitted))
+    return Displacement(knots, fitted, going, kept, moved - _between(going.gain(z) @ fitted, own, knots))
+
+
+def _fitted(own: Array, moved: Array, kept: NDArray[np.bool_], knots: Array) -> Array:
+    """The displacement (R, J) at the knots that fits each draw's granules best."""
+    before, part = _hats(own, knots)
+    hats = np.zeros((*own.shape, len(knots)))
+    np.put_along_axis(hats, before[..., None], (1.0 - part)[..., None], axis=2)
+    np.put_along_axis(hats, before[..., None] + 1, part[..., None], axis=2)
+    hats *= kept[..., None]
+    steps = np.diff(np.eye(len(knots)), axis=0)
+    matrix = np.einsum("rmj,rmk->rjk", hats, hats) + SMOOTH * steps.T @ steps + 1e-6 * np.eye(len(knots))
+    return np.asarray(np.linalg.solve(matrix, np.einsum("rmj,rm->rj", hats, moved)[..., None])[..., 0])
+
+
+# -- the response of a fraction's landings -----------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Response:
+    """How the landings of a fraction go with its inputs: draws at ``z`` (R, K) of granules that land at ``own`` in the
+    answer; the displacement on every side; what the draws have ``beyond`` it (R, cells), which goes as ``rest``;
+    ``root`` (bins + 1, rank) of the covariance of its lack of fit; the ``weight`` (K,) of each input in how near draws
+    are.
+    """
+
+    cells: Cells
+    z: Array
+    own: Places
+    sides: Mapping[int, Displacement]
+    beyond: Array
+    rest: Process
+    root: Array
+    weight: Array
+
+    def __call__(self, z: Array) -> tuple[Array, Array]:
+        """The change (n, cells) of the share in every cell in draws at ``z`` (n, K), and the standard deviation (n,) of
+        its lack of fit, in units of :attr:`root`.
+        """
+        places = _some(self.own)
+        before = np.bincount(places.cell, minlength=self.cells.count) / len(places.cell)
+        found = np.empty((len(z), self.cells.count))
+        nearest = _nearest(z, self.z, self.weight, 1)[:, 0]
+        neighbours = _nearest(self.z, self.z, self.weight, NEAREST)
+        chance = np.random.default_rng(SEED)
+        for draw in np.unique(nearest):
+            mine = np.flatnonzero(nearest == draw)
+            cell = self._moved(places, z[mine], neighbours[draw], chance)
+            found[mine] = _shares(cell, self.cells.count) - before
+        found += self.rest.gain(z) @ self.beyond
+        return found, np.sqrt(self.rest.doubt(z))
+
+    def _moved(self, places: Places, z: Array, like: Whole, chance: np.random.Generator) -> Whole:
+        """The cells (n, G) of granules at ``places`` (G,) in draws at ``z`` (n, K), which scatter as those ``like``."""
+        return _moved(self.cells, self.sides, self.own, places, z, like, chance)
+
+
+def _moved(
+    cells: Cells, sides: Mapping[int, Displacement], own: Places, places: Places, z: Array, like: Whole,
+    chance: np.random.Generator,
+) -> Whole:  # fmt: skip
+    found = np.broadcast_to(places.cell, (len(z), len(places.cell))).copy()
+    for side, one in sides.items():
+        here = places.side == side
+        at = places.place[here]
+        moved = at + _between(one.at(z), at, one.knots)
+        moved += _scattered(at, own.place[like][one.kept[like]], one.beyond[like][one.kept[like]], len(z), chance)
+        found[:, here] = cells.at(np.full(moved.shape, side), moved, np.zeros_like(moved, dtype=np.int64))
+    return found
+
+
+def _scattered(at: Array, place: Array, beyond: Array, count: int, chance: np.random.Generator) -> Array:
+    """What granules near ``at`` (G,) were moved beyond the fit, chosen (count, G) among those at ``place`` (P,)."""
+    if not len(place):
+        return np.zeros((count, len(at)))
+    order = np.argsort(place)
+    near = np.searchsorted(place[order], at) + chance.integers(-2, 3, (count, len(at)))
+    return np.asarray(beyond[order][np.clip(near, 0, len(place) - 1)])
+
+
+def _some(own: Places) -> Places:
+    """At most MOST_MOVED of all granules, evenly taken along the sides."""
+    side, place, cell = (one.ravel() for one in own)
+    order, every = np.lexsort((place, cell)), cell.size
+    few = min(every, MOST_MOVED)
+    rows = order[((np.arange(few) + 0.5) * every / few).astype(int)]
+    return Places(side[rows], place[rows], cell[rows])
+
+
+def _shares(cell: Whole, count: int) -> Array:
+    """The share (n, count) of every cell among the granules' (n, G)."""
+    rows = np.arange(len(cell))[:, None] * count
+    found = np.bincount((cell + rows).ravel(), minlength=len(cell) * count).reshape(len(cell), count)
+    return np.asarray(found / cell.shape[1])
+
+
+def _nearest(a: Array, b: Array, weight: Array, count: int) -> Whole:
+    """The ``count`` draws of ``b`` (R, K) that are nearest to each of ``a`` (n, K), each input by its ``weight``."""
+    apart = ((a**2) @ weight)[:, None] + (b**2) @ weight - 2.0 * (a * weight) @ b.T
+    return np.argsort(apart, axis=1, kind="stable")[:, :count]
+
+
+def response(cells: Cells, z: Array, own: Places, then: Places, copies: int = 1) -> Response:
+    """The response of a fraction whose granules land at ``own`` in the answer and at ``then`` in draws at ``z`` (R, K);
+    ``copies``: how often the same draws are among them, as a machine and its image.
+    """
+    z = np.clip(z, -FARTHEST, FARTHEST)
+    sides = {}
+    for side in np.unique(own.side[own.side >= 0]):
+        found = displaced(z, own.place, then.place, (own.side == side) & (then.side == side))
+        if found is not None:
+            sides[int(side)] = found
+    weight = np.mean([one.going.weight for one in sides.values()], axis=0) if sides else np.zeros(z.shape[1])
+    neighbours = _nearest(z, z, weight, NEAREST + 1)
+    bins = cells.parts().argmax(axis=1)
+    many, chance = int(bins.max()) + 1, np.random.default_rng(SEED)
+    beyond, each = np.zeros((len(z), cells.count)), np.zeros((*own.cell.shape, many))
+    for draw in range(len(z)):
+        mine = Places(*(one[draw] for one in own))
+        again = np.repeat(z[draw : draw + 1], REPEATS, axis=0)
+        like = neighbours[draw][neighbours[draw] != draw][:NEAREST]
+        told = _moved(cells, sides, own, mine, again, like, chance)
+        beyond[draw] = _shares(then.cell[draw : draw + 1], cells.count)[0] - _shares(told, cells.count).mean(axis=0)
+        each[draw] = _inside(bins[then.cell[draw]], many) - _inside(bins[told], many).mean(axis=0)
+    outputs = beyond @ cells.parts()
+    noise = each.var(axis=1).sum(axis=1) / own.cell.shape[1]
+    noise = copies * 0.5 * (noise + noise.mean()) + 1e-12
+    both = 0.5 * (weights_of(z, outputs) + weight) if sides else weights_of(z, outputs)
+    rest, spread = process(z, outputs, noise, both, STEADY)
+    sizes, ways = np.linalg.eigh(spread)
+    return Response(cells, z, own, sides, beyond, rest, ways * np.sqrt(np.clip(sizes, 0.0, None)), weight)
+
+
+def _inside(bins: Whole, many: int) -> Array:
+    return np.asarray(bins[..., None] == np.arange(many), dtype=float)
