@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import wakeflow as wf
 from proofs.coverage import tails
 from proofs.coverage.closed_form import (
     AIR_DENSITY,
@@ -20,7 +22,7 @@ from proofs.coverage.closed_form import (
     landed_on_floor,
     shares,
 )
-from proofs.coverage.tails import ONCE, Tail, gates, nominal, quantities, row_of, run_tails, tail_of
+from proofs.coverage.tails import ONCE, Tail, apart, gates, nominal, quantities, row_of, run_tails, tail_of, truths_of
 from proofs.coverage.thresholds import KINDS, threshold_scenes
 from wakeflow.laws import constants, drag
 from wakeflow.laws.collision import impact
@@ -98,19 +100,21 @@ def test_what_is_next_to_nothing_is_trivial() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "below", "above", "width", "missed"),
+    ("kind", "scenes", "below", "above", "width", "missed"),
     [
-        ("shares", 0.02, 0.03, 1.1, set()),
-        ("shares", 0.0, 0.05, 1.2, {"truths below", "truths above", "width over the sharpest"}),
-        (ONCE, 0.0, 0.05, 1.1, set()),
+        ("shares", tails.SCENES, 0.02, 0.03, 1.1, set()),
+        ("shares", tails.SCENES, 0.0, 0.05, 1.2, {"truths below", "truths above", "width over the sharpest"}),
+        ("shares", 4, 0.0, 0.05, 1.1, set()),
+        (ONCE, tails.SCENES, 0.0, 0.05, 1.1, set()),
     ],
 )
-def test_gates(kind: str, below: float, above: float, width: float, missed: set[str]) -> None:
+def test_gates(kind: str, scenes: int, below: float, above: float, width: float, missed: set[str]) -> None:
     row = row_of(kind, [Tail(kind, "one", "share.a.b", 500, below, above, True, True, width)])
     assert row is not None
-    found = gates([row], [{"scene": "one", "difference": 0.001, "chance": 0.01}])
+    agreed = [{"scene": "one", "difference": 0.001, "chance": 0.01}] * scenes
+    found = gates([row], agreed)
     assert {gate["what"].removeprefix(f"{kind}: ") for gate in found if not gate["met"]} == missed
-    assert not gates([row], [{"scene": "one", "difference": 0.02, "chance": 0.01}])[-1]["met"]
+    assert not gates([row], [*agreed, {"scene": "two", "difference": 0.02, "chance": 0.01}])[-1]["met"]
 
 
 @pytest.mark.parametrize("number", [0, 5])
@@ -120,6 +124,10 @@ def test_closed_form_and_program_agree(number: int, tmp_path: Path) -> None:
     result = tails.asked(one, tmp_path / "own")
     difference, chance = nominal(one, result)
     assert difference < min(chance, 5e-3)
+    drawn = one.drawn(np.random.default_rng(3))
+    varied = wf.run(one.scene_at(drawn), tmp_path / "drawn", rung=one.rung, report=False)
+    difference, chance = apart(one, varied, drawn)
+    assert difference < max(chance, 2e-3)
     assert result.landings is not None
     assert set(result.landings.inputs or {}) == set(one.inputs)
     for key, (value, half) in one.inputs.items():
@@ -127,11 +135,34 @@ def test_closed_form_and_program_agree(number: int, tmp_path: Path) -> None:
         assert (drawn.low, drawn.high) == pytest.approx((value - half, value + half), rel=1e-9)
 
 
-def test_a_scene_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
+def test_trays_make_the_truth_that_they_are_of_likely() -> None:
+    one = next(threshold_scenes(1))
+    truths = truths_of(one, 200, 256)
+    trays, weights = tails._measured(truths, 3, np.random.default_rng(1))
+    assert len(set(zip(trays["fraction"], trays["bin"], strict=True))) == len(trays["share"]) <= tails.TRAYS
+    assert weights[3] > np.quantile(weights, 0.9)
+    narrow = tails._once(ONCE, one, "share.a.b", (0.5, 0.0, 1.0), np.arange(200.0) / 200.0, 3, np.ones(200))
+    assert narrow.width == pytest.approx(1.0 / 0.95, rel=0.02)
+    assert (narrow.below, narrow.above, narrow.truths) == (0.0, 0.0, 1)
+    few = tails._once(ONCE, one, "share.a.b", (0.5, 0.2, 1.0), np.arange(200.0) / 200.0, 3, np.eye(200)[3])
+    assert (few.width, few.below) == (None, 1.0)
+
+
+def test_a_scene_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bins that are moved are read by the same names: here of a run that has them."""
+
+    def moved(self: wf.Result, changes: Mapping[str, float]) -> wf.Result:
+        scene = wf.Scene.parse(self.scene).replace(dict(changes))
+        return wf.run(scene, tmp_path / "moved", rung="none", report=False)
+
+    monkeypatch.setattr(wf.Result, "moved", moved, raising=False)
     found = run_tails(scenes=1, truths=60, posteriors=0)
     kinds = {row["label"]: row for row in found.facts["kinds"]}
-    assert {"shares", "recoveries", "purities", "differences"} <= set(kinds)
+    assert {"shares", "recoveries", "purities", "differences", "moved"} < set(kinds)
     assert kinds["shares"]["truths"] == 60 * kinds["shares"]["numbers"]
+    assert kinds["moved"]["numbers"] > kinds["shares"]["numbers"]  # recoveries and purities too
+    assert kinds["moved"]["width"] < 2.0
+    assert sum(row["numbers"] == 0 for row in kinds.values()) == 2  # no posteriors were asked for
     assert found.facts["gates"][-1]["met"]
 
 

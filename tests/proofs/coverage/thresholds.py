@@ -105,6 +105,17 @@ class Threshold:
             made[key] = x / value if last in FACTORS else x
         return made
 
+    def scene_at(self, drawn: Mapping[str, float]) -> Scene:
+        """The scene with the ``drawn`` numbers in its tables: what the closed form says of that draw."""
+        changes = {key: x for key, x in drawn.items() if key.rpartition(".")[2] not in FACTORS}
+        for name, granule in self.design.granules.items():
+            start = f"fraction.{name}"
+            if f"{start}.size" in drawn:
+                size = drawn[f"{start}.size"]
+                changes |= {f"{start}.size.low": granule.low * size, f"{start}.size.high": granule.high * size}
+                changes[f"{start}.density"] = granule.density * drawn[f"{start}.density"]
+        return self.scene.replace(changes)
+
     @property
     def mass(self) -> dict[str, float]:
         """Share of the feed's mass of each fraction."""
