@@ -50,6 +50,13 @@ def coverage(slow: bool, tell: Tell) -> Report:
     return run_coverage(slow=slow, tell=tell)
 
 
+def tails(slow: bool, tell: Tell) -> Report:
+    """On which side the intervals of skewed answers miss a truth in closed form."""
+    from proofs.coverage.tails import run_tails
+
+    return run_tails(slow=slow, tell=tell)
+
+
 def funnel(slow: bool, tell: Tell) -> Report:
     """The feed funnel: a bead on a plate, the discharge."""
     from proofs.funnel import run_funnel
@@ -80,7 +87,7 @@ def measured(slow: bool, tell: Tell) -> Report:
 
 PROOFS: dict[str, Callable[[bool, Tell], Report]] = {
     proof.__name__: proof
-    for proof in (problems, airflow, meshes, shares, coverage, calibration, measured, funnel, crowd)
+    for proof in (problems, airflow, meshes, shares, coverage, tails, calibration, measured, funnel, crowd)
 }
 
 

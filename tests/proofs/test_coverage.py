@@ -49,7 +49,7 @@ def test_what_is_next_to_nothing_in_value_and_truth_is_counted_apart() -> None:
     [
         (0.95, 0.03, set()),
         (0.99, 0.03, {"shares held overall"}),
-        (0.85, 0.03, {"shares held overall", "shares held in the worst group"}),
+        (0.85, 0.03, {"shares held overall", "shares held in the worst group", "shares above their intervals"}),
         (0.95, 0.06, {f"{report.WIDTH}, without the {report.DOUBTED}"}),
     ],
 )
@@ -59,6 +59,8 @@ def test_gates(coverage: float, half: float, missed: set[str]) -> None:
     rows = [number(0.5, 0.5 - half, 0.5 + half, float(x)) for x in truths]
     tally = tally_of("all", rows)
     assert {gate["what"] for gate in report.gates(tally, [tally], tally, []) if not gate["met"]} == missed
+    sides = {gate["what"]: gate["wanted"] for gate in report.gates(tally, [tally], tally, [])}
+    assert sides["shares above their intervals"] == sides["shares below their intervals"] == "0 to 8 %"
     broken = Bounded("one", "lift", "share.a.b", 0.01, 0.02, 1e-4)
     assert not report.gates(tally, [tally], tally, [broken])[-1]["met"]
     by_chance = Bounded("one", "lift", "share.a.b", 0.01, 0.02, 0.015)

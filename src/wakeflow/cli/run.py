@@ -129,7 +129,7 @@ def verify(what: str | None = None, *, slow: bool = False, as_json: AsJson = Fal
     ----------
     what
         tracker, extremes (what happens at the ends of what can be asked for), or a scene file: the error of its shares
-        against run time. In a checkout of the repository also problems, airflow, meshes, shares, coverage, crowd
+        against run time. In a checkout of the repository also problems, airflow, meshes, shares, coverage, tails, crowd
         (granules that meet, next to LIGGGHTS, DPMFoam, MPPICFoam and kinetic theory) and funnel, and of a scene of
         which airflows are published, its airflow next to these. Default: all but crowd and funnel, which need LIGGGHTS.
         Reports go to runs/verify. Exit code 1 where a row of extremes is missed.

@@ -35,7 +35,9 @@ def _extremes(slow: bool, tell: Tell) -> Report:
 
 
 OWN: dict[str, Proof] = {"tracker": _tracker, "extremes": _extremes}
-OF_THE_ROOM = ("problems", "airflow", "meshes", "shares", "coverage", "calibration", "measured", "funnel", "crowd")
+OF_THE_ROOM = (
+    "problems", "airflow", "meshes", "shares", "coverage", "tails", "calibration", "measured", "funnel", "crowd",
+)  # fmt: skip
 OPTIONAL = ("funnel", "crowd")  # each needs a program of its own: only when it is named
 
 
