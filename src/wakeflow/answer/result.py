@@ -82,6 +82,15 @@ class FlightResults:
     impact: ImpactSummary | None = column("", "what the stream does to the first body; null without one, and if tilted")
 
 
+@dataclass(frozen=True)
+class Calibration:
+    """What an answer was calibrated with."""
+
+    source: str = column("", "where the measured shares are from")
+    conflict: str = column("", "what the scene says that contradicts them; empty where nothing does")
+    agreement: str = column("", "of the shares with what was known before them, in a sentence")
+
+
 FLAT = {"flights": FlightResults, "landings": LandingResults}  # parts whose keys are among those of result.json
 
 
@@ -121,6 +130,8 @@ class Result:
                                                         absent=True, default=None)  # fmt: skip
     provenance: Provenance | None = column("", "when, where and with what it was made; left out of results of versions "
                                                 "that did not tell", absent=True, default=None)  # fmt: skip
+    calibration: Calibration | None = column("", "of an answer that measured shares were put into; left out of any "
+                                                 "other", absent=True, default=None)  # fmt: skip
     refinement: Refinement | None = column("", "how a target error was met; left out of a run without one", absent=True,
                                            default=None)  # fmt: skip
 

@@ -1,10 +1,9 @@
 """calibrate(): what measured shares say of the numbers that a scene does not say exactly, and of all other shares.
 
-The draws of a run and the regression on them make every share linear in the unknown inputs; the measured shares update
-both (:mod:`wakeflow.statistics.joint`). The granules are then flown again under draws of what came out, and the update
-is made anew from what was known at first, until the inputs stay where they are. Next to the inputs the model has errors
-of its own, which no measurement takes away: each share has a *discrepancy*, so that many exact trays do not make an
-input known beyond what the model bears. What no inputs can explain shows in the chi-square, and is not fitted away.
+The joint answer of a run is moved to where it is as measured (:mod:`.calibration_update`). Where the numbers as stated
+cannot reach the trays, what would have to be otherwise is found first, as history matching does with a conflict of
+prior and data (White et al. 2020, PEST++ v5, 9.1.13): the input whose stated uncertainty must grow least, or else how
+far the model itself must miss shares. What nothing explains is not calibrated.
 """
 
 from __future__ import annotations
@@ -17,37 +16,44 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.result import Request, Result, key_in
-from ..answer.shares import BudgetPart, BudgetRow, BudgetTotal, InputPart, InputSummary, Separation
-from ..budget.agreement import Agreement
+from ..answer.joint import JointAnswer, Of, quantiles
+from ..answer.result import Calibration, Request, Result, key_in
+from ..answer.shares import BudgetPart, BudgetRow, BudgetTotal, InputSummary, Separation
+from ..answer.unknown_inputs import effects_in
+from ..budget.agreement import DISAGREES, Agreement, of_tray, weights_in
 from ..budget.budget import fly_again, make_budget
+from ..budget.inputs import UNKNOWN
 from ..budget.source import INPUTS, Flights
 from ..core import sums
 from ..core.errors import SceneError, known
 from ..core.files import atomic_write, made_folder, path_of, write_json
 from ..core.number import Number
+from ..core.quantities import say
 from ..core.record import to_json
-from ..core.store import cache_in_use, cache_root
+from ..core.store import cache_in_use, cache_root, content_key
 from ..core.tables import CellTable
 from ..pipeline.cache import Listener
-from ..planning.unknowns import SIGMAS, Unknown, unknown_kinds
+from ..planning.unknowns import Unknown, unknown_kinds
 from ..runs import run
+from ..runs.answer import OneRun
 from ..runs.progress import as_listener
 from ..runs.stages import one_thread_of_blas, stages_of
 from ..scene import Scene
 from ..scene.measured import Measured, Tray, read_trays, trays_of_columns
 from ..scene.overrides import share_in
 from ..scene.whole import States
-from ..statistics.joint import JointShares
-from ..statistics.separation import HOUR, purity_slopes, separate
+from ..statistics.ensemble import acting, responses
 from .calibrated_materials import materials_text
-from .calibration_update import DISCREPANCY, Updated, updated
+from .calibration_update import DISCREPANCY, Updated, agreement_with, half_of, least_discrepancy, left_by, updated
 
 if TYPE_CHECKING:
     from ..planning.plan import Plan
 
 Array = NDArray[np.float64]
 TELLS = 0.9  # an input whose interval became narrower by this factor has learnt something
+GROWN = (3.0, 10.0, np.inf)  # times the stated uncertainty that are tried where trays contradict it; at most the span
+LIKELIEST = 3  # inputs that are tried
+UNLIMITED = 5.0  # times a number without a largest value, to which its uncertainty may grow
 MEASURED_SHARES = "measured shares"
 COMMAND, MATERIALS = "calibrate", "materials.toml"
 TABLES = ("inputs.csv", "agreement.csv", "correlations.csv", "shares.csv", "calibration.json")
@@ -81,17 +87,20 @@ INPUT_COLUMNS = {
 @dataclass(frozen=True)
 class Posterior:
     """What a measurement makes of a scene: its ``inputs`` by key, those that learnt most first; the ``result`` with the
-    new shares, recoveries and purities, next to the one ``before``; the ``agreement`` of the measurement with the
-    model, whatever its inputs; each tray as it is known now (``trays``); the correlation of each pair of inputs that
-    learnt something; of each tray how much wider the widest recovery would be without it (``wider_without``); what to
-    measure next (``next``: what it would leave of the widest recovery's interval).
+    new shares, recoveries and purities, next to the one ``before``; the ``agreement`` of the measurement with what the
+    scene says; the ``conflict``: what would have to be otherwise for the two to agree, empty where they do; each tray
+    as it is known now (``trays``); the correlation of each pair of inputs that learnt something; of each tray how much
+    wider the widest recovery would be without it (``wider_without``); what to measure next (``next``: what it would
+    leave of the widest recovery's interval). Where nothing agrees there is no ``result`` and nothing is known of any
+    input.
     """
 
     folder: Path
     before: Result
-    result: Result
+    result: Result | None
     inputs: Mapping[str, CalibratedInput]
     agreement: Agreement
+    conflict: str
     trays: tuple[Number, ...]
     correlations: tuple[tuple[str, str, float], ...]
     wider_without: tuple[tuple[str, float], ...]
@@ -104,10 +113,10 @@ class Posterior:
         """Write the materials file: ``materials = "..."`` at the head of the next scene takes it, each fraction that is
         fed here as the material ``measured-NAME``.
 
-        Raises SceneError where the measurement disagrees with the model: what was fitted to it is worth nothing.
+        Raises SceneError where the measurement contradicts what the scene says of its inputs.
         """
-        if self.agreement.verdict == "disagrees":
-            raise SceneError(f"no materials are written: {self.agreement.sentence} Weigh it again, or mend the scene")
+        if self.conflict:
+            raise SceneError(f"no materials are written: {self.conflict} Weigh it again, or mend the scene")
         file, scene = path_of(path, "materials file"), Scene.parse(self.before.scene)
         file.parent.mkdir(parents=True, exist_ok=True)
         with atomic_write(file) as stream:
@@ -148,10 +157,13 @@ def calibrate(
     heard, planned = as_listener(listener, planned)
     if out is not None:
         _claim(path_of(out, "out"))
-    result = run(scene, out, rung=rung, force=force, workers=workers, listener=heard, planned=planned)
-    update, scene_flown = _update(result, found, missed, workers, heard)
-    posterior = _posterior(result, update, found, scene_flown, _source(measured))
-    _write(posterior)
+    result = run(scene, out, rung=rung, force=force, workers=workers, listener=heard, planned=planned, report=False)
+    if result.void:
+        raise SceneError(f"calibrate: the answer of {result.folder} is void, {result.warnings[0]}")
+    with cache_in_use(cache_root()), one_thread_of_blas():
+        matched = _matched(result, found, missed, workers, heard)
+        posterior = _posterior(result, matched, found, _source(measured))
+    _write(posterior, matched)
     return posterior
 
 
@@ -172,135 +184,201 @@ def _source(measured: object) -> str:
     return Path(measured).name if isinstance(measured, Path | str) else "measured shares"
 
 
-def _update(
-    result: Result, measured: Measured, discrepancy: float, workers: int | None, listener: Listener
-) -> tuple[Updated, Scene]:
-    """The update of a finished run, whose stages come from the cache, and its scene as it was flown."""
-    if result.void:
-        raise SceneError(f"calibrate: the answer of {result.folder} is void, {result.warnings[0]}")
+# -- what agrees with the trays ----------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class _Matched:
+    """The ``flights`` that agree with the trays; the ``update`` of them, None where nothing agrees; the ``agreement``
+    of the trays with what the scene says; what must be otherwise (``conflict``).
+    """
+
+    flights: Flights
+    update: Updated | None
+    agreement: Agreement
+    conflict: str
+    run: OneRun
+
+
+def _flown(
+    result: Result, changes: Mapping[str, float], workers: int | None, listener: Listener
+) -> tuple[Flights, OneRun]:
+    """The flights of a finished run under ``changes`` of what is said of its inputs; what there is comes from the
+    cache.
+    """
     request = Request(None, result.options.rung, result.options.force, result.options.target_error)
-    with cache_in_use(cache_root()), one_thread_of_blas():
-        pipeline, _ = stages_of(Scene.parse(result.scene), request, workers, listener)
-        flights = Flights(pipeline, pipeline.tracks(), pipeline.crowd())
-        fly_again(flights)
-        shares = separate(pipeline.scene, flights.landings)
-        budget = make_budget(flights, shares)
-        return updated(flights, shares.fractions, budget, measured, discrepancy), pipeline.scene
+    scene = Scene.parse(result.scene)
+    pipeline, poured = stages_of(scene.replace(dict(changes)) if changes else scene, request, workers, listener)
+    flights = Flights(pipeline, pipeline.tracks(), pipeline.crowd())
+    fly_again(flights)
+    return flights, OneRun(scene, pipeline, poured, result.folder, result.options, redraw=False, report=True)
+
+
+def _matched(
+    result: Result, measured: Measured, discrepancy: float, workers: int | None, listener: Listener
+) -> _Matched:
+    """The update of a finished run, under the numbers as stated where these agree with the trays, else under the least
+    change of them that does.
+    """
+    flights, one_run = _flown(result, {}, workers, listener)
+    if flights.of(UNKNOWN) is None:
+        raise SceneError("calibrate: every number of the scene is exact; say how well they are known, [uncertainty]")
+    joint, _ = make_budget(flights)
+    agreement = agreement_with(joint, measured, discrepancy)
+    if agreement.verdict != DISAGREES:
+        return _Matched(flights, updated(flights, measured, discrepancy), agreement, "", one_run)
+    for unknown, half in _grown(flights, joint, agreement):
+        listener("calibrate", f"trying {unknown.key} +- {half:.3g}")
+        wider, _ = _flown(result, {f"uncertainty.{unknown.key}": half}, workers, listener)
+        if agreement_with(make_budget(wider)[0], measured, discrepancy).verdict != DISAGREES:
+            update = updated(wider, measured, discrepancy)
+            return _Matched(wider, update, agreement, _must_grow(unknown, update), one_run)
+    least = least_discrepancy(joint, measured, discrepancy)
+    if least is None:
+        told = "No input of the scene and no miss of the model that would be believed explains the trays."
+        return _Matched(flights, None, agreement, told, one_run)
+    told = (
+        f"The model itself would have to miss shares by up to {100 * least:.2g} points, where {100 * discrepancy:.2g} "
+        "are taken."
+    )
+    return _Matched(flights, updated(flights, measured, least), agreement, told, one_run)
+
+
+def _grown(flights: Flights, joint: JointAnswer, agreement: Agreement) -> Iterator[tuple[Unknown, float]]:
+    """Inputs and uncertainties that are tried, the least growth first: those that move the granules most of the tray
+    that is farthest off.
+    """
+    draws = known(flights.of(UNKNOWN))
+    worst = max(agreement.trays, key=lambda tray: abs(tray.pull)).fraction
+    how = responses(flights.pipeline.scene, draws)
+    moves: dict[int, float] = {}
+    for name in [worst] if worst is not None else list(joint.fractions):
+        for place, weight in zip(acting(draws.unknowns, name), how[name].weight, strict=True):
+            moves[place] = moves.get(place, 0.0) + float(weight)
+    likely = sorted(moves, key=lambda place: -moves[place])[:LIKELIEST]
+    tried: set[tuple[str, float]] = set()
+    for times in GROWN:
+        for one in (draws.unknowns[place] for place in likely):
+            half = min(times * max(one.low, one.high), _most(one))
+            if half > max(one.low, one.high) and (one.key, half) not in tried:
+                tried.add((one.key, half))
+                yield one, half
+
+
+def _most(one: Unknown) -> float:
+    """The largest half of an interval that says anything of a number."""
+    low, high = unknown_kinds[one.kind].span
+    return max(one.value - low, high - one.value) if np.isfinite(high) else UNLIMITED * abs(one.value)
+
+
+def _must_grow(one: Unknown, update: Updated) -> str:
+    found = inputs_after(update)[one.key].after
+    unit = one.unit
+    stated = f"{say(one.value, unit, 3)} +- {say(max(one.low, one.high), unit, 2)}"
+    return (
+        f"{one.key} would have to be {say(found.value, unit, 3)} ({say(found.low, unit, 3)} to "
+        f"{say(found.high, unit, 3)}); the scene says {stated}."
+    )
 
 
 # -- What came out -----------------------------------------------------------------------------------------------------
-def separation_after(joint: JointShares, before: Separation, scene: Scene) -> Separation:
-    """Shares, recoveries, purities and throughputs as they are known jointly."""
-    mass, bins, joint = scene.mass_shares(), before.bins, joint.in_bounds()
-    fractions = {
-        name: {
-            place: replace(joint.number(joint.tray(name, [place])), numerical=old[place].numerical) for place in bins
-        }
-        for name, old in before.fractions.items()
-    }
-    own = {name: {place: one.value for place, one in found.items()} for name, found in fractions.items()}
-    recovery = {
-        name: None if found is None else replace(
-            joint.number(joint.tray(name, scene.fraction[name].targets)), numerical=found.numerical)
-        for name, found in before.recovery.items()
-    }  # fmt: skip
-    throughput = {
-        place: HOUR * scene.feed.mass_flow * sum(mass[name] * own[name][place] for name in own) for place in bins
-    }
-    purity = {
-        place: None if before.purity[place] is None or sum(own[name][place] for name in own) <= 0.0
-        else {name: _purity(joint, name, place, mass, own) for name in own}
-        for place in bins
-    }  # fmt: skip
-    return replace(before, fractions=fractions, recovery=recovery, purity=purity, throughput=throughput, cut=())
-
-
-def _purity(
-    joint: JointShares, name: str, place: str, mass: Mapping[str, float], own: Mapping[str, Mapping[str, float]]
-) -> Number:
-    """By the slope of a purity with every fraction's share in the bin."""
-    here = {other: found[place] for other, found in own.items()}
-    value = mass[name] * here[name] / sum(mass[other] * here[other] for other in here)
-    slopes = purity_slopes(name, mass, here)
-    half = joint.half(sum((slopes[other] * joint.tray(other, [place]) for other in here), np.zeros(len(joint.places))))
-    return Number(value, max(0.0, value - half), min(1.0, value + half))
-
-
 def inputs_after(update: Updated) -> dict[str, CalibratedInput]:
     """What is known of every input, those whose interval became narrowest first."""
     found = []
     for place, one in enumerate(update.unknowns):
-        at, apart = float(update.after.inputs[place]), float(np.sqrt(max(update.after.spread[place, place], 0.0)))
-        low, high = (float(np.clip(one.at(at + side * SIGMAS * apart), *_span(one))) for side in (-1.0, 1.0))
+        z = update.z[:, place]
+        at, low, high = (float(np.clip(one.at(x), *unknown_kinds[one.kind].span))
+                         for x in (z.mean(), *quantiles(z, (0.025, 0.975))))  # fmt: skip
         before = Number(one.value, *one.ends)
-        found.append(CalibratedInput(one.key, one.unit, before, Number(one.at(at), low, high), apart))
+        apart = float(z.std() / update.before.z[:, place].std())
+        found.append(CalibratedInput(one.key, one.unit, before, Number(at, low, high), apart))
     return {one.key: one for one in sorted(found, key=lambda one: one.narrower)}
-
-
-def _span(one: Unknown) -> tuple[float, float]:
-    return unknown_kinds[one.kind].span
 
 
 def correlations_after(update: Updated) -> Iterator[tuple[str, str, float]]:
     """Of each pair of inputs that learnt something, the strongest first."""
-    apart = np.sqrt(np.clip(np.diag(update.after.spread), 1e-12, None))
-    learnt = [i for i, size in enumerate(apart) if size < TELLS]
-    pairs = [
-        (update.after.keys[i], update.after.keys[j], float(update.after.spread[i, j] / (apart[i] * apart[j])))
-        for place, i in enumerate(learnt) for j in learnt[place + 1 :]
-    ]  # fmt: skip
+    apart = update.z.std(axis=0) / np.maximum(update.before.z.std(axis=0), 1e-12)
+    learnt = [i for i, size in enumerate(apart) if 0.0 < size < TELLS]
+    together = np.atleast_2d(np.corrcoef(update.z.T))
+    keys = update.before.keys
+    pairs = [(keys[i], keys[j], float(together[i, j])) for place, i in enumerate(learnt) for j in learnt[place + 1 :]]
     yield from sorted(pairs, key=lambda pair: -abs(pair[2]))
 
 
-def widest_recovery(joint: JointShares, scene: Scene) -> tuple[str, Array]:
-    """The name and the weights (S,) of the recovery that is known worst; where no fraction has a target, of a share."""
-    aimed = {name: one.targets for name, one in scene.fraction.items() if one.targets}
-    wanted = {f"recovery of {name}": joint.tray(name, targets) for name, targets in aimed.items()}
-    wanted = wanted or {f"{name} in {place}": joint.tray(name, [place]) for name, place in joint.places}
-    return max(wanted.items(), key=lambda one: joint.half(one[1]))
+def widest_recovery(joint: JointAnswer) -> tuple[str, Of]:
+    """The recovery that is known worst and its name; where no fraction has a target, a share."""
+    own = joint.own
+    wanted = {
+        f"recovery of {name}": own.of_share(name, targets) for name, targets in joint.targets.items() if targets
+    } or {f"{name} in {place}": own.of_share(name, [place]) for name in joint.fractions for place in own.names}
+    return max(wanted.items(), key=lambda one: own.number(one[1]).half)
 
 
-def wider_without(update: Updated, measured: Measured, scene: Scene) -> list[tuple[str, float]]:
-    """Of each tray how many times wider the interval of the recovery that was known worst would be without it."""
-    weights = measured.weights(update.after.places, scene.mass_shares())
-    wanted = widest_recovery(update.before, scene)[1]
-    with_all, found = max(update.after.half(wanted), 1e-12), []
+def wider_without(update: Updated, measured: Measured) -> list[tuple[str, float]]:
+    """Of each tray how many times wider the interval of the recovery that was known worst would be without it; never
+    wider than with no tray at all.
+    """
+    before, weights = update.before, weights_in(update.before, measured)
+    of = widest_recovery(before)[1]
+    wanted, noise = before.own.values(of)[0], measured.covariance
+    after = max(half_of(update.after.own.values(of)[0]), 1e-12)
+    every, most, found = max(left_by(before, wanted, weights, noise), 1e-12), half_of(wanted) / after, []
     for row, (fraction, place) in enumerate(measured.places):
         kept = [other for other in range(len(measured.places)) if other != row]
-        without = update.before.seen(weights[kept], measured.shares[kept], measured.covariance[np.ix_(kept, kept)])
-        found.append((f"{fraction or 'all fractions'} in {place}", without.half(wanted) / with_all))
+        without = left_by(before, wanted, weights[kept], noise[np.ix_(kept, kept)]) if kept else half_of(wanted)
+        times = max(1.0, min(without / every, most))
+        found.append((f"{fraction or 'all fractions'} in {place}", times))
     return sorted(found, key=lambda one: -one[1])
 
 
-def measure_next_after(update: Updated, scene: Scene, most: int = 5) -> list[tuple[str, float]]:
+def measure_next_after(after: JointAnswer, most: int = 5) -> list[tuple[str, float]]:
     """Each input that is worth measuring, with the part of the widest recovery's interval that would be left once it
     were known exactly.
     """
-    after, wanted = update.after, widest_recovery(update.after, scene)[1]
-    total = float(wanted @ after.covariance @ wanted)
+    of = widest_recovery(after)[1]
+    total = after.own.number(of).half
     if total <= 0.0:
         return []
-    shared = (after.cross @ wanted) ** 2 / np.clip(np.diag(after.spread), 1e-12, None) / total
-    left = [(key, float(np.sqrt(max(0.0, 1.0 - part)))) for key, part in zip(after.keys, shared, strict=True)]
+    left = [(key, min(1.0, after.own.known_better(of, {key: 0.0}).half / total)) for key in after.keys]
     return sorted(left, key=lambda one: one[1])[:most]
 
 
-def _posterior(before: Result, update: Updated, measured: Measured, scene: Scene, source: str) -> Posterior:
-    landings = known(before.landings)
-    separation, inputs = separation_after(update.after, landings.separation, scene), inputs_after(update)
+def _posterior(before: Result, matched: _Matched, measured: Measured, source: str) -> Posterior:
+    update = matched.update
+    if update is None:
+        return Posterior(before.folder, before, None, {}, matched.agreement, matched.conflict, (), (), (), (), 0, False,
+                         source)  # fmt: skip
+    landings, own, inputs = known(before.landings), update.after.own, inputs_after(update)
+    separation = _numerical(own.separation(), landings.separation)
     summary = {
         key: InputSummary(*one.after, unit=one.unit, why=f"{MEASURED_SHARES}, {source}") for key, one in inputs.items()
     }
+    parts, of_targets = effects_in(own)
     after = replace(
-        landings, separation=separation, inputs=summary, measure_next=_parts(update.after), without_collisions=None,
-        bracket=None, air_loading=None, three_dimensions=None, budget=tuple(_rows(separation)),
+        landings, separation=separation, inputs=summary, measure_next=parts, of_targets=of_targets,
+        without_collisions=None, bracket=None, air_loading=None, three_dimensions=None,
+        budget=tuple(_rows(separation)), joint=update.after.record(),
     )  # fmt: skip
+    key = content_key("calibrated", before.key, repr(measured), update.discrepancy, matched.conflict)
+    told = Calibration(source, matched.conflict, matched.agreement.sentence)
+    trays = tuple(update.after.own.number(of_tray(row)) for row in weights_in(update.after, measured))
+    result = replace(before, landings=after, key=key, calibration=told).with_joint(update.after)
     return Posterior(
-        before.folder, before, replace(before, landings=after), inputs, update.agreement,
-        tuple(map(update.after.number, measured.weights(update.after.places, scene.mass_shares()))),
-        tuple(correlations_after(update)), tuple(wider_without(update, measured, scene)),
-        tuple(measure_next_after(update, scene)), update.rounds, update.stands, source,
+        before.folder, before, result, inputs, matched.agreement, matched.conflict, trays,
+        tuple(correlations_after(update)), tuple(wider_without(update, measured)),
+        tuple(measure_next_after(update.after)), update.rounds, update.stands, source,
     )  # fmt: skip
+
+
+def _numerical(after: Separation, before: Separation) -> Separation:
+    """What computing adds is as it was."""
+    fractions = {
+        name: {place: replace(one, numerical=before.fractions[name][place].numerical) for place, one in places.items()}
+        for name, places in after.fractions.items()
+    }
+    recovery = {
+        name: one and replace(one, numerical=known(before.recovery[name]).numerical)
+        for name, one in after.recovery.items()
+    }
+    return replace(after, fractions=fractions, recovery=recovery)
 
 
 def _rows(separation: Separation) -> Iterator[BudgetRow]:
@@ -311,20 +389,6 @@ def _rows(separation: Separation) -> Iterator[BudgetRow]:
             part = BudgetPart(INPUTS, half, 0.0, "companion", low=low, high=high, note=f"after {MEASURED_SHARES}")
             total = BudgetTotal(half, 0.0, one.low, one.high, one.numerical)
             yield BudgetRow(f"share.{name}.{place}", None, (part,), total)
-
-
-def _parts(joint: JointShares) -> dict[str, dict[str, dict[str, InputPart]]]:
-    """Of each share what every input still does to it, with all that goes with that input, the largest first."""
-    apart = np.sqrt(np.clip(np.diag(joint.spread), 1e-12, None))
-    found: dict[str, dict[str, dict[str, InputPart]]] = {}
-    for i, (name, place) in enumerate(joint.places):
-        rises, total = SIGMAS * joint.cross[:, i] / apart, max(float(joint.covariance[i, i]), 1e-18)
-        parts = {
-            key: InputPart(abs(rise), (rise / SIGMAS) ** 2 / total, 0.0, rise)
-            for key, rise in zip(joint.keys, map(float, rises), strict=True)
-        }
-        found.setdefault(name, {})[place] = dict(sorted(parts.items(), key=lambda one: -one[1].half))
-    return found
 
 
 def _files(folder: Path) -> list[Path]:
@@ -341,19 +405,21 @@ def _claim(folder: Path) -> None:
     sums.refuse_changed(folder / MATERIALS, COMMAND)
 
 
-def _write(found: Posterior) -> None:
-    """The tables and the picture of a calibration into the folder of its run."""
+def _write(found: Posterior, matched: _Matched) -> None:
+    """The tables and the picture of a calibration, and the calibrated answer as that of a run, into its folder."""
     _claim(made_folder(found.folder))
     if key_in(found.folder) not in (None, found.before.key):
         raise SceneError(f"{found.folder} holds another answer now; the same command calibrates it")
     with sums.writing(found.folder, lambda: _files(found.folder), COMMAND):
         _write_tables(found, found.folder)
         materials = found.folder / MATERIALS
-        if found.agreement.verdict == "disagrees":
+        if found.conflict:
             materials.unlink(missing_ok=True)
         else:
             with sums.replacing(materials, COMMAND) as draft:
                 found.save(draft)
+    answer = found.before if found.result is None else found.result
+    matched.run.written(answer, matched.flights.tracked, matched.flights.landings, answer.joint)
 
 
 def _write_tables(found: Posterior, folder: Path) -> None:
@@ -363,14 +429,17 @@ def _write_tables(found: Posterior, folder: Path) -> None:
     found.cells().write_csv(folder / "inputs.csv")
     found.agreement.cells().write_csv(folder / "agreement.csv")
     CellTable(("input", "other input", "correlation"), found.correlations).write_csv(folder / "correlations.csv")
-    before, after = (known(one.landings).separation.fractions for one in (found.before, found.result))
-    rows = [[n, p, *before[n][p], *one] for n, places in after.items() for p, one in places.items()]
+    after = None if found.result is None else known(found.result.landings).separation
+    before = known(found.before.landings).separation.fractions
+    rows = [] if after is None else [
+        [n, p, *before[n][p], *one] for n, places in after.fractions.items() for p, one in places.items()
+    ]  # fmt: skip
     heads = ("fraction", "bin", "before", "before low", "before high", "after", "after low", "after high")
     CellTable(heads, rows).write_csv(folder / "shares.csv")
     write_json(folder / "calibration.json", {
         "verdict": found.agreement.verdict, "chi_square": found.agreement.chi_square,
-        "freedom": found.agreement.freedom, "chance": found.agreement.chance, "rounds": found.rounds,
-        "stands": found.stands, "wider_without": found.wider_without, "next": found.next,
+        "freedom": found.agreement.freedom, "chance": found.agreement.chance, "conflict": found.conflict,
+        "rounds": found.rounds, "stands": found.stands, "wider_without": found.wider_without, "next": found.next,
         "inputs": {key: {"value": one.value, "low": one.low, "high": one.high} for key, one in found.inputs.items()},
-        "separation": to_json(known(found.result.landings).separation),
+        "separation": None if after is None else to_json(after),
     })  # fmt: skip

@@ -26,7 +26,7 @@ from ..budget.inputs import UNKNOWN
 from ..budget.source import Flights
 from ..core.errors import SceneError, known
 from ..pipeline.input_samples import DrawnLandings, Ensemble, InputSamples
-from ..planning.unknowns import FARTHEST, SIGMAS, Unknown
+from ..planning.unknowns import FARTHEST, Unknown
 from ..scene.measured import Measured
 from ..statistics.ensemble import acting, responses
 from ..statistics.response import Response
@@ -56,7 +56,8 @@ class State(NamedTuple):
 class Updated:
     """What is known of all shares and inputs, ``before`` the measurement and ``after`` it; the ``agreement`` of the
     measurement with what was known before; ``rounds`` of flights, and whether the last moved no input (``stands``);
-    the ``discrepancy`` that was taken.
+    the ``discrepancy`` that was taken; the inputs after it, ``z`` (DRAWS, keys), in standard deviations of what was
+    known of them before.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -66,6 +67,7 @@ class Updated:
     rounds: int
     stands: bool
     discrepancy: float
+    z: Array
 
 
 def missed_by(joint: JointAnswer, half: float) -> Array:
@@ -125,7 +127,7 @@ def updated(flights: Flights, measured: Measured, discrepancy: float = DISCREPAN
         apart = np.abs(found.z.mean(axis=0) - mean) / np.maximum(found.z.std(axis=0), NARROWEST)
         stands = bool(np.max(apart) <= STANDS)
     after = _posterior(joint, found, _changes(flights, joint, flown, how))
-    return Updated(tuple(draws.unknowns), joint, after, agreement, rounds, stands, discrepancy)
+    return Updated(tuple(draws.unknowns), joint, after, agreement, rounds, stands, discrepancy, found.z)
 
 
 def _state(joint: JointAnswer, discrepancy: float) -> State:
@@ -182,7 +184,9 @@ def _posterior(joint: JointAnswer, state: State, change: Changes) -> JointAnswer
     bounded(cells)
     middle = cells.mean(axis=0)
     rest = (cells - middle).astype(np.float16).astype(np.float32)
-    z = state.z.astype(np.float32).astype(float)
+    apart = state.z.std(axis=0)  # inputs by what is known of them now
+    z = (state.z - state.z.mean(axis=0)) / np.where(apart > 0.0, apart, 1.0)
+    z = z.astype(np.float32).astype(float)
     return replace(joint, base=middle, change=rest, z=z, sources=(), images=None)
 
 
@@ -198,13 +202,15 @@ def _within(base: Array, parts: Array) -> Array:
 
 def _joined(one: InputSamples, other: InputSamples) -> InputSamples:
     """Two lots of draws as one."""
-    both = (
-        {name: DrawnLandings(*(np.concatenate([getattr(lot[name], what) for lot in lots]) for what in ("position", "bin")))
-         for name in one.varied}
-        for lots in ((one.varied, other.varied), (one.own, other.own))
-    )  # fmt: skip
-    varied, own = both
+    varied, own = (
+        {name: _both(a[name], b[name]) for name in one.varied}
+        for a, b in ((one.varied, other.varied), (one.own, other.own))
+    )
     return InputSamples(one.unknowns, np.vstack([one.z, other.z]), varied, own)
+
+
+def _both(one: DrawnLandings, other: DrawnLandings) -> DrawnLandings:
+    return DrawnLandings(np.concatenate([one.position, other.position]), np.concatenate([one.bin, other.bin]))
 
 
 def _wide_enough(spread: Array) -> Array:

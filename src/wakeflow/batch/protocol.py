@@ -1,23 +1,23 @@
 """protocol(): what to weigh or count of a real machine, and how often, until a share is known twice as well.
 
-What a measurement will leave of an interval does not depend on what it finds: the update of the shares
-(:mod:`wakeflow.statistics.joint`) says it beforehand. The most useful lot is added, one at a time.
+What a measurement will leave of an interval is the part of the number's draws that does not go with what the trays of
+the same draws would show (:func:`.calibration_update.left_by`). The most useful lot is added, one at a time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..answer.joint import JointAnswer, Of, Source, tied_root
 from ..answer.result import Result
-from ..budget.agreement import joint_of
 from ..core import sums
-from ..core.errors import SceneError, known
+from ..core.errors import SceneError
 from ..core.files import atomic_write, made_folder, path_of
 from ..core.registry import did_you_mean
 from ..pipeline.cache import Listener
@@ -26,9 +26,8 @@ from ..runs.progress import as_listener
 from ..scene import RESERVED_BIN, Scene
 from ..scene.measured import BY_CHANCE
 from ..scene.whole import States
-from ..statistics.joint import JointShares
 from .calibration import widest_recovery
-from .calibration_update import DISCREPANCY, discrepancy_of
+from .calibration_update import DISCREPANCY, half_of, left_by, missed_by
 
 if TYPE_CHECKING:
     from ..planning.plan import Plan
@@ -133,15 +132,14 @@ def protocol_of(result: Result, of: str | None = None, kernels: int = 300, out: 
     _check(scene, of, kernels)
     if result.landings is None:
         raise SceneError(f"{result.folder} holds no shares: the run ended before them")
-    joint = _with_discrepancy(joint_of(result.landings), result)
-    name, wanted = _weights(joint, scene, of)
-    half, steps = joint.half(wanted), tuple(_steps(joint, wanted, list(scene.fraction), kernels))
+    name, number = _wanted(result.joint, scene, of)
+    known = _Known.of(result.joint, number)
+    half, steps = known.half, tuple(_steps(known, list(scene.fraction), kernels))
     fractions = list(dict.fromkeys(step.fraction for step in steps)) or list(scene.fraction)[:1]
     folder = result.folder if out is None else made_folder(out)
     page, form = folder / PAGE, folder / FORM
     made = Protocol(
-        name, half, steps, tuple(_important(joint, wanted, fractions, kernels)),
-        _unsorted(joint, wanted, scene), page, form,
+        name, half, steps, tuple(_important(known, fractions, kernels)), _unsorted(known), page, form,
     )  # fmt: skip
     _claim(folder)
     with sums.writing(folder, lambda: [page, form], COMMAND):
@@ -171,72 +169,88 @@ def wanted_share(scene: Scene, of: str | None) -> tuple[str, Sequence[str]] | No
     return name, [place] if place else scene.fraction[name].targets
 
 
-def _weights(joint: JointShares, scene: Scene, of: str | None) -> tuple[str, Array]:
+def _wanted(joint: JointAnswer, scene: Scene, of: str | None) -> tuple[str, Of]:
     asked = wanted_share(scene, of)
     if asked is None:
-        return widest_recovery(joint, scene)
+        return widest_recovery(joint)
     name, places = asked
-    return f"{name} in {' or '.join(places)}", joint.tray(name, places)
+    return f"{name} in {' or '.join(places)}", joint.own.of_share(name, places)
 
 
-def _with_discrepancy(joint: JointShares, result: Result) -> JointShares:
-    shares = known(result.landings).separation.fractions
-    own = discrepancy_of(joint.places, shares, DISCREPANCY)
-    return JointShares(
-        joint.keys, joint.places, joint.inputs, joint.spread, joint.shares, joint.covariance + own, joint.cross
-    )
+@dataclass(frozen=True)
+class _Known:
+    """What is known of a number before anything is weighed: ``half`` of its 95 % interval, as the answer says; its
+    draws (``wanted``) in a ``joint`` answer whose model may miss shares, which no tray of another bin shows.
+    """
+
+    joint: JointAnswer
+    half: float
+    wanted: Array
+
+    @classmethod
+    def of(cls, joint: JointAnswer, number: Of) -> _Known:
+        roots = np.stack([tied_root(row) for row in missed_by(joint, DISCREPANCY)])
+        missing = replace(joint, sources=(*joint.sources, Source("discrepancy", roots, computing=False)))
+        return cls(missing, joint.own.number(number).half, missing.own.values(number)[0])
+
+    def left(self, weights: Array, noise: Array, key: str = "") -> float:
+        """Half of the interval once trays, ``weights`` (n, shares), are measured with the covariance ``noise``."""
+        return self.half * left_by(self.joint, self.wanted, weights, noise, key) / max(half_of(self.wanted), 1e-12)
 
 
-def _counted(joint: JointShares, fraction: str, kernels: int) -> tuple[Array, Array]:
-    """Weights (n, S) of every tray of a fraction, and the covariance (n, n) of one repetition."""
-    mine = [i for i, (name, _) in enumerate(joint.places) if name == fraction]
-    weights = np.eye(len(joint.places))[mine]
-    share = np.clip(joint.shares[mine], 0.0, 1.0) + BY_CHANCE / kernels
+def _counted(joint: JointAnswer, fraction: str, kernels: int) -> tuple[Array, Array]:
+    """Weights (n, shares) of every tray of a fraction, and the covariance (n, n) of one repetition."""
+    number, bins = joint.fractions.index(fraction), len(joint.own.names)
+    weights = np.eye(len(joint.fractions) * bins)[number * bins : (number + 1) * bins]
+    share = np.clip(joint.own.value[number], 0.0, 1.0) + BY_CHANCE / kernels
     share /= share.sum()
     chance = (np.diag(share) - np.outer(share, share)) / kernels
     return weights, chance + REPEATS**2 * np.diag(4.0 * share * (1.0 - share))
 
 
-def _steps(joint: JointShares, wanted: Array, fractions: Sequence[str], kernels: int) -> Iterator[WeighingStep]:
+def _steps(known: _Known, fractions: Sequence[str], kernels: int) -> Iterator[WeighingStep]:
     """Lots, each the one that leaves least of the interval, until half is left."""
-    goal, lots = HALVED * joint.half(wanted), dict.fromkeys(fractions, 0)
-    left = joint.half(wanted)
+    goal, lots, left = HALVED * known.half, dict.fromkeys(fractions, 0), known.half
     while left > goal and sum(lots.values()) < MOST_LOTS:
-        found = {name: _after(joint, {**lots, name: lots[name] + 1}, kernels).half(wanted) for name in fractions}
+        found = {name: _after(known, {**lots, name: lots[name] + 1}, kernels) for name in fractions}
         best = min(found, key=lambda name: found[name])
-        lots[best], left = lots[best] + 1, found[best]
+        lots[best], left = lots[best] + 1, min(left, found[best])
         yield WeighingStep(best, kernels, lots[best], left)
 
 
-def _after(joint: JointShares, lots: dict[str, int], kernels: int) -> JointShares:
-    """What is known after so many repetitions of each fraction."""
-    for name, count in lots.items():
-        if count:
-            weights, noise = _counted(joint, name, kernels)
-            joint = joint.seen(weights, weights @ joint.shares, noise / count)
-    return joint
+def _after(known: _Known, lots: dict[str, int], kernels: int) -> float:
+    """Half of the interval that is left after so many repetitions of each fraction."""
+    rows = [(*_counted(known.joint, name, kernels), count) for name, count in lots.items() if count]
+    noise = [spread / count for _, spread, count in rows]
+    return known.left(np.vstack([weights for weights, _, _ in rows]), _blocks(noise))
 
 
-def _important(joint: JointShares, wanted: Array, fractions: Sequence[str], kernels: int) -> Iterator[str]:
+def _blocks(parts: Sequence[Array]) -> Array:
+    """One covariance of several that are independent."""
+    many = sum(len(one) for one in parts)
+    found, at = np.zeros((many, many)), 0
+    for one in parts:
+        found[at : at + len(one), at : at + len(one)] = one
+        at += len(one)
+    return found
+
+
+def _important(known: _Known, fractions: Sequence[str], kernels: int) -> Iterator[str]:
     """The trays that tell most, each alone, most first: those that take a fifth of the interval or more."""
-    left, now = {}, joint.half(wanted)
+    left: dict[str, float] = {}
     for name in fractions:
-        weights, noise = _counted(joint, name, kernels)
-        for row in range(len(weights)):
-            alone = weights[row : row + 1]
-            one = joint.seen(alone, alone @ joint.shares, noise[row : row + 1, row : row + 1])
-            place = joint.places[int(np.argmax(weights[row]))][1]
-            left[f"{name} in {place}"] = one.half(wanted) / max(now, 1e-12)
+        weights, noise = _counted(known.joint, name, kernels)
+        for row, place in enumerate(known.joint.own.names):
+            one = known.left(weights[row : row + 1], noise[row : row + 1, row : row + 1])
+            left[f"{name} in {place}"] = one / max(known.half, 1e-12)
     yield from (about for about, part in sorted(left.items(), key=lambda one: one[1]) if part < 0.8)
 
 
-def _unsorted(joint: JointShares, wanted: Array, scene: Scene) -> float:
+def _unsorted(known: _Known) -> float:
     """Half of the interval once every tray was weighed as it is."""
-    mass = scene.mass_shares()
-    weights = np.array([
-        [mass[name] if place == bin_ else 0.0 for name, bin_ in joint.places] for place in (*scene.bin, RESERVED_BIN)
-    ])  # fmt: skip
-    return joint.seen(weights, weights @ joint.shares, REPEATS**2 * np.eye(len(weights))).half(wanted)
+    bins = len(known.joint.own.names)
+    weights = np.hstack([mass * np.eye(bins) for mass in known.joint.mass])
+    return known.left(weights, REPEATS**2 * np.eye(bins))
 
 
 def _write_form(path: Path, scene: Scene, fractions: Sequence[str]) -> None:

@@ -9,7 +9,7 @@ from math import hypot, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.joint import JointAnswer
+from ..answer.joint import JointAnswer, Of
 from ..answer.result import Result
 from ..core.number import Number
 from ..core.tables import CellTable
@@ -141,12 +141,17 @@ def agreement_of(joint: JointAnswer, measured: Measured, missed: Array | None = 
     pulls = np.divide(inverse @ off, np.sqrt(alone), out=np.zeros_like(off), where=alone > 0.0)
     trays, least = [], np.inf
     for row, (place, share) in enumerate(zip(measured.places, measured.numbers(), strict=True)):
-        own = joint.own.number(partial(_tray, weights[row]))
+        own = joint.own.number(of_tray(weights[row]))
         both = hypot(own.half, SIGMAS * sqrt(float(measured.covariance[row, row])))
         away = abs(share.value - own.value)
         trays.append(ComparedTray(*place, share, own, away / both if both > 0.0 else 0.0, float(pulls[row])))
         least = min(least, both)
     return Agreement(tuple(trays), square, freedom, chance, float(least))
+
+
+def of_tray(weights: Array) -> Of:
+    """What a tray holds, by its ``weights`` (shares,)."""
+    return partial(_tray, weights)
 
 
 def _tray(weights: Array, table: Array) -> Array:

@@ -40,8 +40,13 @@ def show_calibration(found: Posterior) -> None:
     from rich.console import Console
 
     console = Console()
-    before, after = (known(one.landings) for one in (found.before, found.result))
+    if found.conflict:
+        print_lines([found.conflict])
     show_agreement(found.agreement)
+    if found.result is None:
+        print_lines(["Nothing is calibrated: weigh the trays again, or mend the scene.", f"results: {found.folder}"])
+        return
+    before, after = (known(one.landings) for one in (found.before, found.result))
     rows = [
         [f"{name} recovered", percent(share), percent(after.separation.recovery[name])]
         for name, share in before.separation.recovery.items() if share is not None

@@ -90,9 +90,9 @@ class OneRun:
             refinement=self.refinement,
             folder=self.folder,
         )
-        return self._written(result, tracked, None if flown is None else flown.landings, joint)
+        return self.written(result, tracked, None if flown is None else flown.landings, joint)
 
-    def _written(
+    def written(
         self, result: Result, tracked: Tracked | None, answer: Mapping[str, Landings] | None, joint: JointAnswer | None
     ) -> Result:
         """The result with its pictures, its folder written."""

@@ -99,9 +99,9 @@ def _base(scene: Scene, cells: Cells, landings: Mapping[str, Landings]) -> Array
     for number, (name, landing) in enumerate(landings.items()):
         side, place = cells.along(scene, landing.position, landing.bin)
         cell = cells.at(side, place, cells.off_sides(landing.bin))
-        mass: Array = np.bincount(cell, landing.mass_shares, minlength=cells.count)
+        mass = np.asarray(np.bincount(cell, landing.mass_shares, minlength=cells.count), dtype=float)
         if scene.images is not None:
-            mass = 0.5 * (mass + mass[cells.mirrored(scene.images)])
+            mass = np.asarray(0.5 * (mass + mass[cells.mirrored(scene.images)]))
         inside = mass @ parts
         even = parts / np.maximum(parts.sum(axis=0), 1e-300)
         within = np.where(inside > 0.0, mass[:, None] * parts / np.where(inside > 0.0, inside, 1.0), even)

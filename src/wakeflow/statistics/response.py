@@ -77,7 +77,7 @@ class Process:
         """The variance (n,) that is left at ``at`` (n, K), in units of the outputs' own."""
         own = (at**2) @ self.weight + self.steady
         prior = self.size * (own + self.bend * own**2 + self.wave)
-        return np.clip(prior - np.einsum("nr,nr->n", self.gain(at), self.kernel(at)), 0.0, None)
+        return np.asarray(np.clip(prior - np.einsum("nr,nr->n", self.gain(at), self.kernel(at)), 0.0, None))
 
 
 def _kernel(a: Array, b: Array, weight: Array, bend: float, wave: float, steady: float) -> Array:

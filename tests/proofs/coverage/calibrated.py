@@ -21,8 +21,8 @@ from proofs.coverage.flown import Predicted, chance_of, predicted, with_bins
 from proofs.coverage.report import HELD, OVERALL
 from proofs.coverage.scenes import GROUPS, VariedScene, varied_scenes
 from proofs.report import Report, Row, Table, Tell
-from wakeflow.batch.calibration import TELLS, inputs_after, separation_after
-from wakeflow.batch.calibration_update import DISCREPANCY, Updated, discrepancy_of, updated
+from wakeflow.batch.calibration import TELLS, inputs_after
+from wakeflow.batch.calibration_update import DISCREPANCY, Updated, covariance_of_missed, updated
 from wakeflow.budget.agreement import DISAGREES
 from wakeflow.core.store import Store, cache_root
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown, unknown_kinds
@@ -77,7 +77,7 @@ def true_shares(told: Predicted) -> Array:
     shares, chance = told.separation.fractions, chance_of(told.one, 7)
     places = [(name, place) for name, found in shares.items() for place in found]
     flown = told.truth.shares(TRUTH, told.truth.drawn(0))
-    off = chance.multivariate_normal(np.zeros(len(places)), discrepancy_of(places, shares, DISCREPANCY))
+    off = chance.multivariate_normal(np.zeros(len(places)), covariance_of_missed(told.joint, DISCREPANCY))
     made = np.clip(np.concatenate([flown[name] for name in shares]) + off, 0.0, 1.0)
     for name in shares:
         mine = [i for i, (other, _) in enumerate(places) if other == name]
@@ -128,7 +128,7 @@ def exchanged(trays: Sequence[Tray]) -> list[Tray] | None:
 
 
 def _calibrate(told: Predicted, kind: str, found: _Found) -> None:
-    true, scene = true_shares(told), told.scene
+    true = true_shares(told)
     trays = trays_of(told, kind, true)
     made = _updated(told, trays)
     found.right.append(made.agreement.verdict == DISAGREES)
@@ -143,8 +143,8 @@ def _calibrate(told: Predicted, kind: str, found: _Found) -> None:
         found.inputs.append(row)
         if one.narrower < TELLS:
             found.learnt.append(row)
-    after = separation_after(made.after, told.separation, scene)
-    for i, (name, place) in enumerate(made.after.places):
+    after = made.after.own.separation()
+    for i, (name, place) in enumerate((name, place) for name in after.fractions for place in after.bins):
         one = after.fractions[name][place]
         label = f"share.{name}.{place}"
         found.shares.append(Counted(told.one.name, told.one.group, label, *one, float(true[i])))
@@ -167,7 +167,7 @@ def _half(number: object) -> float:
 
 
 def _updated(told: Predicted, trays: Sequence[Tray]) -> Updated:
-    return updated(told.flights, told.separation.fractions, told.budget, Measured.of(trays))
+    return updated(told.flights, Measured.of(trays))
 
 
 def _report(found: _Found, scenes: int, seconds: float) -> Report:

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from proofs.coverage.scenes import VariedScene, divided
 from proofs.coverage.stored_air import StoredPipeline, plan_in
+from wakeflow.answer.joint import JointAnswer
 from wakeflow.answer.shares import BudgetRow, Separation
 from wakeflow.budget.budget import fly_again, make_budget
 from wakeflow.budget.source import Flights
-from wakeflow.budget.total import totalled
 from wakeflow.core.files import write_json
 from wakeflow.core.lazy import cached_property
 from wakeflow.core.store import Store, content_key
@@ -31,7 +31,6 @@ from wakeflow.planning.plan import Plan
 from wakeflow.planning.unknowns import FARTHEST, Unknown, unknowns, variation_at
 from wakeflow.planning.variation import AS_GIVEN, AirVariation, Variation
 from wakeflow.scene import Scene
-from wakeflow.statistics.separation import separate
 
 Array = NDArray[np.float64]
 GRANULES_PER_FRACTION = 64  # granules a fraction that show where bins are wanted
@@ -46,11 +45,14 @@ def chance_of(one: VariedScene, *apart: int) -> np.random.Generator:
 
 @dataclass(frozen=True)
 class Predicted:
-    """What the program says of a scene: the ``separation`` with its totals, their ``budget``, what it ``flew``."""
+    """What the program says of a scene: what it flew (``flights``), the ``joint`` answer, its ``separation``, the
+    ``budget``.
+    """
 
     one: VariedScene
     pipeline: StoredPipeline
     flights: Flights
+    joint: JointAnswer
     separation: Separation
     budget: tuple[BudgetRow, ...]
 
@@ -88,10 +90,8 @@ def predicted(one: VariedScene, store: Store, workers: int | None = None) -> Pre
     pipeline = pipeline_of(one, store, workers)
     flights = Flights(pipeline, pipeline.tracks())
     fly_again(flights)
-    found = separate(one.scene, flights.landings)
-    budget = make_budget(flights, found)
-    made = totalled(found, budget, flights.inputs(found.fractions), one.scene)
-    return Predicted(one, pipeline, flights, made, budget)
+    joint, budget = make_budget(flights)
+    return Predicted(one, pipeline, flights, joint, joint.own.separation(), budget)
 
 
 @dataclass(frozen=True)
