@@ -17,15 +17,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import known
+from ..core.errors import SceneError, known
 from ..core.lazy import cached_property
 from ..core.process import cores
 from ..core.store import content_key
 from ..core.tables import AnyArray, Columns, save_arrays
 from ..laws.size import normal_points
 from ..laws.turbulence import entering_energy
+from ..planning.dependence import Dependence, correlated, dependence
 from ..planning.plan import INPUT_SAMPLES, REPLICATES, SAME_AIR, replicate_size
-from ..planning.unknowns import FARTHEST, Unknown, unknown_kinds, unknowns, variation_at
+from ..planning.unknowns import FARTHEST, Unknown, unknowns, variation_at
 from ..planning.variation import AirVariation, Variation
 from .cache import code_of
 from .landings import BLOCKS, block_of
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
+MOST_AIRS = 2**16  # that are drawn for those that keep to the orders of a scene
 
 
 @dataclass(frozen=True)
@@ -76,11 +78,7 @@ class Ensemble:
         """Independent standard normal numbers ``z`` (R, K) as draws of this: those of the air, ``shared`` by several
         draws, go with each other alone, so that they stay shared.
         """
-        order = np.argsort(~shared, kind="stable")
-        found = np.empty_like(z)
-        root = np.linalg.cholesky(self.spread[np.ix_(order, order)])
-        found[:, order] = self.mean[order] + z[:, order] @ root.T
-        return np.clip(found, -FARTHEST, FARTHEST)
+        return np.clip(self.mean + correlated(z, self.spread, shared), -FARTHEST, FARTHEST)
 
 
 @dataclass
@@ -97,15 +95,28 @@ class DrawStage:
 
     @cached_property
     def design(self) -> Array:
-        """Where every draw lies (INPUT_SAMPLES, K): scrambled Sobol points as standard normal ones; of the air fewer,
-        each for several draws.
+        """Where every draw lies (INPUT_SAMPLES, K): the first that keep to the orders of the scene, those of one air
+        all or none. Raises SceneError where hardly any do.
         """
-        shared = np.array([unknown_kinds[one.kind].of_air for one in self.unknowns], dtype=bool)
-        seed = self.tracks.scene.feed.seed
-        z = np.zeros((INPUT_SAMPLES, len(shared)))
-        z[:, ~shared] = normal_points(int((~shared).sum()), INPUT_SAMPLES, seed, 0)
-        z[:, shared] = np.repeat(normal_points(int(shared.sum()), INPUT_SAMPLES // SAME_AIR, seed, 1), SAME_AIR, axis=0)
-        return z if self.ensemble is None else self.ensemble.at(z, shared)
+        ties = dependence(self.tracks.scene, self.tracks.plan, self.unknowns)
+        wanted = airs = INPUT_SAMPLES // SAME_AIR
+        while airs <= MOST_AIRS:
+            z = self._points(airs, ties)
+            kept = ties.kept(z).reshape(airs, SAME_AIR).all(axis=1)
+            if kept.sum() >= wanted:
+                return np.asarray(z[np.repeat(kept, SAME_AIR)][:INPUT_SAMPLES])
+            airs *= 2
+        raise SceneError("uncertainty.never_above: hardly any draw keeps to these orders; leave out some of them")
+
+    def _points(self, airs: int, ties: Dependence) -> Array:
+        """Where the draws in a number of ``airs`` lie (airs * SAME_AIR, K), tied as the scene says or as the ensemble:
+        scrambled Sobol points as standard normal ones; of the air fewer, each for several draws.
+        """
+        shared, seed = ties.of_air, self.tracks.scene.feed.seed
+        z = np.zeros((airs * SAME_AIR, len(shared)))
+        z[:, ~shared] = normal_points(int((~shared).sum()), airs * SAME_AIR, seed, 0)
+        z[:, shared] = np.repeat(normal_points(int(shared.sum()), airs, seed, 1), SAME_AIR, axis=0)
+        return ties.joined(z) if self.ensemble is None else self.ensemble.at(z, shared)
 
     def fly(self) -> InputSamples | None:
         """The draws, from the cache or flown; None where everything is known exactly."""
