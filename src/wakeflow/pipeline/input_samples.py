@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-MOST_AIRS = 2**16  # that are drawn for those that keep to the orders of a scene
+MOST_POINTS = 2**14  # of which INPUT_SAMPLES keep to the orders of a scene, or hardly any do
 
 
 @dataclass(frozen=True)
@@ -95,28 +95,44 @@ class DrawStage:
 
     @cached_property
     def design(self) -> Array:
-        """Where every draw lies (INPUT_SAMPLES, K): the first that keep to the orders of the scene, those of one air
-        all or none. Raises SceneError where hardly any do.
+        """Where every draw lies (INPUT_SAMPLES, K), all in the orders of the scene. Raises SceneError where hardly any
+        draw is.
         """
-        ties = dependence(self.tracks.scene, self.tracks.plan, self.unknowns)
-        wanted = airs = INPUT_SAMPLES // SAME_AIR
-        while airs <= MOST_AIRS:
-            z = self._points(airs, ties)
-            kept = ties.kept(z).reshape(airs, SAME_AIR).all(axis=1)
-            if kept.sum() >= wanted:
-                return np.asarray(z[np.repeat(kept, SAME_AIR)][:INPUT_SAMPLES])
-            airs *= 2
+        ties, points = dependence(self.tracks.scene, self.tracks.plan, self.unknowns), INPUT_SAMPLES
+        while points <= MOST_POINTS:
+            z = self._in_order(ties, *self._points(points, ties.of_air))
+            if len(z) == INPUT_SAMPLES:
+                return z
+            points *= 2
         raise SceneError("uncertainty.never_above: hardly any draw keeps to these orders; leave out some of them")
 
-    def _points(self, airs: int, ties: Dependence) -> Array:
-        """Where the draws in a number of ``airs`` lie (airs * SAME_AIR, K), tied as the scene says or as the ensemble:
-        scrambled Sobol points as standard normal ones; of the air fewer, each for several draws.
+    def _points(self, count: int, shared: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """Scrambled Sobol points as independent standard normal ones: ``count`` (count, K), and those of what is
+        ``shared`` by SAME_AIR of them; each 0 in the columns of the other.
         """
-        shared, seed = ties.of_air, self.tracks.scene.feed.seed
-        z = np.zeros((airs * SAME_AIR, len(shared)))
-        z[:, ~shared] = normal_points(int((~shared).sum()), airs * SAME_AIR, seed, 0)
-        z[:, shared] = np.repeat(normal_points(int(shared.sum()), airs, seed, 1), SAME_AIR, axis=0)
-        return ties.joined(z) if self.ensemble is None else self.ensemble.at(z, shared)
+        seed, own, air = self.tracks.scene.feed.seed, *(np.zeros((n, len(shared))) for n in (count, count // SAME_AIR))
+        own[:, ~shared] = normal_points(int((~shared).sum()), len(own), seed, 0)
+        air[:, shared] = normal_points(int(shared.sum()), len(air), seed, 1)
+        return own, air
+
+    def _in_order(self, ties: Dependence, own: Array, air: Array) -> Array:
+        """The first draws (INPUT_SAMPLES, K) that keep to the orders, or fewer; all of one air before those of the
+        next. A point that does not is left out, so that those that are taken fill what is left evenly.
+        """
+        if not ties.orders:
+            return self._tied(own + np.repeat(air, SAME_AIR, axis=0), ties)
+        air = air[ties.among(ties.of_air).kept(self._tied(air, ties))]
+        found: list[Array] = []
+        for point in own:
+            if len(found) == min(INPUT_SAMPLES, SAME_AIR * len(air)):
+                break
+            z = self._tied((point + air[len(found) // SAME_AIR])[None], ties)
+            found += list(z[ties.kept(z)])
+        return np.array(found)
+
+    def _tied(self, xi: Array, ties: Dependence) -> Array:
+        """Independent standard normal numbers (N, K) as the scene ties them, or as the ensemble does."""
+        return ties.joined(xi) if self.ensemble is None else self.ensemble.at(xi, ties.of_air)
 
     def fly(self) -> InputSamples | None:
         """The draws, from the cache or flown; None where everything is known exactly."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,11 @@ class Dependence:
         for low, high in self.orders:
             kept &= low.all_at(column.get(low.key, exact)) <= high.all_at(column.get(high.key, exact))
         return kept
+
+    def among(self, which: NDArray[np.bool_]) -> Dependence:
+        """The same with the orders of ``which`` unknowns (K,) and exact numbers alone."""
+        others = {one.key for one, own in zip(self.unknowns, which, strict=True) if not own}
+        return replace(self, orders=tuple(pair for pair in self.orders if not others & {one.key for one in pair}))
 
 
 def dependence(scene: Scene, plan: Plan, unknowns: Sequence[Unknown]) -> Dependence:
