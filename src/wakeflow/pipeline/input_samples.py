@@ -17,15 +17,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import known
+from ..core.errors import SceneError, known
 from ..core.lazy import cached_property
 from ..core.process import cores
 from ..core.store import content_key
 from ..core.tables import AnyArray, Columns, save_arrays
 from ..laws.size import normal_points
 from ..laws.turbulence import entering_energy
+from ..planning.dependence import Dependence, correlated, dependence
 from ..planning.plan import INPUT_SAMPLES, REPLICATES, SAME_AIR, replicate_size
-from ..planning.unknowns import FARTHEST, Unknown, unknown_kinds, unknowns, variation_at
+from ..planning.unknowns import FARTHEST, Unknown, unknowns, variation_at
 from ..planning.variation import AirVariation, Variation
 from .cache import code_of
 from .landings import BLOCKS, block_of
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
+MOST_POINTS = 2**14  # of which INPUT_SAMPLES keep to the orders of a scene, or hardly any do
 
 
 @dataclass(frozen=True)
@@ -76,11 +78,7 @@ class Ensemble:
         """Independent standard normal numbers ``z`` (R, K) as draws of this: those of the air, ``shared`` by several
         draws, go with each other alone, so that they stay shared.
         """
-        order = np.argsort(~shared, kind="stable")
-        found = np.empty_like(z)
-        root = np.linalg.cholesky(self.spread[np.ix_(order, order)])
-        found[:, order] = self.mean[order] + z[:, order] @ root.T
-        return np.clip(found, -FARTHEST, FARTHEST)
+        return np.clip(self.mean + correlated(z, self.spread, shared), -FARTHEST, FARTHEST)
 
 
 @dataclass
@@ -97,15 +95,44 @@ class DrawStage:
 
     @cached_property
     def design(self) -> Array:
-        """Where every draw lies (INPUT_SAMPLES, K): scrambled Sobol points as standard normal ones; of the air fewer,
-        each for several draws.
+        """Where every draw lies (INPUT_SAMPLES, K), all in the orders of the scene. Raises SceneError where hardly any
+        draw is.
         """
-        shared = np.array([unknown_kinds[one.kind].of_air for one in self.unknowns], dtype=bool)
-        seed = self.tracks.scene.feed.seed
-        z = np.zeros((INPUT_SAMPLES, len(shared)))
-        z[:, ~shared] = normal_points(int((~shared).sum()), INPUT_SAMPLES, seed, 0)
-        z[:, shared] = np.repeat(normal_points(int(shared.sum()), INPUT_SAMPLES // SAME_AIR, seed, 1), SAME_AIR, axis=0)
-        return z if self.ensemble is None else self.ensemble.at(z, shared)
+        ties, points = dependence(self.tracks.scene, self.tracks.plan, self.unknowns), INPUT_SAMPLES
+        while points <= MOST_POINTS:
+            z = self._in_order(ties, *self._points(points, ties.of_air))
+            if len(z) == INPUT_SAMPLES:
+                return z
+            points *= 2
+        raise SceneError("uncertainty.never_above: hardly any draw keeps to these orders; leave out some of them")
+
+    def _points(self, count: int, shared: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """Scrambled Sobol points as independent standard normal ones: ``count`` (count, K), and those of what is
+        ``shared`` by SAME_AIR of them; each 0 in the columns of the other.
+        """
+        seed, own, air = self.tracks.scene.feed.seed, *(np.zeros((n, len(shared))) for n in (count, count // SAME_AIR))
+        own[:, ~shared] = normal_points(int((~shared).sum()), len(own), seed, 0)
+        air[:, shared] = normal_points(int(shared.sum()), len(air), seed, 1)
+        return own, air
+
+    def _in_order(self, ties: Dependence, own: Array, air: Array) -> Array:
+        """The first draws (INPUT_SAMPLES, K) that keep to the orders, or fewer; all of one air before those of the
+        next. A point that does not is left out, so that those that are taken fill what is left evenly.
+        """
+        if not ties.orders:
+            return self._tied(own + np.repeat(air, SAME_AIR, axis=0), ties)
+        air = air[ties.among(ties.of_air).kept(self._tied(air, ties))]
+        found: list[Array] = []
+        for point in own:
+            if len(found) == min(INPUT_SAMPLES, SAME_AIR * len(air)):
+                break
+            z = self._tied((point + air[len(found) // SAME_AIR])[None], ties)
+            found += list(z[ties.kept(z)])
+        return np.array(found)
+
+    def _tied(self, xi: Array, ties: Dependence) -> Array:
+        """Independent standard normal numbers (N, K) as the scene ties them, or as the ensemble does."""
+        return ties.joined(xi) if self.ensemble is None else self.ensemble.at(xi, ties.of_air)
 
     def fly(self) -> InputSamples | None:
         """The draws, from the cache or flown; None where everything is known exactly."""

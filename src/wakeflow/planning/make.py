@@ -23,6 +23,7 @@ from .collision_rates import Encounters, shifted
 from .collisions import CollisionPlan, plan_collisions, too_many_to_collide, why_no_collisions
 from .cost import estimate_cost, expected_stages
 from .coupling import Limit, limits
+from .dependence import orders
 from .flight_scales import flights
 from .lock_in import AirMotion, vibration_of_scene
 from .messages import missing_lines, used_lines, warning_lines
@@ -63,13 +64,19 @@ def make_plan(
     override the scene's; ``force`` switches terms on or off in addition to those of the scene's [force]: {"lift": "on"}
     for all fractions, {"chaff.lift": "on"} for one; True and False do as well.
 
-    Raises SceneError when a rung or term is asked for that cannot be had, or when a term that cannot be computed
-    could move a fraction by more than the accuracy asked for.
+    Raises SceneError when a rung or term is asked for that cannot be had, when a term that cannot be computed could
+    move a fraction by more than the accuracy asked for, or when a number is above another that it is never above.
     """
     given = Scene.of(scene).fed()
-    target = _accuracy(given, target_error)
-    switches = {**given.force, **switched(force)}
-    airflow, motion = _airflow(given, given.numerics.rung if rung is None else rung, target, switches.get(VIBRATION))
+    target, switches = _accuracy(given, target_error), {**given.force, **switched(force)}
+    made = _planned(given, given.numerics.rung if rung is None else rung, switches, target)
+    orders(given, made)
+    return made
+
+
+def _planned(given: Scene, rung: str, switches: Mapping[str, bool], target: float) -> Plan:
+    """The plan of a scene by a ``rung``, with its terms as switched, for the error ``target`` of a share."""
+    airflow, motion = _airflow(given, rung, target, switches.get(VIBRATION))
     flown, chain = airflow.flown(given), given.air is not None and airflow.kind == "none"
     check_switches(flown, switches, airflow.turbulence)
     known = approaches(flown, airflow)

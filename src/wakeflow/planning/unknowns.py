@@ -26,6 +26,7 @@ from ..laws.lift import MAGNUS_RANGE
 from ..laws.material import Moisture, default_margins, materials
 from ..laws.restitution import Restitution
 from ..scene import Fraction, Scene
+from ..scene.ties import margins_of
 from ..scene.uncertainty import SIGMAS as SIGMAS
 from .airflow import AirflowPlan
 from .plan import Plan
@@ -58,8 +59,12 @@ class Unknown:
 
     def at(self, z: float) -> float:
         """The number ``z`` standard deviations off."""
-        z = float(np.clip(z, -FARTHEST, FARTHEST))
-        return self.value + z / SIGMAS * (self.high if z > 0.0 else self.low)
+        return float(self.all_at(np.array(z)))
+
+    def all_at(self, z: Array) -> Array:
+        """The numbers ``z`` (N,) standard deviations off."""
+        z = np.clip(z, -FARTHEST, FARTHEST)
+        return np.asarray(self.value + z / SIGMAS * np.where(z > 0.0, self.high, self.low))
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -87,8 +92,12 @@ unknown_kinds: Registry[UnknownKind] = Registry("unknown")
 
 def unknowns(scene: Scene, plan: Plan) -> list[Unknown]:
     """Everything that is not known exactly of ``scene`` under ``plan``."""
-    found = (one for name in unknown_kinds for one in unknown_kinds[name].found(scene, plan))
-    return [one for one in found if one.low > 0.0 or one.high > 0.0]
+    return [one for one in numbers(scene, plan) if one.low > 0.0 or one.high > 0.0]
+
+
+def numbers(scene: Scene, plan: Plan) -> list[Unknown]:
+    """The same with what is exact: an unknown that is off by nothing."""
+    return [one for name in unknown_kinds for one in unknown_kinds[name].found(scene, plan)]
 
 
 def variation_at(scene: Scene, plan: Plan, known: Sequence[Unknown], z: Array) -> Variation:
@@ -103,7 +112,7 @@ def _unknown(
     scene: Scene, key: str, entry: str, value: float, unit: str, confidence: str = "all", fraction: str | None = None
 ) -> Unknown:
     """The number at ``key``, as far off on either side as the scene says or by the default for the ``entry``."""
-    own, why = scene.uncertainty.get(key), "the scene"
+    own, why = margins_of(scene.uncertainty).get(key), "the scene"
     if own is None:
         default = default_margins()[entry]
         how = "given without" if confidence == GIVEN else f"confidence {confidence},"

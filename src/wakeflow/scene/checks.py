@@ -18,11 +18,13 @@ from .measured import Measured
 from .pictures import STANDARD_FIGURES, Streamlines
 from .rungs import rungs
 from .table import RESERVED_BIN
-from .uncertainty import OF_FRACTION, OF_SCENE
+from .ties import margins_of, wrong_ties
+from .uncertainty import NEVER_ABOVE, OF_FRACTION, OF_SCENE, TOGETHER
 from .whole import SceneTables
 
 APART = 0.02  # widths of the first body: bodies that are nearer to each other, or to an opening, cannot be meshed
 OVER_THE_TOP = "top"  # the bin of what upward air carries out of the channel, where the scene has none up there
+FLOWN_APART = ("collisions.restitution", "collisions.friction")  # at either end, not drawn with the other numbers
 Array = NDArray[np.float64]
 
 
@@ -311,11 +313,13 @@ def _rung_fits(scene: SceneTables) -> Iterator[str]:
 
 
 def _uncertain_numbers_exist(scene: SceneTables) -> Iterator[str]:
-    known = [*(f"fraction.{name}.{key}" for name in scene.fraction for key in OF_FRACTION), *OF_SCENE]
-    for key in scene.uncertainty:
-        if key not in known:
+    units = {f"fraction.{name}.{key}": unit for name in scene.fraction for key, unit in OF_FRACTION.items()} | OF_SCENE
+    for key in margins_of(scene.uncertainty):
+        if key not in units:
+            hint = did_you_mean(key, [*units, TOGETHER, NEVER_ABOVE])
             able = f"{', '.join(OF_SCENE)}, and of a fraction {', '.join(OF_FRACTION)}"
-            yield f"uncertainty.{key}: no number that takes an uncertainty{did_you_mean(key, known)} (which do: {able})"
+            yield f"uncertainty.{key}: no number that takes an uncertainty{hint} (which do: {able})"
+    yield from wrong_ties(scene.uncertainty, {key: unit for key, unit in units.items() if key not in FLOWN_APART})
 
 
 def _trays_known(scene: SceneTables) -> Iterator[str]:

@@ -15,6 +15,7 @@ from ..core.quantities import quantity, split_quantity
 SIGMAS = 1.959964  # standard deviations to either end of a normal distribution's middle 95 %
 Margin = float | str  # half of a 95 % interval: in the number's unit (SI), or "5 %" of the number
 VALUE, MARGIN, TABLE = "value", "uncertainty", "uncertainty"
+TOGETHER, NEVER_ABOVE = "together", "never_above"  # keys of the table that tie numbers to each other (ties.py)
 EITHER_SIGN = ("feed.position",)  # of what may be uncertain: only such a number can be off by more than itself
 # What may be uncertain, and the unit of each number
 OF_FRACTION = {
@@ -67,7 +68,8 @@ def _is_uncertain(key: str) -> bool:
 
 
 def margins(value: object) -> object:
-    """{"air.speed": 0.1} from {air: {speed: "0.1 m/s"}}, as TOML reads ``uncertainty.air.speed = "0.1 m/s"``.
+    """{"air.speed": 0.1} from {air: {speed: "0.1 m/s"}}, as TOML reads ``uncertainty.air.speed = "0.1 m/s"``; what ties
+    numbers to each other as it is.
 
     Raises ValueError for what is no uncertainty.
     """
@@ -76,20 +78,22 @@ def margins(value: object) -> object:
     return dict(_flat(value, ""))
 
 
-def _flat(table: Mapping[object, object], place: str) -> Iterator[tuple[str, Margin]]:
+def _flat(table: Mapping[object, object], place: str) -> Iterator[tuple[str, object]]:
     for key, value in table.items():
         inside = f"{place}{key}"
-        if isinstance(value, Mapping):
+        if inside in (TOGETHER, NEVER_ABOVE):
+            yield inside, value
+        elif isinstance(value, Mapping):
             yield from _flat(value, f"{inside}.")
         else:
             yield inside, _margin(inside, value)
 
 
-def _margin(key: str, value: object) -> Margin:
+def _margin(key: str, value: object) -> object:
     """An uncertainty as it is kept: a number of the SI, or a percentage as text. That of a number that takes none is
     left as it is: the whole scene tells which numbers do.
     """
-    if not _is_uncertain(key) and isinstance(value, str | int | float):
+    if not _is_uncertain(key):
         return value
     unit = OF_SCENE.get(key) or OF_FRACTION.get(key.rpartition(".")[2], "1")
     example = "5 %" if unit == "1" else f"0.1 {unit}"

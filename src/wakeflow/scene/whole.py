@@ -21,7 +21,8 @@ from .pictures import AnyPicture
 from .plumb import Plumb
 from .rungs import rungs
 from .table import Array, Name, Table, WithUnit
-from .uncertainty import Margin, margins
+from .ties import UncertaintyTable
+from .uncertainty import margins
 
 # -- Terms that are switched by hand -----------------------------------------------------------------------------------
 States = Mapping[str, bool | str | Mapping[str, bool | str]]  # of terms: True or "on", False or "off"
@@ -59,7 +60,6 @@ def states_of(table: States) -> dict[str, bool]:
 
 
 # -- [numerics] --------------------------------------------------------------------------------------------------------
-Margins = dict[str, float | str | dict[str, float | str | dict[str, float | str]]]
 Switches = dict[str, bool | Literal["on", "off"] | dict[str, bool | Literal["on", "off"]]]
 MAX_RANKS = 256  # beyond what any mesh of one layer can use
 
@@ -157,7 +157,7 @@ class SceneTables(Table):
     force: Annotated[dict[str, bool], BeforeValidator(_switches, json_schema_input_type=Switches)] = Field(
         {}, description="terms switched by hand, on or off: TERM for all fractions, FRACTION.TERM for one"
     )
-    uncertainty: Annotated[dict[str, Margin], BeforeValidator(margins, json_schema_input_type=Margins)] = Field(
+    uncertainty: Annotated[UncertaintyTable, BeforeValidator(margins)] = Field(
         {}, description="half of the 95 % interval of a number, by its key: uncertainty.air.speed = '3 %'; 0: exact"
     )
     picture: dict[Name, AnyPicture] = Field({}, description="drawn beside the usual pictures")
