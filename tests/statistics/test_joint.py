@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from wakeflow.statistics.joint import JointShares, misfit, tied_errors
 
 from wakeflow.scene.measured import Measured, Tray
 from wakeflow.scene.uncertainty import SIGMAS
-from wakeflow.statistics.joint import JointShares, misfit, tied_errors
 
 PLACES = [("a", "left"), ("a", "right"), ("b", "left"), ("b", "right")]
 

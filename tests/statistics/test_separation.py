@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.stats import norm, qmc
+from wakeflow.statistics.inputs import InputRange, Inputs, Moved, _points, response
 
 from support import landings_in, shipped
 from wakeflow.core.errors import SceneError
@@ -16,7 +17,6 @@ from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown
 from wakeflow.scene import Scene
 from wakeflow.statistics import inputs
 from wakeflow.statistics.grid_convergence import cell_size, estimate, extrapolate, observed_order
-from wakeflow.statistics.inputs import InputRange, Inputs, Moved, _points, response
 from wakeflow.statistics.separation import separate, share_interval
 
 

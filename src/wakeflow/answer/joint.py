@@ -31,6 +31,7 @@ LEVEL = 0.95  # of every interval
 BENT = 3  # order of the polynomial in an input that says what it does alone
 MOST_TOLD = 64  # of more inputs than that
 MOST_TOGETHER = 128  # inputs that are told apart by one regression; of more each is taken by itself
+TIED = 0.15  # correlation of draws from which two inputs move together: of independent ones it is 0.02
 LEAST = 1e-12  # of a variance that is one
 HOUR = 3600.0  # s
 INPUTS, LACK = "inputs", "lack of fit"
@@ -326,9 +327,16 @@ class Bins:
         design = np.column_stack([np.ones(DRAWS), self.joint.z])
         return design, np.linalg.pinv(design)
 
+    @cached_property
+    def _tied(self) -> NDArray[np.bool_]:
+        """Which inputs (keys, keys) move together; each with itself."""
+        if len(self.joint.keys) < 2:
+            return np.ones((len(self.joint.keys),) * 2, dtype=bool)
+        return np.abs(np.corrcoef(self.joint.z.T)) > TIED
+
     def alone(self, of: Of, key: str, values: Array | None = None) -> Callable[[Array], Array]:
-        """What an input alone does to a number at z (n,) standard deviations, about 0 at z = 0: a polynomial through
-        the draws, once all that goes with the other inputs in a straight line is taken off them.
+        """What an input does to a number at z (n,) standard deviations, about 0 at z = 0: a polynomial through the
+        draws, once all that goes with the inputs that are independent of it in a straight line is taken off them.
         """
         y = (self.values(of, frozenset({INPUTS})) if values is None else values).mean(axis=0)
         place = self.joint.keys.index(key)
@@ -336,8 +344,8 @@ class Bins:
         if len(self.joint.keys) <= MOST_TOGETHER:
             design, inverse = self._lines
             line = inverse @ y
-            line[[0, place + 1]] = 0.0
-            y = y - design @ line
+            line[1:][self._tied[place]] = 0.0
+            y = y - design[:, 1:] @ line[1:]
         powers = np.stack([z**order for order in range(BENT + 1)], axis=1)
         found, *_ = np.linalg.lstsq(powers, y, rcond=None)
         return lambda at: np.asarray(sum(found[order] * at**order for order in range(1, BENT + 1)))
@@ -368,7 +376,7 @@ class Bins:
         """
         own, values = float(of(self.value)) if value is None else value, self.values(of)
         for key, part in parts.items():
-            z, does = self.joint.z[:, self.joint.keys.index(key)], self.alone(of, key)
+            z, does = self.joint.z[:, self.joint.keys.index(key)], self.alone(of, key, values)
             values = values + does(part * z) - does(z)
         return middle(values, own, self.joint.weight, (0.0, 1.0))
 

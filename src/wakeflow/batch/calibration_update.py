@@ -1,9 +1,8 @@
-"""What measured shares say of all shares and inputs: draws of the joint answer are moved until they are as measured.
+"""What measured shares say of all shares and inputs: the draws of the joint answer that are as measured.
 
-An ensemble smoother with several data assimilations (Emerick & Reynolds 2013, Comput. Geosci. 55, 3): each of STEPS
-times the draws of inputs and of all other errors go by their covariance with what the trays would show towards what
-they showed, measured STEPS times as badly. The shares of a draw are computed anew after each from its inputs. About the
-inputs that come out granules are flown again, until that moves them no more.
+Draws of the inputs and of all other errors go from what was known before to what the trays leave of it by a sequential
+Monte Carlo (:mod:`.tempering`); the shares of a draw follow from its inputs by the response. About the inputs that come
+out granules are flown again, and the response is made anew of all flights, until that moves the inputs no more.
 
 Next to the inputs the model has errors of its own, which no measurement takes away: each share has a *discrepancy*, so
 that many exact trays do not make an input known beyond what the model bears.
@@ -13,43 +12,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..answer.joint import DRAWS, JointAnswer, bounded, column, quantiles, tied_root
-from ..budget.agreement import RARE, Agreement, agreement_of, weights_in
+from ..budget.agreement import RARE, Agreement, agreement_of, inverse_of, weights_in
 from ..budget.budget import make_budget
 from ..budget.inputs import UNKNOWN
 from ..budget.source import Flights
 from ..core.errors import SceneError, known
 from ..pipeline.input_samples import DrawnLandings, Ensemble, InputSamples
+from ..planning.dependence import Dependence
 from ..planning.unknowns import FARTHEST, Unknown
 from ..scene.measured import Measured
-from ..statistics.ensemble import acting, responses
+from ..statistics.ensemble import acting, in_order, responses
 from ..statistics.response import Response
+from .tempering import Likelihood, tempered
 
 Array = NDArray[np.float64]
 DISCREPANCY = 0.02  # half of the 95 % interval by which the model itself may miss a share of a half. Chosen
 LEAST_DISCREPANCY = 0.1  # of that, for a share of 0 or 1
 LARGEST_DISCREPANCY = 0.3  # of a share of a half: a model that misses by more says nothing
-STEPS = 4  # assimilations
 MOST_ROUNDS = 5  # of flights
 STANDS = 0.25  # standard deviations by which an input may still move at the end
 NARROWEST = 0.5  # standard deviations of the first range: narrower draws would show nothing but noise
 TINY = 1e-10  # of the largest eigenvalue: a combination of trays that is known no better is no test of its own
 HALVINGS = 20  # of the range in which the least discrepancy is looked for
-
-
-class State(NamedTuple):
-    """Draws: of the inputs ``z`` (DRAWS, keys), and of what everything else adds to the shares, ``error`` (DRAWS,
-    fractions, bins + 1).
-    """
-
-    z: Array
-    error: Array
 
 
 @dataclass(frozen=True)
@@ -114,30 +103,70 @@ def updated(flights: Flights, measured: Measured, discrepancy: float = DISCREPAN
     if draws is None:
         raise SceneError("calibrate: every number of the scene is exact; say how well they are known, [uncertainty]")
     joint, _ = make_budget(flights)
-    agreement = agreement_with(joint, measured, discrepancy)
-    first, towards = _state(joint, discrepancy), partial(_assimilated, joint, measured)
-    flown, how = draws, responses(flights.pipeline.scene, draws)
-    found, rounds, stands = towards(first, _table(flights, joint, draws, how)), 1, False
+    agreement, scene = agreement_with(joint, measured, discrepancy), flights.pipeline.scene
+    known_before = _Before.of(joint, known(flights.ties), discrepancy)
+    flown, how = draws, responses(scene, draws)
+    target = _likelihood(known_before, measured, _table(flights, joint, draws, how))
+    found, rounds, stands = tempered(target, known_before.draws), 1, False
     while rounds < MOST_ROUNDS and not stands:
-        mean, spread = found.z.mean(axis=0), np.atleast_2d(np.cov(found.z.T))
-        again = known(flights.pipeline.draws_of(Ensemble(mean, _wide_enough(spread))))
-        flown = _joined(flown, again)
-        how = responses(flights.pipeline.scene, flown)
-        found, rounds = towards(first, _table(flights, joint, flown, how)), rounds + 1
-        apart = np.abs(found.z.mean(axis=0) - mean) / np.maximum(found.z.std(axis=0), NARROWEST)
-        stands = bool(np.max(apart) <= STANDS)
-    after = _posterior(joint, found, _changes(flights, joint, flown, how))
-    return Updated(tuple(draws.unknowns), joint, after, agreement, rounds, stands, discrepancy, found.z)
+        z = known_before.inputs(found)
+        mean, spread = z.mean(axis=0), np.atleast_2d(np.cov(z.T))
+        flown = _joined(flown, known(flights.pipeline.draws_of(Ensemble(mean, _wide_enough(spread)))))
+        how, old = responses(scene, flown), target
+        target = _likelihood(known_before, measured, _table(flights, joint, flown, how))
+        found, rounds = tempered(target, found, old), rounds + 1
+        z = known_before.inputs(found)
+        stands = bool(np.max(np.abs(z.mean(axis=0) - mean) / np.maximum(z.std(axis=0), NARROWEST)) <= STANDS)
+    z = in_order(known_before.inputs(found), known(flights.ties))
+    after = _posterior(joint, z, known_before.error(found), _changes(flights, joint, flown, how))
+    return Updated(tuple(draws.unknowns), joint, after, agreement, rounds, stands, discrepancy, z)
 
 
-def _state(joint: JointAnswer, discrepancy: float) -> State:
-    """The draws before anything is measured."""
-    error = sum(joint.errors.values(), np.zeros((DRAWS, *joint.own.value.shape)))
-    for number, (name, halves) in enumerate(zip(joint.fractions, missed_by(joint, discrepancy), strict=True)):
-        root = tied_root(halves)
-        drawn = np.stack([column(f"discrepancy.{name}.{i}") for i in range(root.shape[1])], axis=1)
-        error[:, number] += drawn @ root.T
-    return State(joint.z, error)
+@dataclass(frozen=True)
+class _Before:
+    """What is known before: independent standard normal ``draws`` (DRAWS, keys + shares), of which the first are the
+    inputs, that move together by their ``ties``, and the others, by ``roots`` (fractions, bins + 1, bins + 1), all
+    other errors together.
+    """
+
+    joint: JointAnswer
+    ties: Dependence
+    roots: Array
+    draws: Array
+
+    @classmethod
+    def of(cls, joint: JointAnswer, ties: Dependence, discrepancy: float) -> _Before:
+        error = sum(joint.errors.values(), np.zeros((DRAWS, *joint.own.value.shape)))
+        roots = []
+        for number, halves in enumerate(missed_by(joint, discrepancy)):
+            spread = np.atleast_2d(np.cov(error[:, number].T)) + (one := tied_root(halves)) @ one.T
+            sizes, ways = np.linalg.eigh(spread)
+            roots.append(ways * np.sqrt(np.clip(sizes, 0.0, None)))
+        names = [*joint.keys, *(f"error.{name}.{i}" for name in joint.fractions for i in range(len(roots[0])))]
+        return cls(joint, ties, np.array(roots), np.stack([column(name) for name in names], axis=1))
+
+    def inputs(self, draws: Array) -> Array:
+        """The inputs (n, keys) of ``draws`` (n, keys + shares), in standard deviations."""
+        return np.clip(self.ties.joined(draws[:, : len(self.joint.keys)]), -FARTHEST, FARTHEST)
+
+    def error(self, draws: Array) -> Array:
+        """What else is added to the shares (n, fractions, bins + 1)."""
+        own = draws[:, len(self.joint.keys) :].reshape(len(draws), *self.roots.shape[:2])
+        return np.asarray(np.einsum("nfi,fbi->nfb", own, self.roots))
+
+
+def _likelihood(before: _Before, measured: Measured, table: Changes) -> Likelihood:
+    """The logarithm of how likely the trays are in draws, of which those that break an order are impossible."""
+    weights, (inverse, _) = weights_in(before.joint, measured), inverse_of(measured.covariance)
+
+    def likely(draws: Array) -> Array:
+        z = before.inputs(draws)
+        shares = bounded(table(z) + before.error(draws))
+        off = measured.shares - shares.reshape(len(draws), -1) @ weights.T
+        found = -0.5 * np.einsum("ni,ij,nj->n", off, inverse, off)
+        return np.where(before.ties.kept(z), found, -np.inf)
+
+    return likely
 
 
 Changes = Callable[[Array], Array]  # of the inputs (n, keys), what they change of every cell (n, fractions, cells)
@@ -159,35 +188,16 @@ def _table(flights: Flights, joint: JointAnswer, draws: InputSamples, how: Mappi
     return lambda z: np.asarray((joint.base + change(z)) @ parts)
 
 
-def _assimilated(joint: JointAnswer, measured: Measured, state: State, table: Changes) -> State:
-    """The draws once what was measured is known."""
-    weights, (sizes, ways) = weights_in(joint, measured), np.linalg.eigh(measured.covariance)
-    root = ways * np.sqrt(STEPS * np.clip(sizes, 0.0, None))
-    for step in range(STEPS):
-        shares = bounded(table(state.z) + state.error)
-        shown = shares.reshape(DRAWS, -1) @ weights.T
-        noise = np.stack([column(f"tray.{step}.{i}") for i in range(len(root))], axis=1) @ root.T
-        every = np.hstack([state.z, state.error.reshape(DRAWS, -1)])
-        apart, off = every - every.mean(axis=0), shown - shown.mean(axis=0)
-        tray = off.T @ off / (DRAWS - 1) + STEPS * measured.covariance
-        gain = np.linalg.lstsq(tray, off.T @ apart / (DRAWS - 1), rcond=TINY)[0]
-        every = every + (measured.shares + noise - shown) @ gain
-        z = np.clip(every[:, : state.z.shape[1]], -FARTHEST, FARTHEST)
-        state = State(z, every[:, state.z.shape[1] :].reshape(state.error.shape))
-    return state
-
-
-def _posterior(joint: JointAnswer, state: State, change: Changes) -> JointAnswer:
-    """The joint answer of the draws: their mean is its value, and no source is told apart any more."""
-    cells, parts = joint.base + change(state.z), joint.cells.parts()
-    cells += np.einsum("nfb,fcb->nfc", state.error, _within(joint.base, parts))
+def _posterior(joint: JointAnswer, z: Array, error: Array, change: Changes) -> JointAnswer:
+    """The joint answer of draws: their mean is its value, and no source is told apart any more."""
+    cells, parts = joint.base + change(z), joint.cells.parts()
+    cells += np.einsum("nfb,fcb->nfc", error, _within(joint.base, parts))
     bounded(cells)
     middle = cells.mean(axis=0)
     rest = (cells - middle).astype(np.float16).astype(np.float32)
-    apart = state.z.std(axis=0)  # inputs by what is known of them now
-    z = (state.z - state.z.mean(axis=0)) / np.where(apart > 0.0, apart, 1.0)
-    z = z.astype(np.float32).astype(float)
-    return replace(joint, base=middle, change=rest, z=z, sources=(), images=None)
+    apart = z.std(axis=0)  # inputs by what is known of them now
+    own = ((z - z.mean(axis=0)) / np.where(apart > 0.0, apart, 1.0)).astype(np.float32).astype(float)
+    return replace(joint, base=middle, change=rest, z=own, sources=(), images=None)
 
 
 def _within(base: Array, parts: Array) -> Array:

@@ -131,7 +131,7 @@ def agreement_of(joint: JointAnswer, measured: Measured, missed: Array | None = 
     weights, told = weights_in(joint, measured), trays_in(joint, measured)
     noise = measured.covariance + (0.0 if missed is None else weights @ missed @ weights.T)
     off = measured.shares - told.mean(axis=0)
-    inverse, freedom = _inverse(np.atleast_2d(np.cov(told.T)) + noise)
+    inverse, freedom = inverse_of(np.atleast_2d(np.cov(told.T)) + noise)
     seen = (
         told - told.mean(axis=0) + np.random.default_rng(SEED).multivariate_normal(np.zeros(len(off)), noise, len(told))
     )
@@ -158,7 +158,7 @@ def _tray(weights: Array, table: Array) -> Array:
     return np.asarray(table.reshape(*table.shape[:-2], -1) @ weights)
 
 
-def _inverse(covariance: Array) -> tuple[Array, int]:
+def inverse_of(covariance: Array) -> tuple[Array, int]:
     """The inverse over the combinations that are free, and how many these are."""
     sizes, ways = np.linalg.eigh(covariance)
     free = sizes > TINY * max(float(sizes.max()), TINY)

@@ -21,6 +21,7 @@ from ..core.registry import Registry
 from ..pipeline.airflow import Airflow
 from ..pipeline.landings import Landings
 from ..pipeline.pipeline import Pipeline
+from ..planning.dependence import Dependence, dependence
 from ..planning.stages import StageCost, Workload, error_sources
 from ..planning.unknowns import SIGMAS
 from ..statistics.ensemble import joint_answer, responses
@@ -136,6 +137,12 @@ class Flights:
         )
 
     @cached_property
+    def ties(self) -> Dependence | None:
+        """How the inputs that are drawn depend on each other; None where everything is known exactly."""
+        draws = self._made.get(INPUTS)
+        return None if draws is None else dependence(self.pipeline.scene, self.pipeline.plan, draws.unknowns)
+
+    @cached_property
     def ensemble(self) -> JointAnswer:
         """The joint answer with what the unknown inputs change, and with no other source of error."""
         scene, crowd, draws = self.pipeline.scene, self.crowd, self._made.get(INPUTS)
@@ -144,7 +151,7 @@ class Flights:
         factors = None if self.among is None else {name: self.among.factor(name) for name in self.landings}
         salt = self.pipeline.tracks_key if crowd is None else f"{self.pipeline.collisions_key}"
         return joint_answer(
-            scene, self.landings, draws=draws, how=self._made.get(RESPONSES), factors=factors, salt=salt
+            scene, self.landings, draws=draws, ties=self.ties, how=self._made.get(RESPONSES), factors=factors, salt=salt
         )
 
     @property

@@ -12,12 +12,14 @@ from ..answer.cells import Cells
 from ..answer.joint import DRAWS, LACK, JointAnswer, Source, columns
 from ..pipeline.input_samples import DrawnLandings, InputSamples
 from ..pipeline.landings import Landings
+from ..planning.dependence import Dependence
 from ..planning.unknowns import Unknown, unknown_kinds
 from ..scene import Scene
 from .response import Places, Response, response
 from .separation import shares_in
 
 Array = NDArray[np.float64]
+LOTS = 64  # of draws among which one is looked for that keeps an order
 
 
 def acting(unknowns: Sequence[Unknown], fraction: str) -> list[int]:
@@ -59,17 +61,48 @@ def _image(landed: DrawnLandings, images: Sequence[int]) -> DrawnLandings:
     return DrawnLandings(landed.position * np.array([-1.0, 1.0], dtype=np.float32), turned[landed.bin])
 
 
+def draws_of(unknowns: Sequence[Unknown], ties: Dependence | None) -> Array:
+    """Every input (DRAWS, keys) in standard deviations, as they move together. A draw that breaks an order is drawn
+    anew; where hardly any keeps them, one that does stands for it.
+    """
+    keys = [one.key for one in unknowns]
+    z = columns(keys)
+    if ties is None:
+        return z
+    z = ties.joined(z)
+    kept = ties.kept(z)
+    for lot in range(1, LOTS):
+        if kept.all():
+            return z
+        again = ties.joined(columns(f"{key} {lot}" for key in keys))
+        taken = ~kept & ties.kept(again)
+        z[taken], kept = again[taken], kept | taken
+    return in_order(z, ties)
+
+
+def in_order(z: Array, ties: Dependence) -> Array:
+    """The draws ``z`` (DRAWS, keys), those that break an order replaced by others that keep it."""
+    kept = ties.kept(z)
+    if kept.all() or not kept.any():
+        return z
+    found = z.copy()
+    found[~kept] = np.resize(z[kept], (int((~kept).sum()), z.shape[1]))
+    return found
+
+
 def joint_answer(
     scene: Scene,
     landings: Mapping[str, Landings],
     *,
     draws: InputSamples | None = None,
+    ties: Dependence | None = None,
     how: Mapping[str, Response] | None = None,
     factors: Mapping[str, float] | None = None,
     sources: Sequence[Source] = (),
     salt: str = "",
 ) -> JointAnswer:
-    """The joint answer of the ``landings`` by fraction, whose inputs ``draws`` say and their responses ``how``, with a
+    """The joint answer of the ``landings`` by fraction, whose inputs ``draws`` say, how these depend on each other
+    (``ties``) and how the landings go with them (``how``), with a
     factor for each fraction on what those change; ``sources``: of error beside; ``salt``: of this run alone.
     """
     names, cells = list(landings), Cells.of(scene, len(landings))
@@ -77,7 +110,8 @@ def joint_answer(
     targets = {name: tuple(scene.fraction[name].targets) for name in names}
     keys = [] if draws is None else [one.key for one in draws.unknowns]
     # As few digits as are kept in the run's folder: what is read there again says the same
-    z, change = columns(keys).astype(np.float32).astype(float), np.zeros((DRAWS, len(names), cells.count), np.float16)
+    drawn = np.zeros((DRAWS, 0)) if draws is None else draws_of(draws.unknowns, ties)
+    z, change = drawn.astype(np.float32).astype(float), np.zeros((DRAWS, len(names), cells.count), np.float16)
     scale, roots = np.ones((DRAWS, len(names))), np.zeros((len(names), len(scene.bin) + 1, len(scene.bin) + 1))
     for number, name in enumerate(names if draws is not None and how is not None else ()):
         factor, one = (factors or {}).get(name, 1.0), (how or {})[name]

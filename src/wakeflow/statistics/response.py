@@ -226,29 +226,31 @@ class Response:
         found = np.empty((len(z), self.cells.count))
         nearest = _nearest(z, self.z, self.weight, 1)[:, 0]
         neighbours = _nearest(self.z, self.z, self.weight, NEAREST)
-        chance = np.random.default_rng(SEED)
         for draw in np.unique(nearest):
             mine = np.flatnonzero(nearest == draw)
-            cell = self._moved(places, z[mine], neighbours[draw], chance)
+            cell = self._moved(places, z[mine], neighbours[draw])
             found[mine] = _shares(cell, self.cells.count) - before
         found += self.rest.gain(z) @ self.beyond
         return found, np.sqrt(self.rest.doubt(z))
 
-    def _moved(self, places: Places, z: Array, like: Whole, chance: np.random.Generator) -> Whole:
+    def _moved(self, places: Places, z: Array, like: Whole) -> Whole:
         """The cells (n, G) of granules at ``places`` (G,) in draws at ``z`` (n, K), which scatter as those ``like``."""
-        return _moved(self.cells, self.sides, self.own, places, z, like, chance)
+        return _moved(self.cells, self.sides, self.own, places, z, like)
 
 
 def _moved(
-    cells: Cells, sides: Mapping[int, Displacement], own: Places, places: Places, z: Array, like: Whole,
-    chance: np.random.Generator,
-) -> Whole:  # fmt: skip
+    cells: Cells, sides: Mapping[int, Displacement], own: Places, places: Places, z: Array, like: Whole, rows: int = 1
+) -> Whole:
+    """The cells (n, G); of the granules' scatter so many ``rows`` are chosen, by default one for all draws, so that the
+    cells change with z alone.
+    """
+    chance = np.random.default_rng(SEED)
     found = np.broadcast_to(places.cell, (len(z), len(places.cell))).copy()
     for side, one in sides.items():
         here = places.side == side
         at = places.place[here]
         moved = at + _between(one.at(z), at, one.knots)
-        moved += _scattered(at, own.place[like][one.kept[like]], one.beyond[like][one.kept[like]], len(z), chance)
+        moved += _scattered(at, own.place[like][one.kept[like]], one.beyond[like][one.kept[like]], rows, chance)
         found[:, here] = cells.at(np.full(moved.shape, side), moved, np.zeros_like(moved, dtype=np.int64))
     return found
 
@@ -297,13 +299,13 @@ def response(cells: Cells, z: Array, own: Places, then: Places, copies: int = 1)
     weight = np.mean([one.going.weight for one in sides.values()], axis=0) if sides else np.zeros(z.shape[1])
     neighbours = _nearest(z, z, weight, NEAREST + 1)
     bins = cells.parts().argmax(axis=1)
-    many, chance = int(bins.max()) + 1, np.random.default_rng(SEED)
+    many = int(bins.max()) + 1
     beyond, each = np.zeros((len(z), cells.count)), np.zeros((*own.cell.shape, many))
     for draw in range(len(z)):
         mine = Places(*(one[draw] for one in own))
         again = np.repeat(z[draw : draw + 1], REPEATS, axis=0)
         like = neighbours[draw][neighbours[draw] != draw][:NEAREST]
-        told = _moved(cells, sides, own, mine, again, like, chance)
+        told = _moved(cells, sides, own, mine, again, like, REPEATS)
         beyond[draw] = _shares(then.cell[draw : draw + 1], cells.count)[0] - _shares(told, cells.count).mean(axis=0)
         each[draw] = _inside(bins[then.cell[draw]], many) - _inside(bins[told], many).mean(axis=0)
     outputs = beyond @ cells.parts()
