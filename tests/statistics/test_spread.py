@@ -110,7 +110,9 @@ def test_a_steady_airflow_has_the_interval_of_the_replicates(scene: Scene) -> No
     assert spread.airflow == 0.0
     assert spread.sampling == pytest.approx(t.ppf(0.975, 15) * samples.std(ddof=1) / 4.0, rel=1e-12)
     share = separate(scene, {"soft": landing, "hard": landing}).fractions["soft"]["near"]
-    assert (share.low, share.high) == pytest.approx((share.value - spread.sampling, share.value + spread.sampling))
+    assert (share.low, share.high) == pytest.approx(
+        (share.value - spread.sampling, share.value + spread.sampling), abs=0.05 * spread.sampling
+    )  # read off draws
 
 
 def test_parts_of_the_budget_add_up_to_the_interval(scene: Scene) -> None:
@@ -118,7 +120,7 @@ def test_parts_of_the_budget_add_up_to_the_interval(scene: Scene) -> None:
     shares = separate(scene, {"soft": landing, "hard": landing}).fractions["soft"]
     for share, spread in zip(shares.values(), share_spreads(landing, 2), strict=True):
         assert spread.airflow > spread.sampling
-        assert 0.5 * (share.high - share.low) == pytest.approx(spread.together)
+        assert 0.5 * (share.high - share.low) == pytest.approx(spread.together, rel=0.04)  # read off draws
 
 
 @pytest.mark.parametrize(("count", "total"), [(0, 1), (1, 1), (0, 4096), (1, 7), (200, 4096), (4096, 4096)])

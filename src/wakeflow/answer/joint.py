@@ -59,10 +59,11 @@ def columns(keys: Iterable[str]) -> Array:
 
 @dataclass(frozen=True)
 class Source:
-    """What one source of error does to the shares of all fractions: ``roots`` (fractions, bins + 1, rank), of the
-    covariance of each fraction's shares, times numbers of its own; ``scale`` (DRAWS, fractions) of each draw, 1 where
-    there is none. ``shared``: the same draw in every run, not one of this run's. ``bounded``: nothing is known of it
-    between two bounds. ``computing``: whether finer computing makes it smaller.
+    """What one source of error does to the shares of all fractions: ``roots`` (fractions, bins + 1, rank) of their
+    covariance, times numbers of each fraction's own, or where it moves all fractions ``together`` of all; ``scale``
+    (DRAWS, fractions) of each draw, 1 where there is none. ``shared``: the same draw in every run, not one of this
+    run's. ``bounded``: nothing is known of it between two bounds. ``computing``: whether finer computing makes it
+    smaller.
     """
 
     name: str
@@ -70,6 +71,7 @@ class Source:
     computing: bool = True
     bounded: bool = False
     shared: bool = False
+    together: bool = False
     scale: Array | None = None
 
     def draws(self, fractions: Sequence[str], salt: str) -> Array:
@@ -78,7 +80,7 @@ class Source:
         for number, name in enumerate(fractions):
             root = self.roots[number]
             used = [i for i in range(root.shape[1]) if np.any(root[:, i])]
-            own = "" if self.shared else f"{salt}.{name}"
+            own = "" if self.shared else f"{salt}.{'' if self.together else name}"
             for i in used:
                 z = column(f"{self.name}.{own}.{i}")
                 found[:, number] += (_rectangular(z) if self.bounded else z)[:, None] * root[:, i]
@@ -132,7 +134,9 @@ class JointAnswer:
 
     def record(self) -> JointRecord:
         """What result.json says of it."""
-        sources = tuple(JointSource(one.name, one.computing, one.bounded, one.shared) for one in self.sources)
+        sources = tuple(
+            JointSource(one.name, one.computing, one.bounded, one.shared, one.together) for one in self.sources
+        )
         ends = {name: (float(low), float(high)) for name, (low, high) in self.cells.ends.items()}
         return JointRecord(
             DRAWS, self.fractions, dict(self.targets), self.keys, self.cells.bins, dict(self.cells.on), ends,
@@ -157,7 +161,15 @@ class JointAnswer:
         edges = {side: edges[side] for side in SIDES if side in edges}
         cells = Cells(record.bins, record.on, record.ends, edges)
         sources = tuple(
-            Source(one.name, arrays[f"root.{i}"], one.computing, one.bounded, one.shared, _wide(arrays, f"scale.{i}"))
+            Source(
+                one.name,
+                arrays[f"root.{i}"],
+                one.computing,
+                one.bounded,
+                one.shared,
+                one.together,
+                _wide(arrays, f"scale.{i}"),
+            )
             for i, one in enumerate(record.sources)
         )
         shapes = {"mass": (len(record.fractions),), "z": (record.draws, len(record.inputs)),

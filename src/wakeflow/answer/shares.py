@@ -251,6 +251,7 @@ class JointSource:
     computing: bool = column("", "whether finer computing makes it smaller")
     bounded: bool = column("", "whether only its bounds are known")
     shared: bool = column("", "whether its draw is the same in every run")
+    together: bool = column("", "whether it moves all fractions by the same draw")
 
 
 @dataclass(frozen=True)

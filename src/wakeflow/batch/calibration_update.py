@@ -192,9 +192,8 @@ def _posterior(joint: JointAnswer, z: Array, error: Array, change: Changes) -> J
     """The joint answer of draws: their mean is its value, and no source is told apart any more."""
     cells, parts = joint.base + change(z), joint.cells.parts()
     cells += np.einsum("nfb,fcb->nfc", error, _within(joint.base, parts))
-    bounded(cells)
-    middle = cells.mean(axis=0)
-    rest = (cells - middle).astype(np.float16).astype(np.float32)
+    middle = bounded(cells.mean(axis=0))  # of what nothing lands in, nothing
+    rest = (bounded(cells) - middle).astype(np.float16).astype(np.float32)
     apart = z.std(axis=0)  # inputs by what is known of them now
     own = ((z - z.mean(axis=0)) / np.where(apart > 0.0, apart, 1.0)).astype(np.float32).astype(float)
     return replace(joint, base=middle, change=rest, z=own, sources=(), images=None)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from ..answer.joint import Source as Column
 from ..answer.provenance import RefinedSettings
 from ..answer.shares import MEASURED, BudgetPart
 from ..planning.plan import REPLICATES
@@ -17,6 +20,9 @@ class Sampling(Source[None]):
     def shares(self, fraction: FractionResults) -> Parts:
         spent = fraction.flights.tracking
         return {bin_: [self.part(spread.sampling, spent)] for bin_, spread in fraction.spreads.items()}
+
+    def column(self, fractions: Sequence[FractionResults]) -> Column | None:
+        return Column(self.name, fractions[0].flights.sample_errors.sampling, together=True)
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         return max(sampled(part.error or 0.0, now, then), 0.5 * REPLICATES / landed(then))
@@ -36,6 +42,9 @@ class AirflowStatistics(Source[None]):
             return self.unless_known(fraction)
         note = f"from {clusters} " + ("shedding cycles" if cycles > 1 else "states of the airflow")
         return {bin_: [self.part(spread.airflow, note=note)] for bin_, spread in fraction.spreads.items()}
+
+    def column(self, fractions: Sequence[FractionResults]) -> Column | None:
+        return Column(self.name, fractions[0].flights.sample_errors.airflow, together=True)
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         return (part.error or 0.0) * averaged(now, then)

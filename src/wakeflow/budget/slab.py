@@ -7,13 +7,14 @@ the change's alone, and is nothing where the two agree within their noise.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import copysign, sqrt
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from ..answer.joint import Source as Column
 from ..answer.provenance import RefinedSettings
 from ..answer.shares import PERTURBED_RERUN, BudgetPart
 from ..core.number import student
@@ -21,7 +22,7 @@ from ..pipeline.slab import CollisionRerun, SlabFound
 from ..planning.cost import slab_again
 from ..planning.stages import Scaling, Stage, StageCost, Workload, stages
 from ..planning.unknowns import half_of
-from .source import FractionResults, Parts, Source, add, sampled
+from .source import FractionResults, Parts, Source, add, sampled, signed_column
 
 if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
@@ -107,8 +108,10 @@ class _BetweenGranules(_SlabAgain):
         ]
         return tuple(one for one in ends if one is not None) or None
 
-    def signed(self, fraction: FractionResults) -> dict[str, float] | None:
-        return {place: moved for place, (moved, _) in self._compared(fraction).items()} or None
+    def column(self, fractions: Sequence[FractionResults]) -> Column | None:
+        return signed_column(
+            self.name, [{place: moved for place, (moved, _) in self._compared(one).items()} for one in fractions]
+        )
 
     @property
     def flown(self) -> tuple[str, ...]:

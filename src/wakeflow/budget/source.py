@@ -13,7 +13,10 @@ from dataclasses import dataclass, field
 from math import sqrt
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 
+import numpy as np
+
 from ..answer.joint import Bins, JointAnswer
+from ..answer.joint import Source as Column
 from ..answer.provenance import RefinedSettings
 from ..answer.shares import UNKNOWN, BudgetPart
 from ..core.lazy import cached_property
@@ -25,7 +28,7 @@ from ..planning.dependence import Dependence, dependence
 from ..planning.stages import StageCost, Workload, error_sources
 from ..planning.unknowns import SIGMAS
 from ..statistics.ensemble import joint_answer, responses
-from ..statistics.separation import Spread, share_spreads
+from ..statistics.separation import SampleErrors, Spread, sample_errors, share_spreads
 from .comparison import AmongOthers, compared
 
 if TYPE_CHECKING:
@@ -82,11 +85,11 @@ class Source(Generic[Flown]):
         del fraction  # for subclasses
         return {}
 
-    def signed(self, fraction: FractionResults) -> Mapping[str, float] | None:
-        """What this source changes of the fraction's share in every bin at the upper end of its 95 % interval, where it
-        is a number of the world that is the same one in every run; None of any other.
+    def column(self, fractions: Sequence[FractionResults]) -> Column | None:
+        """This source in the joint answer, where it knows how the errors of shares go together; None where it does not:
+        what one bin of a fraction has too much, its others then lack.
         """
-        del fraction  # for subclasses
+        del fractions  # for subclasses
         return None
 
     def landing(self, fraction: FractionResults) -> Sequence[BudgetPart]:
@@ -128,6 +131,11 @@ class Flights:
             self._made[source.name] = source.fly(self.pipeline, self.tracked)
         found: Flown | None = self._made[source.name]
         return found
+
+    @cached_property
+    def sample_errors(self) -> SampleErrors:
+        """How the errors of all shares go together that finite numbers of granules and of shedding cycles make."""
+        return sample_errors(self.landings, len(self.pipeline.scene.bin), self.pipeline.scene.images)
 
     @cached_property
     def among(self) -> AmongOthers | None:
@@ -208,6 +216,17 @@ class FractionResults:
 
 
 budget_sources = cast("Registry[Source[Any]]", error_sources)
+
+
+def signed_column(name: str, changes: Sequence[Mapping[str, float]], *, computing: bool = False) -> Column | None:
+    """A number of the world, the same one in every run, by what it ``changes`` of every fraction's share in every bin
+    at the upper end of its 95 % interval.
+    """
+    if not any(changes):
+        return None
+    bins = next(len(one) for one in changes if one)
+    halves = [list(one.values()) if one else [0.0] * bins for one in changes]
+    return Column(name, np.array(halves)[..., None] / SIGMAS, computing=computing, shared=True)
 
 
 def add(source: Source[Flown]) -> Source[Flown]:

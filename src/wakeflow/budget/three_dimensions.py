@@ -10,11 +10,13 @@ gains the fraction's other bins lose in proportion.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import ClassVar
 
+from ..answer.joint import Source as Column
 from ..answer.shares import CALIBRATED
 from ..planning.three_dimensions import farther_in_three_dimensions, log_odds
-from .source import FractionResults, Parts, Source, add
+from .source import FractionResults, Parts, Source, add, signed_column
 
 
 class ThirdDimension(Source[None]):
@@ -26,10 +28,13 @@ class ThirdDimension(Source[None]):
 
     def shares(self, fraction: FractionResults) -> Parts:
         note = "as far as its share in three dimensions is from the plane one, each granule alone"
-        found = self.signed(fraction) or {}
+        found = self._moved(fraction)
         return {place: [self.part(abs(moved), note=note)] for place, moved in found.items()}
 
-    def signed(self, fraction: FractionResults) -> dict[str, float] | None:
+    def column(self, fractions: Sequence[FractionResults]) -> Column | None:
+        return signed_column(self.name, [self._moved(one) for one in fractions])
+
+    def _moved(self, fraction: FractionResults) -> dict[str, float]:
         pipeline = fraction.pipeline
         farther = farther_in_three_dimensions(pipeline.scene, pipeline.plan).get(fraction.name, {})
         found = dict.fromkeys(fraction.shares, 0.0)
@@ -40,7 +45,7 @@ class ThirdDimension(Source[None]):
             moved = 1.0 / (1.0 + math.exp(-log_odds(own) - more)) - own
             for other, share in fraction.shares.items():
                 found[other] += moved if other == place else -moved * share / (1.0 - own)
-        return found if farther else None
+        return found if farther else {}
 
 
 add(ThirdDimension())

@@ -60,17 +60,13 @@ def _columns(joint: JointAnswer, parts: Parts, results: Mapping[str, FractionRes
     bounds = {part.source: part.kind in BOUNDS for part in every if part.error is not None and part.source != INPUTS}
     for name, bounded in bounds.items():
         source = budget_sources[name] if not bounded and name in budget_sources else None
-        computing = not bounded and not _beyond_computing(name)
-        signed = {} if source is None else {one: source.signed(found) for one, found in results.items()}
-        if any(signed.values()):
-            roots = [
-                [[(signed[one] or {}).get(place, 0.0) / SIGMAS] for place in parts[one]] for one in joint.fractions
-            ]
-            yield Column(name, np.array(roots), computing=computing, shared=True)
+        own = None if source is None else source.column([results[one] for one in joint.fractions])
+        if own is not None:
+            yield own
             continue
         halves = {one: np.array([_half(name, found) for found in parts[one].values()]) for one in joint.fractions}
         tied = np.stack([tied_root(halves[one]) for one in joint.fractions])
-        yield Column(name, tied, computing=computing, bounded=bounded)
+        yield Column(name, tied, computing=not bounded and not _beyond_computing(name), bounded=bounded)
 
 
 def _half(name: str, parts: Sequence[BudgetPart]) -> float:

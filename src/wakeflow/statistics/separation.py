@@ -22,14 +22,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.joint import LEVEL, Source, tied_root
+from ..answer.joint import LEVEL, Source
 from ..answer.shares import Separation
 from ..core.number import Number, student
 from ..pipeline.landings import Landings, pooled
+from ..planning.unknowns import SIGMAS
 from ..scene import Scene
 
 # -- How far a share may be off for being taken from few granules and from few shedding cycles of the wake -------------
 Array = NDArray[np.float64]
+TINY = 1e-12  # of a share
 
 
 def wilson(count: int, total: int) -> tuple[float, float]:
@@ -177,12 +179,70 @@ def separate(scene: Scene, landings: Mapping[str, Landings]) -> Separation:
     """
     from .ensemble import joint_answer
 
-    spreads = {name: share_spreads(found, len(scene.bin), scene.images) for name, found in landings.items()}
-    sources = [
-        Source(which, np.stack([tied_root(np.array([getattr(one, which) for one in row])) for row in spreads.values()]))
-        for which in Spread._fields
-    ]
+    errors = sample_errors(landings, len(scene.bin), scene.images)
+    sources = [Source(which, roots, together=True) for which, roots in errors._asdict().items()]
     return joint_answer(scene, landings, sources=sources).own.separation()
+
+
+class SampleErrors(NamedTuple):
+    """Roots (fractions, bins + 1, rank) of the covariance of all shares, by the finite numbers of granules and of
+    shedding cycles.
+    """
+
+    sampling: Array
+    airflow: Array
+
+
+def sample_errors(landings: Mapping[str, Landings], bins: int, images: Sequence[int] | None = None) -> SampleErrors:
+    """How the errors of all shares go together, each as large as :func:`share_spreads` says: of granules as the
+    replicates differ, of cycles as these do, which move all bins and all fractions at once.
+    """
+    cycles = cycles_of(landings.values())
+    tallies = [tally for one in landings.values() for tally in Tally.every(one, bins, cycles, images)]
+    spreads = [one for landing in landings.values() for one in share_spreads(landing, bins, images)]
+    every = np.stack([tally.deviations for tally in tallies])  # (shares, replicates, cycles)
+    seen = _seen(every, tallies[0].realisation, np.array([tally.chance for tally in tallies]))
+    found = []
+    for which, root in zip(Spread._fields, seen, strict=True):
+        wanted = np.array([getattr(one, which) for one in spreads]) / SIGMAS
+        found.append(_as_seen(root, wanted).reshape(len(landings), bins + 1, -1))
+    return SampleErrors(*found)
+
+
+def _seen(deviations: Array, realisation: NDArray[np.int64], chance: Array) -> tuple[Array, Array]:
+    """Roots (shares, n) of covariances of the mean, as :func:`spread_of` makes its variances of ``deviations`` (shares,
+    R, C): of the replicates, and of the cycles beyond what the granules in them explain.
+    """
+    shares, replicates, cycles = deviations.shape
+    blocks = [deviations[:, realisation == number] for number in np.unique(realisation)]
+    fields, free = len(blocks), replicates - len(blocks)
+    middle = [block.mean(axis=(1, 2))[:, None] for block in blocks]
+    rows = np.concatenate([b.mean(axis=2) - m for b, m in zip(blocks, middle, strict=True)], axis=1)
+    means = np.concatenate([block.mean(axis=1) for block in blocks], axis=1)
+    clusters = means.shape[1]
+    of_rows = student(free or replicates - 1) / SIGMAS / np.sqrt(replicates * max(1, free))
+    if clusters == 1:
+        return of_rows * rows, np.zeros((shares, 1))
+    rest = [b - b.mean(axis=1, keepdims=True) - b.mean(axis=2, keepdims=True) + m[:, :, None]
+            for b, m in zip(blocks, middle, strict=True)]  # fmt: skip
+    cells = np.concatenate([one.reshape(shares, -1) for one in rest], axis=1)
+    by_row = cycles * (rows @ rows.T / free if free else np.diag(chance))
+    by_cell = cells @ cells.T / (free * (cycles - 1)) if free and cycles > 1 else by_row
+    noise = ((fields - 1) * by_row + fields * (cycles - 1) * by_cell) / ((clusters - 1) * replicates / fields)
+    sizes, ways = np.linalg.eigh(np.cov(means) - noise)
+    of_means = student(clusters - 1) / SIGMAS / np.sqrt(clusters)
+    return of_rows * rows, of_means * ways * np.sqrt(np.clip(sizes, 0.0, None))
+
+
+def _as_seen(seen: Array, wanted: Array) -> Array:
+    """A root (shares, rank) of a covariance of errors that go together as those ``seen`` (shares, n), each of the
+    ``wanted`` standard deviation (shares,) at least. What shows none at all, as an empty bin, goes by itself.
+    """
+    size = np.sqrt((seen**2).sum(axis=1))
+    moves = size > TINY
+    grown = np.where(moves, np.maximum(1.0, wanted / np.where(moves, size, 1.0)), 0.0)
+    ways, sizes, _ = np.linalg.svd(grown[:, None] * seen, full_matrices=False)
+    return np.hstack([ways * sizes, np.diag(np.where(moves, 0.0, wanted))[:, ~moves]])
 
 
 def shares_in(scene: Scene, landings: Mapping[str, Landings]) -> dict[str, Array]:
