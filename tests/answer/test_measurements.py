@@ -4,14 +4,30 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
+import numpy as np
 import pytest
 
-from wakeflow.answer.measurements import METHODS, method_of, purchases
+from support import shipped
+from wakeflow.answer.cells import Cells
+from wakeflow.answer.joint import JointAnswer, Source, columns
+from wakeflow.answer.measurements import (
+    GAIN,
+    MAX_LISTED,
+    METHODS,
+    Purchase,
+    method_of,
+    purchases,
+    target_number,
+    worth_measuring,
+)
+from wakeflow.answer.result import Result
 from wakeflow.answer.shares import InputPart, InputSummary
-from wakeflow.core.number import Number
-from wakeflow.planning.unknowns import unknown_kinds
+from wakeflow.planning.unknowns import SIGMAS, unknown_kinds
 from wakeflow.report.words import measured_words
 
 PAGE = Path(__file__).parents[2] / "docs" / "measuring.md"
@@ -23,33 +39,80 @@ KNOWN = {
 }
 
 
-def _part(half: float, variance: float) -> InputPart:
-    return InputPart(half=half, variance=variance, error=0.05 * variance, rise=half)
+NAME = "recovery.wheat"
+
+
+def answer(halves: Mapping[str, float], known: Mapping[str, InputSummary] = KNOWN, rest: float = 0.0) -> Result:
+    """Of a fraction of which half lands in its target: what each input alone moves of that, and half of the interval
+    that all else makes.
+    """
+    cells, z = Cells.of(shipped("vacuum"), 1), columns(halves)
+    even = cells.parts() / cells.parts().sum(axis=0)
+    base, way = even @ np.array([0.5, 0.5, 0.0]), even @ np.array([1.0, -1.0, 0.0])
+    change = (z @ np.array(list(halves.values())) / SIGMAS)[:, None, None] * way
+    roots = rest / SIGMAS * np.array([[[1.0], [-1.0], [0.0]]])
+    joint = JointAnswer(
+        ("wheat",), np.ones(1), {"wheat": ("near",)}, 1.0, cells, None, tuple(halves), z, base[None],
+        change.astype(np.float32), (Source("sampling", roots),), "run",
+    )  # fmt: skip
+    return cast("Result", SimpleNamespace(joint=joint, landings=SimpleNamespace(inputs=known)))
+
+
+def bought_of(result: Result, parts: Mapping[str, InputPart] | None = None) -> list[Purchase]:
+    own = result.joint.own
+    of = own.of_share("wheat", ["near"])
+    return purchases(result, NAME, own.number(of), own.effects(of, "wheat") if parts is None else parts)
 
 
 def test_an_interval_becomes_narrower_by_the_part_of_the_number_alone() -> None:
     """Known to 0.03 instead of 0.1 the restitution leaves 0.3 of its half: 0.2^2 - 0.15^2 (1 - 0.09)."""
-    (bought,) = purchases(Number(0.76, 0.56, 0.96), {RESTITUTION: _part(0.15, 0.6)}, KNOWN)
+    (bought,) = bought_of(answer({RESTITUTION: 0.15}, rest=math.sqrt(0.2**2 - 0.15**2)))
     left = math.sqrt(0.2**2 - 0.15**2 * (1.0 - 0.3**2))
-    assert (bought.number.low, bought.number.high) == pytest.approx((0.76 - left, 0.76 + left))
+    assert (bought.number.value, bought.half, bought.unit) == (pytest.approx(0.5), 0.03, "1")
+    # The ends of 2048 draws are known to 3 % of the half
+    assert (bought.number.low, bought.number.high) == pytest.approx((0.5 - left, 0.5 + left), abs=0.03 * left)
     assert measured_words(bought) == "the restitution of wheat to +- 0.03 (a drop test)"
 
 
 def test_the_measurement_that_narrows_most_comes_first_and_what_nobody_measures_is_left_out() -> None:
-    parts = {
-        "air.speed": _part(0.05, 0.1),
-        RESTITUTION: _part(0.12, 0.4),
-        "fraction.wheat.inverse_inertia": _part(0.15, 0.5),
-    }
-    found = purchases(Number(0.76, 0.56, 0.96), parts, KNOWN)
+    halves = {"air.speed": 0.07, RESTITUTION: 0.12, "fraction.wheat.inverse_inertia": 0.15}
+    found = bought_of(answer(halves, rest=0.02))
     assert [one.key for one in found] == [RESTITUTION, "air.speed"]
+    assert found[0].number.half < found[1].number.half
 
 
 def test_what_is_known_better_already_and_what_may_be_chance_buys_nothing() -> None:
     sure = {RESTITUTION: InputSummary(0.5, 0.48, 0.52, unit="1", why="the scene")}
-    assert not purchases(Number(0.76, 0.56, 0.96), {RESTITUTION: _part(0.15, 0.6)}, sure)
-    vague = InputPart(half=0.15, variance=0.2, error=0.3, rise=0.15)
-    assert not purchases(Number(0.76, 0.56, 0.96), {RESTITUTION: vague}, KNOWN)
+    assert not bought_of(answer({RESTITUTION: 0.15}, sure))
+    one = answer({RESTITUTION: 0.15})
+    assert bought_of(one)
+    assert not bought_of(one, {RESTITUTION: InputPart(half=0.15, variance=0.2, error=0.3, rise=0.15)})
+
+
+def test_no_measurement_leaves_less_than_what_computing_adds() -> None:
+    """An input that does all there is beside the granules: it is known no better than these tell."""
+    result = answer({RESTITUTION: 0.2}, {RESTITUTION: InputSummary(0.5, -2.5, 3.5, unit="1", why="default")}, rest=0.05)
+    (bought,) = bought_of(result)
+    numerical = result.joint.own.share("wheat", "near").numerical
+    assert numerical is not None
+    assert numerical <= bought.number.half <= 1.05 * numerical
+
+
+def test_a_run_says_what_to_measure_of_its_own_numbers(small_run: Result) -> None:
+    """Each with the number that the run's own joint answer then has, narrower by half a point or more."""
+    found = list(worth_measuring(small_run))
+    assert found
+    for name, number, several in found:
+        assert name.split(".")[0] in ("recovery", "purity")
+        assert number == target_number(small_run.landings, name)
+        halves = [one.number.half for one in several]
+        assert halves == sorted(halves)
+        assert len(halves) <= MAX_LISTED
+        for one in several:
+            assert one.number.half <= number.half - GAIN
+            assert one.number.value == number.value
+            known = small_run.landings.inputs[one.key]
+            assert one.half < 0.5 * (known.high - known.low)
 
 
 @pytest.mark.parametrize("key", list(METHODS))

@@ -14,10 +14,11 @@ from result_page import PAGE, page
 import wakeflow as wf
 from support import landings_in, shipped
 from wakeflow.answer.notices import ENDINGS, _out_of_the_top, _unlanded, with_mesh_error
-from wakeflow.answer.result import Result
+from wakeflow.answer.result import SCHEMA, Result, asked_in
 from wakeflow.answer.shares import BudgetPart, InputPart, weightiest
 from wakeflow.cli.screen import MAX_WARNINGS, warn
 from wakeflow.core.errors import SceneError
+from wakeflow.core.files import write_json
 from wakeflow.core.graded import Grade
 from wakeflow.core.number import Number
 from wakeflow.core.record import from_json
@@ -114,7 +115,7 @@ def test_a_folder_without_a_run_is_one_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"schema": None}, "schema: is null, must have a value"),
+        ({"grades": None}, "grades: is null, must have a value"),
         ({"sparkle": 1}, "sparkle: is not known to this version"),
         ({"seconds": {"tracks": {"seconds": 1.0}}}, r"seconds\.tracks\.cached: is missing"),
     ],
@@ -142,20 +143,21 @@ def test_a_plan_is_read_back(cases: Path) -> None:
         assert from_json(Plan, table, "plan").summary() == table
 
 
-def test_a_result_of_schema_1_is_read(small_run: Result) -> None:
-    """Made by the last version that wrote it: the shipped vacuum of 256 granules. Its shares are today's; its intervals
-    are those of its own version.
-    """
-    old = Result.load(Path(__file__).parent / "schema_1")
-    assert (old.schema, old.plan.rung) == (2, "none")
-    assert not old.plan.notices
-    assert [notice for notice in small_run.plan.warnings if "no bin on the floor" not in notice] == []
-    for name, shares in small_run.separation["fractions"].items():
-        for place in shares:
-            assert old.share(name, place).value == small_run.share(name, place).value
-    assert old.share("hard", "near").low == 0.1410860998211264
-    rows = {row.quantity for row in small_run.budget}  # also of bins that got nothing, which had none
-    assert {row.quantity for row in old.budget} < rows
+@pytest.mark.parametrize("schema", [1, 2, SCHEMA + 1, None, "3"])
+def test_a_result_of_another_version_is_refused_by_one_line(schema: object, small_run: Result, tmp_path: Path) -> None:
+    """Which says how to make it anew: its scene and how it was asked for can still be read."""
+    table = {**small_run.table, "schema": schema}
+    write_json(tmp_path / "result.json", table | {"sha256": content_key(table)})
+    words = r"result.json is of another version of wakeflow; make it again with: wakeflow run SCENE --out "
+    for read in (lambda: Result.load(tmp_path), lambda: Result.from_json(tmp_path, table)):
+        with pytest.raises(SceneError, match=words + re.escape(str(tmp_path))) as told:
+            read()
+        assert "\n" not in str(told.value)
+    scene, asked = asked_in(tmp_path)
+    assert (scene, asked) == (small_run.scene, small_run.options)
+    without = {key: value for key, value in small_run.table.items() if key != "schema"}
+    with pytest.raises(SceneError, match=words):
+        Result.from_json(tmp_path, without)
 
 
 def test_the_page_says_what_the_types_hold() -> None:
@@ -178,6 +180,25 @@ def test_the_page_names_the_arrays_of_granules_npz(small_run: Result) -> None:
             wanted = tuple(sizes[part] for part in re.findall(r"\w", shape))
             assert data[array.strip("`")].shape == wanted
         assert first_column("The arrays of granules.npz") == data.files
+
+
+def test_the_page_names_the_arrays_of_joint_npz(small_run: Result) -> None:
+    """With their shapes: of a run whose response to the inputs has a lack of fit of its own in every draw."""
+    assert small_run.landings is not None
+    record, told = small_run.landings.joint, tables_of("The arrays of joint.npz")
+    assert record is not None
+    sizes = {"N": record.draws, "f": len(record.fractions), "k": len(record.inputs), "b": len(record.bins) + 1}
+    with np.load(small_run.folder / "joint.npz") as data:
+        sizes["c"] = data["base"].shape[1]
+        assert {name.partition(".")[0] for name in data.files} == {one[0].strip("`").partition(".")[0] for one in told}
+        for array, shape, *_ in told:
+            kind = array.strip("`").partition(".")[0]
+            for name in (name for name in data.files if name.partition(".")[0] == kind):
+                wanted = re.findall(r"\w", shape)
+                found = data[name].shape
+                assert len(found) == len(wanted)
+                assert all(size == sizes.get(letter, size) for size, letter in zip(found, wanted, strict=True)), name
+        assert sum(len(data[name]) - 1 for name in data.files if name.startswith("edges.")) < sizes["c"]
 
 
 @pytest.mark.parametrize("file", ["tracks.vtp", "landings.vtp"])

@@ -1,18 +1,21 @@
 """Sources of the budget are registered objects: what each of them owes, and one that is added from outside."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.stats import kstest
 
 import wakeflow as wf
 from support import landings_in, shipped
+from wakeflow.answer.cells import Cells
+from wakeflow.answer.joint import JointAnswer, columns
 from wakeflow.answer.provenance import RefinedSettings
 from wakeflow.answer.shares import (
     CALIBRATED,
@@ -29,10 +32,10 @@ from wakeflow.budget.comparison import MAX_FACTOR, AmongOthers, Comparison, comp
 from wakeflow.budget.mesh import Grid, difference_noise, mesh_error, shedding_noise
 from wakeflow.budget.model import MODEL
 from wakeflow.budget.slab import beyond_chance
-from wakeflow.budget.source import INPUTS, FractionResults, Parts, Source, add, budget_sources
-from wakeflow.budget.total import combine, numerical, remedies
+from wakeflow.budget.source import INPUTS, FractionResults, Parts, Source, add, budget_sources, signed_column
+from wakeflow.budget.total import in_ensemble, numerical, remedies, total_of
 from wakeflow.budget.truncation import AIR_SPEED, NO_EFFECT, VIBRATION, swung
-from wakeflow.core.number import student
+from wakeflow.core.number import Number, student
 from wakeflow.core.store import Store
 from wakeflow.laws.best_estimate import WakeEstimate, best_estimate
 from wakeflow.pipeline.cache import StageTime
@@ -268,10 +271,10 @@ def test_how_granules_rebound_from_each_other_is_no_part_of_computing() -> None:
     assert (met.restitution, met.friction) == (1.0, pytest.approx(scene.collisions.friction + 0.3))
     met = CollisionRerun("below", restitution=-0.9, friction=-0.1).applied(scene).collisions
     assert (met.restitution, met.friction) == (0.0, pytest.approx(scene.collisions.friction - 0.1))
-    parts = [part("collisions.friction", 0.04), part("sampling", 0.03)]
+    parts = [part("collisions.friction", 0.04), part("steps", 0.03)]
     assert numerical(parts) == pytest.approx(0.03)
-    total = combine(0.5, parts, 0.0)
-    assert (total.error, total.numerical) == (pytest.approx(0.05), pytest.approx(0.03))
+    total = total_in(parts)
+    assert (total.error, total.numerical) == (pytest.approx(0.05, rel=CLOSE), pytest.approx(0.03, rel=CLOSE))
 
 
 @pytest.mark.parametrize("paired", [True, False])
@@ -282,75 +285,178 @@ def test_of_two_slabs_what_chance_makes_is_taken_off(paired: bool) -> None:
         for _ in range(400):
             own = 0.4 + 0.03 * chance.normal(size=4 if paired else 16)
             changed = (own if paired else 0.4) + true + 0.03 * chance.normal(size=4)
-            parts.append(beyond_chance(changed, own, 1.0, paired=paired)[0] ** 2)
+            parts.append(beyond_chance(changed, own, paired=paired)[0] ** 2)
     assert np.sqrt(np.mean(found[0.05])) == pytest.approx(0.05, rel=0.05)
     assert np.median(found[0.0]) == 0.0
-    assert beyond_chance(np.array([0.5]), np.array([0.4]), 1.0, paired=True) == (pytest.approx(0.1), 1.0, None)
-    between = beyond_chance(own, changed, 1.0, paired=paired, part=0.5)  # the two ends of an interval
-    assert between[0] == 0.5 * beyond_chance(own, changed, 1.0, paired=paired)[0]
+    assert beyond_chance(np.array([0.5]), np.array([0.4]), paired=True) == (pytest.approx(0.1), None)
+    assert beyond_chance(np.array([0.4]), np.array([0.5]), paired=True) == (pytest.approx(-0.1), None)
+    between, note = beyond_chance(own, changed, paired=paired, part=0.5)  # the two ends of an interval
+    whole, _ = beyond_chance(own, changed, paired=paired)
+    assert between == 0.5 * whole < 0.0  # it was changed to more
+    assert note.startswith("half of a difference ")
+
+
+def test_what_a_number_between_granules_changes_goes_together_and_is_the_same_in_every_run() -> None:
+    """Signed, at the upper end of its interval: what one bin gains another loses, of all fractions at once."""
+    assert signed_column("collisions.friction", [{}, {}]) is None
+    changes = [{"near": 0.04, "far": -0.03, "elsewhere": -0.01}, {}]
+    column = signed_column("collisions.friction", changes)
+    assert column is not None
+    assert (column.computing, column.shared, column.roots.shape) == (False, True, (2, 3, 1))
+    found = column.draws(["a", "b"], "a run")
+    assert np.array_equal(found, column.draws(["a", "b"], "another"))
+    np.testing.assert_allclose(found[:, 0].sum(axis=1), 0.0, atol=1e-12)
+    assert not found[:, 1].any()
+    assert np.ptp(np.quantile(found[:, 0, 0], [0.025, 0.975])) == pytest.approx(0.08, rel=0.01)
+    assert np.corrcoef(found[:, 0, 0], found[:, 0, 1])[0, 1] == pytest.approx(-1.0)
 
 
 def part(source: str, error: float | None, kind: str | None = None, **more: float) -> BudgetPart:
     return BudgetPart(source, error, 1.0, "measured", kind, **more)
 
 
-def inputs(low: float, high: float) -> BudgetPart:
-    return part(INPUTS, max(-low, high), low=low, high=high)
+CLOSE = 0.03  # of the half of an interval: so well do 2048 draws tell its ends
+PLACES = ("near", "far", "elsewhere")
+# So that no source knows how the errors of its shares go together
+NOTHING_FLOWN = cast("FractionResults", SimpleNamespace(flights=SimpleNamespace(of=lambda source: None, crowd=None)))
+
+
+def answer_of(value: float, moved: Callable[[np.ndarray], np.ndarray] | None = None) -> JointAnswer:
+    """One fraction of which ``value`` lands near and all else far, and an input that moves granules from far to near by
+    what ``moved`` says at z (n,) standard deviations.
+    """
+    cells, keys = Cells.of(shipped("vacuum"), 1), ("air.speed",)
+    even, z = cells.parts() / cells.parts().sum(axis=0), columns(keys)
+    by = np.zeros(len(z)) if moved is None else moved(z[:, 0])
+    change = (by[:, None, None] * (even[:, 0] - even[:, 1])).astype(np.float32)
+    return JointAnswer(
+        ("grain",), np.ones(1), {"grain": ("near",)}, 1.0, cells, None, keys, z,
+        (even @ np.array([value, 1.0 - value, 0.0]))[None], change, salt="run",
+    )  # fmt: skip
+
+
+def with_parts(joint: JointAnswer, parts: Sequence[BudgetPart]) -> Number:
+    """The share near where the ``parts`` are those of the two bins: of elsewhere nobody errs."""
+    every = {"grain": {"near": parts, "far": parts, "elsewhere": []}}
+    return in_ensemble(joint, every, {"grain": NOTHING_FLOWN}).own.share("grain", "near")
+
+
+def total_in(
+    parts: Sequence[BudgetPart], value: float = 0.5, moved: Callable[[np.ndarray], np.ndarray] | None = None,
+    seconds: float = 0.0,
+) -> BudgetTotal:  # fmt: skip
+    """The total of the row of the share near."""
+    return total_of(with_parts(answer_of(value, moved), parts), parts, seconds)
+
+
+def arms(below: float, above: float) -> Callable[[np.ndarray], np.ndarray]:
+    """What an input moves whose 95 % range reaches so far below and above the answer."""
+    return lambda z: z / SIGMAS * np.where(z < 0.0, below, above)
 
 
 def test_independent_parts_add_up_in_squares() -> None:
-    total = combine(0.5, [part("sampling", 0.03), part("mesh", 0.04)], 7.0)
-    assert (total.error, total.numerical, total.seconds) == (pytest.approx(0.05), pytest.approx(0.05), 7.0)
-    assert (total.low, total.high) == (pytest.approx(0.45), pytest.approx(0.55))
+    total = total_in([part("steps", 0.03), part("mesh", 0.04)], seconds=7.0)
+    assert (total.error, total.numerical) == (pytest.approx(0.05, rel=CLOSE), pytest.approx(0.05, rel=CLOSE))
+    assert total.seconds == 7.0
+    assert (total.low, total.high) == (pytest.approx(0.45, abs=CLOSE * 0.05), pytest.approx(0.55, abs=CLOSE * 0.05))
     assert total.note is None
 
 
+def test_two_fractions_err_apart_and_what_one_bin_has_too_much_the_others_lack() -> None:
+    joint = answer_of(0.5)
+    pair = replace(
+        joint, fractions=("grain", "chaff"), mass=np.full(2, 0.5), targets={"grain": ("near",), "chaff": ()},
+        base=np.repeat(joint.base, 2, axis=0), change=np.repeat(joint.change, 2, axis=1),
+    )  # fmt: skip
+    parts = {name: {place: [part("mesh", 0.04 if place != "elsewhere" else 0.0)] for place in PLACES}
+             for name in pair.fractions}  # fmt: skip
+    results = dict.fromkeys(pair.fractions, NOTHING_FLOWN)
+    made = in_ensemble(pair, parts, results)
+    errors = made.errors["mesh"]
+    np.testing.assert_allclose(errors.sum(axis=-1), 0.0, atol=1e-12)
+    assert abs(np.corrcoef(errors[:, 0, 0], errors[:, 1, 0])[0, 1]) < 0.1
+    for name in pair.fractions:
+        assert made.own.share(name, "near").half == pytest.approx(0.04, rel=CLOSE)
+        assert made.own.share(name, "near").half == pytest.approx(made.own.share(name, "far").half)
+    both = made.own.number(made.own.of_share("grain", ["near", "far"]))
+    assert both.half < 1e-9
+
+
 def test_a_range_over_inputs_keeps_its_two_arms() -> None:
-    total = combine(0.5, [inputs(-0.08, 0.03), part("sampling", 0.04)], 0.0)
-    assert total.low == pytest.approx(0.5 - math.hypot(0.08, 0.04))
-    assert total.high == pytest.approx(0.5 + math.hypot(0.03, 0.04))
+    """Errors of a normal part beside: the arms of a bent range and of it are nearly squares that add up. The ends of
+    the middle 95 % of the sum lie within 6 % of the range of those.
+    """
+    total = total_in([part("steps", 0.04)], moved=arms(0.08, 0.03))
+    assert total.low == pytest.approx(0.5 - math.hypot(0.08, 0.04), abs=0.06 * 0.08)
+    assert total.high == pytest.approx(0.5 + math.hypot(0.03, 0.04), abs=0.06 * 0.08)
     assert total.error == pytest.approx(0.5 - total.low)
-    assert total.numerical == pytest.approx(0.04)  # inputs are not computed away
+    assert total.numerical == pytest.approx(0.04, rel=CLOSE)  # inputs are not computed away
+    alone = total_in([], moved=arms(0.08, 0.03))
+    assert (0.5 - alone.low, alone.high - 0.5) == (pytest.approx(0.08, rel=CLOSE), pytest.approx(0.03, rel=CLOSE))
+    told = total_in([part(INPUTS, 0.08, low=-0.08, high=0.03)], moved=arms(0.08, 0.03))
+    assert (told.low, told.high) == (alone.low, alone.high)  # what the ensemble holds already is not in it twice
 
 
 def test_a_bound_is_a_rectangular_distribution_and_no_part_of_computing() -> None:
-    total = combine(0.5, [part("lift", 0.01, LEFT_OUT), part("sampling", 0.05)], 0.0)
-    assert total.high == pytest.approx(0.5 + math.hypot(1.959964 / math.sqrt(3.0) * 0.01, 0.05))
-    assert total.numerical == pytest.approx(0.05)
+    total = total_in([part("lift", 0.01, LEFT_OUT), part("steps", 0.05)])
+    half = math.hypot(SIGMAS / math.sqrt(3.0) * 0.01, 0.05)
+    assert total.high == pytest.approx(0.5 + half, abs=CLOSE * half)
+    assert total.numerical == pytest.approx(0.05, rel=CLOSE)
     assert total.note is None  # small beside the total
+    alone = with_parts(answer_of(0.5), [part("lift", 0.2, LEFT_OUT)])
+    assert alone.half == pytest.approx(0.95 * 0.2, rel=CLOSE)  # between two bounds nothing is likelier
+    assert alone.numerical is None
+
+
+def test_nothing_is_beyond_a_bound_and_nothing_within_it_likelier() -> None:
+    """Of three bins too, whose errors go together."""
+    parts = {"grain": {place: [part("lift", 0.1, LEFT_OUT)] for place in PLACES}}
+    results = {"grain": NOTHING_FLOWN}
+    errors = in_ensemble(answer_of(0.5), parts, results).errors["lift"][:, 0]
+    assert np.abs(errors).max() <= 0.1 + 1e-12
+    for error in errors.T:
+        assert kstest(error, "uniform", (-0.1, 0.2)).statistic < 0.03
+    assert np.abs(errors.sum(axis=1)).max() < 0.1
 
 
 @pytest.mark.parametrize("kind", [LEFT_OUT, NOT_COMPUTED])
 def test_a_row_says_when_it_is_mostly_a_bound(kind: str) -> None:
-    total = combine(0.5, [part("magnus", 0.2, kind), part("sampling", 0.01)], 0.0)
-    assert total.error == pytest.approx(0.226, abs=1e-3)
+    """0.95 of a bound of 0.2, not the 0.226 of a normal part with its variance: nobody errs beyond a bound."""
+    total = total_in([part("magnus", 0.2, kind), part("steps", 0.01)])
+    assert total.error == pytest.approx(0.19, rel=CLOSE)
     assert "magnus" in total.note
 
 
 def test_an_unknown_part_leaves_no_total_but_says_what_to_do() -> None:
-    total = combine(0.5, [part("sampling", 0.01), part("mesh", None)], 0.0)
+    total = total_in([part("steps", 0.01), part("mesh", None)])
     assert total.error is None
-    assert (total.low, total.high) == (pytest.approx(0.49), pytest.approx(0.51))  # of what is known
+    assert (total.low, total.high) == (
+        pytest.approx(0.49, abs=CLOSE * 0.01),
+        pytest.approx(0.51, abs=CLOSE * 0.01),
+    )  # of what is known
     assert "mesh" in total.note
     assert "numerics.rung" in total.note
 
 
 def test_shares_keep_within_nothing_and_everything() -> None:
-    total = combine(0.99, [inputs(-0.5, 0.5)], 0.0)
-    assert (total.low, total.high) == (pytest.approx(0.49), 1.0)
-    assert combine(0.0, [part("sampling", 0.02)], 0.0).low == 0.0
+    total = total_in([], 0.99, arms(0.5, 0.5))
+    assert (total.low, total.high) == (pytest.approx(0.49, abs=CLOSE * 0.5), 1.0)
+    assert total_in([part("steps", 0.02)], 0.0).low == 0.0
 
 
 def test_a_range_that_leaves_the_answer_out_does_not_turn_its_interval_round() -> None:
     """All draws lie above the answer: nothing below it but the numerical part."""
-    total = combine(0.5, [inputs(0.02, 0.1), part("sampling", 0.01)], 0.0)
-    assert total.low == pytest.approx(0.49)
-    assert total.high == pytest.approx(0.5 + math.hypot(0.1, 0.01))
+    total = total_in([part("steps", 0.01)], moved=lambda z: 0.06 + 0.02 * z)
+    assert total.low == 0.5
+    # No draw of an input is farther than 2.5 standard deviations: that takes a hundredth off the half
+    assert total.high == pytest.approx(0.56 + math.hypot(0.02 * SIGMAS, 0.01), abs=(CLOSE + 0.01) * 0.04)
+    assert total.error == pytest.approx(total.high - 0.5)
 
 
 def test_the_numerical_part_is_neither_inputs_nor_bounds() -> None:
-    parts = [inputs(-0.3, 0.3), part("magnus", 0.2, NOT_COMPUTED), part("steps", 0.03), part("mesh", 0.04)]
+    parts = [part(INPUTS, 0.3), part("magnus", 0.2, NOT_COMPUTED), part("steps", 0.03), part("mesh", 0.04)]
     assert numerical(parts) == pytest.approx(0.05)
+    assert total_in(parts, moved=arms(0.3, 0.3)).numerical == pytest.approx(0.05, rel=CLOSE)
 
 
 COUNT = 2**14

@@ -117,14 +117,21 @@ def test_realisations_of_an_airflow_are_flown_in_turn_and_stand_in_the_budget(rh
     np.testing.assert_array_equal(landings.realisation, landings.replicate % 4)
     drift = [landings.position[landings.realisation == number, 0].mean() for number in range(4)]
     assert np.all(np.diff(drift) > 0) or np.all(np.diff(drift) < 0)
+    others = tuple(one for one in result.joint.sources if one.name != "airflow-statistics")
+    assert len(others) == len(result.joint.sources) - 1
+    steady = replace(result.joint, sources=others)
     for row in result.budget:
         if row.quantity.startswith("share.chaff."):
             parts = {part.source: part for part in row.parts}
             assert parts["airflow-statistics"].note == "from 4 states of the airflow"
             errors = [part.error or 0.0 for part in row.parts if part.kind is None and part.source != "inputs"]
-            assert row.total.numerical == pytest.approx(math.hypot(*errors))
-            _, low, high = result.share("chaff", row.quantity.removeprefix("share.chaff."))
-            assert high - low >= min(1.0, row.total.numerical)  # inputs and bounds beside it
+            place = row.quantity.removeprefix("share.chaff.")
+            share, alone = result.share("chaff", place), steady.own.share("chaff", place)
+            assert row.total.numerical == share.numerical
+            assert 0.4 * max(errors) < share.numerical <= 1.02 * math.hypot(*errors)  # shares end at 0 and 1
+            drift = parts["airflow-statistics"].error
+            assert (alone.numerical < 0.95 * share.numerical) == (drift > 0.5 * share.numerical)
+            assert share.high - share.low >= share.numerical  # inputs and bounds beside it
 
 
 @pytest.mark.usefixtures("extended")

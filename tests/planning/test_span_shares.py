@@ -7,7 +7,6 @@ import pytest
 
 from support import shipped
 from wakeflow.budget.source import budget_sources
-from wakeflow.core.number import Number
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.three_dimensions import FACTORS, in_three_dimensions, span_shares
 from wakeflow.scene import RESERVED_BIN, Scene
@@ -80,9 +79,7 @@ def test_the_distance_from_the_plane_share_widens_the_interval() -> None:
     """
     scene = shipped("rhombus", {"feed.rate": "1 kg/h"})
     places = [*scene.bin, RESERVED_BIN]
-    shares = {
-        place: Number(share, share, share) for place, share in zip(places, (0.91, 0.06, 0.03, 0, 0, 0), strict=True)
-    }
+    shares = dict(zip(places, (0.91, 0.06, 0.03, 0.0, 0.0, 0.0), strict=True))
     asked: Any = SimpleNamespace(
         name="dust", shares=shares, pipeline=SimpleNamespace(scene=scene, plan=make_plan(scene))
     )

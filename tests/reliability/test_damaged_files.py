@@ -34,6 +34,11 @@ def _granules(path: Path) -> Any:
     return {name: values.tolist() for name, values in kept_granules(path.parent).items()}
 
 
+def _joint(path: Path) -> Any:
+    joint = Result.load(path.parent).joint
+    return {name: (one.shape, one.tobytes()) for name, one in joint.arrays().items()}
+
+
 def _field(path: Path) -> Any:
     field = FlowField.load(path)
     return {name: np.asarray(getattr(field, name)).tolist() for name in ("points", "triangles", "velocity", "pressure")}
@@ -56,6 +61,7 @@ def _work(part: Path) -> None:
 READERS: dict[str, Read] = {
     "result.json": lambda path: Result.load(path.parent).table,
     "granules.npz": _granules,
+    "joint.npz": _joint,
     "field.npz": _field,
     ".point.json": lambda path: getattr(finished(path.parent, "stamp"), "table", None),
     "manifest.json": _stage,
@@ -68,14 +74,14 @@ def originals(small_run: Any, tmp_path_factory: pytest.TempPathFactory) -> dict[
     """A folder with each of the files, whole."""
     run = tmp_path_factory.mktemp("damage") / "run"
     run.mkdir()
-    for name in ("result.json", "granules.npz", "SHA256SUMS"):
+    for name in ("result.json", "granules.npz", "joint.npz", "SHA256SUMS"):
         shutil.copy(small_run.folder / name, run / name)
     (run / ".point.json").write_text(json.dumps({"stamp": "stamp", "key": key_in(run)}))
     points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     air = FlowField.from_arrays(points, [[0, 1, 2], [1, 3, 2]], 3.0 * points, np.arange(4.0))
     air.save(run / "field.npz")
     stage, _ = Store(run / "cache").make("tracks", "a" * 64, _work)
-    files = {name: run / name for name in ("result.json", "granules.npz", "field.npz", ".point.json")}
+    files = {name: run / name for name in ("result.json", "granules.npz", "joint.npz", "field.npz", ".point.json")}
     return files | {name: stage / name for name in ("manifest.json", "data")}
 
 
@@ -136,7 +142,7 @@ WRONG = {
     "inputs": ("inputs", {}, "is none of the inputs"),
     "bin": ("measure_next.soft", {"nowhere": {}}, "measure_next.soft.nowhere is no share"),
     "of targets": ("of_targets", {"recovery": {}}, "of_targets.recovery is no recovery"),
-    "version": ("schema", 1, "result.json is damaged"),
+    "version": ("schema", 2, "is of another version of wakeflow; make it again"),
     "rate": ("separation.throughput.near", -1.0, "is no rate"),
 }
 
@@ -178,6 +184,47 @@ def test_granules_that_cannot_be_are_refused_without_a_checksum_too(name: str, s
         kept_granules(tmp_path)
     np.savez(tmp_path / "granules.npz", **whole)
     assert set(kept_granules(tmp_path)) == set(whole)
+
+
+JOINTS: dict[str, Callable[[dict[str, Any], dict[str, Any]], object]] = {  # of the record and the arrays
+    "draws of others": lambda record, of: record.update(draws=7),
+    "inputs of others": lambda record, of: record.update(inputs=[]),
+    "fractions of others": lambda record, of: record.update(fractions=["hard"]),
+    "a side of others": lambda record, of: record["on"].update(near="left"),
+    "an end that is missing": lambda record, of: record["ends"].pop("near"),
+    "an image beyond": lambda record, of: record.update(images=[0, 9]),
+    "a source too many": lambda record, of: record["sources"].append({**record["sources"][0], "name": "mesh"}),
+    "a source too few": lambda record, of: record["sources"].pop(),
+    "no draws": lambda record, of: of.pop("change"),
+    "draws in rows": lambda record, of: of.update(z=of["z"].ravel()),
+    "draws that are none": lambda record, of: of.update(change=of["change"] * np.nan),
+    "words": lambda record, of: of.update(base=np.full(of["base"].shape, "many")),
+    "cells too few": lambda record, of: of.update(base=of["base"][:, 1:]),
+    "edges too few": lambda record, of: of.update({"edges.floor": of["edges.floor"][1:]}),
+    "errors of other bins": lambda record, of: of.update({"root.0": of["root.0"][:, 1:]}),
+    "a scale of other draws": lambda record, of: of.update({"scale.0": of["scale.0"][1:]}),
+}
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_draws_that_cannot_be_are_refused_without_a_checksum_too(name: str, small_run: Any, tmp_path: Path) -> None:
+    table = json.loads((small_run.folder / "result.json").read_text())
+    del table["sha256"]
+    with np.load(small_run.folder / "joint.npz") as kept:
+        arrays = dict(kept)
+    whole = arrays.copy()
+    assert "scale.0" in whole
+    JOINTS[name](table["joint"], arrays)
+    (tmp_path / "result.json").write_text(json.dumps(table))
+    np.savez(tmp_path / "joint.npz", **arrays)
+    with pytest.raises(SceneError, match=r"damaged; make it again"):
+        Result.load(tmp_path).joint.own.separation()
+    shutil.copy(small_run.folder / "result.json", tmp_path)
+    np.savez(tmp_path / "joint.npz", **whole)
+    assert Result.load(tmp_path).joint.own.share("hard", "far") == small_run.share("hard", "far")
+    (tmp_path / "joint.npz").unlink()
+    with pytest.raises(SceneError, match=r"holds no joint.npz; make it again with: wakeflow run"):
+        _ = Result.load(tmp_path).joint
 
 
 def test_an_archive_that_claims_more_than_it_holds_is_not_unpacked(small_run: Any, tmp_path: Path) -> None:

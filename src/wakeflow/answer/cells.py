@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.registry import did_you_mean
-from ..scene import RESERVED_BIN, Scene
+from ..scene import Scene
 from ..scene.machine import SIDES
 
 Array = NDArray[np.float64]
@@ -142,18 +142,22 @@ class Cells:
         found = np.zeros((self.count, len(self.bins) + 1))
         where = self.ends if ends is None else ends
         for name, (low, high) in where.items():
-            edges = self.edges[self.on[name]]
-            inside = np.clip(edges, low, high)
-            part = np.diff(inside) / np.diff(edges)
-            found[self.first[self.on[name]] + np.arange(len(part)), self.bins.index(name)] = part
+            found[:, self.bins.index(name)] = self.along_side(self.on[name], [(low, high)])
         for number, name in enumerate(self.others):
             found[self.count - 1 - len(self.others) + number, self.bins.index(name)] = 1.0
         found[:, -1] = 1.0 - found[:, :-1].sum(axis=1)
         return np.clip(found, 0.0, 1.0)
 
-    def bin_names(self) -> Iterator[str]:
-        """The bins in the scene's order, then elsewhere."""
-        yield from (*self.bins, RESERVED_BIN)
+    def along_side(self, side: str, stretches: Sequence[tuple[float, float]]) -> Array | None:
+        """The part (cells,) of every cell that lies between the ends (m) of some ``stretches`` of a side; None of one
+        without bins.
+        """
+        if side not in self.edges:
+            return None
+        found, edges = np.zeros(self.count), self.edges[side]
+        for low, high in stretches:
+            found[self.first[side] + np.arange(len(edges) - 1)] += np.diff(np.clip(edges, low, high)) / np.diff(edges)
+        return np.clip(found, 0.0, 1.0)
 
 
 def _edges(ends: Sequence[float], fine: int) -> Array:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ..core.lazy import cached_property
 from ..core.number import Number
 from ..planning.unknowns import FARTHEST, SIGMAS
+from ..scene import RESERVED_BIN
 from ..scene.machine import SIDES
 from .cells import Cells, Ends
 from .shares import InputPart, JointRecord, JointSource, Separation
@@ -34,6 +35,7 @@ MOST_TOGETHER = 128  # inputs that are told apart by one regression; of more eac
 TIED = 0.15  # correlation of draws from which two inputs move together: of independent ones it is 0.02
 LEAST = 1e-12  # of a variance that is one
 HOUR = 3600.0  # s
+PRODUCT = "product"  # a bin made of stretches of a side
 INPUTS, LACK = "inputs", "lack of fit"
 
 
@@ -193,8 +195,15 @@ class JointAnswer:
         if key not in self._read:
             if len(self._read) > 4:  # of a page on which somebody drags
                 self._read.pop(next(iter(self._read)))
-            self._read[key] = Bins(self, self.cells.parts(whole))
+            self._read[key] = Bins(self, self.cells.parts(whole), (*self.cells.bins, RESERVED_BIN))
         return self._read[key]
+
+    def between(self, side: str, stretches: Sequence[tuple[float, float]]) -> Bins | None:
+        """Its numbers in the bin PRODUCT, all that lands between the ends (m) of some ``stretches`` of a side; None of
+        one that has no bins, whose landings are not told apart.
+        """
+        inside = self.cells.along_side(side, stretches)
+        return None if inside is None else Bins(self, np.stack([inside, 1.0 - inside], axis=1), (PRODUCT, RESERVED_BIN))
 
     @cached_property
     def errors(self) -> dict[str, Array]:
@@ -217,16 +226,12 @@ def _owner(key: str) -> str | None:
 
 @dataclass(frozen=True)
 class Bins:
-    """A joint answer read in bins: ``parts`` (cells, bins + 1) of every cell that are in each."""
+    """A joint answer read in bins: ``parts`` (cells, bins + 1) of every cell that are in each; their ``names``."""
 
     joint: JointAnswer
     parts: Array
+    names: tuple[str, ...]
     _tables: dict[Any, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
-
-    @property
-    def names(self) -> list[str]:
-        """The bins, elsewhere last."""
-        return list(self.joint.cells.bin_names())
 
     @cached_property
     def value(self) -> Array:

@@ -26,7 +26,7 @@ from ..pipeline.input_samples import DrawnLandings, Ensemble, InputSamples
 from ..planning.dependence import Dependence
 from ..planning.unknowns import FARTHEST, Unknown
 from ..scene.measured import Measured
-from ..statistics.ensemble import acting, in_order, responses
+from ..statistics.ensemble import change_of, in_order, responses
 from ..statistics.response import Response
 from .tempering import Likelihood, tempered
 
@@ -176,7 +176,8 @@ def _changes(flights: Flights, joint: JointAnswer, draws: InputSamples, how: Map
     factors = {name: 1.0 if flights.among is None else flights.among.factor(name) for name in joint.fractions}
 
     def change(z: Array) -> Array:
-        told = [factors[name] * how[name](z[:, acting(draws.unknowns, name)])[0] for name in joint.fractions]
+        scene, known = flights.pipeline.scene, draws.unknowns
+        told = [factors[name] * change_of(scene, known, name, how[name], z)[0] for name in joint.fractions]
         return np.stack(told, axis=1)
 
     return change

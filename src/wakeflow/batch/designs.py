@@ -288,7 +288,9 @@ class _Scenes:
         new = spent - self.counted  # a stage that took the very same time is the same one, from the cache
         self.counted |= new
         spent_here = max(MIN_DESIGN_TIME, sum(seconds for _, seconds in new))
-        return Evaluation(spent_here, with_fan(entry.by_name), void=entry.reason == VOID)
+        quantities = with_fan(entry.by_name)
+        whole = replace(entry, quantities=tuple(quantities.values()))
+        return Evaluation(spent_here, quantities, void=entry.reason == VOID, entry=whole)
 
 
 def _nothing_found(history: History, scenes: _Scenes) -> str:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.table import TableQuantity
+from ..answer.table import Entry, TableQuantity, differences_of
 from ..core.errors import SceneError
 from ..core.registry import did_you_mean
 from .task import SearchTask
@@ -29,13 +29,14 @@ TWO_SIGMA = 2.0
 class Evaluation:
     """One design at one level: its ``quantities`` by name, or the ``problem`` for which it has none; the core-seconds
     that it cost, stages that others had made before not counted. ``void``: the answer is worth nothing; such numbers
-    order designs for a finer level, and none of them is recommended.
+    order designs for a finer level, and none of them is recommended. ``entry``: in the table of its level.
     """
 
     seconds: float
     quantities: Mapping[str, TableQuantity] = field(default_factory=dict)
     problem: str = ""
     void: bool = False
+    entry: Entry | None = None
 
 
 class Expected(NamedTuple):
@@ -130,7 +131,19 @@ class History:
         if best is None:
             return []
         others = [place for place, one in self.found[-1].items() if place in known and place != best and not one.void]
-        return [place for place in others if not _dominates(known[best].high, known[place].low)]
+        return [place for place in others if not self._clearly_better(best, place)]
+
+    def _clearly_better(self, one: DesignPoint, other: DesignPoint) -> bool:
+        """Whether a design of the finest level is better than another by more than is not known of their difference, in
+        every goal: each draw of what both do not know the same in both.
+        """
+        a, b = (self.found[-1][place] for place in (one, other))
+        if a.entry is None or b.entry is None:
+            known = self.known()
+            return _dominates(known[one].high, known[other].low)
+        gains = {found.quantity: found for found in differences_of([b.entry, a.entry])}
+        told = [(goal.sign, gains.get(goal.quantity)) for goal in self.task.goals]
+        return all(gain is not None and min(sign * gain.low, sign * gain.high) > 0.0 for sign, gain in told)
 
     def _rank(self, one: Expected, others: Sequence[Expected]) -> tuple[float, int, float]:
         broken = float(np.maximum(one.excess, 0.0).sum())

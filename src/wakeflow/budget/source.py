@@ -27,11 +27,12 @@ from ..pipeline.pipeline import Pipeline
 from ..planning.dependence import Dependence, dependence
 from ..planning.stages import StageCost, Workload, error_sources
 from ..planning.unknowns import SIGMAS
-from ..statistics.ensemble import joint_answer, responses
+from ..statistics.ensemble import changed, joint_answer, responses
 from ..statistics.separation import SampleErrors, Spread, sample_errors, share_spreads
 from .comparison import AmongOthers, compared
 
 if TYPE_CHECKING:
+    from ..pipeline.input_samples import InputSamples
     from ..pipeline.landings import Tracked
     from ..pipeline.slab import SlabFound
 
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 Flown = TypeVar("Flown")
 Parts = Mapping[str, Sequence[BudgetPart]]
 INPUTS = "inputs"  # the part of what the scene does not say exactly
-RESPONSES = "responses"  # to them
+CHANGED = "changed by inputs"
 
 
 class Source(Generic[Flown]):
@@ -153,13 +154,15 @@ class Flights:
     @cached_property
     def ensemble(self) -> JointAnswer:
         """The joint answer with what the unknown inputs change, and with no other source of error."""
-        scene, crowd, draws = self.pipeline.scene, self.crowd, self._made.get(INPUTS)
-        if draws is not None and RESPONSES not in self._made:
-            self._made[RESPONSES] = responses(scene, draws)
+        draws: InputSamples | None = self._made.get(INPUTS)
+        if draws is not None and CHANGED not in self._made:
+            self._made[CHANGED] = changed(
+                self.pipeline.scene, draws.unknowns, self.ties, responses(self.pipeline.scene, draws)
+            )
         factors = None if self.among is None else {name: self.among.factor(name) for name in self.landings}
-        salt = self.pipeline.tracks_key if crowd is None else f"{self.pipeline.collisions_key}"
+        salt = self.pipeline.tracks_key if self.crowd is None else f"{self.pipeline.collisions_key}"
         return joint_answer(
-            scene, self.landings, draws=draws, ties=self.ties, how=self._made.get(RESPONSES), factors=factors, salt=salt
+            self.pipeline.scene, self.landings, inputs=self._made.get(CHANGED), factors=factors, salt=salt
         )
 
     @property

@@ -117,7 +117,14 @@ def separation_table(result: Result, separation: Separation) -> Table:
     from rich.text import Text
 
     met = result.landings is not None and result.landings.slab is not None
-    title = f"{'VOID: ' if result.void else ''}share of each fraction's mass, %{', granules colliding' if met else ''}"
+    of = (
+        "VOID: "
+        if result.void
+        else ""
+        if result.calibration is None
+        else f"calibrated with {result.calibration.source}: "
+    )
+    title = f"{of}share of each fraction's mass, %{', granules colliding' if met else ''}"
     rows: list[list[str | Text] | None] = []
     few = len(separation.fractions) < MANY
     for one in bins_in_words(result, separation):

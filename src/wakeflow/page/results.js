@@ -33,6 +33,7 @@ export async function openRun(name) {
   if (!data) return;
   tell("");
   clear(name);
+  if (data.calibrated) pick("answer-name").textContent = `${name}: ${data.calibrated}`;
   Object.assign(open, { run: name, data, ends: structuredClone(data.ends) });
   Object.keys(data.sides).forEach((on) => pick("dividers").append(side(on)));
   place();

@@ -24,6 +24,7 @@ from ..core.registry import did_you_mean
 from ..planning.make import make_plan
 from ..report.canvas import fraction_colours
 from ..report.sketch import sketch_svg
+from ..report.words import calibrated_with
 from ..scene import Scene
 from ..statistics.moved import StoredLandings
 from .document import SceneDocument, merged
@@ -300,7 +301,7 @@ class Session:
         half = channel.width / 2
         level, upright = (-half, half), (channel.bottom, channel.top)
         return {
-            "run": run, "folder": str(stored.result.folder),
+            "run": run, "folder": str(stored.result.folder), "calibrated": calibrated_with(stored.result),
             "report": (stored.result.folder / "report.html").is_file(),
             "colours": fraction_colours(list(scene.fraction)),
             "targets": {name: list(one.targets) for name, one in scene.fraction.items()},

@@ -81,7 +81,10 @@ def holds(result: Result) -> str:
         return f"VOID: the answer is worth nothing, whatever its intervals say: {result.why_void}."
     of_what = OF_WHAT.format("steps" if result.airflow is None else "shedding cycles, steps, mesh")
     measured = None if result.landings is None else measured_in(result)
-    proven = UNPROVEN if measured is None else agreement_in(result, measured).sentence
+    if result.calibration is not None:
+        proven = calibrated_with(result)
+    else:
+        proven = UNPROVEN if measured is None else agreement_in(result, measured).sentence
     if not result.lacking:
         return f"The interval holds 95 %: {of_what}. {proven}"
     cures = remedies(result.lacking)
@@ -90,6 +93,12 @@ def holds(result: Result) -> str:
         f"The interval lacks {', '.join(result.lacking)}, whose size is not known{mend}. Of the rest it holds 95 %: "
         f"{of_what}. {proven}"
     )
+
+
+def calibrated_with(result: Result) -> str:
+    """With what an answer was calibrated, and what the scene says that contradicts it; empty of any other answer."""
+    told = result.calibration
+    return "" if told is None else f"Calibrated with {told.source}. {told.conflict}".rstrip()
 
 
 def in_three_dimensions(landings: LandingResults | None) -> str:

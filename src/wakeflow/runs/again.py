@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..answer.result import asked_in, refinement_in
+from ..answer.result import Result, asked_in, refinement_in
 from ..core.errors import SceneError
 from ..core.registry import did_you_mean
 from ..core.store import cache_in_use, cache_root
@@ -28,6 +28,10 @@ def report_again(folder: Path | str, *, pdf: bool = False) -> Path:
     Raises SceneError where the folder holds no finished run.
     """
     scene, asked = asked_in(folder)
+    if (told := Result.load(folder).calibration) is not None:
+        raise SceneError(
+            f"{folder} holds an answer that was calibrated with {told.source}; wakeflow calibrate draws it anew"
+        )
     run_once(Scene.parse(scene), Path(folder), asked, redraw=True, refinement=refinement_in(folder), pdf=pdf)
     return Path(folder) / "report.html"
 

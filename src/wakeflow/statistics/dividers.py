@@ -22,11 +22,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..answer.joint import PRODUCT
 from ..answer.result import Result, kept_granules
 from ..core.errors import SceneError
 from ..core.number import Number
 from ..core.registry import did_you_mean
-from ..planning.unknowns import SIGMAS
 from ..scene import Scene
 from ..scene.overrides import share_in
 
@@ -91,8 +91,9 @@ def trade_off(
     if wrong := [one for one in least if not 0.0 < one < 1.0]:
         raise SceneError(f"purity = {wrong[0]:g}: above 0 and below 1 ('99 %' or 0.99: one percent of others)")
     _check_count(stretches)
-    landed = landed_along(run, fraction, on)
-    return [_judged(landed, fraction, purity, stretches) for purity in least]
+    result = run if isinstance(run, Result) else Result.load(run)
+    landed = landed_along(result, fraction, on)
+    return [_judged(result, on, landed, fraction, purity, stretches) for purity in least]
 
 
 def _check_count(stretches: int) -> None:
@@ -256,30 +257,24 @@ def _most(value: Array, count: int) -> list[Stretch]:
     return runs
 
 
-def _judged(landed: Landed1D, fraction: str, purity: float, count: int) -> Dividers:
-    """Dividers from all granules; purity and recovery from each half with the dividers of the other."""
+def _judged(result: Result, on: str, landed: Landed1D, fraction: str, purity: float, count: int) -> Dividers:
+    """Dividers from all granules; purity and recovery from each half with the dividers of the other, with the interval
+    that the joint answer has for what lies between the dividers from all.
+    """
     inside = np.zeros(len(landed.place), dtype=bool)
     half = np.arange(len(landed.place)) % 2 == 0
     for chosen_on in (half, ~half):
         part = Landed1D(landed.place[chosen_on], landed.mass[chosen_on], landed.wanted[chosen_on], 0.0, landed.line)
         for low, high in best_stretches(part, purity, count):
             inside |= ~chosen_on & (landed.place >= low) & (landed.place < high)
-    return Dividers(fraction, purity, landed.line, best_stretches(landed, purity, count), *_measured(landed, inside))
-
-
-def _measured(landed: Landed1D, inside: NDArray[np.bool_]) -> tuple[Number, Number]:
-    """Purity and recovery of the granules ``inside``, with intervals that take granules as independent: linearised
-    ratios of sums (Cochran 1977, Sampling Techniques, ch. 6). Balanced samples spread less.
-    """
+    chosen = best_stretches(landed, purity, count)
     mass, wanted = landed.mass, landed.wanted
     product, own = float(mass[inside].sum()), float(mass[inside & wanted].sum())
-    fed = float(mass[wanted].sum()) + landed.lost
-    recovery = own / fed
-    grain = float((mass[wanted] ** 2).sum() / mass[wanted].sum())  # mass of a granule of the fraction
-    half = SIGMAS * float(np.sqrt(recovery * (1.0 - recovery) * grain / fed))
-    got = Number(recovery, max(0.0, recovery - half), min(1.0, recovery + half))
-    if product == 0.0:
-        return Number(math.nan), got
-    pure = own / product
-    spread = SIGMAS * float(np.sqrt(((mass[inside] * (wanted[inside] - pure)) ** 2).sum())) / product
-    return Number(pure, max(0.0, pure - spread), min(1.0, pure + spread)), got
+    recovery, pure = own / (float(mass[wanted].sum()) + landed.lost), own / product if product > 0.0 else math.nan
+    first = float(landed.line[0, 0 if on in ("floor", "top") else 1])
+    told = result.joint.between(on, [(first + low, first + high) for low, high in chosen])
+    if told is None or not chosen or product == 0.0:
+        return Dividers(fraction, purity, landed.line, chosen, Number(pure), Number(recovery))
+    numbers = (told.number(of, value=value) for of, value in (
+        (told.of_purity(PRODUCT, fraction), pure), (told.of_share(fraction, [PRODUCT]), recovery)))  # fmt: skip
+    return Dividers(fraction, purity, landed.line, chosen, *numbers)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,36 +29,16 @@ def acting(unknowns: Sequence[Unknown], fraction: str) -> list[int]:
 
 def responses(scene: Scene, draws: InputSamples) -> dict[str, Response]:
     """How the landings of every fraction go with what was drawn."""
-    cells = Cells.of(scene, len(scene.fraction))
-    lateral = np.array([unknown_kinds[one.kind].lateral for one in draws.unknowns])
-    found = {}
+    cells, found = Cells.of(scene, len(scene.fraction)), {}
     for name in draws.varied:
-        mine = acting(draws.unknowns, name)
-        z = draws.z[:, mine]
         own, then = (_places(cells, scene, landed[name]) for landed in (draws.own, draws.varied))
-        if scene.images is None:
-            found[name] = response(cells, z, own, then)
-            continue
-        other = (_places(cells, scene, _image(landed[name], scene.images)) for landed in (draws.own, draws.varied))
-        own, then = (_both(a, b) for a, b in zip((own, then), other, strict=True))
-        found[name] = response(cells, np.vstack([z, np.where(lateral[mine], -z, z)]), own, then, copies=2)
+        found[name] = response(cells, draws.z[:, acting(draws.unknowns, name)], own, then)
     return found
 
 
 def _places(cells: Cells, scene: Scene, landed: DrawnLandings) -> Places:
     side, place = cells.along(scene, landed.position.astype(float), landed.bin)
     return Places(side, place, cells.at(side, place, cells.off_sides(landed.bin)))
-
-
-def _both(one: Places, other: Places) -> Places:
-    found: list[Any] = [np.concatenate(pair) for pair in zip(one, other, strict=True)]
-    return Places(*found)
-
-
-def _image(landed: DrawnLandings, images: Sequence[int]) -> DrawnLandings:
-    """The landings in the mirror image of a machine with two equal sides."""
-    turned = np.array([*images[:-1], -1], dtype=landed.bin.dtype)  # the last place is elsewhere
-    return DrawnLandings(landed.position * np.array([-1.0, 1.0], dtype=np.float32), turned[landed.bin])
 
 
 def draws_of(unknowns: Sequence[Unknown], ties: Dependence | None) -> Array:
@@ -90,37 +70,62 @@ def in_order(z: Array, ties: Dependence) -> Array:
     return found
 
 
+class Changed(NamedTuple):
+    """What the inputs change: ``z`` (DRAWS, keys) of the inputs called ``keys``; of every fraction the change (DRAWS,
+    cells) of its shares, the standard deviation (DRAWS,) of what is not known of that, and the root of its covariance.
+    """
+
+    keys: tuple[str, ...]
+    z: Array
+    of: Mapping[str, tuple[Array, Array, Array]]
+
+
+def changed(scene: Scene, unknowns: Sequence[Unknown], ties: Dependence | None, how: Mapping[str, Response]) -> Changed:
+    """What the ``unknowns`` of a ``scene`` change of fractions whose landings go with them as ``how`` says."""
+    z = draws_of(unknowns, ties).astype(np.float32).astype(float)  # as they are kept in the run's folder
+    told = {name: (*change_of(scene, unknowns, name, one, z), one.root) for name, one in how.items()}
+    return Changed(tuple(one.key for one in unknowns), z, told)
+
+
+def change_of(scene: Scene, unknowns: Sequence[Unknown], name: str, how: Response, z: Array) -> tuple[Array, Array]:
+    """The change (n, cells) of a fraction's shares in draws at ``z`` (n, keys) of all unknowns, and the standard
+    deviation (n,) of what is not known of it. In a machine with two equal sides the mean of what the flown draws say of
+    it and of its image, which has its lateral inputs with the other sign.
+    """
+    mine = acting(unknowns, name)
+    moved, doubt = how(z[:, mine])
+    if scene.images is None:
+        return moved, doubt
+    side = np.array([-1.0 if unknown_kinds[unknowns[i].kind].lateral else 1.0 for i in mine])
+    return 0.5 * (moved + how(side * z[:, mine])[0][:, how.cells.mirrored(scene.images)]), doubt
+
+
 def joint_answer(
     scene: Scene,
     landings: Mapping[str, Landings],
     *,
-    draws: InputSamples | None = None,
-    ties: Dependence | None = None,
-    how: Mapping[str, Response] | None = None,
+    inputs: Changed | None = None,
     factors: Mapping[str, float] | None = None,
     sources: Sequence[Source] = (),
     salt: str = "",
 ) -> JointAnswer:
-    """The joint answer of the ``landings`` by fraction, whose inputs ``draws`` say, how these depend on each other
-    (``ties``) and how the landings go with them (``how``), with a
-    factor for each fraction on what those change; ``sources``: of error beside; ``salt``: of this run alone.
+    """The joint answer of the ``landings`` by fraction, and what ``inputs`` change of it, with a factor for each
+    fraction; ``sources``: of error beside; ``salt``: of this run alone.
     """
     names, cells = list(landings), Cells.of(scene, len(landings))
     feed = scene.mass_shares()
     targets = {name: tuple(scene.fraction[name].targets) for name in names}
-    keys = [] if draws is None else [one.key for one in draws.unknowns]
     # As few digits as are kept in the run's folder: what is read there again says the same
-    drawn = np.zeros((DRAWS, 0)) if draws is None else draws_of(draws.unknowns, ties)
-    z, change = drawn.astype(np.float32).astype(float), np.zeros((DRAWS, len(names), cells.count), np.float16)
+    change = np.zeros((DRAWS, len(names), cells.count), np.float16)
     scale, roots = np.ones((DRAWS, len(names))), np.zeros((len(names), len(scene.bin) + 1, len(scene.bin) + 1))
-    for number, name in enumerate(names if draws is not None and how is not None else ()):
-        factor, one = (factors or {}).get(name, 1.0), (how or {})[name]
-        moved, doubt = one(z[:, acting((draws.unknowns if draws else ()), name)])
-        change[:, number], scale[:, number], roots[number] = factor * moved, np.float32(factor * doubt), one.root
-    own = () if draws is None else (Source(LACK, roots, computing=False, scale=scale),)
+    for number, name in enumerate(names if inputs is not None else ()):
+        factor, (moved, doubt, root) = (factors or {}).get(name, 1.0), inputs.of[name]  # type: ignore[union-attr]
+        change[:, number], scale[:, number], roots[number] = factor * moved, np.float32(factor * doubt), root
+    own = () if inputs is None else (Source(LACK, roots, computing=False, scale=scale),)
+    keys, z = ((), np.zeros((DRAWS, 0))) if inputs is None else (inputs.keys, inputs.z)
     return JointAnswer(
         tuple(names), np.array([feed[name] for name in names]), targets, scene.feed.mass_flow, cells, scene.images,
-        tuple(keys), z, _base(scene, cells, landings), change.astype(np.float32), (*own, *sources), salt,
+        keys, z, _base(scene, cells, landings), change.astype(np.float32), (*own, *sources), salt,
     )  # fmt: skip
 
 

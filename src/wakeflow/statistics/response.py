@@ -286,10 +286,8 @@ def _nearest(a: Array, b: Array, weight: Array, count: int) -> Whole:
     return np.argsort(apart, axis=1, kind="stable")[:, :count]
 
 
-def response(cells: Cells, z: Array, own: Places, then: Places, copies: int = 1) -> Response:
-    """The response of a fraction whose granules land at ``own`` in the answer and at ``then`` in draws at ``z`` (R, K);
-    ``copies``: how often the same draws are among them, as a machine and its image.
-    """
+def response(cells: Cells, z: Array, own: Places, then: Places) -> Response:
+    """The response of a fraction whose granules land at ``own`` in the answer and at ``then`` in draws at ``z`` (R, K)."""
     z = np.clip(z, -FARTHEST, FARTHEST)
     sides = {}
     for side in np.unique(own.side[own.side >= 0]):
@@ -310,7 +308,7 @@ def response(cells: Cells, z: Array, own: Places, then: Places, copies: int = 1)
         each[draw] = _inside(bins[then.cell[draw]], many) - _inside(bins[told], many).mean(axis=0)
     outputs = beyond @ cells.parts()
     noise = each.var(axis=1).sum(axis=1) / own.cell.shape[1]
-    noise = copies * 0.5 * (noise + noise.mean()) + 1e-12
+    noise = 0.5 * (noise + noise.mean()) + 1e-12
     both = 0.5 * (weights_of(z, outputs) + weight) if sides else weights_of(z, outputs)
     rest, spread = process(z, outputs, noise, both, STEADY)
     sizes, ways = np.linalg.eigh(spread)

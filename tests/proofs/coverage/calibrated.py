@@ -22,7 +22,7 @@ from proofs.coverage.report import HELD, OVERALL
 from proofs.coverage.scenes import GROUPS, VariedScene, varied_scenes
 from proofs.report import Report, Row, Table, Tell
 from wakeflow.batch.calibration import TELLS, inputs_after
-from wakeflow.batch.calibration_update import DISCREPANCY, Updated, covariance_of_missed, updated
+from wakeflow.batch.calibration_update import DISCREPANCY, Updated, agreement_with, covariance_of_missed, updated
 from wakeflow.budget.agreement import DISAGREES
 from wakeflow.core.store import Store, cache_root
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown, unknown_kinds
@@ -133,7 +133,7 @@ def _calibrate(told: Predicted, kind: str, found: _Found) -> None:
     made = _updated(told, trays)
     found.right.append(made.agreement.verdict == DISAGREES)
     if (wrong := exchanged(trays)) is not None:
-        found.exchanged.append(_updated(told, wrong).agreement.verdict == DISAGREES)
+        found.exchanged.append(agreement_with(told.joint, Measured.of(wrong), DISCREPANCY).verdict == DISAGREES)
     chance = chance_of(told.one, 0).standard_normal(len(made.unknowns))
     after_inputs = inputs_after(made)
     for z, unknown in zip(np.clip(chance, -FARTHEST, FARTHEST), made.unknowns, strict=True):

@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,9 @@ TOUCH = 1.0 / COUNT  # of a share: a truth so near to an end is held, for that i
 COUNTS = 0.01  # of the truths that the sharpest interval must leave on a side for the side to count
 NAMED = {"share": "shares", "recovery": "recoveries", "purity": "purities"}
 ONCE, LEARNT = "posteriors, shares", "posteriors, inputs"  # kinds whose every number has one truth
+FAR = ("restitution", "size")  # of a granule: inputs of which one is far off
+FAR_OFF = {"posteriors, shares, at the edge": 2.3, "posteriors, shares, outside": 6.0}  # standard deviations
+FEW = (ONCE, LEARNT, *FAR_OFF)  # kinds whose every number has one truth
 SIDE, WIDEST = (0.01, 0.04), 1.15  # of truths on a side; median width over the sharpest
 LOOSE = (0.0, 0.06)  # of truths on a side where there are few: of posteriors, and of the first scenes alone
 WORST = 10  # numbers that are listed
@@ -129,8 +132,7 @@ def said_by(answer: Answer, quantity: str) -> tuple[float, float, float] | None:
 
 
 # -- A scene -----------------------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class Truths:
+class Truths(NamedTuple):
     """Draws of the inputs of a scene: each ``drawn`` by key, and of every number the truths (n,) as the scene is, of
     the ``other`` design, and with the bins ``moved``.
     """
@@ -202,7 +204,24 @@ def apart(
 
 
 # -- Posteriors --------------------------------------------------------------------------------------------------------
-def posteriors_of(one: Threshold, truths: Truths, folder: Path, count: int) -> Iterator[Tail | None]:
+def far_truth(one: Threshold, truths: Truths, deviations: float) -> Truths | None:
+    """The truths with one before them whose first input of a granule lies so many standard ``deviations`` off, to where
+    there is room; None where there is none.
+    """
+    key = next(key for key in one.inputs if key.startswith("fraction.") and key.rpartition(".")[2] in FAR)
+    value, half = one.inputs[key]
+    last, reach = key.rpartition(".")[2], deviations * half / SIGMAS
+    most = 1.0 if last == "restitution" else np.inf
+    x = value + reach if value + reach <= most else value - reach
+    if x <= 0.0:
+        return None
+    draw = {**truths.drawn[0], key: x / value if last in FACTORS else x}
+    (shares,) = one.design.divided([one.design.bins], draw, GRANULES)
+    own = quantities(shares, one.mass, one.targets)
+    return truths._replace(drawn=[draw, *truths.drawn], own={k: np.array([own[k], *x]) for k, x in truths.own.items()})
+
+
+def posteriors_of(one: Threshold, truths: Truths, folder: Path, count: int, kind: str = ONCE) -> Iterator[Tail | None]:
     """Some of the truths as they are measured: what a calibration then says of shares and inputs."""
     chance = np.random.default_rng([*one.name.encode(), 20261129])
     for number in range(count):
@@ -213,7 +232,9 @@ def posteriors_of(one: Threshold, truths: Truths, folder: Path, count: int) -> I
         for quantity, known in truths.own.items():
             said = said_by(made.result, quantity)
             if said is not None and np.isfinite(known[number]) and not trivial(said[0], known[np.isfinite(known)]):
-                yield _once(ONCE, one, quantity, said, known, number, weights)
+                yield _once(kind, one, quantity, said, known, number, weights)
+        if kind != ONCE:
+            continue
         for key, after in made.inputs.items():
             value = one.inputs[key][0] if key.rpartition(".")[2] in FACTORS else 1.0
             known = value * np.array([draw[key] for draw in truths.drawn])
@@ -278,6 +299,9 @@ def run_tails(
             difference, chance = nominal(one, wf.Result.load(place / "own"))
             agreed.append({"scene": one.name, "difference": difference, "chance": chance})
             found += [tail for tail in posteriors_of(one, true, place, measured) if tail is not None]
+            for kind, deviations in FAR_OFF.items() if measured else ():
+                if (far := far_truth(one, true, deviations)) is not None:
+                    found += [tail for tail in posteriors_of(one, far, place, 1, kind) if tail is not None]
     return _report(found, agreed, many, time.monotonic() - started)
 
 
@@ -306,7 +330,7 @@ def _worst(own: Sequence[Tail], side: str) -> str:
     """The number that is missed most on a side, with its scene; of numbers with one truth each the worst scene."""
     by_place: dict[str, list[float]] = {}
     for tail in own:
-        place = tail.scene if tail.kind in (ONCE, LEARNT) else f"{tail.scene} {tail.quantity}"
+        place = tail.scene if tail.kind in FEW else f"{tail.scene} {tail.quantity}"
         by_place.setdefault(place, []).append(getattr(tail, side))
     place, rates = max(by_place.items(), key=lambda one: np.mean(one[1]))
     return f"{100 * np.mean(rates):.1f} ({place})"
@@ -318,8 +342,8 @@ def gates(rows: Sequence[Row], agreed: Sequence[Row]) -> list[Row]:
     """
     asked_of: list[Row] = []
     whole = len(agreed) >= SCENES
-    for row in rows if whole else [row for row in rows if row["label"] not in (ONCE, LEARNT)]:
-        low, high = SIDE if whole and row["label"] not in (ONCE, LEARNT) else LOOSE
+    for row in rows if whole else [row for row in rows if row["label"] not in FEW]:
+        low, high = SIDE if whole and row["label"] not in FEW else LOOSE
         for side in ("below", "above"):
             if (rate := row[side]) is not None:
                 wanted = f"{100 * low:g} to {100 * high:g} %"
@@ -335,7 +359,7 @@ def gates(rows: Sequence[Row], agreed: Sequence[Row]) -> list[Row]:
 
 
 def _report(found: Sequence[Tail], agreed: Sequence[Row], scenes: int, seconds: float) -> Report:
-    kinds = [*NAMED.values(), "differences", "moved", ONCE, LEARNT]
+    kinds = [*NAMED.values(), "differences", "moved", *FEW]
     rows = [row_of(kind, found) or _nothing(kind) for kind in kinds]
     asked_of = gates(rows, agreed)
     worst = [asdict(tail) for tail in sorted(found, key=lambda tail: -max(tail.below, tail.above))]

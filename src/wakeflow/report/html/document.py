@@ -178,8 +178,9 @@ def _how(part: BudgetPart) -> str:
 
 
 def _agreement(result: Result) -> Agreement | None:
-    """How what was measured of the scene agrees with the answer; None where nothing was measured."""
-    measured = None if result.landings is None else measured_in(result)
+    """How what was measured of the scene agrees with the answer; None where nothing was, or it is in the answer."""
+    known = result.landings is None or result.calibration is not None
+    measured = None if known else measured_in(result)
     return None if measured is None else agreement_in(result, measured)
 
 
