@@ -22,6 +22,7 @@ from ..core.number import Number
 from ..planning.unknowns import FARTHEST, SIGMAS
 from ..scene import RESERVED_BIN
 from ..scene.machine import SIDES
+from ..scene.uncertainty import EITHER_SIGN
 from .cells import Cells, Ends
 from .shares import InputPart, JointRecord, JointSource, Separation
 
@@ -35,6 +36,7 @@ MOST_TOGETHER = 128  # inputs that are told apart by one regression; of more eac
 TIED = 0.15  # correlation of draws from which two inputs move together: of independent ones it is 0.02
 LEAST = 1e-12  # of a variance that is one
 HOUR = 3600.0  # s
+HALVINGS = 60  # of the range in which a level is looked for
 PRODUCT = "product"  # a bin made of stretches of a side
 INPUTS, LACK = "inputs", "lack of fit"
 
@@ -177,9 +179,16 @@ class JointAnswer:
         shapes = {"mass": (len(record.fractions),), "z": (record.draws, len(record.inputs)),
                   "base": (len(record.fractions), cells.count),
                   "change": (record.draws, len(record.fractions), cells.count)}  # fmt: skip
+        bins = len(record.bins) + 1
+        for i, one in enumerate(sources):
+            shapes[f"root.{i}"] = (len(record.fractions), bins, one.roots.shape[-1])
+            if one.scale is not None:
+                shapes[f"scale.{i}"] = (record.draws, len(record.fractions))
         if record.draws != DRAWS or any(arrays[name].shape != shape for name, shape in shapes.items()):
             raise ValueError("arrays of another shape")
-        mass, z, base, change = (_wide(arrays, name) for name in shapes)
+        if not all(np.isfinite(arrays[name]).all() for name in shapes):
+            raise ValueError("arrays that are no numbers")
+        mass, z, base, change = (_wide(arrays, name) for name in ("mass", "z", "base", "change"))
         return cls(record.fractions, mass, record.targets, record.flow, cells, record.images, record.inputs, z, base,
                    np.asarray(change, dtype=np.float32), sources, record.salt)  # fmt: skip
 
@@ -235,8 +244,13 @@ class Bins:
 
     @cached_property
     def value(self) -> Array:
-        """The answer's shares (fractions, bins + 1)."""
-        return np.asarray(self.joint.base @ self.parts)
+        """The answer's shares (fractions, bins + 1); a bin and its image have one."""
+        found, images = np.asarray(self.joint.base @ self.parts), self.joint.images
+        if images is None or self.parts.shape[1] != len(images):
+            return found
+        turned = self.parts[self.joint.cells.mirrored(images)]
+        alike = np.array_equal(turned, self.parts[:, list(images)])
+        return 0.5 * (found + found[:, list(images)]) if alike else found
 
     @cached_property
     def _passed(self) -> Array:
@@ -263,19 +277,37 @@ class Bins:
         return self._tables[asked]
 
     def _made(self, used: frozenset[str]) -> Array:
-        joint, copies = self.joint, [None] if self.joint.images is None else [None, self.joint.images]
-        found = np.empty((len(copies), DRAWS, len(joint.fractions), self.parts.shape[1]))
-        for copy, images in zip(found, copies, strict=True):
-            parts = self.parts if images is None else self.parts[joint.cells.mirrored(images)]
-            copy[:] = joint.base @ parts
-            if INPUTS in used:
-                copy += joint.change @ parts.astype(np.float32)
-            errors = sum((joint.errors[one.name] for one in joint.sources if one.name in used), np.zeros(()))
-            if np.ndim(errors):
-                mine = errors if images is None else errors[:, :, list(images)]
-                copy += np.einsum("nfb,fbd->nfd", mine, self._passed)
-            bounded(copy)
+        joint = self.joint
+        own = [self._drawn(self.parts, None, used)]
+        if joint.images is not None:
+            images = list(joint.images)
+            turned = self.parts[joint.cells.mirrored(images)]
+            alike = self.parts.shape[1] == len(images) and np.array_equal(turned, self.parts[:, images])
+            own.append(own[0][..., images] if alike else self._drawn(turned, images, used))
+        return np.stack(own)
+
+    def _drawn(self, parts: Array, images: Sequence[int] | None, used: frozenset[str]) -> Array:
+        """The shares (DRAWS, fractions, bins + 1) in ``parts`` of the cells, of a machine or its image."""
+        joint = self.joint
+        found = np.broadcast_to(joint.base @ parts, (DRAWS, len(joint.fractions), parts.shape[1])).copy()
+        if INPUTS in used:
+            found += joint.change @ parts.astype(np.float32)
+        sources = [one for one in joint.sources if one.name in used]
+        free = [joint.errors[one.name] for one in sources if not one.bounded]
+        if free:
+            found += self._passed_on(sum(free, np.zeros(free[0].shape)), images)
+        bounded(found, self.value)
+        within = [one for one in sources if one.bounded]
+        if within:
+            most = sum(((one.roots**2).sum(axis=2) for one in within), np.zeros(within[0].roots.shape[:2]))
+            moved = sum((joint.errors[one.name] for one in within), np.zeros(free[0].shape if free else ()))
+            settle(found, self._passed_on(moved, images), self._passed_on(most[None], images)[0])
         return found
+
+    def _passed_on(self, errors: Array, images: Sequence[int] | None) -> Array:
+        """What is added to the bins of the run (n, fractions, bins + 1), in the bins here."""
+        mine = errors if images is None else errors[:, :, list(images)]
+        return np.asarray(np.einsum("nfb,fbd->nfd", mine, self._passed))
 
     # -- numbers -------------------------------------------------------------------------------------------------------
     def values(self, of: Of, used: frozenset[str] | None = None) -> Array:
@@ -355,7 +387,7 @@ class Bins:
         """What an input does to a number at z (n,) standard deviations, about 0 at z = 0: a polynomial through the
         draws, once all that goes with the inputs that are independent of it in a straight line is taken off them.
         """
-        y = (self.values(of, frozenset({INPUTS})) if values is None else values).mean(axis=0)
+        y = (self.values(of, frozenset({INPUTS})) if values is None else values)[0]
         place = self.joint.keys.index(key)
         z = self.joint.z[:, place]
         if len(self.joint.keys) <= MOST_TOGETHER:
@@ -376,7 +408,7 @@ class Bins:
             return {}
         found = {}
         if len(keys) > MOST_TOGETHER:  # those that a straight line finds first
-            towards = np.abs(self.joint.z.T @ (values.mean(axis=0) - values.mean()))
+            towards = np.abs(self.joint.z.T @ (values[0] - values[0].mean()))
             keys = sorted(keys, key=lambda key: -towards[self.joint.keys.index(key)])[:MOST_TOLD]
         for key in keys:
             does = self.alone(of, key, values)
@@ -389,13 +421,20 @@ class Bins:
 
     def known_better(self, of: Of, parts: Mapping[str, float], value: float | None = None) -> Number:
         """A number once the inputs in ``parts`` are known to that part of the interval that they have now, each still
-        where it is expected: what they do alone shrinks, all else stays.
+        where it is expected: what they do alone shrinks, all else stays. Never less than computing adds, nor more than
+        is unknown now.
         """
-        own, values = float(of(self.value)) if value is None else value, self.values(of)
+        own = float(of(self.value)) if value is None else value
+        inputs, values = self.values(of, frozenset({INPUTS})), self.values(of)
+        now, computed = (middle(one, own, None, (0.0, 1.0)) for one in (values, self.values(of, self.joint.computing)))
         for key, part in parts.items():
-            z, does = self.joint.z[:, self.joint.keys.index(key)], self.alone(of, key, values)
-            values = values + does(part * z) - does(z)
-        return middle(values, own, self.joint.weight, (0.0, 1.0))
+            z, does = self.joint.z[:, self.joint.keys.index(key)], self.alone(of, key, inputs)
+            for copy, side in enumerate((1.0, -1.0 if key in EITHER_SIGN else 1.0)[: len(values)]):
+                less = does(part * side * z) - does(side * z)
+                values[copy], inputs[copy] = values[copy] + less, inputs[copy] + less
+        found = middle(values, own, self.joint.weight, (0.0, 1.0))
+        low, high = max(found.low, now.low), min(found.high, now.high)
+        return Number(own, min(low, computed.low), max(high, computed.high))
 
 
 def _wide(arrays: Mapping[str, Any], name: str) -> Any:
@@ -403,12 +442,33 @@ def _wide(arrays: Mapping[str, Any], name: str) -> Any:
     return np.asarray(arrays[name], dtype=float) if name in arrays else None
 
 
-def bounded(shares: Array) -> Array:
-    """Shares (..., fractions, bins + 1) that are none below 0 and sum to 1, in place."""
+def bounded(shares: Array, own: Array | None = None) -> Array:
+    """Shares (..., fractions, bins + 1) that are none below 0 and sum to 1, in place; the answer's ``own`` (fractions,
+    bins + 1) where errors leave nothing of a fraction.
+    """
     np.clip(shares, 0.0, None, out=shares)
     total = shares.sum(axis=-1, keepdims=True)
     np.divide(shares, total, out=shares, where=total > 0.0)
+    if own is not None:
+        np.copyto(shares, own, where=total <= 0.0)
     return shares
+
+
+def settle(shares: Array, errors: Array, most: Array) -> None:
+    """Add ``errors`` (n, fractions, bins + 1) of which only bounds are known to shares of the same shape, in place:
+    what comes out is as near to that as shares can be, each measured by how far it may be off (``most`` (fractions,
+    bins + 1), squared); what cannot be off stays.
+    """
+    total, aimed = shares.sum(axis=-1, keepdims=True), shares + errors
+    size = most / np.maximum(most.max(axis=-1, keepdims=True), LEAST)
+    low = np.full(total.shape, -2.0 / max(float(size[size > 0.0].min(initial=1.0)), LEAST))
+    high = -low
+    for _ in range(HALVINGS):
+        level = 0.5 * (low + high)
+        over = np.clip(aimed - level * size, 0.0, None).sum(axis=-1, keepdims=True) > total
+        low, high = np.where(over, level, low), np.where(over, high, level)
+    np.clip(aimed - high * size, 0.0, None, out=shares)
+    bounded(shares)
 
 
 def middle(values: Array, own: float, weight: Array | None = None, bounds: tuple[float, float] | None = None) -> Number:

@@ -43,7 +43,7 @@ def _places(cells: Cells, scene: Scene, landed: DrawnLandings) -> Places:
 
 def draws_of(unknowns: Sequence[Unknown], ties: Dependence | None) -> Array:
     """Every input (DRAWS, keys) in standard deviations, as they move together. A draw that breaks an order is drawn
-    anew; where hardly any keeps them, one that does stands for it.
+    anew; where hardly any keeps them, one that does takes its place.
     """
     keys = [one.key for one in unknowns]
     z = columns(keys)

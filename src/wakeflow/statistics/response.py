@@ -15,7 +15,7 @@ Where the air scatters granules otherwise in every flight, (1) has little to say
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -34,10 +34,11 @@ SCATTERED = 5.0  # robust standard deviations of all displacements from which on
 OFF = 6.0  # robust standard deviations from the fit, likewise
 USUAL = 1.4826  # of a median absolute deviation: a normal distribution's standard deviation
 FEWEST = 0.3  # of a side's granules: where the fit leaves out more, none are left out
-NEAREST = 4  # flown draws whose granules say how the displacement scatters
+NEAREST = (4, 16, 64)  # flown draws whose granules say how the displacement scatters: what predicts a draw best
 REPEATS = 4  # of a scatter's choice where a flown draw is predicted from its neighbours
 MOST_MOVED = 1024  # granules of a fraction that are moved in every draw of the ensemble
 BENDS, WAVES, REACH = (0.0, 0.1, 0.5), (0.0, 0.3, 1.0), 0.7  # kernels that are tried: squares, and short waves
+KNOWN = 0.3  # of the variance of independent granules: what balanced ones scatter by at least
 SIZES = tuple(np.geomspace(1e-3, 1e3, 13).tolist())  # variances over that of the noise
 STEADY = 0.3  # part of the kernel of what the flown draws have beyond the prediction that is the same in all
 SEED = 20110  # of the choices of a scatter: any, but always the same
@@ -80,6 +81,9 @@ class Process:
         return np.asarray(np.clip(prior - np.einsum("nr,nr->n", self.gain(at), self.kernel(at)), 0.0, None))
 
 
+Judge = Callable[[Array, Array, Array], float]
+
+
 def _kernel(a: Array, b: Array, weight: Array, bend: float, wave: float, steady: float) -> Array:
     line = (a * weight) @ b.T + steady
     found = line + bend * line**2
@@ -89,29 +93,45 @@ def _kernel(a: Array, b: Array, weight: Array, bend: float, wave: float, steady:
     return np.asarray(found)
 
 
-def process(z: Array, outputs: Array, noise: Array, weight: Array, steady: float = 0.0) -> tuple[Process, Array]:
-    """The likeliest process through ``outputs`` (R, O), each draw with a ``noise`` (R,), whose inputs count by
-    ``weight`` (K,); and the covariance (O, O) of the outputs where the process has the variance 1.
-
-    The outputs are shares of a whole, and count as one number. Their noise is in proportion to ``noise``.
+def likelihood(inverse: Array, spread: Array, outputs: Array) -> float:
+    """How likely ``outputs`` (R, O) are where their covariance has the ``inverse`` (R, R), and over that of the noise
+    the eigenvalues ``spread`` (R,): the logarithm, for the scale that suits best, no smaller than the noise lets it.
     """
-    best: tuple[float, float, float, float, Array, Array] | None = None
-    root = np.sqrt(noise / noise.mean())
+    scatter = float(np.einsum("ro,rs,so->", outputs, inverse, outputs)) / len(outputs)
+    own = max(scatter, KNOWN)
+    return float(-0.5 * len(outputs) * (np.log(own) + scatter / own) - 0.5 * np.log(spread).sum())
+
+
+def left_out(inverse: Array, spread: Array, outputs: Array) -> float:
+    """How near each of ``outputs`` (R, O) is to what all others let expect of it, as a number that is larger where it
+    is nearer (Rasmussen & Williams 2006, eq. 5.12).
+    """
+    del spread  # of the likelihood
+    return -float(((inverse @ outputs / np.diag(inverse)[:, None]) ** 2).sum())
+
+
+def process(
+    z: Array, outputs: Array, noise: Array, weight: Array, steady: float = 0.0, by: Judge = likelihood
+) -> tuple[Process, Array]:
+    """The best process, ``by`` the likelihood, through ``outputs`` (R, O), each draw with a ``noise`` (R,), whose
+    inputs count by ``weight`` (K,); and the covariance (O, O) of the outputs where the process has the variance 1.
+
+    The outputs are shares of a whole, and count as one number, whose ``noise`` is that of all of them together.
+    """
+    best: tuple[float, float, float, float, Array] | None = None
+    root = np.sqrt(noise)
     for bend in BENDS:
         for wave in WAVES:
-            made = _kernel(z, z, weight, bend, wave, steady)
-            sizes, ways = np.linalg.eigh(made / np.outer(root, root))
-            turned = (ways.T @ (outputs / root[:, None])) ** 2
-            for size in SIZES:
+            sizes, ways = np.linalg.eigh(_kernel(z, z, weight, bend, wave, steady) / np.outer(root, root))
+            for size in (part * float(noise.mean()) for part in SIZES):
                 spread = size * np.clip(sizes, 0.0, None) + 1.0
-                scatter = max(float((turned / spread[:, None]).sum()), 1e-300)
-                likely = -0.5 * len(z) * np.log(scatter) - 0.5 * float(np.log(spread).sum())
-                if best is None or likely > best[0]:
-                    inverse = (ways / spread) @ ways.T / np.outer(root, root)
-                    best = likely, bend, wave, size, inverse, outputs.T @ inverse @ outputs / len(z)
+                inverse = (ways / spread) @ ways.T / np.outer(root, root)
+                good = by(inverse, spread, outputs)
+                if best is None or good > best[0]:
+                    best = good, bend, wave, size, inverse
     assert best is not None
-    _, bend, wave, size, inverse, own = best
-    return Process(z, weight, bend, wave, steady, size, inverse), np.asarray(own)
+    _, bend, wave, size, inverse = best
+    return Process(z, weight, bend, wave, steady, size, inverse), outputs.T @ inverse @ outputs / len(z)
 
 
 def weights_of(z: Array, outputs: Array) -> Array:
@@ -137,11 +157,13 @@ def weights_of(z: Array, outputs: Array) -> Array:
 @dataclass(frozen=True)
 class Displacement:
     """Displacements along a side at its ``knots`` (J,), ``fitted`` (R, J) in every flown draw and followed by
-    ``going``; ``kept`` (R, M) granules that go with the fit, and what each has ``beyond`` it (R, M).
+    ``going``, which says of each draw ``without`` it (R, J); ``kept`` (R, M) granules that go with the fit, and what
+    each has ``beyond`` it (R, M).
     """
 
     knots: Array
     fitted: Array
+    without: Array
     going: Process
     kept: NDArray[np.bool_]
     beyond: Array
@@ -177,18 +199,22 @@ def displaced(z: Array, own: Array, then: Array, here: NDArray[np.bool_]) -> Dis
     moved, kept = np.where(here, then - own, 0.0), here
     usual = USUAL * float(np.median(np.abs(moved[here])))
     for _ in range(ROUNDS):
-        fitted = _fitted(own, moved, kept, knots)
+        fitted, _ = _fitted(own, moved, kept, knots)
         beyond = moved - _between(fitted, own, knots)
         scale = USUAL * float(np.median(np.abs(beyond[here])))
         fits = here & (np.abs(moved) <= SCATTERED * usual + 1e-9) & (np.abs(beyond) <= OFF * scale + 1e-9)
         kept = fits if fits.sum() > FEWEST * here.sum() else here
-    fitted = _fitted(own, moved, kept, knots)
-    going, _ = process(z, fitted, np.ones(len(z)), weights_of(z, fitted))
-    return Displacement(knots, fitted, going, kept, moved - _between(going.gain(z) @ fitted, own, knots))
+    fitted, noise = _fitted(own, moved, kept, knots)
+    going, _ = process(z, fitted, noise, weights_of(z, fitted), by=left_out)
+    beyond = moved - _between(going.gain(z) @ fitted, own, knots)
+    without = fitted - going.inverse @ fitted / np.diag(going.inverse)[:, None]
+    return Displacement(knots, fitted, without, going, kept, beyond)
 
 
-def _fitted(own: Array, moved: Array, kept: NDArray[np.bool_], knots: Array) -> Array:
-    """The displacement (R, J) at the knots that fits each draw's granules best."""
+def _fitted(own: Array, moved: Array, kept: NDArray[np.bool_], knots: Array) -> tuple[Array, Array]:
+    """The displacement (R, J) at the knots that fits each draw's granules best, and the variance (R,) of all knots
+    together that these granules' scatter about it makes.
+    """
     before, part = _hats(own, knots)
     hats = np.zeros((*own.shape, len(knots)))
     np.put_along_axis(hats, before[..., None], (1.0 - part)[..., None], axis=2)
@@ -196,7 +222,11 @@ def _fitted(own: Array, moved: Array, kept: NDArray[np.bool_], knots: Array) -> 
     hats *= kept[..., None]
     steps = np.diff(np.eye(len(knots)), axis=0)
     matrix = np.einsum("rmj,rmk->rjk", hats, hats) + SMOOTH * steps.T @ steps + 1e-6 * np.eye(len(knots))
-    return np.asarray(np.linalg.solve(matrix, np.einsum("rmj,rm->rj", hats, moved)[..., None])[..., 0])
+    inverse = np.linalg.inv(matrix)
+    found = np.einsum("rjk,rmk,rm->rj", inverse, hats, moved, optimize=True)
+    beyond = np.where(kept, moved - _between(found, own, knots), 0.0)
+    scatter = (beyond**2).sum() / max(1, int(kept.sum()))
+    return found, scatter * np.trace(inverse, axis1=1, axis2=2) + 1e-18
 
 
 # -- the response of a fraction's landings -----------------------------------------------------------------------------
@@ -205,7 +235,7 @@ class Response:
     """How the landings of a fraction go with its inputs: draws at ``z`` (R, K) of granules that land at ``own`` in the
     answer; the displacement on every side; what the draws have ``beyond`` it (R, cells), which goes as ``rest``;
     ``root`` (bins + 1, rank) of the covariance of its lack of fit; the ``weight`` (K,) of each input in how near draws
-    are.
+    are; of how many of the ``nearest`` flown draws the scatter is.
     """
 
     cells: Cells
@@ -216,6 +246,7 @@ class Response:
     rest: Process
     root: Array
     weight: Array
+    nearest: int
 
     def __call__(self, z: Array) -> tuple[Array, Array]:
         """The change (n, cells) of the share in every cell in draws at ``z`` (n, K), and the standard deviation (n,) of
@@ -225,7 +256,7 @@ class Response:
         before = np.bincount(places.cell, minlength=self.cells.count) / len(places.cell)
         found = np.empty((len(z), self.cells.count))
         nearest = _nearest(z, self.z, self.weight, 1)[:, 0]
-        neighbours = _nearest(self.z, self.z, self.weight, NEAREST)
+        neighbours = _nearest(self.z, self.z, self.weight, self.nearest)
         for draw in np.unique(nearest):
             mine = np.flatnonzero(nearest == draw)
             cell = self._moved(places, z[mine], neighbours[draw])
@@ -235,21 +266,29 @@ class Response:
 
     def _moved(self, places: Places, z: Array, like: Whole) -> Whole:
         """The cells (n, G) of granules at ``places`` (G,) in draws at ``z`` (n, K), which scatter as those ``like``."""
-        return _moved(self.cells, self.sides, self.own, places, z, like)
+        shifts = {side: one.at(z) for side, one in self.sides.items()}
+        return _moved(self.cells, self.sides, self.own, places, shifts, like)
 
 
 def _moved(
-    cells: Cells, sides: Mapping[int, Displacement], own: Places, places: Places, z: Array, like: Whole, rows: int = 1
+    cells: Cells,
+    sides: Mapping[int, Displacement],
+    own: Places,
+    places: Places,
+    shifts: Mapping[int, Array],
+    like: Whole,
+    rows: int = 1,
 ) -> Whole:
     """The cells (n, G); of the granules' scatter so many ``rows`` are chosen, by default one for all draws, so that the
     cells change with z alone.
     """
     chance = np.random.default_rng(SEED)
-    found = np.broadcast_to(places.cell, (len(z), len(places.cell))).copy()
+    many = len(next(iter(shifts.values()))) if shifts else 1
+    found = np.broadcast_to(places.cell, (many, len(places.cell))).copy()
     for side, one in sides.items():
         here = places.side == side
         at = places.place[here]
-        moved = at + _between(one.at(z), at, one.knots)
+        moved = at + _between(shifts[side], at, one.knots)
         moved += _scattered(at, own.place[like][one.kept[like]], one.beyond[like][one.kept[like]], rows, chance)
         found[:, here] = cells.at(np.full(moved.shape, side), moved, np.zeros_like(moved, dtype=np.int64))
     return found
@@ -287,7 +326,7 @@ def _nearest(a: Array, b: Array, weight: Array, count: int) -> Whole:
 
 
 def response(cells: Cells, z: Array, own: Places, then: Places) -> Response:
-    """The response of a fraction whose granules land at ``own`` in the answer and at ``then`` in draws at ``z`` (R, K)."""
+    """The response of granules that land at ``own`` in the answer and at ``then`` in draws at ``z`` (R, K)."""
     z = np.clip(z, -FARTHEST, FARTHEST)
     sides = {}
     for side in np.unique(own.side[own.side >= 0]):
@@ -295,24 +334,36 @@ def response(cells: Cells, z: Array, own: Places, then: Places) -> Response:
         if found is not None:
             sides[int(side)] = found
     weight = np.mean([one.going.weight for one in sides.values()], axis=0) if sides else np.zeros(z.shape[1])
-    neighbours = _nearest(z, z, weight, NEAREST + 1)
-    bins = cells.parts().argmax(axis=1)
-    many = int(bins.max()) + 1
-    beyond, each = np.zeros((len(z), cells.count)), np.zeros((*own.cell.shape, many))
-    for draw in range(len(z)):
-        mine = Places(*(one[draw] for one in own))
-        again = np.repeat(z[draw : draw + 1], REPEATS, axis=0)
-        like = neighbours[draw][neighbours[draw] != draw][:NEAREST]
-        told = _moved(cells, sides, own, mine, again, like, REPEATS)
-        beyond[draw] = _shares(then.cell[draw : draw + 1], cells.count)[0] - _shares(told, cells.count).mean(axis=0)
-        each[draw] = _inside(bins[then.cell[draw]], many) - _inside(bins[told], many).mean(axis=0)
+    tried = [_predicted(cells, z, own, then, sides, _nearest(z, z, weight, count + 1)) for count in NEAREST]
+    missed = [float(((beyond @ cells.parts()) ** 2).sum()) for beyond, _ in tried]
+    best = int(np.argmin(missed))
+    beyond, each = tried[best]
     outputs = beyond @ cells.parts()
     noise = each.var(axis=1).sum(axis=1) / own.cell.shape[1]
     noise = 0.5 * (noise + noise.mean()) + 1e-12
     both = 0.5 * (weights_of(z, outputs) + weight) if sides else weights_of(z, outputs)
     rest, spread = process(z, outputs, noise, both, STEADY)
     sizes, ways = np.linalg.eigh(spread)
-    return Response(cells, z, own, sides, beyond, rest, ways * np.sqrt(np.clip(sizes, 0.0, None)), weight)
+    root = ways * np.sqrt(np.clip(sizes, 0.0, None))
+    return Response(cells, z, own, sides, beyond, rest, root, weight, NEAREST[best])
+
+
+def _predicted(
+    cells: Cells, z: Array, own: Places, then: Places, sides: Mapping[int, Displacement], neighbours: Whole
+) -> tuple[Array, Array]:
+    """What every flown draw has (R, cells) beyond what all others predict of it, its granules scattering as those of
+    its ``neighbours`` (R, n), itself the first; and the same of each granule by bin (R, M, bins + 1).
+    """
+    bins = cells.parts().argmax(axis=1)
+    many = cells.parts().shape[1]
+    beyond, each = np.zeros((len(z), cells.count)), np.zeros((*own.cell.shape, many))
+    for draw in range(len(z)):
+        mine = Places(*(one[draw] for one in own))
+        shifts = {side: np.repeat(one.without[draw : draw + 1], REPEATS, axis=0) for side, one in sides.items()}
+        told = _moved(cells, sides, own, mine, shifts, neighbours[draw][neighbours[draw] != draw], REPEATS)
+        beyond[draw] = _shares(then.cell[draw : draw + 1], cells.count)[0] - _shares(told, cells.count).mean(axis=0)
+        each[draw] = _inside(bins[then.cell[draw]], many) - _inside(bins[told], many).mean(axis=0)
+    return beyond, each
 
 
 def _inside(bins: Whole, many: int) -> Array:
