@@ -115,11 +115,11 @@ def _unknown(
     return Unknown(key, entry, value, own, own, unit, why, fraction)
 
 
-def _ranged(scene: Scene, key: str, value: float, low: float, high: float, why: str) -> Unknown:
-    """The number at ``key``, whose default interval is from ``low`` to ``high`` and rests on ``why``."""
+def _ranged(scene: Scene, key: str, number: Number, why: str) -> Unknown:
+    """The ``number`` at ``key``, which brings its default interval with it; that rests on ``why``."""
     if key in scene.uncertainty:
-        return _unknown(scene, key, key, value, "1")
-    return Unknown(key, key, value, value - low, high - value, "1", why)
+        return _unknown(scene, key, key, number.value, "1")
+    return Unknown(key, key, number.value, number.value - number.low, number.high - number.value, "1", why)
 
 
 def half_of(scene: Scene, key: str, entry: str, value: float) -> float:
@@ -291,7 +291,7 @@ def _moistures(scene: Scene, plan: Plan) -> Iterator[Unknown]:
 def _spin_lift(scene: Scene, plan: Plan) -> Iterator[Unknown]:
     """The coefficient of spin lift, of all fractions that have it."""
     if any(SPIN_LIFT.name in how.forces for how in plan.fractions.values()):
-        yield _ranged(scene, SPIN, 1.0, *MAGNUS_RANGE, "measured lifts (laws/lift.py)")
+        yield _ranged(scene, SPIN, Number(1.0, *MAGNUS_RANGE), "measured lifts (laws/lift.py)")
 
 
 def _vary_spin_lift(made: Variation, one: Unknown, x: float, _scene: Scene, plan: Plan) -> Variation:
@@ -354,7 +354,7 @@ def _vary_fall(made: Variation, one: Unknown, x: float, scene: Scene, _plan: Pla
 def _entrainment(scene: Scene, plan: Plan) -> Iterator[Unknown]:
     """How fast air that the granules alone drive draws in other air."""
     if plan.airflow.loaded and plan.airflow.kind == "analytic":
-        yield _ranged(scene, "entrainment", *ENTRAINMENT, "measured jets and plumes (laws/driven_jet.py)")
+        yield _ranged(scene, "entrainment", ENTRAINMENT, "measured jets and plumes (laws/driven_jet.py)")
 
 
 def _vary_entrainment(made: Variation, one: Unknown, x: float, _scene: Scene, _plan: Plan) -> Variation:
@@ -371,7 +371,7 @@ def _dispersion(scene: Scene, plan: Plan) -> Iterator[Unknown]:
     """How long the eddies live that disperse granules, over the law's own."""
     if _disperses(scene, plan):
         low, high = (end / LIFETIME for end in LIFETIMES)
-        yield _ranged(scene, DISPERSES, 1.0, low, high, "lifetimes in use (laws/turbulence.py)")
+        yield _ranged(scene, DISPERSES, Number(1.0, low, high), "lifetimes in use (laws/turbulence.py)")
 
 
 def _brings_eddies(scene: Scene, plan: Plan) -> bool:
@@ -388,7 +388,7 @@ def _wake_number(name: str) -> Callable[[Scene, Plan], Iterator[Unknown]]:
         if airflow.wake is None or not airflow.brackets:
             return
         own: Number = getattr(airflow.wake, name)
-        yield _ranged(scene, key, own.value, own.low, own.high, "measured wakes (laws/wakes.toml)")
+        yield _ranged(scene, key, own, "measured wakes (laws/wakes.toml)")
 
     return found
 

@@ -10,8 +10,8 @@ run is kept in the folder, so an interrupted series goes on.
 
 vibrating_air: What leaving the body's motion out of the air changes of the shipped scene's time-resolved wake and of
 its shares: the same machine and granules in air that sees the body at rest and in air that sees it vibrate, at the
-scene's own frequency and at those where a wake locks, all with the scene's own a w / U. Each row is the mean over
-meshes of slightly different cells, with its standard error.
+scene's own frequency and at twice that of the shedding, where a wake locks, both with the scene's own a w / U. Each row
+is the mean over meshes of slightly different cells, with its standard error.
 """
 
 from __future__ import annotations
@@ -263,11 +263,11 @@ def locked_band(
 
 
 # -- vibrating_air -----------------------------------------------------------------------------------------------------
-TIMES_FS = (None, 1.0, 2.0)  # f over the wake's own frequency at rest; None: the scene's own f
+TIMES_FS = (None, 2.0)  # f over the wake's own frequency at rest; None: the scene's own f
 VIBRATING_COLUMNS = {
     "f, Hz": "{frequency:.1f}", "f / fs": "{ratio:.2f}", "a w / U": "{speed:.4f}", "cells": "{cells:.0f}",
     "Cd": "{cd} %", "Cl rms": "{cl_rms} %", "Cp base": "{cp_base} %", "St": "{strouhal} %",
-    "reversed flow": "{reversal} %", "shares, points: largest": "{largest}", "of each fraction in its bins": "{meant}",
+    "shares, points: largest": "{largest}", "of each fraction in its bins": "{meant}",
 }  # fmt: skip
 
 
@@ -279,10 +279,8 @@ def in_air(scene: wf.Scene, scale: float, *, moving: bool) -> Pipeline:
 
 
 def numbers_of(pipeline: Pipeline) -> dict[str, float]:
-    """What the air does: coefficients, Strouhal number, and the length of the reversed flow (m)."""
-    air = pipeline.airflow
-    found = {key: getattr(air, key).value for key in ("cd", "cl_rms", "cp_base", "strouhal")}
-    return {**found, "reversal": float(air.suction.reversal_length)}
+    """What the air does: coefficients and Strouhal number."""
+    return {key: getattr(pipeline.airflow, key).value for key in ("cd", "cl_rms", "cp_base", "strouhal")}
 
 
 def vibrating_rows(scene: wf.Scene, scales: Sequence[float], ratios: Sequence[float | None]) -> Iterator[Row]:
@@ -291,7 +289,6 @@ def vibrating_rows(scene: wf.Scene, scales: Sequence[float], ratios: Sequence[fl
     still = [in_air(scene, scale, moving=False) for scale in scales]
     rest = [numbers_of(pipeline) for pipeline in still]
     shedding = float(np.mean([one["strouhal"] for one in rest])) * scene.air.speed / scene.width
-    shedding /= 1.0 - scene.width / scene.channel.width
     bins = list(scene.bin)
     targets = {name: [bins.index(place) for place in fraction.targets] for name, fraction in scene.fraction.items()}
     for ratio in ratios:
@@ -315,7 +312,7 @@ def vibrating_rows(scene: wf.Scene, scales: Sequence[float], ratios: Sequence[fl
         }  # fmt: skip
 
 
-def vibrating_air(*, meshes: int = 6, scale: float = 1.5, count: int = 4096, quick: bool = False) -> list[Row]:
+def vibrating_air(*, meshes: int = 4, scale: float = 1.5, count: int = 4096, quick: bool = False) -> list[Row]:
     """What the body's motion changes in the air of the shipped scene, and of where granules land alone in it.
 
     ``meshes`` of cells about ``scale`` times the usual, ``count`` granules of each fraction; ``quick``: two coarse
