@@ -26,7 +26,8 @@ from wakeflow.foam.solver import holds_a_state
 from wakeflow.foam.start import write_internal
 from wakeflow.foam.time_resolved import best_loop
 from wakeflow.meshing import build_mesh, plan_mesh
-from wakeflow.planning.lock_in import frequency_ratios, vibration_of_air, vibration_of_scene
+from wakeflow.planning.lock_in import SHARES_MOVED, frequency_ratios, vibration_of_air, vibration_of_scene
+from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 
 
@@ -306,6 +307,23 @@ class TestRule:
             motion = vibration_of_air(float(speed), float(frequency))
             if float(speed) <= 0.1:
                 assert max(abs(float(change)) for change in changes) <= 100 * motion.bound, (speed, frequency)
+
+    def test_what_shares_move_covers_what_was_measured_and_holds_for_that_machine_alone(self, cases: Path) -> None:
+        text = (DOCS / "validation.md").read_text().split("## Air that sees the body vibrate")[1].split("\n## ")[0]
+        moved = re.findall(r"([-+][\d.]+) ± ([\d.]+) (?:dust|chaff|wheat)", text)
+        assert len(moved) == 6
+        assert all(abs(float(change)) + 2.0 * float(error) < 100.1 * SHARES_MOVED for change, error in moved)
+        scene = Scene.load(cases / "rhombus.toml")
+        for changes, measured in (
+            ({}, True), ({"vibration.gamma": 2.1}, False), ({"body.rhombus.slope_angle": "60 deg"}, False),
+            ({"air.speed": "50 m/s"}, False), ({"vibration.direction": "80 deg"}, False),
+        ):  # fmt: skip
+            other = scene.replace(changes)
+            motion = vibration_of_scene(other, 0.05)
+            assert motion is not None
+            assert motion.moved == (SHARES_MOVED if measured else None), changes
+            doubts = " ".join(one.text for one in make_plan(other, rung="standard").notices)
+            assert ("vibration-of-the-air, left out" in doubts) is not measured, changes
 
     def test_of_a_scene(self, cases: Path) -> None:
         scene = Scene.load(cases / "rhombus.toml")

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from proofs.report import cell
-from proofs.studies import bounds, collisions, costs, laws, search_gain, target_error
+from proofs.studies import bounds, collisions, costs, flakes, laws, search_gain, target_error
 from proofs.studies.__main__ import app
 from support import CASES, ROOT, loaded_scene, shipped
 from wakeflow.laws.best_estimate import wakes
+from wakeflow.laws.collision import impact_models
+from wakeflow.laws.material import default_margins, materials
 
 # tests/laws/test_collision.py, tests/foam/test_robustness.py, tests/foam/test_three_dimensions.py,
 # tests/planning/test_plan_gate.py, tests/planning/test_collisions.py
@@ -41,6 +45,21 @@ def test_chaff_alone_lands_where_it_does_without_lift_but_for_the_scatter_of_its
     assert 70.0 < inner["flake"] < inner["flake, no spin lift"]
 
 
+def test_kernels_go_along_a_slope_as_the_material_says_and_a_ball_as_a_ball() -> None:
+    """Rigid ellipsoids are the source of wheat's impact model and scatter, and of how far these may be off."""
+    wheat, margins = materials["wheat"], default_margins()
+    row = flakes.kernel_row("wheat", flakes.USUAL, 600, level=False)
+    assert row["drop"] == pytest.approx(wheat.restitution, abs=0.02)
+    assert row["off"] == pytest.approx(1.0, abs=0.1)
+    mobility, scatter = impact_models[wheat.impact].mobility, wheat.rebound_scatter
+    assert abs(row["turns"] - mobility) < margins["inverse_inertia"].half(mobility, "typical", 1.0)
+    for way in ("by_velocity", "by_landing"):
+        assert abs(row[way] - scatter) < margins["rebound_scatter"].half(scatter, "typical", 1.0)
+    ball, _ = flakes.thrown(np.full(3, 4e-3), 1.6, math.pi / 4, 0.5, 0.3, 8, kind=flakes.Kernels)
+    rolls = 1.6 * math.sqrt(0.5) * np.array([5 / 7, 0.0, 0.5])
+    np.testing.assert_allclose(ball.velocity, np.tile(rolls, (8, 1)), atol=0.02)
+
+
 @pytest.mark.parametrize(
     ("words", "column", "found"),
     [
@@ -56,7 +75,9 @@ def test_chaff_alone_lands_where_it_does_without_lift_but_for_the_scatter_of_its
         ),
         (["flakes_in_air", "--count", 60], "{restitution}", ["0.2", "0.5"]),
         (["flakes", "--count", 8], "{plate}", ["6 x 2 x 0.2", "3 x 3 x 0.1", "10 x 3 x 0.2", "12.65 x 3.69 x 3.69"]),
+        (["kernels", "--count", 8], "{kernel}", ["wheat", "wheat, Sakha 93", "barley"]),
         pytest.param(["locked_band", "--quick"], "{ratio}", ["0.5"], marks=pytest.mark.openfoam),
+        pytest.param(["vibrating_air", "--quick"], "{frequency:.0f}", ["30"], marks=SLOW),
         pytest.param(["mpi_ranks", "--quick"], "{gain:|}", [""], marks=(*SLOW, pytest.mark.mpi)),
         pytest.param(["time_resolved_cost", "runs", *VARIANTS, "--quick"], "{variant}", VARIANTS, marks=SLOW),
     ],

@@ -39,14 +39,16 @@ class LeftOutTerms(Source[None]):
     def shares(self, fraction: FractionResults) -> Parts:
         pipeline, flights = fraction.pipeline, fraction.flights
         found = truncation_terms(pipeline.scene, pipeline.plan, fraction.name, fraction.landings)
-        draws, answer = flights.of(UNKNOWN), fraction.answer
-        if draws is None or VIBRATION in pipeline.plan.force:
+        if VIBRATION in pipeline.plan.force:
             return found
-        speed = next((one for one in draws.unknowns if one.key == AIR_SPEED), None)
+        draws, answer = flights.of(UNKNOWN), fraction.answer
+        speed = next((one for one in (() if draws is None else draws.unknowns) if one.key == AIR_SPEED), None)
         for place, parts in found.items():
-            if speed is not None and any(part.source == VIBRATION for part in parts):
-                effects = answer.effects(answer.of_share(fraction.name, [place]), fraction.name)
-                effect = effects.get(AIR_SPEED, NO_EFFECT)
+            if any(part.source == VIBRATION for part in parts):
+                effect = None
+                if speed is not None:
+                    effects = answer.effects(answer.of_share(fraction.name, [place]), fraction.name)
+                    effect = effects.get(AIR_SPEED, NO_EFFECT)
                 found[place] = [swung(pipeline.scene, pipeline.plan, part, effect, speed) for part in parts]
         return found
 
@@ -92,23 +94,31 @@ def _part(row: LeftOut, error: float, kind: str, unit: str) -> BudgetPart:
     return BudgetPart(row.name, error, 0.0, CALIBRATED, kind, note=note)
 
 
-def swung(scene: Scene, plan: Plan, part: BudgetPart, effect: InputPart | None, speed: Unknown) -> BudgetPart:
+def swung(scene: Scene, plan: Plan, part: BudgetPart, effect: InputPart | None, speed: Unknown | None) -> BudgetPart:
     """The part of air that does not see the body vibrate, where a bound on single flights says little: in a wake that
     sheds any small shift grows, and the shares, which are means over all phases, do not change with it.
 
-    They change as the mean wake does, whose drag and base pressure differ by no more than was measured
-    (``planning.lock_in``): as if the air were faster by that part, ``effect`` being what its ``speed`` does to the
-    share. Any other ``part`` comes back as it is, and so does this one where nothing was drawn.
+    By how much they do was measured of bodies like the shipped rhombus (``planning.lock_in``). Elsewhere they change
+    as the mean wake does, whose drag and base pressure differ by no more than was measured: as if the air were faster
+    by that part, ``effect`` being what its ``speed`` does to the share. Any other ``part`` comes back as it is, and so
+    does this one where nothing was drawn.
     """
-    in_time = plan.airflow.stepping == "time-resolved"
-    if part.source != VIBRATION or part.kind != NOT_COMPUTED or effect is None or not in_time:
+    if part.source != VIBRATION or plan.airflow.stepping != "time-resolved":
         return part
     motion = vibration_of_scene(scene, plan.airflow.accuracy)
     if motion is None or motion.used:
         return part
-    error = effect.half * motion.bound * speed.value / speed.high
-    note = f"as an air faster by {100.0 * motion.bound:.2g} %: so much may drag and base pressure differ; {motion.why}"
-    return replace(part, error=min(error, part.error or 0.0), kind=LEFT_OUT, note=note)
+    ways: list[tuple[float, str]] = []
+    if motion.moved is not None:
+        measured = "measured: no share moved by more in air that sees the body vibrate"
+        ways.append((motion.moved, f"{measured}; {motion.why}"))
+    if part.kind == NOT_COMPUTED and effect is not None and speed is not None:
+        faster = f"as an air faster by {100.0 * motion.bound:.2g} %: so much may drag and base pressure differ"
+        ways.append((effect.half * motion.bound * speed.value / speed.high, f"{faster}; {motion.why}"))
+    if not ways:
+        return part
+    error, note = min([*ways, (part.error or 0.0, part.note or "")])
+    return replace(part, error=error, kind=LEFT_OUT, note=note)
 
 
 def most_crossing(distance: Array, inside: NDArray[np.bool_], shift: float, weight: Array | None = None) -> float:

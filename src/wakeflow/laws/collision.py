@@ -74,6 +74,10 @@ impact_models: Registry[ImpactModel] = Registry("impact model")
 _ROUTH = "Routh, E.J. 1897, Dynamics of a System of Rigid Bodies, ch. 1 (moments of inertia) and 4 (impact)"
 impact_models.add("paper", ImpactModel(None, "a point mass: slips, or stops along the slope", "Spade et al. 2020"))
 impact_models.add("sphere", ImpactModel(0.4, "a solid sphere: bead, round seed", _ROUTH))
+impact_models.add("kernel", ImpactModel(
+    0.4, "a kernel that comes any way: along a slope it goes, in the mean, as a solid sphere",
+    "rigid ellipsoids of measured kernels' dimensions on slopes: 2.0 to 3.0 of m r^2 / I (docs/rebound.md)",
+))  # fmt: skip
 impact_models.add("disc", ImpactModel(0.5, "a disc or solid cylinder about its axis: a lying kernel", _ROUTH))
 impact_models.add("shell", ImpactModel(2.0 / 3.0, "a hollow sphere with a thin wall: an empty husk", _ROUTH))
 impact_models.add("tube", ImpactModel(1.0, "a hollow cylinder with a thin wall about its axis: lying straw", _ROUTH))

@@ -6,12 +6,13 @@ The constants are measured (docs/validation.md, "Locked band"): a rhombus at Re 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..core.errors import SceneError, known
 from ..scene import Scene
 from .airflow import SHEDDING_ABOVE
 from .terms import VIBRATION
+from .wake import family_of
 
 MAX_NEGLECTED_MOTION = 0.1  # a w / U above which the body's motion is never left out
 ANYWHERE = 1.3  # largest change of mean drag or base pressure over a w / U, locked or not, up to MAX_NEGLECTED_MOTION
@@ -21,17 +22,23 @@ STROUHAL = (0.12, 0.21)  # f D / U_gap, U_gap = U / (1 - blockage): plate 0.123 
 # triangle 0.13 (base first) to 0.2 (apex first), circle 0.16 to 0.21, rhombus 0.17 (docs/validation.md)
 ACROSS, ACROSS_BAND = 0.02, (0.6, 1.4)  # sideways: a third of the least amplitude that locks a circle's wake (0.05 D at
 # f = fs: Koopmann 1967, J. Fluid Mech. 28, 501), as a w / U; beyond the widest band at the largest amplitudes there
+# What leaving the motion out changes of shares in turbulent air, within 95 %, even where the wake locks: measured
+# (docs/validation.md, "Air that sees the body vibrate") of such a body, and taken for those like it
+SHARES_MOVED = 0.03
+MEASURED_FAMILY, MEASURED_SLOPES, MEASURED_REYNOLDS = "rhombus", (40.0, 50.0), (5e3, 5e4)  # deg, of 45; of 16 500
+MEASURED_MOTION = 0.021  # a w / U
 
 
 @dataclass(frozen=True)
 class AirMotion:
     """Whether the mesh has to move with the body. ``bound``: by which share leaving it out may change mean drag or base
-    pressure; ``why``: in words.
+    pressure; ``why``: in words; ``moved``: by how much it changes a share at most, where that was measured.
     """
 
     used: bool
     bound: float
     why: str
+    moved: float | None = None
 
 
 def vibration_of_air(
@@ -114,7 +121,15 @@ def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | No
         motion = AirMotion(True, motion.bound, f"{motion.why}; switched on by --force")
     if sideways > 1e-9:
         return AirMotion(motion.used, max(motion.bound, sideways), f"{motion.why}; its sideways part is left out")
-    return motion
+    measured = not motion.used and _measured(scene, float(along) / scene.air.speed)
+    return replace(motion, moved=SHARES_MOVED) if measured else motion
+
+
+def _measured(scene: Scene, speed_ratio: float) -> bool:
+    """Whether it was measured what vibration along the air with a w / U = ``speed_ratio`` changes of shares."""
+    family, (flat, steep), (low, high) = family_of(scene), MEASURED_SLOPES, MEASURED_REYNOLDS
+    alike = family.name == MEASURED_FAMILY and flat <= known(family.slope) <= steep
+    return alike and low <= known(scene.reynolds) <= high and abs(speed_ratio) <= MEASURED_MOTION
 
 
 def _most_sideways(ratios: tuple[float, float], *, sheds: bool) -> float:

@@ -83,7 +83,7 @@ def _planned(given: Scene, rung: str, switches: Mapping[str, bool], target: floa
     obstacle = FIRST_LOOK if chain else _why_none_collide(flown, known)
     crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
     airflow, known = _under_load(flown, airflow, known, target, switches.get(LOADING))
-    rest = whole_terms(airflow, crowd), obstacle
+    rest = whole_terms(airflow, crowd), obstacle, None if motion is None else motion.moved
     decided = {name: _decide(flown, name, one, airflow, switches, target, *rest) for name, one in known.items()}
     fractions = {name: one.plan for name, one in decided.items()}
     gates = {name: one.gate for name, one in decided.items() if one.gate is not None}
@@ -212,11 +212,14 @@ def _decide(
     target: float,
     whole: Collection[str],
     obstacle: str | None,
+    swung: float | None,
 ) -> _Decided:
     """How fraction ``name`` is computed, and with which forces. Raises SceneError as :func:`make_plan` does."""
     if scene.air is None:
         return _in_vacuum(scene, name, known, switches, target, whole, obstacle)
-    gate = select_terms(scene, name, known.scales, switches, target, airflow.turbulence, whole=whole, crowded=obstacle)
+    gate = select_terms(
+        scene, name, known.scales, switches, target, airflow.turbulence, whole=whole, crowded=obstacle, swung=swung
+    )
     turned = known.turned
     small = LOADING not in whole and turned is not None and turned.missed <= target and turned.shift <= gate.limit
     arrival = arrival_at_body(scene, name, known.law, known.scale)

@@ -197,10 +197,12 @@ def select_terms(
     *,
     whole: Collection[str] = (),
     crowded: str | None = None,
+    swung: float | None = None,
 ) -> TermSelection:
     """Decide for fraction ``name``; ``scales`` of its flight at several sizes (``flight_scales.flights``); ``target`` a
     share; ``whole``: terms that are computed for the run as a whole, of all fractions together; ``crowded``: why
-    collisions cannot be, None where they can.
+    collisions cannot be, None where they can. ``swung``: the most that air which does not see the body vibrate changes
+    a share by, where that was measured; there it is no doubt.
 
     What acts on granules that turn is computed wherever a body makes them turn, however little it moves: the spin is
     known there.
@@ -208,6 +210,8 @@ def select_terms(
     """
     limit = limit_of(scene, target)
     shifts = _shifts(scene, scales)
+    if swung is not None:
+        shifts[VIBRATION] = min(shifts[VIBRATION], limit_of(scene, swung))
     blocked = {term: _blocked(scene.fraction[name], term, turbulence, crowded) for term in bounds}
     small = _small(shifts, blocked, limit, turning=bool(scene.body))
     used, left_out, missing = set(), [], {}
@@ -221,6 +225,8 @@ def select_terms(
         reason = too_small(limit, target)
         if switched is False:
             reason = SWITCHED_OFF
+        elif term == VIBRATION and swung is not None:
+            reason = f"measured: shares move by at most {swung:.2g} (docs/validation.md)"
         elif term not in small and obstacle is not None:
             if term in forces and not forces[term].computed:
                 raise SceneError(_refusal(name, term, shift, limit, target, scene.unit))

@@ -25,6 +25,7 @@ from ..laws.forces.lift import SPIN_LIFT
 from ..laws.lift import MAGNUS_RANGE
 from ..laws.material import Moisture, default_margins, materials
 from ..laws.restitution import Restitution
+from ..laws.turbulence import LIFETIME, LIFETIMES
 from ..scene import Fraction, Scene
 from ..scene.ties import margins_of
 from ..scene.uncertainty import SIGMAS as SIGMAS
@@ -121,6 +122,13 @@ def _unknown(
     elif isinstance(own, str):
         own = 0.01 * known(split_quantity(own))[0] * abs(value)
     return Unknown(key, entry, value, own, own, unit, why, fraction)
+
+
+def _ranged(scene: Scene, key: str, number: Number, why: str) -> Unknown:
+    """The ``number`` at ``key``, which brings its default interval with it; that rests on ``why``."""
+    if key in scene.uncertainty:
+        return _unknown(scene, key, key, number.value, "1")
+    return Unknown(key, key, number.value, number.value - number.low, number.high - number.value, "1", why)
 
 
 def half_of(scene: Scene, key: str, entry: str, value: float) -> float:
@@ -291,13 +299,8 @@ def _moistures(scene: Scene, plan: Plan) -> Iterator[Unknown]:
 
 def _spin_lift(scene: Scene, plan: Plan) -> Iterator[Unknown]:
     """The coefficient of spin lift, of all fractions that have it."""
-    if not any(SPIN_LIFT.name in how.forces for how in plan.fractions.values()):
-        return
-    if SPIN in scene.uncertainty:
-        yield _unknown(scene, SPIN, SPIN, 1.0, "1")
-    else:
-        low, high = MAGNUS_RANGE
-        yield Unknown(SPIN, SPIN, 1.0, 1.0 - low, high - 1.0, "1", "measured lifts (laws/lift.py)")
+    if any(SPIN_LIFT.name in how.forces for how in plan.fractions.values()):
+        yield _ranged(scene, SPIN, Number(1.0, *MAGNUS_RANGE), "measured lifts (laws/lift.py)")
 
 
 def _vary_spin_lift(made: Variation, one: Unknown, x: float, _scene: Scene, plan: Plan) -> Variation:
@@ -360,12 +363,7 @@ def _vary_fall(made: Variation, one: Unknown, x: float, scene: Scene, _plan: Pla
 def _entrainment(scene: Scene, plan: Plan) -> Iterator[Unknown]:
     """How fast air that the granules alone drive draws in other air."""
     if plan.airflow.loaded and plan.airflow.kind == "analytic":
-        value, low, high = ENTRAINMENT
-        if "entrainment" in scene.uncertainty:
-            yield _unknown(scene, "entrainment", "entrainment", value, "1")
-        else:
-            why = "measured jets and plumes (laws/driven_jet.py)"
-            yield Unknown("entrainment", "entrainment", value, value - low, high - value, "1", why)
+        yield _ranged(scene, "entrainment", ENTRAINMENT, "measured jets and plumes (laws/driven_jet.py)")
 
 
 def _vary_entrainment(made: Variation, one: Unknown, x: float, _scene: Scene, _plan: Plan) -> Variation:
@@ -376,6 +374,13 @@ def _vary_entrainment(made: Variation, one: Unknown, x: float, _scene: Scene, _p
 def _disperses(scene: Scene, plan: Plan) -> bool:
     """Whether turbulence disperses any granules."""
     return _has_air(scene, plan) and any(DISPERSES in how.forces for how in plan.fractions.values())
+
+
+def _dispersion(scene: Scene, plan: Plan) -> Iterator[Unknown]:
+    """How long the eddies live that disperse granules, over the law's own."""
+    if _disperses(scene, plan):
+        low, high = (end / LIFETIME for end in LIFETIMES)
+        yield _ranged(scene, DISPERSES, Number(1.0, low, high), "lifetimes in use (laws/turbulence.py)")
 
 
 def _brings_eddies(scene: Scene, plan: Plan) -> bool:
@@ -392,11 +397,7 @@ def _wake_number(name: str) -> Callable[[Scene, Plan], Iterator[Unknown]]:
         if airflow.wake is None or not airflow.brackets:
             return
         own: Number = getattr(airflow.wake, name)
-        if key in scene.uncertainty:
-            yield _unknown(scene, key, key, own.value, "1")
-        else:
-            why = "measured wakes (laws/wakes.toml)"
-            yield Unknown(key, key, own.value, own.value - own.low, own.high - own.value, "1", why)
+        yield _ranged(scene, key, own, "measured wakes (laws/wakes.toml)")
 
     return found
 
@@ -421,9 +422,7 @@ unknown_kinds.add("air_turbulence", UnknownKind(
     _of_scene("air.turbulence", "air_turbulence", "1", lambda scene: scene.airstream.turbulence, _brings_eddies),
     _of_the_air("energy", lambda one, x: _factor(one, x) ** 2), of_air=True,
 ))  # fmt: skip
-unknown_kinds.add("dispersion", UnknownKind(
-    _of_scene("dispersion", "dispersion", "1", lambda _: 1.0, _disperses), _of_the_air("lifetime"), of_air=True
-))  # fmt: skip
+unknown_kinds.add(DISPERSES, UnknownKind(_dispersion, _of_the_air("lifetime"), of_air=True))
 for _name in ("theta", "strength"):
     unknown_kinds.add(
         f"wake.{_name}", UnknownKind(_wake_number(_name), _of_the_air(_name, _portion), of_air=True, span=PORTION)

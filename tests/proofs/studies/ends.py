@@ -1,4 +1,4 @@
-"""Studies of airflows: inlet and outlet, and the locked band (docs/validation.md).
+"""Studies of airflows: inlet and outlet, the locked band, and air that sees the body vibrate (docs/validation.md).
 
 domain: One table a rung: the scene with its inlet and outlet at so many body widths from the body; in the last row they
 are furthest off, and the last columns compare each row's shares with that one's. Other ends move cells everywhere:
@@ -7,6 +7,11 @@ every row is the mean over meshes of slightly different cells, with its standard
 locked_band: Where vibration along the air takes over the vortex shedding of a rhombus (or a prism) at Re 100: whether
 the lift repeats with the vibration or with every second one, and how much the means differ from a body at rest. Every
 run is kept in the folder, so an interrupted series goes on.
+
+vibrating_air: What leaving the body's motion out of the air changes of the shipped scene's time-resolved wake and of
+its shares: the same machine and granules in air that sees the body at rest and in air that sees it vibrate, at the
+scene's own frequency and at twice that of the shedding, where a wake locks, both with the scene's own a w / U. Each row
+is the mean over meshes of slightly different cells, with its standard error.
 """
 
 from __future__ import annotations
@@ -35,6 +40,7 @@ from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, ends, plan_mesh
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
+from wakeflow.planning.terms import VIBRATION
 
 from .common import BARE, Row, fresh_case, kept, mean_and_error, show, with_one_fraction
 
@@ -254,3 +260,64 @@ def locked_band(
     print(f"at rest: St {rest['frequency'] * WIDTH / SPEED:.4f}, Cd {rest['cd']:.3f}, Cl rms {rest['cl_rms']:.3f}, "
           f"Cp base {rest['cp_base']:.3f}\n")  # fmt: skip
     return show(BAND_COLUMNS, band_rows(series, rest, quick))
+
+
+# -- vibrating_air -----------------------------------------------------------------------------------------------------
+TIMES_FS = (None, 2.0)  # f over the wake's own frequency at rest; None: the scene's own f
+VIBRATING_COLUMNS = {
+    "f, Hz": "{frequency:.1f}", "f / fs": "{ratio:.2f}", "a w / U": "{speed:.4f}", "cells": "{cells:.0f}",
+    "Cd": "{cd} %", "Cl rms": "{cl_rms} %", "Cp base": "{cp_base} %", "St": "{strouhal} %",
+    "shares, points: largest": "{largest}", "of each fraction in its bins": "{meant}",
+}  # fmt: skip
+
+
+def in_air(scene: wf.Scene, scale: float, *, moving: bool) -> Pipeline:
+    """The scene in its time-resolved wake alone, which sees the body vibrate or at rest; no granules meet."""
+    made = scene.replace({"numerics.mesh_scale": float(scale)})
+    plan = make_plan(made, rung="standard", force={**BARE, "collisions": False, VIBRATION: moving})
+    return Pipeline(made, replace(plan, airflow=replace(plan.airflow, accuracy=ACCURACY, wake=None, brackets=False)))
+
+
+def numbers_of(pipeline: Pipeline) -> dict[str, float]:
+    """What the air does: coefficients and Strouhal number."""
+    return {key: getattr(pipeline.airflow, key).value for key in ("cd", "cl_rms", "cp_base", "strouhal")}
+
+
+def vibrating_rows(scene: wf.Scene, scales: Sequence[float], ratios: Sequence[float | None]) -> Iterator[Row]:
+    """A row for every frequency."""
+    amplitude = float(np.abs(scene.motion[0]).max()) * scene.motion[1] / scene.air.speed
+    still = [in_air(scene, scale, moving=False) for scale in scales]
+    rest = [numbers_of(pipeline) for pipeline in still]
+    shedding = float(np.mean([one["strouhal"] for one in rest])) * scene.air.speed / scene.width
+    bins = list(scene.bin)
+    targets = {name: [bins.index(place) for place in fraction.targets] for name, fraction in scene.fraction.items()}
+    for ratio in ratios:
+        frequency = scene.motion[1] / (2.0 * math.pi) if ratio is None else ratio * shedding
+        gamma = amplitude * scene.air.speed * 2.0 * math.pi * frequency / 9.81
+        shaken = scene.replace({"vibration.frequency": frequency, "vibration.gamma": gamma})
+        pairs = [[in_air(shaken, scale, moving=moving) for moving in (False, True)] for scale in scales]
+        moved_to = [numbers_of(pipeline) for _, pipeline in pairs]
+        both = list(zip(rest, moved_to, strict=True))
+        change = {key: [100.0 * (new[key] / old[key] - 1.0) for old, new in both] for key in rest[0]}
+        found = [[shares(pipeline) for pipeline in pair] for pair in pairs]
+        moves = {name: 100.0 * np.array([b[name] - a[name] for a, b in found]) for name in scene.fraction}
+        every = np.concatenate(list(moves.values()), axis=1)
+        meant = {name: move[:, targets[name]].sum(axis=1) for name, move in moves.items()}
+        yield {
+            "frequency": frequency, "ratio": frequency / shedding, "speed": amplitude,
+            "cells": np.mean([pipeline.airflow.cells for _, pipeline in pairs]),
+            **{key: mean_and_error(values, 2, "+") for key, values in change.items()},
+            "largest": mean_and_error(every[:, np.abs(every.mean(axis=0)).argmax()], 2, "+"),
+            "meant": ", ".join(f"{mean_and_error(move, 2, '+')} {name}" for name, move in meant.items()),
+        }  # fmt: skip
+
+
+def vibrating_air(*, meshes: int = 4, scale: float = 1.5, count: int = 4096, quick: bool = False) -> list[Row]:
+    """What the body's motion changes in the air of the shipped scene, and of where granules land alone in it.
+
+    ``meshes`` of cells about ``scale`` times the usual, ``count`` granules of each fraction; ``quick``: two coarse
+    meshes and the scene's own frequency, far too little to say anything.
+    """
+    scene = shipped("rhombus", {"feed.count": QUICK_COUNT if quick else count})
+    scales = QUICK_SCALES if quick else scale * (1.0 + 0.03 * (np.arange(meshes) - 0.5 * (meshes - 1)))
+    return show(VIBRATING_COLUMNS, vibrating_rows(scene, scales, TIMES_FS[: 1 if quick else None]))

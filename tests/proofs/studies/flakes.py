@@ -1,4 +1,4 @@
-"""Rigid plates thrown on a slope, and what the model ``flake`` makes of them.
+"""Rigid plates and kernels thrown on a slope, and what the models ``flake`` and ``kernel`` make of them.
 
 flakes: Plates of random orientation fall on a slope and are followed through all their blows, each at the lowest corner
 with restitution and Coulomb friction, until they are clear of it or lie on it. Printed are the spin about the axis
@@ -11,19 +11,26 @@ circulation of their rotation: how far they come across the stream, and how far 
 the same spins. docs/rebound.md: flakes_in_air --count 1000
 
 chaff_alone: Where chaff of the shipped rhombus lands alone in its steady air. docs/rebound.md
+
+kernels: Ellipsoids of measured kernels' dimensions on a slope, as the plates: the restitution that a drop test on a
+level plate would find of them, what they keep of their way along the slope (as m r^2 / I of a granule that rolls), off
+it, and how they scatter: as the rms angle of the model ``kernel`` that scatters their velocities, and where they land
+four body widths below, as much. docs/rebound.md
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from support import shipped
-from wakeflow.laws.collision import collide
+from wakeflow.laws.collision import collide, impact_models, scattered_rebound
 from wakeflow.laws.flake import BROADSIDE, plate_lift, plate_torque, shape_of
 
 from .common import ALONE, Row, piped, separation, show, with_one_fraction
@@ -120,11 +127,14 @@ class Plates:
 
 
 def thrown(
-    sides: Array, speed: float, slope: float, restitution: float, friction: float, count: int, seed: int = 1
-) -> tuple[Plates, NDArray[np.bool_]]:
-    """Plates after their blows on a ``slope`` (rad), on which they fell at ``speed`` (m/s); which of them lie on it."""
+    sides: Array, speed: float, slope: float, restitution: float, friction: float, count: int, seed: int = 1,
+    kind: Callable[..., Plates] = Plates,
+) -> tuple[Plates, NDArray[np.bool_]]:  # fmt: skip
+    """Plates, or another ``kind``, after their blows on a ``slope`` (rad), on which they fell at ``speed`` (m/s); which
+    of them lie on it.
+    """
     down = np.array([math.sin(slope), 0.0, -math.cos(slope)])
-    plates = Plates(sides, count, speed * down, G * down, np.random.default_rng(seed))
+    plates = kind(sides, count, speed * down, G * down, np.random.default_rng(seed))
     velocity, spin = plates.velocity.copy(), plates.spin.copy()
     clear = lies = np.zeros(count, dtype=bool)
     for _ in range(round(LONGEST / STEP)):
@@ -279,3 +289,116 @@ def chaff_alone(*, count: int = 4096) -> list[Row]:
             yield row
 
     return show(("chaff as", *PLACES), rows())
+
+
+# -- kernels -----------------------------------------------------------------------------------------------------------
+GRAINS = {"wheat": (7.08, 3.27, 2.98), "wheat, Sakha 93": (6.18, 2.80, 2.21), "barley": (9.85, 3.52, 2.49)}  # mm
+FALL, BELOW = 1.6, 0.215  # m/s, of wheat that comes to the shipped rhombus; m, from there to its floor
+USUAL = (45.0, 0.57, 0.29)  # deg, restitution of the surface, friction: 0.5 in a drop test
+BLOWS = (USUAL, (45.0, 0.46, 0.29), (45.0, 0.68, 0.29), (45.0, 0.57, 0.25), (45.0, 0.57, 0.34), (35.0, 0.57, 0.29),
+         (55.0, 0.57, 0.29))  # fmt: skip
+XI = np.random.default_rng(5).standard_normal(20_000)
+KERNEL_COLUMNS = {
+    "kernel": "{kernel}", "comes": "{comes}", "slope, deg": "{slope:g}", "R": "{restitution:g}", "f": "{friction:g}",
+    "drop test": "{drop:.2f}", "m r² / I": "{turns:.2f}", "off over drop test": "{off:.2f}",
+    "scatter by velocity": "{by_velocity:.2f}", "by landing": "{by_landing:.2f}",
+    "lands, mm: 5, 25, 50, 75, 95 %": "{lands}", "as the model has it": "{modelled}",
+}  # fmt: skip
+
+
+class Kernels(Plates):
+    """Ellipsoids, which touch a wall at one point; ``level``: with the long axis level, as on a slope of so many rad,
+    else turned by chance.
+    """
+
+    def __init__(
+        self, sides: Array, count: int, velocity: Array, pull: Array, rng: np.random.Generator,
+        level: float | None = None,
+    ) -> None:  # fmt: skip
+        self.half = 0.5 * sides
+        super().__init__(sides, count, velocity, pull, rng)
+        self.moments = (np.sum(sides**2) - sides**2) / 20.0
+        if level is not None:
+            turn = rng.uniform(0.0, 2.0 * math.pi, count)[:, None]
+            ahead, aside = np.array([math.cos(level), 0.0, math.sin(level)]), np.array([0.0, 1.0, 0.0])
+            long = np.cos(turn) * ahead + np.sin(turn) * aside
+            across = np.cross(long, rng.standard_normal((count, 3)))
+            across /= np.linalg.norm(across, axis=1)[:, None]
+            self.axes = np.stack([long, across, np.cross(long, across)], axis=2)
+            self.high = -self._arms()[..., 2].min(axis=1)
+
+    def _arms(self) -> Array:
+        """From the centre to the lowest point of the surface (n, 1, 3)."""
+        down = -self.axes[:, 2, :]
+        lowest = down * self.half**2 / np.linalg.norm(down * self.half, axis=1)[:, None]
+        return np.einsum("nij,nj->ni", self.axes, lowest)[:, None]
+
+
+def landing(along: Array, off: Array, slope: float) -> Array:
+    """How far aside (mm) a granule lands in a vacuum BELOW the ``slope`` that it leaves with these velocities (m/s)."""
+    aside = along * math.cos(slope) + off * math.sin(slope)
+    up = off * math.cos(slope) - along * math.sin(slope)
+    return np.asarray(1e3 * aside * (up + np.sqrt(up**2 + 2.0 * G * BELOW)) / G)
+
+
+def modelled(scatter: float, restitution: float, friction: float, slope: float) -> tuple[Array, Array]:
+    """Velocities (m/s) along and off the slope of granules of the model ``kernel`` with an rms ``scatter`` (rad)."""
+    n = len(XI)
+    came, up = np.tile([FALL * math.sin(slope), -FALL * math.cos(slope)], (n, 1)), np.tile([0.0, 1.0], (n, 1))
+    mobility = impact_models["kernel"].mobility
+    left, _, _ = scattered_rebound(
+        came, np.zeros(n), up, np.zeros((n, 2)), np.full(n, restitution), np.full(n, friction), mobility,
+        np.full(n, 1e-3), 0.0, scatter * XI,
+    )  # fmt: skip
+    return left[:, 0], left[:, 1]
+
+
+def scatter_of(wanted: float, measure: Callable[[Array, Array], float], *law: float) -> float:
+    """The scatter (rad) with which the model has the ``wanted`` measure; nan beyond 0.02 to 0.4."""
+
+    def short(scatter: float) -> float:
+        return measure(*modelled(scatter, *law)) - wanted
+
+    return float(brentq(short, 0.02, 0.4)) if short(0.02) < 0.0 < short(0.4) else math.nan
+
+
+def kernel_row(grain: str, blow: tuple[float, float, float], count: int, *, level: bool) -> Row:
+    """``count`` kernels beside the model."""
+    sides, (degrees, restitution, friction) = 1e-3 * np.array(GRAINS[grain]), blow
+    slope = math.radians(degrees)
+    surface = restitution, friction, count
+    dropped, _ = thrown(sides, FALL, 0.0, *surface, kind=Kernels)
+    kernels, _ = thrown(sides, FALL, slope, *surface, kind=partial(Kernels, level=slope if level else None))
+    drop, (along, off) = float(dropped.velocity[:, 2].mean()) / FALL, kernels.velocity[:, (0, 2)].T
+    law, parts = (drop, friction, slope), [0.05, 0.25, 0.5, 0.75, 0.95]
+
+    def spread(along: Array, off: Array) -> float:
+        return math.hypot(along.std(), off.std())
+
+    def short_of_the_middle(along: Array, off: Array) -> float:
+        tenth, middle = np.quantile(landing(along, off, slope), (0.1, 0.5))
+        return float(middle - tenth)
+
+    def lands(along: Array, off: Array) -> str:
+        return " ".join(f"{x:.0f}" for x in np.quantile(landing(along, off, slope), parts))
+
+    return {
+        "kernel": grain, "comes": "level" if level else "any way", "slope": degrees, "restitution": restitution,
+        "friction": friction, "drop": drop, "turns": 1.0 / (1.0 - along.mean() / (FALL * math.sin(slope))) - 1.0,
+        "off": off.mean() / (FALL * math.cos(slope)) / drop,
+        "by_velocity": scatter_of(spread(along, off), spread, *law),
+        "by_landing": scatter_of(short_of_the_middle(along, off), short_of_the_middle, *law),
+        "lands": lands(along, off), "modelled": lands(*modelled(0.15, *law)),
+    }  # fmt: skip
+
+
+def kernels(count: int = 4000) -> list[Row]:
+    """Kernels thrown on slopes, beside the model."""
+
+    def rows() -> Iterator[Row]:
+        for grain in GRAINS:
+            for blow in BLOWS:
+                yield kernel_row(grain, blow, count, level=False)
+            yield kernel_row(grain, USUAL, count, level=True)
+
+    return show(KERNEL_COLUMNS, rows())
