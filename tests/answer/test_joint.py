@@ -12,13 +12,13 @@ import pytest
 from scipy.stats import kstest, norm
 
 from support import shipped
-from wakeflow.answer.cells import Cells
+from wakeflow.answer.cells import LandingCells
 from wakeflow.answer.joint import (
     DRAWS,
     INPUTS,
     LACK,
+    ErrorSource,
     JointAnswer,
-    Source,
     column,
     columns,
     difference,
@@ -39,12 +39,14 @@ KEYS = ("air.speed", "fraction.soft.size", "fraction.hard.size")
 SALT = "this run"
 
 
-def own_cells() -> Cells:
+def own_cells() -> LandingCells:
     """Those of the shipped vacuum: near from 0 to 120 mm, far to 300 mm, of a floor from -300 to 300 mm."""
-    return Cells.of(VACUUM, 2)
+    return LandingCells.of(VACUUM, 2)
 
 
-def made(*sources: Source, salt: str = SALT, slopes: tuple[float, float, float] = (0.03, 0.01, 0.02)) -> JointAnswer:
+def made(
+    *sources: ErrorSource, salt: str = SALT, slopes: tuple[float, float, float] = (0.03, 0.01, 0.02)
+) -> JointAnswer:
     """An answer of two fractions: 0.6 and 0.3 near, 0.3 and 0.65 far, evenly over each bin; the air's speed carries
     both from near to far, a fraction's size itself alone.
     """
@@ -62,19 +64,19 @@ def made(*sources: Source, salt: str = SALT, slopes: tuple[float, float, float] 
     )  # fmt: skip
 
 
-def sampling(half: float = 0.02) -> Source:
-    return Source("sampling", np.stack([tied_root(np.full(3, half))] * 2))
+def sampling(half: float = 0.02) -> ErrorSource:
+    return ErrorSource("sampling", np.stack([tied_root(np.full(3, half))] * 2))
 
 
-def world(half: float = 0.02) -> Source:
+def world(half: float = 0.02) -> ErrorSource:
     """A number of the world, that carries granules from near to far."""
     roots = half / SIGMAS * np.array([[-1.0], [1.0], [0.0]])
-    return Source("collisions.restitution", np.stack([roots] * 2), computing=False, shared=True)
+    return ErrorSource("collisions.restitution", np.stack([roots] * 2), computing=False, shared=True)
 
 
-def bound(half: float) -> Source:
+def bound(half: float) -> ErrorSource:
     roots = np.stack([tied_root(SIGMAS / np.sqrt(3.0) * np.full(3, half))] * 2)
-    return Source("lift", roots, computing=False, bounded=True)
+    return ErrorSource("lift", roots, computing=False, bounded=True)
 
 
 # -- columns -----------------------------------------------------------------------------------------------------------
@@ -120,7 +122,7 @@ def test_every_table_of_shares_is_one(half: float) -> None:
     """None below 0 or above 1, and they sum to 1, however large the errors are, also where they take all from every
     bin that has some.
     """
-    loose = Source("loose", np.stack([half / SIGMAS * np.eye(3)] * 2))
+    loose = ErrorSource("loose", np.stack([half / SIGMAS * np.eye(3)] * 2))
     joint = made(sampling(half), bound(half), world(half), loose)
     for ends in ({}, {"near": (-0.1, 0.08), "far": (0.15, 0.2)}):
         tables = joint.moved(ends).tables()
@@ -207,7 +209,7 @@ def test_a_bin_that_is_moved_takes_its_part_of_every_error() -> None:
 def test_two_sides_of_a_mirrored_machine_have_the_same_number() -> None:
     """Bin by bin, also for what moves all to one side; what is on neither is as it was."""
     scene = shipped("rhombus", {"numerics.rung": "none"})
-    cells, chance = Cells.of(scene, 1), np.random.default_rng(1)
+    cells, chance = LandingCells.of(scene, 1), np.random.default_rng(1)
     assert scene.images is not None
     images = cells.mirrored(scene.images)
     assert np.array_equal(images[images], np.arange(cells.count))
@@ -216,7 +218,7 @@ def test_two_sides_of_a_mirrored_machine_have_the_same_number() -> None:
     keys = ("feed.position", "fraction.wheat.size")
     z, way = columns(keys), chance.normal(size=(2, cells.count)) * base
     change = (0.2 * z @ (way - base * way.sum(axis=1, keepdims=True)))[:, None].astype(np.float32)
-    errors = Source("sampling", 0.01 * chance.normal(size=(1, len(scene.bin) + 1, 4)))
+    errors = ErrorSource("sampling", 0.01 * chance.normal(size=(1, len(scene.bin) + 1, 4)))
     joint = JointAnswer(
         ("wheat",), np.ones(1), {"wheat": ("outer-left",)}, 1.0, cells, scene.images, keys, z, base, change, (errors,)
     )
@@ -288,20 +290,21 @@ def test_of_two_answers_what_both_do_not_know_goes_out() -> None:
 
 # -- what inputs do ----------------------------------------------------------------------------------------------------
 def test_an_input_does_what_it_does_alone() -> None:
-    own = made(sampling(0.05)).own
+    own = made(sampling(0.01)).own
     found = own.effects(own.of_share("soft", ["near"]), "soft")
     assert list(found) == ["air.speed", "fraction.soft.size"]  # the size of hard does nothing to soft
     rises = [one.rise for one in found.values()]
     assert rises == pytest.approx([-SIGMAS * 0.03, -SIGMAS * 0.01], rel=0.01)
     assert [one.variance for one in found.values()] == pytest.approx([0.9, 0.1], abs=0.03)  # draws go by 0.02 together
-    assert all(one.half == abs(one.rise) and one.error < 1e-9 and one.tells for one in found.values())
+    assert all(one.half == abs(one.rise) and one.tells for one in found.values())
+    assert [one.uncertainty for one in found.values()] == pytest.approx([0.5 * 0.01] * 2, rel=0.1)  # of few granules
     purity = own.effects(own.of_purity("near", "soft"))
     assert set(purity) == set(KEYS)
     assert made(sampling(), slopes=(0.0, 0.0, 0.0)).own.effects(own.of_share("soft", ["near"]), "soft") == {}
 
 
 def test_what_the_fit_to_the_draws_does_not_know_is_the_error_of_an_effect() -> None:
-    vague = Source(LACK, np.stack([tied_root(np.full(3, 0.2))] * 2), computing=False)
+    vague = ErrorSource(LACK, np.stack([tied_root(np.full(3, 0.2))] * 2), computing=False)
     sure, unsure = (made(*more).own for more in ((), (vague,)))
     parts = [one.effects(one.of_share("soft", ["near"]), "soft")["fraction.soft.size"] for one in (sure, unsure)]
     assert parts[0].tells

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from support import shipped
-from wakeflow.answer.cells import Cells
-from wakeflow.answer.joint import JointAnswer, Source, columns
+from wakeflow.answer.cells import LandingCells
+from wakeflow.answer.joint import ErrorSource, JointAnswer, columns
 from wakeflow.answer.measurements import (
     GAIN,
     MAX_LISTED,
@@ -46,14 +46,14 @@ def answer(halves: Mapping[str, float], known: Mapping[str, InputSummary] = KNOW
     """Of a fraction of which half lands in its target: what each input alone moves of that, and half of the interval
     that all else makes.
     """
-    cells, z = Cells.of(shipped("vacuum"), 1), columns(halves)
+    cells, z = LandingCells.of(shipped("vacuum"), 1), columns(halves)
     even = cells.parts() / cells.parts().sum(axis=0)
     base, way = even @ np.array([0.5, 0.5, 0.0]), even @ np.array([1.0, -1.0, 0.0])
     change = (z @ np.array(list(halves.values())) / SIGMAS)[:, None, None] * way
     roots = rest / SIGMAS * np.array([[[1.0], [-1.0], [0.0]]])
     joint = JointAnswer(
         ("wheat",), np.ones(1), {"wheat": ("near",)}, 1.0, cells, None, tuple(halves), z, base[None],
-        change.astype(np.float32), (Source("sampling", roots),), "run",
+        change.astype(np.float32), (ErrorSource("sampling", roots),), "run",
     )  # fmt: skip
     return cast("Result", SimpleNamespace(joint=joint, landings=SimpleNamespace(inputs=known)))
 

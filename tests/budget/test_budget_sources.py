@@ -14,7 +14,7 @@ from scipy.stats import kstest
 
 import wakeflow as wf
 from support import landings_in, shipped
-from wakeflow.answer.cells import Cells
+from wakeflow.answer.cells import LandingCells
 from wakeflow.answer.joint import JointAnswer, columns
 from wakeflow.answer.provenance import RefinedSettings
 from wakeflow.answer.shares import (
@@ -326,7 +326,7 @@ def answer_of(value: float, moved: Callable[[np.ndarray], np.ndarray] | None = N
     """One fraction of which ``value`` lands near and all else far, and an input that moves granules from far to near by
     what ``moved`` says at z (n,) standard deviations.
     """
-    cells, keys = Cells.of(shipped("vacuum"), 1), ("air.speed",)
+    cells, keys = LandingCells.of(shipped("vacuum"), 1), ("air.speed",)
     even, z = cells.parts() / cells.parts().sum(axis=0), columns(keys)
     by = np.zeros(len(z)) if moved is None else moved(z[:, 0])
     change = (by[:, None, None] * (even[:, 0] - even[:, 1])).astype(np.float32)

@@ -29,7 +29,8 @@ from wakeflow.planning.coupling import COUPLING
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.terms import COLLISIONS, LOADING
 from wakeflow.scene import Scene
-from wakeflow.statistics.separation import Tally, separate
+from wakeflow.statistics.separation import separate
+from wakeflow.statistics.spread import Tally
 
 CALM = {"basset-history": False, "collisions": False}  # history of chaff would refuse the accuracy
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from proofs.report import Column, Interval, Report, Row, Table, Tell, mean_interval, plus_minus
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.scene import RESERVED_BIN, Scene
-from wakeflow.statistics.separation import share_interval
+from wakeflow.statistics.spread import share_interval
 from wakeflow.tracking import Tracks
 from wakeflow.verify.curves import BenchmarkCase, benchmark_case, shipped
 from wakeflow.verify.foam import FINE_PARCELS, FoamInterpolant, fly_parcels, make_foam_interpolant

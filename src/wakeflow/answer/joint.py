@@ -23,22 +23,22 @@ from ..planning.unknowns import FARTHEST, SIGMAS
 from ..scene import RESERVED_BIN
 from ..scene.machine import SIDES
 from ..scene.uncertainty import EITHER_SIGN
-from .cells import Cells, Ends
+from .cells import Ends, LandingCells
 from .shares import InputPart, JointRecord, JointSource, Separation
 
 Array = NDArray[np.float64]
 Of = Callable[[Array], Array]  # a number of tables (..., fractions, bins + 1), elsewhere last
 DRAWS = 2048
 LEVEL = 0.95  # of every interval
+PAIRED = 0.5  # of the error of few granules that is left in a change seen between the same ones. Chosen
 BENT = 3  # order of the polynomial in an input that says what it does alone
 MOST_TOLD = 64  # of more inputs than that
 MOST_TOGETHER = 128  # inputs that are told apart by one regression; of more each is taken by itself
 TIED = 0.15  # correlation of draws from which two inputs move together: of independent ones it is 0.02
 LEAST = 1e-12  # of a variance that is one
 HOUR = 3600.0  # s
-HALVINGS = 60  # of the range in which a level is looked for
 PRODUCT = "product"  # a bin made of stretches of a side
-INPUTS, LACK = "inputs", "lack of fit"
+INPUTS, LACK, SAMPLING = "inputs", "lack of fit", "sampling"
 
 
 # -- columns of independent numbers ------------------------------------------------------------------------------------
@@ -62,7 +62,7 @@ def columns(keys: Iterable[str]) -> Array:
 
 
 @dataclass(frozen=True)
-class Source:
+class ErrorSource:
     """What one source of error does to the shares of all fractions: ``roots`` (fractions, bins + 1, rank) of their
     covariance, times numbers of each fraction's own, or where it moves all fractions ``together`` of all; ``scale``
     (DRAWS, fractions) of each draw, 1 where there is none. ``shared``: the same draw in every run, not one of this
@@ -125,13 +125,13 @@ class JointAnswer:
     mass: Array
     targets: Mapping[str, tuple[str, ...]]
     flow: float  # kg/s
-    cells: Cells
+    cells: LandingCells
     images: tuple[int, ...] | None
     keys: tuple[str, ...]
     z: Array
     base: Array
     change: NDArray[np.float32]
-    sources: tuple[Source, ...] = ()
+    sources: tuple[ErrorSource, ...] = ()
     salt: str = ""
     weight: Array | None = None
     _read: dict[Any, Bins] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -163,9 +163,9 @@ class JointAnswer:
         """What :meth:`record` and :meth:`arrays` told. Raises KeyError and ValueError where the two do not fit."""
         edges = {side: arrays[f"edges.{side}"] for side in dict.fromkeys(record.on.values())}
         edges = {side: edges[side] for side in SIDES if side in edges}
-        cells = Cells(record.bins, record.on, record.ends, edges)
+        cells = LandingCells(record.bins, record.on, record.ends, edges)
         sources = tuple(
-            Source(
+            ErrorSource(
                 one.name,
                 arrays[f"root.{i}"],
                 one.computing,
@@ -184,6 +184,10 @@ class JointAnswer:
             shapes[f"root.{i}"] = (len(record.fractions), bins, one.roots.shape[-1])
             if one.scale is not None:
                 shapes[f"scale.{i}"] = (record.draws, len(record.fractions))
+        fits = set(record.ends) == set(record.on) <= set(record.bins) and set(arrays) == {*shapes, *(
+            f"edges.{side}" for side in edges)}  # fmt: skip
+        if not fits or (record.images is not None and sorted(record.images) != list(range(bins))):
+            raise ValueError("a record of other arrays")
         if record.draws != DRAWS or any(arrays[name].shape != shape for name, shape in shapes.items()):
             raise ValueError("arrays of another shape")
         if not all(np.isfinite(arrays[name]).all() for name in shapes):
@@ -198,7 +202,7 @@ class JointAnswer:
         return self.moved({})
 
     def moved(self, ends: Ends) -> Bins:
-        """Its numbers with some bins between other ``ends`` (m). Raises SceneError as :meth:`Cells.moved` does."""
+        """Its numbers with some bins between other ``ends`` (m). Raises SceneError as :meth:`.LandingCells.moved`."""
         whole = self.cells.moved(ends)
         key = tuple(whole.items())
         if key not in self._read:
@@ -402,8 +406,9 @@ class Bins:
     def effects(self, of: Of, fraction: str | None = None) -> dict[str, InputPart]:
         """What each input alone does to a number of a ``fraction`` (None: of all), the largest first."""
         values = self.values(of, frozenset({INPUTS}))
-        variance, doubt = float(values.var()), float(self.values(of, frozenset({LACK})).var())
         keys = [self.joint.keys[i] for i in self.joint.acting(fraction)]
+        lack, sampled = (float(self.values(of, frozenset({name})).var()) for name in (LACK, SAMPLING))
+        variance, doubt = float(values.var()), lack / max(1, len(keys)) + PAIRED**2 * sampled
         if variance < LEAST or not keys:
             return {}
         found = {}
@@ -414,9 +419,9 @@ class Bins:
             does = self.alone(of, key, values)
             low, high = (float(does(np.array(side * SIGMAS))) for side in (-1.0, 1.0))
             half, part = 0.5 * (high - low), float(does(self.joint.z[:, self.joint.keys.index(key)]).var())
-            index, error = min(1.0, part / variance), SIGMAS * np.sqrt(doubt / len(keys))
+            index, error = min(1.0, part / variance), SIGMAS * np.sqrt(doubt)
             apart = 2.0 * error * index / max(abs(half), error, LEAST)
-            found[key] = InputPart(abs(half), index, float(min(apart, 1.0)), half)
+            found[key] = InputPart(abs(half), index, float(apart), half)
         return dict(sorted(found.items(), key=lambda one: -one[1].variance))
 
     def known_better(self, of: Of, parts: Mapping[str, float], value: float | None = None) -> Number:
@@ -459,15 +464,19 @@ def settle(shares: Array, errors: Array, most: Array) -> None:
     what comes out is as near to that as shares can be, each measured by how far it may be off (``most`` (fractions,
     bins + 1), squared); what cannot be off stays.
     """
-    total, aimed = shares.sum(axis=-1, keepdims=True), shares + errors
-    size = most / np.maximum(most.max(axis=-1, keepdims=True), LEAST)
-    low = np.full(total.shape, -2.0 / max(float(size[size > 0.0].min(initial=1.0)), LEAST))
-    high = -low
-    for _ in range(HALVINGS):
-        level = 0.5 * (low + high)
-        over = np.clip(aimed - level * size, 0.0, None).sum(axis=-1, keepdims=True) > total
-        low, high = np.where(over, level, low), np.where(over, high, level)
-    np.clip(aimed - high * size, 0.0, None, out=shares)
+    free = np.broadcast_to(most > 0.0, shares.shape)
+    size = np.where(free, most, 1.0)
+    aimed, total = shares + errors, np.where(free, shares, 0.0).sum(axis=-1, keepdims=True)
+    ratio = np.where(free, aimed / size, -np.inf)  # where each reaches 0: those above the level stay (as on a simplex)
+    order = np.argsort(-ratio, axis=-1)
+    placed = np.take_along_axis(free, order, axis=-1)
+    amount, weight = (np.cumsum(np.where(placed, np.take_along_axis(one, order, axis=-1), 0.0), axis=-1)
+                      for one in (aimed, size))  # fmt: skip
+    levels = (amount - total) / np.maximum(weight, LEAST**2)
+    above = placed & (np.take_along_axis(ratio, order, axis=-1) > levels)
+    last = np.maximum(above.sum(axis=-1, keepdims=True) - 1, 0)
+    level = np.take_along_axis(levels, last, axis=-1)
+    np.copyto(shares, np.clip(aimed - level * size, 0.0, None), where=free)
     bounded(shares)
 
 

@@ -144,6 +144,7 @@ class Result:
     def from_json(cls, folder: Path | str, table: object) -> Self:
         """The result whose result.json holds ``table``. Raises SceneError, naming the key, where it is not one."""
         if isinstance(table, dict):
+            table = dict(table)
             if table.get("schema") != SCHEMA:
                 raise SceneError(f"{Path(folder) / FILE} is of another version of wakeflow; {_cure(folder)}")
             for name, kind in FLAT.items():

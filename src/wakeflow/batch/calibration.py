@@ -369,15 +369,16 @@ def _posterior(before: Result, matched: _Matched, measured: Measured, source: st
 
 
 def _numerical(after: Separation, before: Separation) -> Separation:
-    """What computing adds is as it was."""
+    """What computing adds is as it was, but for what the trays say of that too."""
+
+    def alike(one: Number, then: Number) -> Number:
+        return replace(one, numerical=None if then.numerical is None else min(then.numerical, one.half))
+
     fractions = {
-        name: {place: replace(one, numerical=before.fractions[name][place].numerical) for place, one in places.items()}
+        name: {place: alike(one, before.fractions[name][place]) for place, one in places.items()}
         for name, places in after.fractions.items()
     }
-    recovery = {
-        name: one and replace(one, numerical=known(before.recovery[name]).numerical)
-        for name, one in after.recovery.items()
-    }
+    recovery = {name: one and alike(one, known(before.recovery[name])) for name, one in after.recovery.items()}
     return replace(after, fractions=fractions, recovery=recovery)
 
 
@@ -425,7 +426,7 @@ def _write(found: Posterior, matched: _Matched) -> None:
 def _write_tables(found: Posterior, folder: Path) -> None:
     from ..report.figures.measured import draw_measured
 
-    draw_measured(folder / "figures" / "calibration.png", found.agreement, found.trays)
+    draw_measured(folder / "figures" / "calibration.png", found.agreement, found.trays or None)
     found.cells().write_csv(folder / "inputs.csv")
     found.agreement.cells().write_csv(folder / "agreement.csv")
     CellTable(("input", "other input", "correlation"), found.correlations).write_csv(folder / "correlations.csv")

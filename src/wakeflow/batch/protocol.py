@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.joint import JointAnswer, Of, Source, tied_root
+from ..answer.joint import ErrorSource, JointAnswer, Of, tied_root
 from ..answer.result import Result
 from ..core import sums
 from ..core.errors import SceneError
@@ -190,7 +190,7 @@ class _Known:
     @classmethod
     def of(cls, joint: JointAnswer, number: Of) -> _Known:
         roots = np.stack([tied_root(row) for row in missed_by(joint, DISCREPANCY)])
-        missing = replace(joint, sources=(*joint.sources, Source("discrepancy", roots, computing=False)))
+        missing = replace(joint, sources=(*joint.sources, ErrorSource("discrepancy", roots, computing=False)))
         return cls(missing, joint.own.number(number).half, missing.own.values(number)[0])
 
     def left(self, weights: Array, noise: Array, key: str = "") -> float:

@@ -75,12 +75,14 @@ def _move(
     there = mean + noise @ root.T if anywhere else draws + scale * noise @ root.T
     new = likely(there)
     other = np.zeros(len(draws)) if already is None else already(there)
+    possible = np.isfinite(new) & np.isfinite(other)
+    new, other = np.where(possible, new, own), np.where(possible, other, before)
     gain = power * (new - own) + (1.0 - power) * (other - before)
     gain -= 0.5 * ((there**2).sum(axis=1) - (draws**2).sum(axis=1))
     if anywhere:
         back = np.linalg.solve(root, (draws - mean).T)
         gain += 0.5 * ((noise**2).sum(axis=1) - (back**2).sum(axis=0))
-    taken = np.log(chance.random(len(draws))) < np.where(np.isfinite(new), gain, -np.inf)
+    taken = np.log(chance.random(len(draws))) < np.where(possible, gain, -np.inf)
     if not anywhere:
         scale *= float(np.exp(taken.mean() - ACCEPTED))
     rows = taken[:, None]

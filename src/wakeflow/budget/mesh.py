@@ -22,7 +22,7 @@ from ..planning.plan import COMPARED, REPLICATES
 from ..planning.stages import AirLabel, StageCost, Workload
 from ..planning.unknowns import SIGMAS
 from ..statistics.grid_convergence import estimate
-from ..statistics.separation import Tally, cycles_of
+from ..statistics.spread import Tally, cycles_of
 from .comparison import Array, Comparison
 from .source import RATE, FractionResults, Parts, Source, add, averaged
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..answer.joint import Source as Column
+from ..answer.joint import ErrorSource as Column
 from ..answer.provenance import RefinedSettings
 from ..answer.shares import MEASURED, BudgetPart
 from ..planning.plan import REPLICATES
-from ..statistics.separation import cycles_of
+from ..statistics.spread import cycles_of
 from .source import FractionResults, Parts, Source, add, averaged, landed, sampled
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 import numpy as np
 
 from ..answer.joint import Bins, JointAnswer
-from ..answer.joint import Source as Column
+from ..answer.joint import ErrorSource as Column
 from ..answer.provenance import RefinedSettings
 from ..answer.shares import UNKNOWN, BudgetPart
 from ..core.lazy import cached_property
@@ -28,7 +28,7 @@ from ..planning.dependence import Dependence, dependence
 from ..planning.stages import StageCost, Workload, error_sources
 from ..planning.unknowns import SIGMAS
 from ..statistics.ensemble import changed, joint_answer, responses
-from ..statistics.separation import SampleErrors, Spread, sample_errors, share_spreads
+from ..statistics.spread import SampleErrors, Spread, sample_errors, share_spreads
 from .comparison import AmongOthers, compared
 
 if TYPE_CHECKING:

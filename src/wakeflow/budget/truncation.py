@@ -21,7 +21,7 @@ from ..planning.plan import Plan
 from ..planning.terms import COLLISIONS, VIBRATION, LeftOut
 from ..planning.unknowns import Unknown
 from ..scene import RESERVED_BIN, Scene
-from ..statistics.separation import upper_limit
+from ..statistics.spread import upper_limit
 from .comparison import free_ends, points_of
 from .inputs import UNKNOWN
 from .source import FractionResults, Parts, Source, add

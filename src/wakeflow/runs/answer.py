@@ -165,7 +165,7 @@ class OneRun:
         known = None if draws is None else {one.key: summary_of(one) for one in draws.unknowns}
         separation = replace(separation, cut=partition_curves(scene, self.pipeline.plan, flights.landings))
         beside = in_three_dimensions(scene, self.pipeline.plan) or None
-        parts, of_targets = (None, None) if known is None else effects_in(flights.ensemble.own)
+        parts, of_targets = (None, None) if known is None else effects_in(joint.own)
         return LandingResults(
             separation, bracket, budget, alone, slab, effects, beside, known, parts, of_targets or None, joint.record()
         ), joint

@@ -8,15 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.cells import Cells
-from ..answer.joint import DRAWS, LACK, JointAnswer, Source, columns
+from ..answer.cells import LandingCells
+from ..answer.joint import DRAWS, LACK, ErrorSource, JointAnswer, columns
 from ..pipeline.input_samples import DrawnLandings, InputSamples
 from ..pipeline.landings import Landings
 from ..planning.dependence import Dependence
 from ..planning.unknowns import Unknown, unknown_kinds
 from ..scene import Scene
 from .response import Places, Response, response
-from .separation import shares_in
+from .spread import shares_in
 
 Array = NDArray[np.float64]
 LOTS = 64  # of draws among which one is looked for that keeps an order
@@ -29,14 +29,14 @@ def acting(unknowns: Sequence[Unknown], fraction: str) -> list[int]:
 
 def responses(scene: Scene, draws: InputSamples) -> dict[str, Response]:
     """How the landings of every fraction go with what was drawn."""
-    cells, found = Cells.of(scene, len(scene.fraction)), {}
+    cells, found = LandingCells.of(scene, len(scene.fraction)), {}
     for name in draws.varied:
         own, then = (_places(cells, scene, landed[name]) for landed in (draws.own, draws.varied))
         found[name] = response(cells, draws.z[:, acting(draws.unknowns, name)], own, then)
     return found
 
 
-def _places(cells: Cells, scene: Scene, landed: DrawnLandings) -> Places:
+def _places(cells: LandingCells, scene: Scene, landed: DrawnLandings) -> Places:
     side, place = cells.along(scene, landed.position.astype(float), landed.bin)
     return Places(side, place, cells.at(side, place, cells.off_sides(landed.bin)))
 
@@ -106,13 +106,13 @@ def joint_answer(
     *,
     inputs: Changed | None = None,
     factors: Mapping[str, float] | None = None,
-    sources: Sequence[Source] = (),
+    sources: Sequence[ErrorSource] = (),
     salt: str = "",
 ) -> JointAnswer:
     """The joint answer of the ``landings`` by fraction, and what ``inputs`` change of it, with a factor for each
     fraction; ``sources``: of error beside; ``salt``: of this run alone.
     """
-    names, cells = list(landings), Cells.of(scene, len(landings))
+    names, cells = list(landings), LandingCells.of(scene, len(landings))
     feed = scene.mass_shares()
     targets = {name: tuple(scene.fraction[name].targets) for name in names}
     # As few digits as are kept in the run's folder: what is read there again says the same
@@ -121,7 +121,7 @@ def joint_answer(
     for number, name in enumerate(names if inputs is not None else ()):
         factor, (moved, doubt, root) = (factors or {}).get(name, 1.0), inputs.of[name]  # type: ignore[union-attr]
         change[:, number], scale[:, number], roots[number] = factor * moved, np.float32(factor * doubt), root
-    own = () if inputs is None else (Source(LACK, roots, computing=False, scale=scale),)
+    own = () if inputs is None else (ErrorSource(LACK, roots, computing=False, scale=scale),)
     keys, z = ((), np.zeros((DRAWS, 0))) if inputs is None else (inputs.keys, inputs.z)
     return JointAnswer(
         tuple(names), np.array([feed[name] for name in names]), targets, scene.feed.mass_flow, cells, scene.images,
@@ -129,7 +129,7 @@ def joint_answer(
     )  # fmt: skip
 
 
-def _base(scene: Scene, cells: Cells, landings: Mapping[str, Landings]) -> Array:
+def _base(scene: Scene, cells: LandingCells, landings: Mapping[str, Landings]) -> Array:
     """The answer's share (fractions, cells) in every cell: that of every bin, parted as the landings in it that are
     kept.
     """

@@ -135,7 +135,7 @@ def remaining(result: Result, fraction: str, measured: Mapping[str, float]) -> l
     found = None if landings is None else landings.separation.recovery.get(fraction)
     if found is None or not parts:
         return []
-    own, rows, left = result.joint.own, [], dict[str, float]()
+    own, rows, left = result.joint.own, list[Remaining](), dict[str, float]()
     of = required(own.of_name(name))
     for key in sorted(parts, key=lambda one: -parts[one].half):
         if (measured and key not in measured) or parts[key].half < LEAST * found.half:
@@ -143,6 +143,7 @@ def remaining(result: Result, fraction: str, measured: Mapping[str, float]) -> l
         now = 0.5 * (known[key].high - known[key].low)
         then = min(now, measured.get(key, 0.0))
         left[key] = then / now
-        alone, together = (own.known_better(of, one, found.value).half for one in ({key: then / now}, left))
+        alone = min(found.half, own.known_better(of, {key: then / now}, found.value).half)
+        together = min(alone, rows[-1].together if rows else alone, own.known_better(of, left, found.value).half)
         rows.append(Remaining(key, known[key].unit, now, then, alone, together))
     return rows

@@ -21,7 +21,7 @@ from ..laws.drag import drag_laws
 from ..pipeline.landings import Landings
 from ..planning.plan import Plan
 from ..scene import RESERVED_BIN, Scene
-from .separation import wilson
+from .spread import wilson
 
 Array = NDArray[np.float64]
 CLASSES = 24  # of a curve, at most

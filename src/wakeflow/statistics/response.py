@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.cells import Cells
+from ..answer.cells import LandingCells
 from ..planning.unknowns import FARTHEST
 
 Array = NDArray[np.float64]
@@ -118,19 +118,23 @@ def process(
 
     The outputs are shares of a whole, and count as one number, whose ``noise`` is that of all of them together.
     """
-    best: tuple[float, float, float, float, Array] | None = None
-    root = np.sqrt(noise)
-    for bend in BENDS:
-        for wave in WAVES:
-            sizes, ways = np.linalg.eigh(_kernel(z, z, weight, bend, wave, steady) / np.outer(root, root))
-            for size in (part * float(noise.mean()) for part in SIZES):
-                spread = size * np.clip(sizes, 0.0, None) + 1.0
-                inverse = (ways / spread) @ ways.T / np.outer(root, root)
-                good = by(inverse, spread, outputs)
-                if best is None or good > best[0]:
-                    best = good, bend, wave, size, inverse
-    assert best is not None
-    _, bend, wave, size, inverse = best
+    tried: dict[tuple[float, float], list[float]] = {}
+    root, sizes = np.sqrt(noise), float(noise.mean()) * np.array(SIZES)
+    kernels = {(bend, wave): _kernel(z, z, weight, bend, wave, steady) for bend in BENDS for wave in WAVES}
+    for kind, kernel in kernels.items():
+        values, ways = np.linalg.eigh(kernel / np.outer(root, root))
+        spreads = [size * np.clip(values, 0.0, None) + 1.0 for size in sizes]
+        made = (((ways / spread) @ ways.T / np.outer(root, root), spread) for spread in spreads)
+        tried[kind] = [by(inverse, spread, outputs) for inverse, spread in made]
+    bend, wave = max(tried, key=lambda kind: max(tried[kind]))
+    good = np.array(tried[bend, wave])
+    # The likeliest size alone is too sure of itself where few draws tell it: the mean of all, none likelier before
+    size = (
+        float(np.average(sizes, weights=sizes * np.exp(good - good.max())))
+        if by is likelihood
+        else sizes[good.argmax()]
+    )
+    inverse = np.linalg.inv(size * kernels[bend, wave] + np.diag(noise))
     return Process(z, weight, bend, wave, steady, size, inverse), outputs.T @ inverse @ outputs / len(z)
 
 
@@ -238,7 +242,7 @@ class Response:
     are; of how many of the ``nearest`` flown draws the scatter is.
     """
 
-    cells: Cells
+    cells: LandingCells
     z: Array
     own: Places
     sides: Mapping[int, Displacement]
@@ -271,7 +275,7 @@ class Response:
 
 
 def _moved(
-    cells: Cells,
+    cells: LandingCells,
     sides: Mapping[int, Displacement],
     own: Places,
     places: Places,
@@ -325,7 +329,7 @@ def _nearest(a: Array, b: Array, weight: Array, count: int) -> Whole:
     return np.argsort(apart, axis=1, kind="stable")[:, :count]
 
 
-def response(cells: Cells, z: Array, own: Places, then: Places) -> Response:
+def response(cells: LandingCells, z: Array, own: Places, then: Places) -> Response:
     """The response of granules that land at ``own`` in the answer and at ``then`` in draws at ``z`` (R, K)."""
     z = np.clip(z, -FARTHEST, FARTHEST)
     sides = {}
@@ -349,7 +353,7 @@ def response(cells: Cells, z: Array, own: Places, then: Places) -> Response:
 
 
 def _predicted(
-    cells: Cells, z: Array, own: Places, then: Places, sides: Mapping[int, Displacement], neighbours: Whole
+    cells: LandingCells, z: Array, own: Places, then: Places, sides: Mapping[int, Displacement], neighbours: Whole
 ) -> tuple[Array, Array]:
     """What every flown draw has (R, cells) beyond what all others predict of it, its granules scattering as those of
     its ``neighbours`` (R, n), itself the first; and the same of each granule by bin (R, M, bins + 1).

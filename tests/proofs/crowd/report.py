@@ -24,7 +24,7 @@ from wakeflow.foam.programs import openfoam_version
 from wakeflow.funnel.engine import liggghts_version
 from wakeflow.planning.unknowns import SIGMAS
 from wakeflow.scene import RESERVED_BIN
-from wakeflow.statistics.separation import share_interval
+from wakeflow.statistics.spread import share_interval
 from wakeflow.tracking import Granules
 
 FILE = "found.npz"
