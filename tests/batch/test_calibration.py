@@ -215,7 +215,7 @@ def test_nothing_is_said_of_shares_where_nothing_agrees(tmp_path: Path, capsys: 
     scene_file = tmp_path / "scene.toml"
     scene_file.write_text(few.as_toml())
     capsys.readouterr()
-    assert main(["calibrate", str(scene_file), str(file), "--out", str(out), "--quiet"]) == 0
+    assert main(["calibrate", str(scene_file), str(file), "--out", str(out)]) == 0
     told = capsys.readouterr().out
     assert "No input of the scene and no miss of the model" in " ".join(told.split())
     assert "Nothing is calibrated" in told

@@ -162,7 +162,7 @@ def test_a_scene_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert kinds["shares"]["truths"] == 60 * kinds["shares"]["numbers"]
     assert kinds["moved"]["numbers"] > kinds["shares"]["numbers"]  # recoveries and purities too
     assert kinds["moved"]["width"] < 2.0
-    assert sum(row["numbers"] == 0 for row in kinds.values()) == 2  # no posteriors were asked for
+    assert sum(row["numbers"] == 0 for row in kinds.values()) == 4  # no posteriors were asked for
     assert found.facts["gates"][-1]["met"]
 
 

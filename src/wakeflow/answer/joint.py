@@ -86,16 +86,17 @@ class ErrorSource:
             used = [i for i in range(root.shape[1]) if np.any(root[:, i])]
             own = "" if self.shared else f"{salt}.{'' if self.together else name}"
             for i in used:
-                z = column(f"{self.name}.{own}.{i}")
-                found[:, number] += (_rectangular(z) if self.bounded else z)[:, None] * root[:, i]
+                found[:, number] += column(f"{self.name}.{own}.{i}")[:, None] * root[:, i]
+            if self.bounded:
+                found[:, number] = _rectangular(found[:, number], np.sqrt((root**2).sum(axis=1)))
         return found if self.scale is None else found * self.scale[:, :, None]
 
 
-def _rectangular(z: Array) -> Array:
-    """Standard normal numbers as those of a rectangular distribution, of the same variance."""
+def _rectangular(z: Array, apart: Array) -> Array:
+    """Normal numbers (n, bins + 1) of standard deviations ``apart`` (bins + 1,) as rectangular ones of the same."""
     from scipy.special import ndtr
 
-    return np.asarray(np.sqrt(3.0) * (2.0 * ndtr(z) - 1.0))
+    return np.asarray(np.sqrt(3.0) * apart * (2.0 * ndtr(z / np.where(apart > 0.0, apart, 1.0)) - 1.0))
 
 
 def tied_root(halves: Array) -> Array:
@@ -460,23 +461,20 @@ def bounded(shares: Array, own: Array | None = None) -> Array:
 
 
 def settle(shares: Array, errors: Array, most: Array) -> None:
-    """Add ``errors`` (n, fractions, bins + 1) of which only bounds are known to shares of the same shape, in place:
-    what comes out is as near to that as shares can be, each measured by how far it may be off (``most`` (fractions,
-    bins + 1), squared); what cannot be off stays.
+    """Add ``errors`` (n, fractions, bins + 1) of which only bounds are known to shares of the same shape, in place. The
+    bin that gains most gains all of it, and the others share what is left as they would; what cannot be off (``most``
+    (fractions, bins + 1) is 0 there) stays.
     """
     free = np.broadcast_to(most > 0.0, shares.shape)
-    size = np.where(free, most, 1.0)
-    aimed, total = shares + errors, np.where(free, shares, 0.0).sum(axis=-1, keepdims=True)
-    ratio = np.where(free, aimed / size, -np.inf)  # where each reaches 0: those above the level stay (as on a simplex)
-    order = np.argsort(-ratio, axis=-1)
-    placed = np.take_along_axis(free, order, axis=-1)
-    amount, weight = (np.cumsum(np.where(placed, np.take_along_axis(one, order, axis=-1), 0.0), axis=-1)
-                      for one in (aimed, size))  # fmt: skip
-    levels = (amount - total) / np.maximum(weight, LEAST**2)
-    above = placed & (np.take_along_axis(ratio, order, axis=-1) > levels)
-    last = np.maximum(above.sum(axis=-1, keepdims=True) - 1, 0)
-    level = np.take_along_axis(levels, last, axis=-1)
-    np.copyto(shares, np.clip(aimed - level * size, 0.0, None), where=free)
+    total = np.where(free, shares, 0.0).sum(axis=-1, keepdims=True)
+    aimed = np.where(free, np.clip(shares + errors, 0.0, None), 0.0)
+    first = np.argmax(np.where(free, errors, -np.inf), axis=-1)[..., None]
+    gains = np.minimum(np.take_along_axis(aimed, first, axis=-1), total)
+    np.put_along_axis(aimed, first, 0.0, axis=-1)
+    others = aimed.sum(axis=-1, keepdims=True)
+    aimed *= np.divide(total - gains, others, out=np.zeros_like(others), where=others > 0.0)
+    np.put_along_axis(aimed, first, np.where(others > 0.0, gains, total), axis=-1)
+    np.copyto(shares, aimed, where=free)
     bounded(shares)
 
 

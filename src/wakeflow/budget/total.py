@@ -65,8 +65,7 @@ def _columns(joint: JointAnswer, parts: Parts, results: Mapping[str, FractionRes
             yield own
             continue
         halves = {one: np.array([_half(name, found) for found in parts[one].values()]) for one in joint.fractions}
-        tied = np.stack([np.diag(halves[one] / SIGMAS) if bounded else tied_root(halves[one])
-                         for one in joint.fractions])  # fmt: skip
+        tied = np.stack([tied_root(halves[one]) for one in joint.fractions])
         yield Column(name, tied, computing=not bounded and not _beyond_computing(name), bounded=bounded)
 
 

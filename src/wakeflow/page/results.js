@@ -131,7 +131,7 @@ function shares(found) {
   const last = make("tr", { class: "first" }, make("th", { scope: "row" }, "recovery"), ...names.map((name) => make("td", {}, found.recovery[name] ? percent(found.recovery[name]) : "–")), make("td", {}));
   const moved = JSON.stringify(open.ends) !== JSON.stringify(open.data.ends);
   pick("own-dividers").disabled = pick("use-dividers").disabled = !moved;
-  pick("shares").replaceChildren(make("div", { class: "scroll" }, make("table", {}, make("caption", {}, moved ? "Percent of each fraction's mass with the dividers as they are here; the intervals are estimated from those of the run." : "Percent of each fraction's mass, in brackets the 95 % interval: the run's own answer."),
+  pick("shares").replaceChildren(make("div", { class: "scroll" }, make("table", {}, make("caption", {}, moved ? "Percent of each fraction's mass with the dividers as they are here, in brackets the 95 % interval." : "Percent of each fraction's mass, in brackets the 95 % interval: the run's own answer."),
     make("thead", {}, make("tr", {}, make("th", {}, "bin"), ...names.map((name) => make("th", { scope: "col" }, name)), make("th", { class: "text" }, "purity"))), make("tbody", {}, ...rows, last))));
 }
 
