@@ -192,7 +192,7 @@ def test_the_order_of_bins_in_the_file_changes_no_share(small_run: wf.Result, tm
             found = swapped.share(name, place)
             assert found.value == one.value
             for a, b in ((found.low, one.low), (found.high, one.high), (found.numerical, one.numerical)):
-                assert a == pytest.approx(b, abs=0.15 * one.half)  # of other draws: each is known to 3 % to 5 % of the half
+                assert a == pytest.approx(b, abs=0.15 * one.half)  # read off other draws: 3 to 5 % each
 
 
 def test_granules_that_leave_through_floor_or_top_without_a_bin_have_escaped(cases: Path, tmp_path: Path) -> None:

@@ -251,6 +251,7 @@ class Bins:
     def value(self) -> Array:
         """The answer's shares (fractions, bins + 1); a bin and its image have one."""
         found, images = np.asarray(self.joint.base @ self.parts), self.joint.images
+        found[np.abs(found - 1.0) < LEAST] = 1.0  # sums of cells
         if images is None or self.parts.shape[1] != len(images):
             return found
         turned = self.parts[self.joint.cells.mirrored(images)]
