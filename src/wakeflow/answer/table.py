@@ -308,15 +308,18 @@ class Difference(Number):
 
 def differences_of(entries: Sequence[Entry]) -> Iterator[Difference]:
     """Those of every later entry from the first, quantity by quantity."""
-    first = entries[0]
     for entry in entries[1:]:
-        void = VOID in (first.reason, entry.reason)
-        for one in entry.quantities:
-            base = first.by_name.get(one.name)
-            if base is not None:
-                found = _difference(first, entry, base, one)
-                yield Difference(*found, scene=entry.name, against=first.name, quantity=one.name, unit=one.unit,
-                                 void=void)  # fmt: skip
+        found = (difference_of(entries[0], entry, one.name) for one in entry.quantities)
+        yield from (one for one in found if one is not None)
+
+
+def difference_of(first: Entry, entry: Entry, name: str) -> Difference | None:
+    """The number called ``name`` of an entry less that of the ``first``; None where either has none."""
+    base, one = first.by_name.get(name), entry.by_name.get(name)
+    if base is None or one is None:
+        return None
+    return Difference(*_difference(first, entry, base, one), scene=entry.name, against=first.name, quantity=name,
+                      unit=one.unit, void=VOID in (first.reason, entry.reason))  # fmt: skip
 
 
 def _difference(first: Entry, entry: Entry, base: TableQuantity, one: TableQuantity) -> Number:

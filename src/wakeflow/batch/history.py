@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.table import Entry, TableQuantity, differences_of
+from ..answer.table import Entry, TableQuantity, difference_of
 from ..core.errors import SceneError
 from ..core.registry import did_you_mean
 from .task import SearchTask
@@ -100,50 +100,44 @@ class History:
         return sorted(able, key=lambda place: self._rank(known[place], list(known.values())))
 
     def front(self, level: int = -1) -> list[DesignPoint]:
-        """The designs of a level that keep the limits and that no other beats in all goals; where none keeps them, the
-        one that comes nearest to that.
+        """The designs of a level that keep the limits and that no other is clearly better than; where none keeps them,
+        the one that comes nearest to that.
         """
-        known = self.known()
-        worth = [place for place, one in self.found[level].items() if not one.void]
-        made = {place: known[place] for place in worth if place in known}
-        kept = {place: one for place, one in made.items() if np.all(one.excess <= 0.0)}
-        if not kept:
-            nearest = sorted(made, key=lambda place: float(np.maximum(made[place].excess, 0.0).sum()))
-            return nearest[:1]
-        best = [a for a, one in kept.items() if not any(_dominates(b.losses, one.losses) for b in kept.values())]
-        return sorted(best, key=lambda place: tuple(kept[place].losses))
+        kept, known = self._kept(level), self.known()
+        able = [place for place in kept if not any(self._clearly_better(other, place, level) for other in kept)]
+        return sorted(able, key=lambda place: tuple(known[place].losses))
 
     def recommended(self, level: int = -1) -> DesignPoint | None:
-        """Of the front the design that is nearest to the best of every goal, each in units of its range on the front;
-        None where nothing could be computed.
+        """Of the designs that no other beats by its values the one that is nearest to the best of every goal, each in
+        units of its range over them; None where nothing could be computed.
         """
-        front, known = self.front(level), self.known()
-        if not front:
+        kept = self._kept(level)
+        best = [a for a, one in kept.items() if not any(_dominates(b.losses, one.losses) for b in kept.values())]
+        if not best:
             return None
-        losses = np.array([known[place].losses for place in front])
+        losses = np.array([kept[place].losses for place in best])
         span = np.ptp(losses, axis=0)
         off = (losses - losses.min(axis=0)) / np.where(span > 0.0, span, 1.0)
-        return front[int(np.argmin(np.linalg.norm(off, axis=1)))]
+        return best[int(np.argmin(np.linalg.norm(off, axis=1)))]
 
-    def rivals(self) -> list[DesignPoint]:
-        """Designs of the finest level that, within the intervals, may be as good as the recommended one."""
-        best, known = self.recommended(), self.known()
-        if best is None:
-            return []
-        others = [place for place, one in self.found[-1].items() if place in known and place != best and not one.void]
-        return [place for place in others if not self._clearly_better(best, place)]
+    def _kept(self, level: int) -> dict[DesignPoint, Expected]:
+        """The designs of a level that are worth something and keep the limits, or come nearest to that."""
+        known = self.known()
+        made = {place: known[place] for place, one in self.found[level].items() if place in known and not one.void}
+        kept = {place: one for place, one in made.items() if np.all(one.excess <= 0.0)}
+        nearest = sorted(made, key=lambda place: float(np.maximum(made[place].excess, 0.0).sum()))
+        return kept or {place: made[place] for place in nearest[:1]}
 
-    def _clearly_better(self, one: DesignPoint, other: DesignPoint) -> bool:
-        """Whether a design of the finest level is better than another by more than is not known of their difference, in
-        every goal: each draw of what both do not know the same in both.
+    def _clearly_better(self, one: DesignPoint, other: DesignPoint, level: int) -> bool:
+        """Whether a design is better than another by more than is not known of their difference, in every goal: each
+        draw of what both do not know the same in both.
         """
-        a, b = (self.found[-1][place] for place in (one, other))
+        a, b = (self.found[level][place] for place in (one, other))
         if a.entry is None or b.entry is None:
             known = self.known()
             return _dominates(known[one].high, known[other].low)
-        gains = {found.quantity: found for found in differences_of([b.entry, a.entry])}
-        told = [(goal.sign, gains.get(goal.quantity)) for goal in self.task.goals]
-        return all(gain is not None and min(sign * gain.low, sign * gain.high) > 0.0 for sign, gain in told)
+        gains = [(goal.sign, difference_of(b.entry, a.entry, goal.quantity)) for goal in self.task.goals]
+        return all(gain is not None and gain.clear and sign * gain.value > 0.0 for sign, gain in gains)
 
     def _rank(self, one: Expected, others: Sequence[Expected]) -> tuple[float, int, float]:
         broken = float(np.maximum(one.excess, 0.0).sum())
