@@ -57,6 +57,12 @@ def test_differences_have_intervals_that_hold_both(runs: list[wf.Result]) -> Non
     assert 2.0 * max(a.numerical, b.numerical) < wheat.half < a.half + b.half  # the draws of friction act more on one
     assert not found["share.dust.inner-left"].clear  # the same dust in both
     assert not found["share.wheat.middle"].clear
+    thrown = wf.compare(runs).table.entries[0].by_name["throughput.outer-left"]
+    assert thrown.value == pytest.approx(runs[0].landings.separation.throughput["outer-left"])
+    wheat, feed = runs[0].scene["fraction"]["wheat"]["mass_share"], 3600.0 * runs[0].joint.flow
+    ends = [feed * wheat * one for one in runs[0].share("wheat", "outer-left").ends]
+    assert ends[0] <= thrown.low < thrown.value  # little else flies so far
+    assert ends[1] <= thrown.high < 1.2 * ends[1]
     wider = found["throughput.inner-left"]
     assert wider.known
     assert wider.clear

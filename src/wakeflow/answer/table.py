@@ -25,7 +25,7 @@ from ..funnel.rate import FunnelSummary
 from ..pipeline.airflow import Airflow
 from ..scene import RESERVED_BIN, Scene
 from ..scene.messages import unit_of
-from .joint import JointAnswer, difference
+from .joint import HOUR, JointAnswer, difference
 from .result import VOID, Result
 from .shares import Separation
 
@@ -33,6 +33,7 @@ from .shares import Separation
 SECONDS = "seconds"
 RENAMED = {"fractions": "share"}  # as the rows of the budget are called
 PARTS = ("share.", "purity.", "recovery.")
+THROUGHPUT = "throughput."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,12 +63,24 @@ def quantities_of(result: Result) -> tuple[TableQuantity, ...]:
             part = getattr(result.landings, one.name)
             if isinstance(part, Separation):
                 found += _inside(part, "" if one.name == "separation" else f"{one.key}.", errors)
+        if result.landings.joint is not None:
+            found = [_throughput(result, one) if one.name.startswith(THROUGHPUT) else one for one in found]
     if result.airflow is not None:
         found += _measured(result.airflow, "airflow.")
     if result.funnel is not None:
         found += _measured(result.funnel, "funnel.")
     spent = sum(stage.seconds for stage in result.seconds.values())
     return (*found, TableQuantity(spent, name=SECONDS, unit="s"))
+
+
+def _throughput(result: Result, one: TableQuantity) -> TableQuantity:
+    """A throughput (kg/h) with its interval: that of the part of the whole feed."""
+    own, feed = result.joint.own, HOUR * result.joint.flow
+    of = own.of_name(one.name)
+    if of is None or feed <= 0.0:
+        return one
+    found = own.number(lambda tables: of(tables) / feed).times(feed)
+    return replace(one, low=found.low, high=found.high)
 
 
 def names_for(scene: Scene) -> list[str]:
