@@ -13,6 +13,7 @@ from scipy.special import expit
 
 import wakeflow as wf
 from support import ALONE, landings_in, shipped
+from wakeflow.answer.joint import ErrorSource
 from wakeflow.cli import main
 from wakeflow.cli.show_result import show_dividers
 from wakeflow.core.errors import SceneError
@@ -23,6 +24,7 @@ from wakeflow.pipeline.landings import Landings
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 from wakeflow.statistics.dividers import Landed1D, best_stretches, cut, dividers, landed_along, purities, trade_off
+from wakeflow.statistics.ensemble import joint_answer
 from wakeflow.statistics.partition import partition_curves, settling_velocities
 
 SIZES, SHARPNESS = (1e-3, 4e-3), 12.0  # m; of the logistic curve in ln(x / x50)
@@ -75,6 +77,25 @@ def test_bands_hold_the_truth_as_often_as_they_say(scene: Scene) -> None:
         cuts.append(far.cut.low <= CUT <= far.cut.high)
     assert 0.9 < np.mean(inside) <= 1.0
     assert np.mean(cuts) > 0.85
+
+
+def test_what_is_not_known_of_the_shares_is_in_the_band_and_the_cut(scene: Scene) -> None:
+    """A joint answer of one error, which moves granules between the two bins: every class is shifted alike."""
+    landings, plan = _landings(scene, 5, drag=None), make_plan(scene)
+    roots = np.zeros((2, len(scene.bin) + 1, 1))
+    roots[:, 0, 0], roots[:, 1, 0] = 0.1, -0.1  # standard deviations of the shares
+    answer = joint_answer(scene, landings, sources=[ErrorSource("wake", roots, together=True)]).own
+    alone, far = partition_curves(scene, plan, landings)[1], partition_curves(scene, plan, landings, answer)[1]
+    assert (far.share, far.cut.value) == (alone.share, alone.cut.value)
+    steep = np.array(far.share)
+    assert np.all(np.array(far.high) - far.low >= np.array(alone.high) - alone.low - 1e-12)
+    middle = int(np.argmin(np.abs(steep - 0.5)))  # most where the curve is steep
+    assert far.high[middle] - far.low[middle] > 0.5 > alone.high[middle] - alone.low[middle]
+    # As many granules as change bins lie between the two cuts: sizes are even in their logarithm
+    moved = 1.959964 * 0.1 * np.log(SIZES[1] / SIZES[0])
+    assert np.log(far.cut.high / far.cut.value) == pytest.approx(moved, rel=0.1)
+    assert np.log(far.cut.value / far.cut.low) == pytest.approx(moved, rel=0.1)
+    assert far.cut.half > 5.0 * alone.cut.half
 
 
 def test_a_product_that_takes_little_of_every_class_has_no_cut(scene: Scene) -> None:

@@ -79,7 +79,7 @@ class PartitionCurve:
     at: tuple[float, ...] = column("as unit", "the property's mean, by mass, in each class of granules")
     mass: tuple[float, ...] = column("1", "share of the feed's mass in each class")
     share: tuple[float, ...] = column("1", "of each class, what lands in the product")
-    low: tuple[float, ...] = column("1", "lower end of its 95 % interval, of the finite number of granules alone")
+    low: tuple[float, ...] = column("1", "lower end of its 95 % interval")
     high: tuple[float, ...] = column("1", "upper end of it")
     cut: Number | None = column("as unit", "x50, with the interval that the band gives; null where there is none")
     ep: float | None = column("as unit", "Ep; null where the curve does not pass both quarters")

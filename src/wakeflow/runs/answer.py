@@ -163,7 +163,8 @@ class OneRun:
         effects = None if loading is None else loading_effects(loading, separation.bins)
         draws = flights.of(UNKNOWN)
         known = None if draws is None else {one.key: summary_of(one) for one in draws.unknowns}
-        separation = replace(separation, cut=partition_curves(scene, self.pipeline.plan, flights.landings))
+        cuts = partition_curves(scene, self.pipeline.plan, flights.landings, joint.own)
+        separation = replace(separation, cut=cuts)
         beside = in_three_dimensions(scene, self.pipeline.plan) or None
         parts, of_targets = (None, None) if known is None else effects_in(joint.own)
         return LandingResults(

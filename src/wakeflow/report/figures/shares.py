@@ -327,7 +327,7 @@ add_figure(
 add_figure(
     "partition",
     "Partition curves: of granules alike in size or terminal velocity, the share in each product; bands: 95 %, of "
-    "the finite number of granules alone; dotted where nothing is fed.",
+    "all that is not known; dotted where nothing is fed.",
     draw_partition,
     _curves,
 )
