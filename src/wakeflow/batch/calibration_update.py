@@ -106,14 +106,14 @@ def updated(flights: Flights, measured: Measured, discrepancy: float = DISCREPAN
     agreement, scene = agreement_with(joint, measured, discrepancy), flights.pipeline.scene
     known_before = _Before.of(joint, known(flights.ties), discrepancy)
     flown, how = draws, responses(scene, draws)
-    target = _likelihood(known_before, measured, _table(flights, joint, draws, how))
+    target = _likelihood(known_before, measured, _changes(flights, joint, draws, how))
     found, rounds, stands = tempered(target, known_before.draws), 1, False
     while rounds < MOST_ROUNDS and not stands:
         z = known_before.inputs(found)
         mean, spread = z.mean(axis=0), np.atleast_2d(np.cov(z.T))
         flown = _joined(flown, known(flights.pipeline.draws_of(Ensemble(mean, _wide_enough(spread)))))
         how, old = responses(scene, flown), target
-        target = _likelihood(known_before, measured, _table(flights, joint, flown, how))
+        target = _likelihood(known_before, measured, _changes(flights, joint, flown, how))
         found, rounds = tempered(target, found, old), rounds + 1
         z = known_before.inputs(found)
         stands = bool(np.max(np.abs(z.mean(axis=0) - mean) / np.maximum(z.std(axis=0), NARROWEST)) <= STANDS)
@@ -155,13 +155,14 @@ class _Before:
         return np.asarray(np.einsum("nfi,fbi->nfb", own, self.roots))
 
 
-def _likelihood(before: _Before, measured: Measured, table: Changes) -> Likelihood:
+def _likelihood(before: _Before, measured: Measured, change: Changes) -> Likelihood:
     """The logarithm of how likely the trays are in draws, of which those that break an order are impossible."""
     weights, (inverse, _) = weights_in(before.joint, measured), inverse_of(measured.covariance)
+    value = before.joint.base @ before.joint.cells.parts()
 
     def likely(draws: Array) -> Array:
         z = before.inputs(draws)
-        shares = bounded(table(z) + before.error(draws))
+        shares = bounded(value + change(z, True) + before.error(draws))
         off = measured.shares - shares.reshape(len(draws), -1) @ weights.T
         found = -0.5 * np.einsum("ni,ij,nj->n", off, inverse, off)
         return np.where(before.ties.kept(z), found, -np.inf)
@@ -169,29 +170,25 @@ def _likelihood(before: _Before, measured: Measured, table: Changes) -> Likeliho
     return likely
 
 
-Changes = Callable[[Array], Array]  # of the inputs (n, keys), what they change of every cell (n, fractions, cells)
+Changes = Callable[[Array, bool], Array]  # of the inputs (n, keys), what they change (n, fractions, cells or bins + 1)
 
 
 def _changes(flights: Flights, joint: JointAnswer, draws: InputSamples, how: Mapping[str, Response]) -> Changes:
     factors = {name: 1.0 if flights.among is None else flights.among.factor(name) for name in joint.fractions}
 
-    def change(z: Array) -> Array:
+    def change(z: Array, by_bin: bool) -> Array:
         scene, known = flights.pipeline.scene, draws.unknowns
-        told = [factors[name] * change_of(scene, known, name, how[name], z)[0] for name in joint.fractions]
+        told = [
+            factors[name] * change_of(scene, known, name, how[name], z, by_bin=by_bin)[0] for name in joint.fractions
+        ]
         return np.stack(told, axis=1)
 
     return change
 
 
-def _table(flights: Flights, joint: JointAnswer, draws: InputSamples, how: Mapping[str, Response]) -> Changes:
-    """What draws at z make of every share (n, fractions, bins + 1) without other errors."""
-    change, parts = _changes(flights, joint, draws, how), joint.cells.parts()
-    return lambda z: np.asarray((joint.base + change(z)) @ parts)
-
-
 def _posterior(joint: JointAnswer, z: Array, error: Array, change: Changes) -> JointAnswer:
     """The joint answer of draws: their mean is its value, and no source is told apart any more."""
-    cells, parts = joint.base + change(z), joint.cells.parts()
+    cells, parts = joint.base + change(z, False), joint.cells.parts()
     cells += np.einsum("nfb,fcb->nfc", error, _within(joint.base, parts))
     middle = bounded(cells.mean(axis=0))  # of what nothing lands in, nothing
     rest = (bounded(cells) - middle).astype(np.float16).astype(np.float32)

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..answer.cells import LandingCells
+from ..core.lazy import cached_property
 from ..planning.unknowns import FARTHEST
 
 Array = NDArray[np.float64]
@@ -37,6 +38,7 @@ FEWEST = 0.3  # of a side's granules: where the fit leaves out more, none are le
 NEAREST = (4, 16, 64)  # flown draws whose granules say how the displacement scatters: what predicts a draw best
 REPEATS = 4  # of a scatter's choice where a flown draw is predicted from its neighbours
 MOST_MOVED = 1024  # granules of a fraction that are moved in every draw of the ensemble
+LOT = 2**17  # places of granules in draws that are moved at once: as many as a processor holds near
 BENDS, WAVES, REACH = (0.0, 0.1, 0.5), (0.0, 0.3, 1.0), 0.7  # kernels that are tried: squares, and short waves
 KNOWN = 0.3  # of the variance of independent granules: what balanced ones scatter by at least
 SIZES = tuple(np.geomspace(1e-3, 1e3, 13).tolist())  # variances over that of the noise
@@ -70,15 +72,13 @@ class Process:
         """Covariance (n, R) of draws at ``at`` (n, K) with those that were flown."""
         return np.asarray(self.size * _kernel(at, self.z, self.weight, self.bend, self.wave, self.steady))
 
-    def gain(self, at: Array) -> Array:
-        """What every flown draw counts for (n, R) at ``at`` (n, K)."""
-        return np.asarray(self.kernel(at) @ self.inverse)
-
-    def doubt(self, at: Array) -> Array:
-        """The variance (n,) that is left at ``at`` (n, K), in units of the outputs' own."""
-        own = (at**2) @ self.weight + self.steady
-        prior = self.size * (own + self.bend * own**2 + self.wave)
-        return np.asarray(np.clip(prior - np.einsum("nr,nr->n", self.gain(at), self.kernel(at)), 0.0, None))
+    def told(self, at: Array, outputs: Array) -> tuple[Array, Array]:
+        """``outputs`` (R, O) of the flown draws as they are expected (n, O) at ``at`` (n, K), and the variance (n,)
+        that is left there, in units of the outputs' own.
+        """
+        own, kernel = (at**2) @ self.weight + self.steady, self.kernel(at)
+        gain, prior = kernel @ self.inverse, self.size * (own + self.bend * own**2 + self.wave)
+        return gain @ outputs, np.clip(prior - np.einsum("nr,nr->n", gain, kernel), 0.0, None)
 
 
 Judge = Callable[[Array, Array, Array], float]
@@ -174,7 +174,7 @@ class Displacement:
 
     def at(self, z: Array) -> Array:
         """The displacement (n, J) at the knots in draws at ``z`` (n, K)."""
-        return self.going.gain(z) @ self.fitted
+        return self.going.kernel(z) @ (self.going.inverse @ self.fitted)
 
 
 def _hats(place: Array, knots: Array) -> tuple[Whole, Array]:
@@ -210,7 +210,7 @@ def displaced(z: Array, own: Array, then: Array, here: NDArray[np.bool_]) -> Dis
         kept = fits if fits.sum() > FEWEST * here.sum() else here
     fitted, noise = _fitted(own, moved, kept, knots)
     going, _ = process(z, fitted, noise, weights_of(z, fitted), by=left_out)
-    beyond = moved - _between(going.gain(z) @ fitted, own, knots)
+    beyond = moved - _between(going.kernel(z) @ (going.inverse @ fitted), own, knots)
     without = fitted - going.inverse @ fitted / np.diag(going.inverse)[:, None]
     return Displacement(knots, fitted, without, going, kept, beyond)
 
@@ -252,26 +252,49 @@ class Response:
     weight: Array
     nearest: int
 
-    def __call__(self, z: Array) -> tuple[Array, Array]:
-        """The change (n, cells) of the share in every cell in draws at ``z`` (n, K), and the standard deviation (n,) of
-        its lack of fit, in units of :attr:`root`.
+    def __call__(self, z: Array, together: Whole | None = None) -> tuple[Array, Array]:
+        """The change (n, cells) of the share in every cell in draws at ``z`` (n, K), or (n, numbers) in all cells of
+        each number that ``together`` (cells,) gives them; and the standard deviation (n,) of its lack of fit, in units
+        of :attr:`root`.
         """
-        places = _some(self.own)
-        before = np.bincount(places.cell, minlength=self.cells.count) / len(places.cell)
-        found = np.empty((len(z), self.cells.count))
-        nearest = _nearest(z, self.z, self.weight, 1)[:, 0]
-        neighbours = _nearest(self.z, self.z, self.weight, self.nearest)
-        for draw in np.unique(nearest):
-            mine = np.flatnonzero(nearest == draw)
-            cell = self._moved(places, z[mine], neighbours[draw])
-            found[mine] = _shares(cell, self.cells.count) - before
-        found += self.rest.gain(z) @ self.beyond
-        return found, np.sqrt(self.rest.doubt(z))
+        label = np.arange(self.cells.count) if together is None else together
+        each = np.eye(int(label.max()) + 1)
+        found, doubt = self.rest.told(z, self.beyond @ each[label])
+        nearest, every = _apart(z, self.z, self.weight).argmin(axis=1), len(self._places.cell)
+        for side, (own, hats, cell) in self._scatter.items():
+            edges = list(self.cells.edges.values())[side]
+            along = label[self.cells.first[list(self.cells.edges)[side]] + np.arange(len(edges) - 1)]
+            ends = np.flatnonzero(np.diff(along)) + 1
+            inside, shifts = each[along[np.r_[0, ends]]], self.sides[side].at(z)
+            found -= np.bincount(label[cell], minlength=len(each)) / every
+            for rows in np.array_split(np.arange(len(z)), 1 + len(z) * len(cell) // LOT):
+                place = shifts[rows] @ hats + own[nearest[rows]]
+                number = np.searchsorted(edges[ends], place.ravel(), side="right").reshape(place.shape)
+                found[rows] += _shares(number, len(inside)) @ inside * (len(cell) / every)
+        return found, np.sqrt(doubt)
 
-    def _moved(self, places: Places, z: Array, like: Whole) -> Whole:
-        """The cells (n, G) of granules at ``places`` (G,) in draws at ``z`` (n, K), which scatter as those ``like``."""
-        shifts = {side: one.at(z) for side, one in self.sides.items()}
-        return _moved(self.cells, self.sides, self.own, places, shifts, like)
+    @cached_property
+    def _places(self) -> Places:
+        return _some(self.own)
+
+    @cached_property
+    def _scatter(self) -> dict[int, tuple[Array, Array, Whole]]:
+        """Of the granules (G) on each side their places (R, G) as they scatter near each flown draw, what each knot's
+        displacement counts for (J, G), and their cells (G,). The same choice for every draw, so that the cells change
+        with z alone.
+        """
+        places, found = self._places, {}
+        neighbours = _nearest(self.z, self.z, self.weight, self.nearest)
+        chances = [np.random.default_rng(SEED) for _ in neighbours]
+        for side, one in self.sides.items():
+            here = places.side == side
+            at = places.place[here]
+            own = np.array([
+                _scattered(at, self.own.place[like][one.kept[like]], one.beyond[like][one.kept[like]], 1, chance)[0]
+                for like, chance in zip(neighbours, chances, strict=True)
+            ])  # fmt: skip
+            found[side] = at + own, _between(np.eye(len(one.knots)), at, one.knots), places.cell[here]
+        return found
 
 
 def _moved(
@@ -281,19 +304,17 @@ def _moved(
     places: Places,
     shifts: Mapping[int, Array],
     like: Whole,
-    rows: int = 1,
 ) -> Whole:
-    """The cells (n, G); of the granules' scatter so many ``rows`` are chosen, by default one for all draws, so that the
-    cells change with z alone.
+    """The cells (REPEATS, G) of granules at ``places`` (G,) that are displaced by ``shifts`` (J,) at the knots of each
+    side, and scatter as those of the draws ``like``, chosen as often.
     """
     chance = np.random.default_rng(SEED)
-    many = len(next(iter(shifts.values()))) if shifts else 1
-    found = np.broadcast_to(places.cell, (many, len(places.cell))).copy()
+    found = np.broadcast_to(places.cell, (REPEATS, len(places.cell))).copy()
     for side, one in sides.items():
         here = places.side == side
         at = places.place[here]
-        moved = at + _between(shifts[side], at, one.knots)
-        moved += _scattered(at, own.place[like][one.kept[like]], one.beyond[like][one.kept[like]], rows, chance)
+        near, beyond = own.place[like][one.kept[like]], one.beyond[like][one.kept[like]]
+        moved = at + _between(shifts[side], at, one.knots) + _scattered(at, near, beyond, REPEATS, chance)
         found[:, here] = cells.at(np.full(moved.shape, side), moved, np.zeros_like(moved, dtype=np.int64))
     return found
 
@@ -325,8 +346,12 @@ def _shares(cell: Whole, count: int) -> Array:
 
 def _nearest(a: Array, b: Array, weight: Array, count: int) -> Whole:
     """The ``count`` draws of ``b`` (R, K) that are nearest to each of ``a`` (n, K), each input by its ``weight``."""
-    apart = ((a**2) @ weight)[:, None] + (b**2) @ weight - 2.0 * (a * weight) @ b.T
-    return np.argsort(apart, axis=1, kind="stable")[:, :count]
+    return np.argsort(_apart(a, b, weight), axis=1, kind="stable")[:, :count]
+
+
+def _apart(a: Array, b: Array, weight: Array) -> Array:
+    """The square (n, R) of how far each of ``a`` (n, K) is from each of ``b`` (R, K), each input by its ``weight``."""
+    return np.asarray(((a**2) @ weight)[:, None] + (b**2) @ weight - 2.0 * (a * weight) @ b.T)
 
 
 def response(cells: LandingCells, z: Array, own: Places, then: Places) -> Response:
@@ -363,8 +388,8 @@ def _predicted(
     beyond, each = np.zeros((len(z), cells.count)), np.zeros((*own.cell.shape, many))
     for draw in range(len(z)):
         mine = Places(*(one[draw] for one in own))
-        shifts = {side: np.repeat(one.without[draw : draw + 1], REPEATS, axis=0) for side, one in sides.items()}
-        told = _moved(cells, sides, own, mine, shifts, neighbours[draw][neighbours[draw] != draw], REPEATS)
+        shifts = {side: one.without[draw] for side, one in sides.items()}
+        told = _moved(cells, sides, own, mine, shifts, neighbours[draw][neighbours[draw] != draw])
         beyond[draw] = _shares(then.cell[draw : draw + 1], cells.count)[0] - _shares(told, cells.count).mean(axis=0)
         each[draw] = _inside(bins[then.cell[draw]], many) - _inside(bins[told], many).mean(axis=0)
     return beyond, each
