@@ -10,23 +10,23 @@ that many exact trays do not make an input known beyond what the model bears.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.joint import DRAWS, JointAnswer, bounded, column, quantiles, tied_root
+from ..answer.joint import DRAWS, LACK, JointAnswer, bounded, column, quantiles, tied_root
 from ..budget.agreement import RARE, Agreement, agreement_of, inverse_of, weights_in
 from ..budget.budget import make_budget
 from ..budget.inputs import UNKNOWN
 from ..budget.source import Flights
 from ..core.errors import SceneError, known
+from ..core.lazy import cached_property
 from ..pipeline.input_samples import DrawnLandings, Ensemble, InputSamples
-from ..planning.dependence import Dependence
 from ..planning.unknowns import FARTHEST, Unknown
 from ..scene.measured import Measured
-from ..statistics.ensemble import change_of, in_order, responses
+from ..statistics.ensemble import change_of, responses
 from ..statistics.response import Response
 from .tempering import Likelihood, tempered
 
@@ -103,95 +103,121 @@ def updated(flights: Flights, measured: Measured, discrepancy: float = DISCREPAN
     if draws is None:
         raise SceneError("calibrate: every number of the scene is exact; say how well they are known, [uncertainty]")
     joint, _ = make_budget(flights)
-    agreement, scene = agreement_with(joint, measured, discrepancy), flights.pipeline.scene
-    known_before = _Before.of(joint, known(flights.ties), discrepancy)
-    flown, how = draws, responses(scene, draws)
-    target = _likelihood(known_before, measured, _changes(flights, joint, draws, how))
-    found, rounds, stands = tempered(target, known_before.draws), 1, False
+    agreement, model = agreement_with(joint, measured, discrepancy), _Model.of(flights, joint, draws, discrepancy)
+    start = columns_of(joint)
+    found, rounds, stands = tempered(model.likelihood(measured), start), 1, False
     while rounds < MOST_ROUNDS and not stands:
-        z = known_before.inputs(found)
+        z = model.inputs(found)
         mean, spread = z.mean(axis=0), np.atleast_2d(np.cov(z.T))
-        flown = _joined(flown, known(flights.pipeline.draws_of(Ensemble(mean, _wide_enough(spread)))))
-        how, old = responses(scene, flown), target
-        target = _likelihood(known_before, measured, _changes(flights, joint, flown, how))
-        found, rounds = tempered(target, found, old), rounds + 1
-        z = known_before.inputs(found)
+        more = known(flights.pipeline.draws_of(Ensemble(mean, _wide_enough(spread))))
+        flown = _joined(model.flown, more)
+        model = replace(model, flown=flown, how=responses(flights.pipeline.scene, flown))
+        found, rounds = tempered(model.likelihood(measured), start), rounds + 1
+        z = model.inputs(found)
         stands = bool(np.max(np.abs(z.mean(axis=0) - mean) / np.maximum(z.std(axis=0), NARROWEST)) <= STANDS)
-    z = in_order(known_before.inputs(found), known(flights.ties))
-    after = _posterior(joint, z, known_before.error(found), _changes(flights, joint, flown, how))
-    return Updated(tuple(draws.unknowns), joint, after, agreement, rounds, stands, discrepancy, z)
+    return Updated(tuple(draws.unknowns), joint, _posterior(model, found), agreement, rounds, stands, discrepancy,
+                   model.inputs(found))  # fmt: skip
+
+
+def columns_of(joint: JointAnswer) -> Array:
+    """What is not known before, as independent standard normal numbers (DRAWS, keys + shares): those of the inputs,
+    then of each share one of all other errors together.
+    """
+    others = (f"error.{name}.{i}" for name in joint.fractions for i in range(len(joint.cells.bins) + 1))
+    return np.stack([column(name) for name in (*joint.keys, *others)], axis=1)
 
 
 @dataclass(frozen=True)
-class _Before:
-    """What is known before: independent standard normal ``draws`` (DRAWS, keys + shares), of which the first are the
-    inputs, that move together by their ``ties``, and the others, by ``roots`` (fractions, bins + 1, bins + 1), all
-    other errors together.
+class _Model:
+    """What draws (n, keys + shares) of such numbers make of all shares: by the response (``how``) of what was
+    ``flown``, whose lack of fit depends on the inputs, and by all other errors, each fraction's with a covariance,
+    ``beside`` (fractions, bins + 1, bins + 1).
     """
 
+    flights: Flights
     joint: JointAnswer
-    ties: Dependence
-    roots: Array
-    draws: Array
+    flown: InputSamples
+    how: Mapping[str, Response]
+    beside: Array
 
     @classmethod
-    def of(cls, joint: JointAnswer, ties: Dependence, discrepancy: float) -> _Before:
-        error = sum(joint.errors.values(), np.zeros((DRAWS, *joint.own.value.shape)))
-        roots = []
+    def of(cls, flights: Flights, joint: JointAnswer, draws: InputSamples, discrepancy: float) -> _Model:
+        error = sum(
+            (one for name, one in joint.errors.items() if name != LACK), np.zeros((DRAWS, *joint.own.value.shape))
+        )
+        beside = []
         for number, halves in enumerate(missed_by(joint, discrepancy)):
-            spread = np.atleast_2d(np.cov(error[:, number].T)) + (one := tied_root(halves)) @ one.T
-            sizes, ways = np.linalg.eigh(spread)
-            roots.append(ways * np.sqrt(np.clip(sizes, 0.0, None)))
-        names = [*joint.keys, *(f"error.{name}.{i}" for name in joint.fractions for i in range(len(roots[0])))]
-        return cls(joint, ties, np.array(roots), np.stack([column(name) for name in names], axis=1))
+            missed = tied_root(halves)
+            beside.append(np.atleast_2d(np.cov(error[:, number].T)) + missed @ missed.T)
+        return cls(flights, joint, draws, responses(flights.pipeline.scene, draws), np.array(beside))
+
+    @cached_property
+    def _roots(self) -> list[tuple[Array, Array]]:
+        """Of each fraction a root (bins + 1, bins + 1) of ``beside`` by whose columns the lack of fit goes too, and the
+        variance that this has in each of them (bins + 1,).
+        """
+        found = []
+        for name, covariance in zip(self.joint.fractions, self.beside, strict=True):
+            sizes, ways = np.linalg.eigh(covariance)
+            free = sizes > TINY * sizes.max()
+            lack = (ways[:, free] / np.sqrt(sizes[free])).T @ self.how[name].root
+            more, turn = np.linalg.eigh(lack @ lack.T)
+            found.append(((ways[:, free] * np.sqrt(sizes[free])) @ turn, np.clip(more, 0.0, None)))
+        return found
 
     def inputs(self, draws: Array) -> Array:
-        """The inputs (n, keys) of ``draws`` (n, keys + shares), in standard deviations."""
-        return np.clip(self.ties.joined(draws[:, : len(self.joint.keys)]), -FARTHEST, FARTHEST)
+        """The inputs (n, keys) of ``draws``, in standard deviations, that move together by their ties."""
+        return np.clip(known(self.flights.ties).joined(draws[:, : len(self.joint.keys)]), -FARTHEST, FARTHEST)
 
-    def error(self, draws: Array) -> Array:
-        """What else is added to the shares (n, fractions, bins + 1)."""
-        own = draws[:, len(self.joint.keys) :].reshape(len(draws), *self.roots.shape[:2])
-        return np.asarray(np.einsum("nfi,fbi->nfb", own, self.roots))
+    def changes(self, z: Array, *, by_bin: bool) -> tuple[Array, Array]:
+        """What inputs ``z`` (n, keys) change (n, fractions, cells), or ``by_bin`` (n, fractions, bins + 1), and the
+        standard deviation (n, fractions) of its lack of fit.
+        """
+        among, scene = self.flights.among, self.flights.pipeline.scene
+        moved, doubts = [], []
+        for name in self.joint.fractions:
+            factor = 1.0 if among is None else among.factor(name)
+            change, doubt = change_of(scene, self.flown.unknowns, name, self.how[name], z, by_bin=by_bin)
+            moved.append(factor * change)
+            doubts.append(factor * doubt)
+        return np.stack(moved, axis=1), np.stack(doubts, axis=1)
 
-
-def _likelihood(before: _Before, measured: Measured, change: Changes) -> Likelihood:
-    """The logarithm of how likely the trays are in draws, of which those that break an order are impossible."""
-    weights, (inverse, _) = weights_in(before.joint, measured), inverse_of(measured.covariance)
-    value = before.joint.base @ before.joint.cells.parts()
-
-    def likely(draws: Array) -> Array:
-        z = before.inputs(draws)
-        shares = bounded(value + change(z, True) + before.error(draws))
-        off = measured.shares - shares.reshape(len(draws), -1) @ weights.T
-        found = -0.5 * np.einsum("ni,ij,nj->n", off, inverse, off)
-        return np.where(before.ties.kept(z), found, -np.inf)
-
-    return likely
-
-
-Changes = Callable[[Array, bool], Array]  # of the inputs (n, keys), what they change (n, fractions, cells or bins + 1)
-
-
-def _changes(flights: Flights, joint: JointAnswer, draws: InputSamples, how: Mapping[str, Response]) -> Changes:
-    factors = {name: 1.0 if flights.among is None else flights.among.factor(name) for name in joint.fractions}
-
-    def change(z: Array, by_bin: bool) -> Array:
-        scene, known = flights.pipeline.scene, draws.unknowns
+    def errors(self, draws: Array, doubt: Array) -> Array:
+        """What else ``draws`` add to the shares (n, fractions, bins + 1) where the lack of fit has the standard
+        deviation ``doubt`` (n, fractions).
+        """
+        own = draws[:, len(self.joint.keys) :].reshape(len(draws), len(self.joint.fractions), -1)
         told = [
-            factors[name] * change_of(scene, known, name, how[name], z, by_bin=by_bin)[0] for name in joint.fractions
+            (own[:, number, : len(more)] * np.sqrt(1.0 + doubt[:, number, None] ** 2 * more)) @ root.T
+            for number, (root, more) in enumerate(self._roots)
         ]
         return np.stack(told, axis=1)
 
-    return change
+    def likelihood(self, measured: Measured) -> Likelihood:
+        """The logarithm of how likely the trays are in draws, of which those that break an order are impossible."""
+        weights, (inverse, _) = weights_in(self.joint, measured), inverse_of(measured.covariance)
+        value = self.joint.base @ self.joint.cells.parts()
+
+        def likely(draws: Array) -> Array:
+            z = self.inputs(draws)
+            change, doubt = self.changes(z, by_bin=True)
+            shares = bounded(value + change + self.errors(draws, doubt))
+            off = measured.shares - shares.reshape(len(draws), -1) @ weights.T
+            found = -0.5 * np.einsum("ni,ij,nj->n", off, inverse, off)
+            return np.where(known(self.flights.ties).kept(z), found, -np.inf)
+
+        return likely
 
 
-def _posterior(joint: JointAnswer, z: Array, error: Array, change: Changes) -> JointAnswer:
-    """The joint answer of draws: their mean is its value, and no source is told apart any more."""
-    cells, parts = joint.base + change(z, False), joint.cells.parts()
-    cells += np.einsum("nfb,fcb->nfc", error, _within(joint.base, parts))
-    middle = bounded(cells.mean(axis=0))  # of what nothing lands in, nothing
-    rest = (bounded(cells) - middle).astype(np.float16).astype(np.float32)
+def _posterior(model: _Model, draws: Array) -> JointAnswer:
+    """The joint answer of draws: the mean of their shares is its value, and no source is told apart any more."""
+    joint, z, parts = model.joint, model.inputs(draws), model.joint.cells.parts()
+    change, doubt = model.changes(z, by_bin=False)
+    cells = joint.base + change + np.einsum("nfb,fcb->nfc", model.errors(draws, doubt), _within(joint.base, parts))
+    # Shares have bounds, and not cells: what noise takes from one cell of an empty bin, it gives to the next
+    shares = bounded(cells @ parts).mean(axis=0)
+    middle = np.einsum("fb,fcb->fc", shares, _within(np.clip(cells.mean(axis=0), 0.0, None), parts))
+    rest = (cells - middle).astype(np.float16).astype(np.float32)
     apart = z.std(axis=0)  # inputs by what is known of them now
     own = ((z - z.mean(axis=0)) / np.where(apart > 0.0, apart, 1.0)).astype(np.float32).astype(float)
     return replace(joint, base=middle, change=rest, z=own, sources=(), images=None)

@@ -23,21 +23,17 @@ HALVINGS = 30  # of the next power's range
 RIDGE = 1e-6  # added to variances of draws
 
 
-def tempered(likely: Likelihood, draws: Array, already: Likelihood | None = None) -> Array:
-    """Draws (n, d) of the posterior, from ``draws`` (n, d) of independent standard normal numbers; or from draws under
-    ``already``, another likelihood near the new one.
-    """
+def tempered(likely: Likelihood, draws: Array) -> Array:
+    """Draws (n, d) of the posterior, from ``draws`` (n, d) of independent standard normal numbers."""
     chance = np.random.default_rng(SEED)
     found, own = draws.copy(), likely(draws)
-    before = np.zeros(len(draws)) if already is None else already(draws)
     power, scale = 0.0, 2.38 / np.sqrt(draws.shape[1])
     while power < 1.0:
-        gain = np.where(np.isfinite(own), own, -np.inf) - before
-        step = _step(gain, 1.0 - power)
-        rows = _resampled(step * gain, chance)
-        found, own, before, power = found[rows], own[rows], before[rows], power + step
+        step = _step(own, 1.0 - power)
+        rows = _resampled(step * own, chance)
+        found, own, power = found[rows], own[rows], power + step
         for move in range(LAST if power >= 1.0 else MOVES):
-            found, own, before, scale = _move(likely, already, found, own, before, power, scale, move, chance)
+            found, own, scale = _move(likely, found, own, power, scale, move, chance)
     return found
 
 
@@ -65,25 +61,19 @@ def _resampled(weight: Array, chance: np.random.Generator) -> NDArray[np.int64]:
 
 
 def _move(
-    likely: Likelihood, already: Likelihood | None, draws: Array, own: Array, before: Array, power: float, scale: float,
-    move: int, chance: np.random.Generator,
-) -> tuple[Array, Array, Array, float]:  # fmt: skip
+    likely: Likelihood, draws: Array, own: Array, power: float, scale: float, move: int, chance: np.random.Generator
+) -> tuple[Array, Array, float]:
     """One move of every draw, and the scale of the next step."""
     mean, spread = draws.mean(axis=0), np.atleast_2d(np.cov(draws.T)) + RIDGE * np.eye(draws.shape[1])
     root, noise = np.linalg.cholesky(spread), chance.standard_normal(draws.shape)
     anywhere = move % 2 == 0
     there = mean + noise @ root.T if anywhere else draws + scale * noise @ root.T
     new = likely(there)
-    other = np.zeros(len(draws)) if already is None else already(there)
-    possible = np.isfinite(new) & np.isfinite(other)
-    new, other = np.where(possible, new, own), np.where(possible, other, before)
-    gain = power * (new - own) + (1.0 - power) * (other - before)
-    gain -= 0.5 * ((there**2).sum(axis=1) - (draws**2).sum(axis=1))
+    gain = power * (new - own) - 0.5 * ((there**2).sum(axis=1) - (draws**2).sum(axis=1))
     if anywhere:
         back = np.linalg.solve(root, (draws - mean).T)
         gain += 0.5 * ((noise**2).sum(axis=1) - (back**2).sum(axis=0))
-    taken = np.log(chance.random(len(draws))) < np.where(possible, gain, -np.inf)
+    taken = np.log(chance.random(len(draws))) < gain
     if not anywhere:
         scale *= float(np.exp(taken.mean() - ACCEPTED))
-    rows = taken[:, None]
-    return np.where(rows, there, draws), np.where(taken, new, own), np.where(taken, other, before), scale
+    return np.where(taken[:, None], there, draws), np.where(taken, new, own), scale
