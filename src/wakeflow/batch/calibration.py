@@ -16,44 +16,36 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.joint import JointAnswer, Of, quantiles
-from ..answer.result import Calibration, Request, Result, key_in
+from ..answer.joint import JointAnswer, Of
+from ..answer.result import Calibration, Result, key_in
 from ..answer.shares import BudgetPart, BudgetRow, BudgetTotal, InputSummary, Separation
 from ..answer.unknown_inputs import effects_in
-from ..budget.agreement import DISAGREES, Agreement, of_tray, weights_in
-from ..budget.budget import fly_again, make_budget
-from ..budget.inputs import UNKNOWN
-from ..budget.source import INPUTS, Flights
+from ..budget.agreement import Agreement, of_tray, weights_in
+from ..budget.source import INPUTS
 from ..core import sums
 from ..core.errors import SceneError, known
 from ..core.files import atomic_write, made_folder, path_of, write_json
 from ..core.number import Number
-from ..core.quantities import say
 from ..core.record import to_json
 from ..core.store import cache_in_use, cache_root, content_key
 from ..core.tables import CellTable
 from ..pipeline.cache import Listener
-from ..planning.unknowns import Unknown, unknown_kinds
 from ..runs import run
-from ..runs.answer import OneRun
 from ..runs.progress import as_listener
-from ..runs.stages import one_thread_of_blas, stages_of
+from ..runs.stages import one_thread_of_blas
 from ..scene import Scene
 from ..scene.measured import Measured, Tray, read_trays, trays_of_columns
 from ..scene.overrides import share_in
 from ..scene.whole import States
-from ..statistics.ensemble import acting, responses
 from .calibrated_materials import materials_text
-from .calibration_update import DISCREPANCY, Updated, agreement_with, half_of, least_discrepancy, left_by, updated
+from .calibration_match import Matched, matched
+from .calibration_update import DISCREPANCY, Updated, half_of, left_by
 
 if TYPE_CHECKING:
     from ..planning.plan import Plan
 
 Array = NDArray[np.float64]
 TELLS = 0.9  # an input whose interval became narrower by this factor has learnt something
-GROWN = (3.0, 10.0, np.inf)  # times the stated uncertainty that are tried where trays contradict it; at most the span
-LIKELIEST = 3  # inputs that are tried
-UNLIMITED = 5.0  # times a number without a largest value, to which its uncertainty may grow
 MEASURED_SHARES = "measured shares"
 COMMAND, MATERIALS = "calibrate", "materials.toml"
 TABLES = ("inputs.csv", "agreement.csv", "correlations.csv", "shares.csv", "calibration.json")
@@ -161,9 +153,9 @@ def calibrate(
     if result.void:
         raise SceneError(f"calibrate: the answer of {result.folder} is void, {result.warnings[0]}")
     with cache_in_use(cache_root()), one_thread_of_blas():
-        matched = _matched(result, found, missed, workers, heard)
-        posterior = _posterior(result, matched, found, _source(measured))
-    _write(posterior, matched)
+        agreed = matched(result, found, missed, workers, heard)
+        posterior = _posterior(result, agreed, found, _source(measured))
+    _write(posterior, agreed)
     return posterior
 
 
@@ -184,112 +176,13 @@ def _source(measured: object) -> str:
     return Path(measured).name if isinstance(measured, Path | str) else "measured shares"
 
 
-# -- what agrees with the trays ----------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class _Matched:
-    """The ``flights`` that agree with the trays; the ``update`` of them, None where nothing agrees; the ``agreement``
-    of the trays with what the scene says; what must be otherwise (``conflict``).
-    """
-
-    flights: Flights
-    update: Updated | None
-    agreement: Agreement
-    conflict: str
-    run: OneRun
-
-
-def _flown(
-    result: Result, changes: Mapping[str, float], workers: int | None, listener: Listener
-) -> tuple[Flights, OneRun]:
-    """The flights of a finished run under ``changes`` of what is said of its inputs; what there is comes from the
-    cache.
-    """
-    request = Request(None, result.options.rung, result.options.force, result.options.target_error)
-    scene = Scene.parse(result.scene)
-    pipeline, poured = stages_of(scene.replace(dict(changes)) if changes else scene, request, workers, listener)
-    flights = Flights(pipeline, pipeline.tracks(), pipeline.crowd())
-    fly_again(flights)
-    return flights, OneRun(scene, pipeline, poured, result.folder, result.options, redraw=False, report=True)
-
-
-def _matched(
-    result: Result, measured: Measured, discrepancy: float, workers: int | None, listener: Listener
-) -> _Matched:
-    """The update of a finished run, under the numbers as stated where these agree with the trays, else under the least
-    change of them that does.
-    """
-    flights, one_run = _flown(result, {}, workers, listener)
-    if flights.of(UNKNOWN) is None:
-        raise SceneError("calibrate: every number of the scene is exact; say how well they are known, [uncertainty]")
-    joint, _ = make_budget(flights)
-    agreement = agreement_with(joint, measured, discrepancy)
-    if agreement.verdict != DISAGREES:
-        return _Matched(flights, updated(flights, measured, discrepancy), agreement, "", one_run)
-    for unknown, half in _grown(flights, joint, agreement):
-        listener("calibrate", f"trying {unknown.key} +- {half:.3g}")
-        wider, _ = _flown(result, {f"uncertainty.{unknown.key}": half}, workers, listener)
-        if agreement_with(make_budget(wider)[0], measured, discrepancy).verdict != DISAGREES:
-            update = updated(wider, measured, discrepancy)
-            return _Matched(wider, update, agreement, _must_grow(unknown, update), one_run)
-    least = least_discrepancy(joint, measured, discrepancy)
-    if least is None:
-        told = "No input of the scene and no miss of the model that would be believed explains the trays."
-        return _Matched(flights, None, agreement, told, one_run)
-    told = (
-        f"The model itself would have to miss shares by up to {100 * least:.2g} points, where {100 * discrepancy:.2g} "
-        "are taken."
-    )
-    return _Matched(flights, updated(flights, measured, least), agreement, told, one_run)
-
-
-def _grown(flights: Flights, joint: JointAnswer, agreement: Agreement) -> Iterator[tuple[Unknown, float]]:
-    """Inputs and uncertainties that are tried, the least growth first: those that move the granules most of the tray
-    that is farthest off.
-    """
-    draws = known(flights.of(UNKNOWN))
-    worst = max(agreement.trays, key=lambda tray: abs(tray.pull)).fraction
-    how = responses(flights.pipeline.scene, draws)
-    moves: dict[int, float] = {}
-    for name in [worst] if worst is not None else list(joint.fractions):
-        for place, weight in zip(acting(draws.unknowns, name), how[name].weight, strict=True):
-            moves[place] = moves.get(place, 0.0) + float(weight)
-    likely = sorted(moves, key=lambda place: -moves[place])[:LIKELIEST]
-    tried: set[tuple[str, float]] = set()
-    for times in GROWN:
-        for one in (draws.unknowns[place] for place in likely):
-            half = min(times * max(one.low, one.high), _most(one))
-            if half > max(one.low, one.high) and (one.key, half) not in tried:
-                tried.add((one.key, half))
-                yield one, half
-
-
-def _most(one: Unknown) -> float:
-    """The largest half of an interval that says anything of a number."""
-    low, high = unknown_kinds[one.kind].span
-    return max(one.value - low, high - one.value) if np.isfinite(high) else UNLIMITED * abs(one.value)
-
-
-def _must_grow(one: Unknown, update: Updated) -> str:
-    found = inputs_after(update)[one.key].after
-    unit = one.unit
-    stated = f"{say(one.value, unit, 3)} +- {say(max(one.low, one.high), unit, 2)}"
-    return (
-        f"{one.key} would have to be {say(found.value, unit, 3)} ({say(found.low, unit, 3)} to "
-        f"{say(found.high, unit, 3)}); the scene says {stated}."
-    )
-
-
 # -- What came out -----------------------------------------------------------------------------------------------------
 def inputs_after(update: Updated) -> dict[str, CalibratedInput]:
     """What is known of every input, those whose interval became narrowest first."""
     found = []
     for place, one in enumerate(update.unknowns):
-        z = update.z[:, place]
-        at, low, high = (float(np.clip(one.at(x), *unknown_kinds[one.kind].span))
-                         for x in (z.mean(), *quantiles(z, (0.025, 0.975))))  # fmt: skip
-        before = Number(one.value, *one.ends)
-        apart = float(z.std() / update.before.z[:, place].std())
-        found.append(CalibratedInput(one.key, one.unit, before, Number(at, low, high), apart))
+        apart = float(update.z[:, place].std() / update.before.z[:, place].std())
+        found.append(CalibratedInput(one.key, one.unit, Number(one.value, *one.ends), update.known(place), apart))
     return {one.key: one for one in sorted(found, key=lambda one: one.narrower)}
 
 
@@ -341,10 +234,10 @@ def measure_next_after(after: JointAnswer, most: int = 5) -> list[tuple[str, flo
     return sorted(left, key=lambda one: one[1])[:most]
 
 
-def _posterior(before: Result, matched: _Matched, measured: Measured, source: str) -> Posterior:
-    update = matched.update
+def _posterior(before: Result, agreed: Matched, measured: Measured, source: str) -> Posterior:
+    update = agreed.update
     if update is None:
-        return Posterior(before.folder, before, None, {}, matched.agreement, matched.conflict, (), (), (), (), 0, False,
+        return Posterior(before.folder, before, None, {}, agreed.agreement, agreed.conflict, (), (), (), (), 0, False,
                          source)  # fmt: skip
     landings, own, inputs = known(before.landings), update.after.own, inputs_after(update)
     separation = _numerical(own.separation(), landings.separation)
@@ -357,12 +250,12 @@ def _posterior(before: Result, matched: _Matched, measured: Measured, source: st
         without_collisions=None, bracket=None, air_loading=None, three_dimensions=None,
         budget=tuple(_rows(separation)), joint=update.after.record(),
     )  # fmt: skip
-    key = content_key("calibrated", before.key, repr(measured), update.discrepancy, matched.conflict)
-    told = Calibration(source, matched.conflict, matched.agreement.sentence)
+    key = content_key("calibrated", before.key, repr(measured), update.discrepancy, agreed.conflict)
+    told = Calibration(source, agreed.conflict, agreed.agreement.sentence)
     trays = tuple(update.after.own.number(of_tray(row)) for row in weights_in(update.after, measured))
     result = replace(before, landings=after, key=key, calibration=told).with_joint(update.after)
     return Posterior(
-        before.folder, before, result, inputs, matched.agreement, matched.conflict, trays,
+        before.folder, before, result, inputs, agreed.agreement, agreed.conflict, trays,
         tuple(correlations_after(update)), tuple(wider_without(update, measured)),
         tuple(measure_next_after(update.after)), update.rounds, update.stands, source,
     )  # fmt: skip
@@ -406,7 +299,7 @@ def _claim(folder: Path) -> None:
     sums.refuse_changed(folder / MATERIALS, COMMAND)
 
 
-def _write(found: Posterior, matched: _Matched) -> None:
+def _write(found: Posterior, agreed: Matched) -> None:
     """The tables and the picture of a calibration, and the calibrated answer as that of a run, into its folder."""
     _claim(made_folder(found.folder))
     if key_in(found.folder) not in (None, found.before.key):
@@ -420,7 +313,7 @@ def _write(found: Posterior, matched: _Matched) -> None:
             with sums.replacing(materials, COMMAND) as draft:
                 found.save(draft)
     answer = found.before if found.result is None else found.result
-    matched.run.written(answer, matched.flights.tracked, matched.flights.landings, answer.joint)
+    agreed.run.written(answer, agreed.flights.tracked, agreed.flights.landings, answer.joint)
 
 
 def _write_tables(found: Posterior, folder: Path) -> None:

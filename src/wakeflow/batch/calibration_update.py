@@ -21,10 +21,11 @@ from ..budget.agreement import RARE, Agreement, agreement_of, inverse_of, weight
 from ..budget.budget import make_budget
 from ..budget.inputs import UNKNOWN
 from ..budget.source import Flights
-from ..core.errors import SceneError, known
+from ..core.errors import known
 from ..core.lazy import cached_property
+from ..core.number import Number
 from ..pipeline.input_samples import DrawnLandings, Ensemble, InputSamples
-from ..planning.unknowns import FARTHEST, Unknown
+from ..planning.unknowns import FARTHEST, Unknown, unknown_kinds
 from ..scene.measured import Measured
 from ..statistics.ensemble import change_of, responses
 from ..statistics.response import Response
@@ -57,6 +58,12 @@ class Updated:
     stands: bool
     discrepancy: float
     z: Array
+
+    def known(self, place: int) -> Number:
+        """What is known of an input after it."""
+        one, z = self.unknowns[place], self.z[:, place]
+        ends = (z.mean(), *quantiles(z, (0.025, 0.975)))
+        return Number(*(float(np.clip(one.at(x), *unknown_kinds[one.kind].span)) for x in ends))
 
 
 def missed_by(joint: JointAnswer, half: float) -> Array:
@@ -95,13 +102,11 @@ def least_discrepancy(joint: JointAnswer, measured: Measured, first: float) -> f
 
 
 def updated(flights: Flights, measured: Measured, discrepancy: float = DISCREPANCY) -> Updated:
-    """What ``measured`` says of the shares of ``flights`` and of their inputs.
+    """What ``measured`` says of the shares of ``flights`` and of their inputs, not all of which are known exactly.
 
-    Raises SceneError where everything is known exactly, and for a tray of a fraction or bin that there is not.
+    Raises SceneError for a tray of a fraction or bin that there is not.
     """
-    draws = flights.of(UNKNOWN)
-    if draws is None:
-        raise SceneError("calibrate: every number of the scene is exact; say how well they are known, [uncertainty]")
+    draws = known(flights.of(UNKNOWN))
     joint, _ = make_budget(flights)
     agreement, model = agreement_with(joint, measured, discrepancy), _Model.of(flights, joint, draws, discrepancy)
     start = columns_of(joint)

@@ -57,17 +57,9 @@ def draws_of(unknowns: Sequence[Unknown], ties: Dependence | None) -> Array:
         again = ties.joined(columns(f"{key} {lot}" for key in keys))
         taken = ~kept & ties.kept(again)
         z[taken], kept = again[taken], kept | taken
-    return in_order(z, ties)
-
-
-def in_order(z: Array, ties: Dependence) -> Array:
-    """The draws ``z`` (DRAWS, keys), those that break an order replaced by others that keep it."""
-    kept = ties.kept(z)
-    if kept.all() or not kept.any():
-        return z
-    found = z.copy()
-    found[~kept] = np.resize(z[kept], (int((~kept).sum()), z.shape[1]))
-    return found
+    if kept.any():
+        z[~kept] = np.resize(z[kept], (int((~kept).sum()), z.shape[1]))
+    return z
 
 
 class Changed(NamedTuple):
