@@ -5,8 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from proofs.report import Report, Table, Tell
+from proofs.report import Report, Row, Table, Tell
+from wakeflow.scene import Scene
 from wakeflow.verify.report import FOLDER
+from wakeflow.verify.scene_curves import BinShares
+
+
+def tracker(slow: bool, tell: Tell) -> Report:
+    """The tracker's error against run time, next to an explicit one and OpenFOAM's."""
+    from proofs.tracker.benchmark import run_benchmark
+
+    return run_benchmark(FOLDER, slow=slow, tell=tell)
 
 
 def problems(slow: bool, tell: Tell) -> Report:
@@ -87,7 +96,7 @@ def measured(slow: bool, tell: Tell) -> Report:
 
 PROOFS: dict[str, Callable[[bool, Tell], Report]] = {
     proof.__name__: proof
-    for proof in (problems, airflow, meshes, shares, coverage, tails, calibration, measured, funnel, crowd)
+    for proof in (tracker, problems, airflow, meshes, shares, coverage, tails, calibration, measured, funnel, crowd)
 }
 
 
@@ -96,6 +105,13 @@ def is_published(scene: Path) -> bool:
     from proofs.airflow.airflow import is_published as known
 
     return known(scene)
+
+
+def beside(scene: Scene, truth: BinShares, tell: Tell) -> tuple[list[Row], list[str]]:
+    """What OpenFOAM's parcels make of a scene: rows, and notes."""
+    from proofs.tracker.peer import beside as rows_beside
+
+    return rows_beside(scene, truth, tell)
 
 
 def of_scene(scene: Path, tell: Tell) -> Report:

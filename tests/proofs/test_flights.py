@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from proofs.tracker import cloud, flights
+from proofs.tracker.curves import travelling_wave
 from support import rhombus_spec, shipped
 from wakeflow.foam.prepare import prepare_case
 from wakeflow.foam.solver import run_segment
@@ -16,8 +18,6 @@ from wakeflow.foam.start import first_step
 from wakeflow.foam.watch import Watch
 from wakeflow.meshing import build_mesh
 from wakeflow.tracking import Fate, Tracks
-from wakeflow.verify import cloud, flights
-from wakeflow.verify.curves import travelling_wave
 from wakeflow.verify.report import Table
 
 

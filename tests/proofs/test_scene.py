@@ -9,13 +9,15 @@ from pathlib import Path
 import pytest
 
 from proofs.airflow.airflow import is_published
+from proofs.tracker import peer
+from proofs.tracker.peer import PEER, beside, peer_rows, why_no_peer
 from support import CASES, shipped
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 from wakeflow.statistics.separation import separate
-from wakeflow.verify import runner, scene_curves
-from wakeflow.verify.scene_curves import LED, PEER, TARGETS, peer_rows, run_curves, why_no_peer
+from wakeflow.verify import runner
+from wakeflow.verify.scene_curves import LED, TARGETS, run_curves
 
 
 def test_a_scene_gets_a_row_for_every_setting(tmp_path: Path) -> None:
@@ -26,7 +28,8 @@ def test_a_scene_gets_a_row_for_every_setting(tmp_path: Path) -> None:
     tables["feed"].pop("rate", None)
     path = tmp_path / "own.toml"
     Scene.parse(tables).save(path)
-    report = run_curves(path, tmp_path, slow=False).write(tmp_path)
+    report = run_curves(path, tmp_path, slow=False, beside=beside).write(tmp_path)
+    assert any(PEER in note for note in report.notes)  # and why its rows are not there
     rows = report.data()["rows"]
     assert [row["knob"] for row in rows] == ["granules"] * 4 + ["tolerance"] * 3 + [LED] * len(TARGETS)
     assert [float(row["setting"]) for row in rows[:4]] == [16, 64, 256, 1024]
@@ -45,7 +48,7 @@ def test_a_scene_gets_a_row_for_every_setting(tmp_path: Path) -> None:
 @pytest.mark.openfoam
 def test_the_peer_answers_beside_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """Heavy grain without scatter flies as it does there; the rest of the truth is left out."""
-    monkeypatch.setattr(scene_curves, "COUNTS", (64,))
+    monkeypatch.setattr(peer, "COUNTS", (64,))
     scene = shipped("rhombus", {"numerics.mesh_scale": 3.0, "numerics.rung": "draft"})
     plain = scene.replace({f"fraction.{name}.impact": "paper" for name in scene.fraction})
     alone = make_plan(plain, force={"collisions": False, "air-loading": False})

@@ -9,10 +9,10 @@ import pytest
 
 import wakeflow as wf
 from proofs import shares
+from proofs.tracker.curves import BenchmarkCase
+from proofs.tracker.reference import TrackingProblem
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
-from wakeflow.verify.curves import BenchmarkCase
-from wakeflow.verify.reference import TrackingProblem
 
 
 def _case(replicate: np.ndarray) -> BenchmarkCase:

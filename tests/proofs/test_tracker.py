@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import wakeflow as wf
+from proofs.tracker.curves import BenchmarkCase, CurvePoint, cost_at, score, times_faster, travelling_wave
+from proofs.tracker.foam import FoamInterpolant, fly_parcels, make_foam_interpolant
+from proofs.tracker.reference import TrackingProblem, fly_reference
+from proofs.tracker.rk4 import Ends, fly_explicit
 from support import RHOMBUS
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.laws.drag import drag_laws
 from wakeflow.meshing import plan_mesh
 from wakeflow.verify import runner
-from wakeflow.verify.curves import BenchmarkCase, CurvePoint, cost_at, score, times_faster, travelling_wave
-from wakeflow.verify.foam import FoamInterpolant, fly_parcels, make_foam_interpolant
-from wakeflow.verify.reference import TrackingProblem, fly_reference
-from wakeflow.verify.rk4 import Ends, fly_explicit
 from wakeflow.verify.runner import prove
 
 Array = NDArray[np.float64]
@@ -244,7 +244,7 @@ def test_what_is_not_there_is_refused_in_one_line(
 
 
 def test_the_curves_are_drawn(tmp_path: Path) -> None:
-    from wakeflow.report.curves import draw
+    from proofs.tracker.picture import draw
 
     rows = [
         {"kind": kind, "air": "steady", "method": method, "cpu": 1e-6 / error, "median": error, "p95": 3 * error}

@@ -12,12 +12,12 @@ from scipy.spatial import Delaunay
 
 from proofs.problems.exact import Setting
 from proofs.problems.reference_all_terms import reference_end_states
+from proofs.tracker.reference import TrackingProblem, fly_reference
 from support import DENSITY, VISCOSITY, G, field_of, shaken_mesh, with_tau
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
 from wakeflow.laws.shape import shapes
 from wakeflow.tracking import Body, Fate, Granules, Motion, Tracks, track
-from wakeflow.verify.reference import TrackingProblem, fly_reference
 
 
 def still(points: np.ndarray) -> np.ndarray:

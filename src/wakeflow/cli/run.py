@@ -123,15 +123,16 @@ def report(
 
 
 def verify(what: str | None = None, *, slow: bool = False, as_json: AsJson = False) -> int:
-    """Prove it: landing error against run time next to other trackers, extremes, and in a checkout all else.
+    """Prove it: a scene's error against run time, extremes, and in a checkout all else.
 
     Parameters
     ----------
     what
-        tracker, extremes (what happens at the ends of what can be asked for), or a scene file: the error of its shares
-        against run time. In a checkout of the repository also problems, airflow, meshes, shares, coverage, tails, crowd
-        (granules that meet, next to LIGGGHTS, DPMFoam, MPPICFoam and kinetic theory) and funnel, and of a scene of
-        which airflows are published, its airflow next to these. Default: all but crowd and funnel, which need LIGGGHTS.
+        extremes (what happens at the ends of what can be asked for), or a scene file: the error of its shares against
+        run time. In a checkout of the repository also tracker (landing error against run time next to other trackers),
+        problems, airflow, meshes, shares, coverage, tails, crowd (granules that meet, next to LIGGGHTS, DPMFoam,
+        MPPICFoam and kinetic theory) and funnel, OpenFOAM's parcels next to a scene, and of a scene of which airflows
+        are published, its airflow next to these. Default: all but crowd and funnel, which need LIGGGHTS.
         Reports go to runs/verify. Exit code 1 where a row of extremes is missed.
     slow
         tracker: finer settings, a computed time-resolved wake and 1e7 granules, most of an hour. airflow: every case,

@@ -1,1 +1,1 @@
-"""Proof: exact problems, and the tracker's error against its run time beside other trackers."""
+"""Proof: the error of a scene against its run time, and what happens at the ends of what can be asked for."""

@@ -1,7 +1,8 @@
-"""What ``wakeflow verify`` runs: a scene, the tracker and the stability matrix; all else is in the room of proofs.
+"""What ``wakeflow verify`` runs: a scene and the stability matrix; all else is in the room of proofs.
 
 The room is ``tests/proofs`` of a checkout, which also adds rows to the stability matrix, judges airflows of which
-something is published, and needs no installation of its own; a wheel has no room.
+something is published, has OpenFOAM's parcels beside a scene, and needs no installation of its own; a wheel has no
+room.
 """
 
 from __future__ import annotations
@@ -20,12 +21,6 @@ TESTS = Path(__file__).parents[3] / "tests"
 Proof = Callable[[bool, Tell], Report]
 
 
-def _tracker(slow: bool, tell: Tell) -> Report:
-    from .benchmark import run_benchmark
-
-    return run_benchmark(FOLDER, slow=slow, tell=tell)
-
-
 def _extremes(slow: bool, tell: Tell) -> Report:
     from .extremes import run_extremes
 
@@ -34,9 +29,10 @@ def _extremes(slow: bool, tell: Tell) -> Report:
     return run_extremes(slow=slow, tell=tell)
 
 
-OWN: dict[str, Proof] = {"tracker": _tracker, "extremes": _extremes}
+OWN: dict[str, Proof] = {"extremes": _extremes}
 OF_THE_ROOM = (
-    "problems", "airflow", "meshes", "shares", "coverage", "tails", "calibration", "measured", "funnel", "crowd",
+    "tracker", "problems", "airflow", "meshes", "shares", "coverage", "tails", "calibration", "measured", "funnel",
+    "crowd",
 )  # fmt: skip
 OPTIONAL = ("funnel", "crowd")  # each needs a program of its own: only when it is named
 
@@ -83,7 +79,7 @@ def _of_scene(path: Path, slow: bool, tell: Tell) -> list[Report]:
     scene, found = Scene.load(path), room()
     if found is not None and found.is_published(path):
         return [found.of_scene(path, tell)]
-    reports = [run_curves(path, FOLDER, slow=slow, tell=tell)]
+    reports = [run_curves(path, FOLDER, slow=slow, tell=tell, beside=found and found.beside)]
     if slow and found and scene.air and scene.body and scene.air.case is None and scene.numerics.rung != "none":
         reports.append(found.of_scene(path, tell))
     return reports

@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from proofs.tracker.foam import write_file
 from wakeflow.core.errors import FoamError
 from wakeflow.core.process import run_program
 from wakeflow.field import FlowField
 from wakeflow.foam.case import INSTALL, environment
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.tracking import Collisions, Granules, track
-from wakeflow.verify.foam import write_file
 
 Array = NDArray[np.float64]
 CASE = Path(__file__).with_name("meeting_clouds")

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from proofs.tracker.flights import WANTED, FlownKind, exchanged, flown_kinds
 from support import shipped
-from wakeflow.verify.flights import WANTED, FlownKind, exchanged, flown_kinds
 
 from .common import BARE, Row, compile_tracker, piped, show
 

@@ -17,21 +17,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import known
-from ..core.files import scene_templates
-from ..core.geometry import contains, distance_to
-from ..core.record import JsonTable
-from ..field import FlowField
-from ..injection.feed import feedstock
-from ..injection.first_contact import motion_of
-from ..pipeline.cache import Listener
-from ..pipeline.pipeline import Pipeline
-from ..planning.make import make_plan
-from ..planning.plan import Plan
-from ..scene import Scene
-from ..tracking import Body, Granules
-from .reference import TrackingProblem
-from .rk4 import Ends
+from proofs.tracker.reference import TrackingProblem
+from proofs.tracker.rk4 import Ends
+from wakeflow.core.errors import known
+from wakeflow.core.files import scene_templates
+from wakeflow.core.geometry import contains, distance_to
+from wakeflow.core.record import JsonTable
+from wakeflow.field import FlowField
+from wakeflow.injection.feed import feedstock
+from wakeflow.injection.first_contact import motion_of
+from wakeflow.pipeline.cache import Listener
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.planning.make import make_plan
+from wakeflow.planning.plan import Plan
+from wakeflow.scene import Scene
+from wakeflow.tracking import Body, Granules
 
 Array = NDArray[np.float64]
 KINDS = {  # name: (fraction of the scene, changes of the scene)

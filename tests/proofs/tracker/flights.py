@@ -11,17 +11,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.record import JsonTable
-from ..field import FlowField
-from ..injection.feed import feedstock
-from ..pipeline.realisations import Realisations
-from ..pipeline.tracks import Flight
-from ..planning.make import make_plan
-from ..planning.plan import REPLICATES
-from ..scene import Scene
-from ..tracking import Granules, Tracks
-from .curves import timed
-from .report import Tell
+from proofs.tracker.curves import timed
+from wakeflow.core.record import JsonTable
+from wakeflow.field import FlowField
+from wakeflow.injection.feed import feedstock
+from wakeflow.pipeline.realisations import Realisations
+from wakeflow.pipeline.tracks import Flight
+from wakeflow.planning.make import make_plan
+from wakeflow.planning.plan import REPLICATES
+from wakeflow.scene import Scene
+from wakeflow.tracking import Granules, Tracks
+from wakeflow.verify.report import Tell
 
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4)
 REFERENCE = 1e-7  # the tolerance that landings are compared with

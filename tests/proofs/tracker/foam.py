@@ -17,19 +17,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import FoamError
-from ..core.foam_code import refuse_code
-from ..core.process import run_program
-from ..core.record import JsonTable
-from ..field import FlowField
-from ..foam.case import INSTALL, FlowSpec, environment
-from ..foam.polymesh import FoamMesh, read_polymesh
-from ..foam.prepare import FOREIGN, prepare_case
-from ..foam.reconstruction import PlaneMesh
-from ..laws.constants import GRAVITY
-from ..meshing import MeshSpec, build_mesh
-from ..tracking import Granules
-from .rk4 import Ends
+from proofs.tracker.rk4 import Ends
+from wakeflow.core.errors import FoamError
+from wakeflow.core.foam_code import refuse_code
+from wakeflow.core.process import run_program
+from wakeflow.core.record import JsonTable
+from wakeflow.field import FlowField
+from wakeflow.foam.case import INSTALL, FlowSpec, environment
+from wakeflow.foam.polymesh import FoamMesh, read_polymesh
+from wakeflow.foam.prepare import FOREIGN, prepare_case
+from wakeflow.foam.reconstruction import PlaneMesh
+from wakeflow.laws.constants import GRAVITY
+from wakeflow.meshing import MeshSpec, build_mesh
+from wakeflow.tracking import Granules
 
 Array = NDArray[np.float64]
 HEADER = "FoamFile\n{{\n    version 2.0;\n    format ascii;\n    class {kind};\n    object {name};\n}}\n\n"

@@ -10,17 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.errors import known
-from ..core.files import scene_templates
-from ..core.record import JsonTable
-from ..field import FlowField
-from ..pipeline.cache import Listener
-from ..pipeline.pipeline import Pipeline
-from ..planning.make import make_plan
-from ..scene import Scene
-from ..tracking import Fate, Granules, track
-from . import cloud, flights
-from .curves import (
+from proofs.tracker import cloud, flights
+from proofs.tracker.curves import (
     ERROR,
     KINDS,
     SPEED,
@@ -34,10 +25,19 @@ from .curves import (
     times_faster,
     travelling_wave,
 )
-from .foam import FoamInterpolant, fly_parcels, make_foam_interpolant, start_up
-from .reference import fly_reference
-from .report import Report, Table, Tell
-from .rk4 import Ends, fly_explicit
+from proofs.tracker.foam import FoamInterpolant, fly_parcels, make_foam_interpolant, start_up
+from proofs.tracker.reference import fly_reference
+from proofs.tracker.rk4 import Ends, fly_explicit
+from wakeflow.core.errors import known
+from wakeflow.core.files import scene_templates
+from wakeflow.core.record import JsonTable
+from wakeflow.field import FlowField
+from wakeflow.pipeline.cache import Listener
+from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.planning.make import make_plan
+from wakeflow.scene import Scene
+from wakeflow.tracking import Fate, Granules, track
+from wakeflow.verify.report import Report, Table, Tell
 
 Fly = Callable[[Granules], tuple[Ends, float]]
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
@@ -68,7 +68,7 @@ def run_benchmark(folder: Path, *, slow: bool = False, tell: Tell = lambda _: No
     ``slow``: a computed time-resolved wake besides the synthetic one, OpenFOAM's cloud in its own solver, more and
     finer settings. Raises FoamError when OpenFOAM is not installed.
     """
-    from ..report.curves import draw
+    from proofs.tracker.picture import draw
 
     folder.mkdir(parents=True, exist_ok=True)
     scene, _, pipeline = shipped(_listener(tell))

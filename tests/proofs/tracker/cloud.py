@@ -18,21 +18,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.foam_code import refuse_code
-from ..core.record import JsonTable
-from ..field import FlowField
-from ..foam.case import write_parameters
-from ..foam.polymesh import read_polymesh
-from ..foam.prepare import FOREIGN
-from ..foam.programs import call
-from ..foam.read import time_folders
-from ..foam.solver import last_state, states
-from ..tracking import Granules
-from .curves import as_spheres
-from .flights import REFERENCE, WANTED, FlownKind
-from .foam import CLOUD, FoamInterpolant, interpolant, write_cloud, write_gravity, write_properties
-from .report import Tell
-from .rk4 import KNOWN_FORCES
+from proofs.tracker.curves import as_spheres
+from proofs.tracker.flights import REFERENCE, WANTED, FlownKind
+from proofs.tracker.foam import CLOUD, FoamInterpolant, interpolant, write_cloud, write_gravity, write_properties
+from proofs.tracker.rk4 import KNOWN_FORCES
+from wakeflow.core.foam_code import refuse_code
+from wakeflow.core.record import JsonTable
+from wakeflow.field import FlowField
+from wakeflow.foam.case import write_parameters
+from wakeflow.foam.polymesh import read_polymesh
+from wakeflow.foam.prepare import FOREIGN
+from wakeflow.foam.programs import call
+from wakeflow.foam.read import time_folders
+from wakeflow.foam.solver import last_state, states
+from wakeflow.tracking import Granules
+from wakeflow.verify.report import Tell
 
 Array = NDArray[np.float64]
 SOLVER = "pimpleFoam"

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..field import FlowField
-from ..laws.constants import GRAVITY
-from ..laws.drag import relaxation_time
-from ..tracking import Body, Granules
-from .rk4 import Ends, fly_explicit
+from proofs.tracker.rk4 import Ends, fly_explicit
+from wakeflow.field import FlowField
+from wakeflow.laws.constants import GRAVITY
+from wakeflow.laws.drag import relaxation_time
+from wakeflow.tracking import Body, Granules
 
 STEP = 5e-5  # s, longest of the reference
 OF_RELAXATION = 0.05  # longest step over a granule's relaxation time

@@ -14,27 +14,31 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import SceneError
-from ..core.process import cores
-from ..field import FlowField
-from ..laws.collision import collide
-from ..laws.constants import GRAVITY
-from ..tracking.bodies import Body
-from ..tracking.granules import Granules
-from ..tracking.kernel import layout as at
-from ..tracking.kernel.air import shares
-from ..tracking.kernel.forces import drag_rate
-from ..tracking.kernel.jit import compiled, entry, inlined
-from ..tracking.kernel.locate import anywhere, barycentric, walk
-from ..tracking.kernel.rebound import restitution_of
-from ..tracking.kernel.walls import grasp, inside, overlap
-from ..tracking.pack import pack_granules, pack_tables
-from ..tracking.pack_surroundings import pack_air, pack_lines, pack_walls
+from wakeflow.core.errors import SceneError
+from wakeflow.core.process import cores
+from wakeflow.core.sources import kernel_folder
+from wakeflow.core.store import digest_files
+from wakeflow.field import FlowField
+from wakeflow.laws.collision import collide
+from wakeflow.laws.constants import GRAVITY
+from wakeflow.tracking.bodies import Body
+from wakeflow.tracking.granules import Granules
+from wakeflow.tracking.kernel import layout as at
+from wakeflow.tracking.kernel.air import shares
+from wakeflow.tracking.kernel.forces import drag_rate
+from wakeflow.tracking.kernel.jit import OPTIONS, compiled, inlined
+from wakeflow.tracking.kernel.locate import anywhere, barycentric, walk
+from wakeflow.tracking.kernel.rebound import restitution_of
+from wakeflow.tracking.kernel.walls import grasp, inside, overlap
+from wakeflow.tracking.pack import pack_granules, pack_tables
+from wakeflow.tracking.pack_surroundings import pack_air, pack_lines, pack_walls
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -50,6 +54,16 @@ KNOWN_FORCES = {"drag", "gravity", "buoyancy"}
 FLYING, LANDED, AIRBORNE, UNFINISHED = range(4)
 TRI, END, TAKEN, STRUCK = range(4)  # columns of a granule's counts: triangle, how it ended, steps, impacts
 _collide = compiled(collide)
+
+
+def _entry(function: Any) -> Any:
+    """Compiled once for these sources and the tracker's, as ``kernel.jit.entry`` compiles the package's own."""
+    before, tracker = numba.config.CACHE_DIR, kernel_folder("wakeflow.tracking.driver")
+    numba.config.CACHE_DIR = str(tracker.with_name(f"{tracker.name}-{digest_files([Path(__file__)])[:12]}"))
+    try:
+        return numba.njit(cache=True, **OPTIONS)(function)
+    finally:
+        numba.config.CACHE_DIR = before
 
 
 @dataclass(frozen=True)
@@ -274,7 +288,7 @@ def _step(state, note, t, grain, table, air, walls, h, confined, hold):
     return h
 
 
-@entry
+@_entry
 def fly_explicit_block(states, clocks, ints, grains, tables, table_of, air, walls, steps, until, confined, hold):
     """A block of granules; ``states`` begin as those of the tracker; ``ints`` see TRI."""
     for i in range(states.shape[0]):
