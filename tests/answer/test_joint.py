@@ -13,19 +13,8 @@ from scipy.stats import kstest, norm
 
 from support import shipped
 from wakeflow.answer.cells import LandingCells
-from wakeflow.answer.joint import (
-    DRAWS,
-    INPUTS,
-    LACK,
-    ErrorSource,
-    JointAnswer,
-    column,
-    columns,
-    difference,
-    middle,
-    quantiles,
-    tied_root,
-)
+from wakeflow.answer.draws import DRAWS, INPUTS, LACK, ErrorSource, column, columns, tied_root
+from wakeflow.answer.joint import JointAnswer, difference, middle
 from wakeflow.answer.result import JOINT, Result
 from wakeflow.answer.shares import JointRecord
 from wakeflow.core.errors import SceneError
@@ -237,30 +226,6 @@ def test_two_sides_of_a_mirrored_machine_have_the_same_number() -> None:
 
 
 # -- the interval of values --------------------------------------------------------------------------------------------
-def test_quantiles_of_draws_that_weigh_differently() -> None:
-    """A draw that counts twice is two; one that counts nothing is none."""
-    values = np.random.default_rng(1).normal(size=4000)
-    weight = np.ones(len(values))
-    even = quantiles(values, [0.025, 0.5, 0.975], weight)
-    assert even == pytest.approx(quantiles(values, [0.025, 0.5, 0.975]), abs=0.01)
-    count = np.random.default_rng(2).integers(0, 4, len(values))
-    found = quantiles(values, [0.025, 0.5, 0.975], count.astype(float))
-    assert found == pytest.approx(np.quantile(np.repeat(values, count), [0.025, 0.5, 0.975]), abs=0.01)
-    tilted = np.exp(0.5 * values)  # of a normal distribution whose middle is 0.5
-    ends = 0.5 - SIGMAS, 0.5 + SIGMAS
-    assert quantiles(values, [0.025, 0.5, 0.975], tilted) == pytest.approx([ends[0], 0.5, ends[1]], abs=0.1)
-    weighed = middle(values, 0.5, tilted)
-    assert (weighed.low, weighed.high) == pytest.approx(ends, abs=0.1)
-
-
-def test_a_measured_answer_weighs_its_draws_and_computing_does_not() -> None:
-    joint = made(sampling(0.03))
-    heavier = replace(joint, weight=np.exp(1.0 * joint.z[:, 0]))  # the air's speed is a standard deviation more
-    before, after = (one.own.number(one.own.of_share("soft", ["near"]), value=0.57) for one in (joint, heavier))
-    assert 0.5 * (after.low + after.high) == pytest.approx(0.5 * (before.low + before.high) - 0.03, abs=0.005)
-    assert after.numerical == before.numerical
-
-
 def test_the_value_is_within_its_interval_and_parts_of_a_whole_within_0_and_1() -> None:
     """Also where all draws lie on one side of the answer, or beyond what can be."""
     above = middle(np.linspace(0.6, 0.7, 101)[None], 0.5)

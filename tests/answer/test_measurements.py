@@ -14,7 +14,8 @@ import pytest
 
 from support import shipped
 from wakeflow.answer.cells import LandingCells
-from wakeflow.answer.joint import ErrorSource, JointAnswer, columns
+from wakeflow.answer.draws import ErrorSource, columns
+from wakeflow.answer.joint import JointAnswer
 from wakeflow.answer.measurements import (
     GAIN,
     MAX_LISTED,

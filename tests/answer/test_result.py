@@ -79,10 +79,10 @@ def test_what_stands_against_an_answer_is_told_with_it(small_run: Result) -> Non
 
 def test_an_input_is_named_with_its_error_and_not_below_twice_that() -> None:
     """A square's relative error is twice its root's: an index of 0.4 +- 0.3 is a change of 12 +- 4.5 points."""
-    known, vague = (InputPart(half=0.12, variance=0.4, error=error) for error in (0.3, 0.5))
+    known, vague = (InputPart(half=0.12, variance=0.4, error=error, rise=0.12) for error in (0.3, 0.5))
     assert known.uncertainty == pytest.approx(0.045)
     assert known.points == "12 (7.5 to 16)"
-    small = InputPart(half=0.01, variance=0.05, error=0.01)
+    small = InputPart(half=0.01, variance=0.05, error=0.01, rise=0.01)
     assert weightiest({"a": vague, "b": known, "c": small}) == [("b", known)]
 
 

@@ -410,7 +410,7 @@ def test_the_figure_and_the_terminal_name_the_number(folder: Path, capsys: pytes
     assert "give its scene file" in capsys.readouterr().err
 
 
-def test_a_sweep_of_both_ends_agrees_with_the_regression(folder: Path) -> None:
+def test_a_sweep_of_both_ends_agrees_with_the_draws(folder: Path) -> None:
     """Restitution moves the hard granule's share nearly linearly: flown anew at the ends of its interval the share
     changes as the draws say, within the error of these, to either side. Nobody doubts the height of the feed: the draws
     say nothing of it, the sweep does. What is flown stands where it is looked for, and is not flown twice.
@@ -420,11 +420,11 @@ def test_a_sweep_of_both_ends_agrees_with_the_regression(folder: Path) -> None:
     found = wf.sensitivity(folder, over=[key, "feed.height=80 mm,120 mm"], scheduler=Here())
     before = next(one for one in drawn.by_quantity[quantity] if one.key == key)
     after = {one.key: one for one in found.by_quantity[quantity]}
-    assert (before.how, after[key].how) == ("regression", "sweep")
+    assert (before.how, after[key].how) == ("draws", "sweep")
     assert (after[key].low, after[key].high) == (before.low, before.high)
     assert after[key].index == before.index
     assert before.error is not None
-    assert -before.at_low == before.at_high  # the regression tells the mean of both ways
+    assert -before.at_low == before.at_high  # the draws tell the mean of both ways
     straight = 0.5 * (after[key].at_high - after[key].at_low)  # type: ignore[operator]
     assert straight == pytest.approx(before.at_high, abs=before.error + 1.0 / 512.0)  # of one granule
     assert before.at_high < 0.0 < before.at_low  # type: ignore[operator]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wakeflow.answer.joint import DRAWS, column
+from wakeflow.answer.draws import DRAWS, column
 from wakeflow.batch.tempering import tempered
 
 Array = NDArray[np.float64]

@@ -15,7 +15,8 @@ from scipy.stats import kstest
 import wakeflow as wf
 from support import landings_in, shipped
 from wakeflow.answer.cells import LandingCells
-from wakeflow.answer.joint import JointAnswer, columns
+from wakeflow.answer.draws import columns
+from wakeflow.answer.joint import JointAnswer
 from wakeflow.answer.provenance import RefinedSettings
 from wakeflow.answer.shares import (
     CALIBRATED,

@@ -209,7 +209,7 @@ def test_nothing_is_flown_where_all_is_known(vacuum: wf.Scene) -> None:
 
 
 def test_the_range_is_that_of_the_scene_at_the_ends_of_the_interval(vacuum: wf.Scene) -> None:
-    """One unknown: the regression's range is what whole runs at the ends of its interval give."""
+    """One unknown: the response's range is what whole runs at the ends of its interval give."""
     half = 0.04
     scene = _only(vacuum, "fraction.hard.restitution", half)
     draws = _pipeline(scene).draws()

@@ -13,7 +13,7 @@ from scipy.special import expit
 
 import wakeflow as wf
 from support import ALONE, landings_in, shipped
-from wakeflow.answer.joint import ErrorSource
+from wakeflow.answer.draws import ErrorSource
 from wakeflow.cli import main
 from wakeflow.cli.show_result import show_dividers
 from wakeflow.core.errors import SceneError

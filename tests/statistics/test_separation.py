@@ -10,7 +10,8 @@ from scipy.stats import norm, qmc
 
 from support import landings_in, shipped
 from wakeflow.answer.cells import LandingCells
-from wakeflow.answer.joint import DRAWS, Bins, ErrorSource, JointAnswer, columns
+from wakeflow.answer.draws import DRAWS, ErrorSource, columns
+from wakeflow.answer.joint import Bins, JointAnswer
 from wakeflow.answer.shares import InputPart
 from wakeflow.answer.unknown_inputs import effects_in
 from wakeflow.core.errors import SceneError

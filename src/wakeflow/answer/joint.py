@@ -1,17 +1,15 @@
-"""One answer, one interval: an ensemble of joint draws of all shares, and the one maker of every interval.
+"""One answer, one interval: what is read off the joint draws of all shares (:mod:`.draws`), in whatever bins.
 
-Each of the DRAWS has its own value of everything that is not known: of every input, and of what every source of error
-does to the shares. A number is a function of the table of shares; its 95 % interval is the middle 95 % of that function
-over the draws, so that a share, a recovery, a purity, a difference of two runs, a bin that was moved and what a tray
-leaves agree with each other whatever bends and bounds there are. A draw of an input belongs to its key: it is the same
-one in every run, so that two runs are compared draw by draw.
+A number is a function of the table of shares; its 95 % interval is the middle 95 % of that function over the draws, so
+that a share, a recovery, a purity, a difference of two runs, a bin that was moved and what a tray leaves agree with
+each other whatever bends and bounds there are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,183 +17,36 @@ from numpy.typing import NDArray
 
 from ..core.lazy import cached_property
 from ..core.number import Number
-from ..planning.unknowns import FARTHEST, SIGMAS
+from ..planning.unknowns import SIGMAS
 from ..scene import RESERVED_BIN
-from ..scene.machine import SIDES
 from ..scene.uncertainty import EITHER_SIGN
-from .cells import Ends, LandingCells
-from .shares import InputPart, JointRecord, JointSource, Separation
+from .cells import Ends
+from .draws import DRAWS as DRAWS
+from .draws import INPUTS, LEAST, LEVEL, SAMPLING, JointDraws
+from .draws import LACK as LACK
+from .draws import ErrorSource as ErrorSource
+from .draws import column as column
+from .draws import columns as columns
+from .draws import tied_root as tied_root
+from .shares import InputPart, Separation
 
 Array = NDArray[np.float64]
 Of = Callable[[Array], Array]  # a number of tables (..., fractions, bins + 1), elsewhere last
-DRAWS = 2048
-LEVEL = 0.95  # of every interval
 PAIRED = 0.5  # of the error of few granules that is left in a change seen between the same ones. Chosen
 BENT = 3  # order of the polynomial in an input that says what it does alone
 MOST_TOLD = 64  # of more inputs than that
-MOST_TOGETHER = 128  # inputs that are told apart by one regression; of more each is taken by itself
+MOST_TOGETHER = 128  # inputs that are told apart by one set of lines; of more each is taken by itself
 TIED = 0.15  # correlation of draws from which two inputs move together: of independent ones it is 0.02
-LEAST = 1e-12  # of a variance that is one
 HOUR = 3600.0  # s
+WHOLE = (0.0, 1.0)  # what a share is between
 PRODUCT = "product"  # a bin made of stretches of a side
-INPUTS, LACK, SAMPLING = "inputs", "lack of fit", "sampling"
-
-
-# -- columns of independent numbers ------------------------------------------------------------------------------------
-@lru_cache(maxsize=4096)
-def column(key: str) -> Array:
-    """DRAWS standard normal numbers that belong to a ``key``: one of each of as many equal parts of the distribution,
-    in an order of its own (a Latin hypercube: McKay, Beckman & Conover 1979, Technometrics 21, 239).
-    """
-    from scipy.special import ndtri
-
-    chance = np.random.default_rng([20110, *key.encode()])
-    found: Array = ndtri((chance.permutation(DRAWS) + chance.random(DRAWS)) / DRAWS)
-    found.setflags(write=False)
-    return found
-
-
-def columns(keys: Iterable[str]) -> Array:
-    """Those of several keys (DRAWS, keys), cut off where draws of inputs are."""
-    found = [np.clip(column(key), -FARTHEST, FARTHEST) for key in keys]
-    return np.stack(found, axis=1) if found else np.zeros((DRAWS, 0))
 
 
 @dataclass(frozen=True)
-class ErrorSource:
-    """What one source of error does to the shares of all fractions: ``roots`` (fractions, bins + 1, rank) of their
-    covariance, times numbers of each fraction's own, or where it moves all fractions ``together`` of all; ``scale``
-    (DRAWS, fractions) of each draw, 1 where there is none. ``shared``: the same draw in every run, not one of this
-    run's. ``bounded``: nothing is known of it between two bounds. ``computing``: whether finer computing makes it
-    smaller.
-    """
+class JointAnswer(JointDraws):
+    """The draws of an answer, and its numbers in its own bins or in others."""
 
-    name: str
-    roots: Array
-    computing: bool = True
-    bounded: bool = False
-    shared: bool = False
-    together: bool = False
-    scale: Array | None = None
-
-    def draws(self, fractions: Sequence[str], salt: str) -> Array:
-        """What it adds to every share (DRAWS, fractions, bins + 1)."""
-        found = np.zeros((DRAWS, *self.roots.shape[:2]))
-        for number, name in enumerate(fractions):
-            root = self.roots[number]
-            used = [i for i in range(root.shape[1]) if np.any(root[:, i])]
-            own = "" if self.shared else f"{salt}.{'' if self.together else name}"
-            for i in used:
-                found[:, number] += column(f"{self.name}.{own}.{i}")[:, None] * root[:, i]
-            if self.bounded:
-                found[:, number] = _rectangular(found[:, number], np.sqrt((root**2).sum(axis=1)))
-        return found if self.scale is None else found * self.scale[:, :, None]
-
-
-def _rectangular(z: Array, apart: Array) -> Array:
-    """Normal numbers (n, bins + 1) of standard deviations ``apart`` (bins + 1,) as rectangular ones of the same."""
-    from scipy.special import ndtr
-
-    return np.asarray(np.sqrt(3.0) * apart * (2.0 * ndtr(z / np.where(apart > 0.0, apart, 1.0)) - 1.0))
-
-
-def tied_root(halves: Array) -> Array:
-    """A root (bins + 1, bins + 1) of the covariance of errors of a fraction's shares, of which ``halves`` (bins + 1,)
-    of 95 % intervals are known: what one bin has too much, the others lack, and each keeps its own variance.
-    """
-    own = (halves / SIGMAS) ** 2
-    if (total := float(own.sum())) <= 0.0:
-        return np.zeros((len(own), len(own)))
-    block = np.diag(own) - np.outer(own, own) / total
-    scale = np.sqrt(np.divide(own, np.diag(block), out=np.zeros_like(own), where=np.diag(block) > LEAST * total))
-    sizes, ways = np.linalg.eigh(block * np.outer(scale, scale))
-    return np.asarray(ways * np.sqrt(np.clip(sizes, 0.0, None)))
-
-
-# -- the ensemble ------------------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class JointAnswer:
-    """All shares of an answer, jointly: by fraction and cell what the answer is, ``base`` (fractions, cells), and what
-    the inputs change in every draw, ``change`` (DRAWS, fractions, cells); ``z`` (DRAWS, keys) of the inputs, in
-    standard deviations; what every other source adds, ``sources``. ``mass``: share of every fraction in the feed;
-    ``targets`` of each; ``images`` of bins in a machine with two equal sides; ``salt``: of this run alone; ``weight``
-    (DRAWS,) of every draw once something was measured.
-    """
-
-    fractions: tuple[str, ...]
-    mass: Array
-    targets: Mapping[str, tuple[str, ...]]
-    flow: float  # kg/s
-    cells: LandingCells
-    images: tuple[int, ...] | None
-    keys: tuple[str, ...]
-    z: Array
-    base: Array
-    change: NDArray[np.float32]
-    sources: tuple[ErrorSource, ...] = ()
-    salt: str = ""
-    weight: Array | None = None
     _read: dict[Any, Bins] = field(default_factory=dict, init=False, repr=False, compare=False)
-
-    def record(self) -> JointRecord:
-        """What result.json says of it."""
-        sources = tuple(
-            JointSource(one.name, one.computing, one.bounded, one.shared, one.together) for one in self.sources
-        )
-        ends = {name: (float(low), float(high)) for name, (low, high) in self.cells.ends.items()}
-        return JointRecord(
-            DRAWS, self.fractions, dict(self.targets), self.keys, self.cells.bins, dict(self.cells.on), ends,
-            self.images, self.flow, sources, self.salt,
-        )  # fmt: skip
-
-    def arrays(self) -> dict[str, Any]:
-        """What joint.npz holds."""
-        found = {"mass": self.mass, "z": self.z.astype(np.float32), "base": self.base,
-                 "change": self.change.astype(np.float16)}  # fmt: skip
-        found |= {f"edges.{side}": edges for side, edges in self.cells.edges.items()}
-        for number, one in enumerate(self.sources):
-            found[f"root.{number}"] = one.roots
-            if one.scale is not None:
-                found[f"scale.{number}"] = one.scale.astype(np.float32)
-        return found
-
-    @classmethod
-    def of(cls, record: JointRecord, arrays: Mapping[str, Any]) -> JointAnswer:
-        """What :meth:`record` and :meth:`arrays` told. Raises KeyError and ValueError where the two do not fit."""
-        edges = {side: arrays[f"edges.{side}"] for side in dict.fromkeys(record.on.values())}
-        edges = {side: edges[side] for side in SIDES if side in edges}
-        cells = LandingCells(record.bins, record.on, record.ends, edges)
-        sources = tuple(
-            ErrorSource(
-                one.name,
-                arrays[f"root.{i}"],
-                one.computing,
-                one.bounded,
-                one.shared,
-                one.together,
-                _wide(arrays, f"scale.{i}"),
-            )
-            for i, one in enumerate(record.sources)
-        )
-        shapes = {"mass": (len(record.fractions),), "z": (record.draws, len(record.inputs)),
-                  "base": (len(record.fractions), cells.count),
-                  "change": (record.draws, len(record.fractions), cells.count)}  # fmt: skip
-        bins = len(record.bins) + 1
-        for i, one in enumerate(sources):
-            shapes[f"root.{i}"] = (len(record.fractions), bins, one.roots.shape[-1])
-            if one.scale is not None:
-                shapes[f"scale.{i}"] = (record.draws, len(record.fractions))
-        fits = set(record.ends) == set(record.on) <= set(record.bins) and set(arrays) == {*shapes, *(
-            f"edges.{side}" for side in edges)}  # fmt: skip
-        if not fits or (record.images is not None and sorted(record.images) != list(range(bins))):
-            raise ValueError("a record of other arrays")
-        if record.draws != DRAWS or any(arrays[name].shape != shape for name, shape in shapes.items()):
-            raise ValueError("arrays of another shape")
-        if not all(np.isfinite(arrays[name]).all() for name in shapes):
-            raise ValueError("arrays that are no numbers")
-        mass, z, base, change = (_wide(arrays, name) for name in ("mass", "z", "base", "change"))
-        return cls(record.fractions, mass, record.targets, record.flow, cells, record.images, record.inputs, z, base,
-                   np.asarray(change, dtype=np.float32), sources, record.salt)  # fmt: skip
 
     @property
     def own(self) -> Bins:
@@ -219,24 +70,6 @@ class JointAnswer:
         inside = self.cells.along_side(side, stretches)
         return None if inside is None else Bins(self, np.stack([inside, 1.0 - inside], axis=1), (PRODUCT, RESERVED_BIN))
 
-    @cached_property
-    def errors(self) -> dict[str, Array]:
-        """What every source adds to every share (DRAWS, fractions, bins + 1), by its name."""
-        return {one.name: one.draws(self.fractions, self.salt) for one in self.sources}
-
-    @property
-    def computing(self) -> frozenset[str]:
-        """The sources that finer computing makes smaller."""
-        return frozenset(one.name for one in self.sources if one.computing)
-
-    def acting(self, fraction: str | None) -> list[int]:
-        """The places of the inputs that act on a fraction, None: on any."""
-        return [i for i, key in enumerate(self.keys) if fraction is None or _owner(key) in (None, fraction)]
-
-
-def _owner(key: str) -> str | None:
-    return key.split(".")[1] if key.startswith("fraction.") else None
-
 
 @dataclass(frozen=True)
 class Bins:
@@ -250,13 +83,23 @@ class Bins:
     @cached_property
     def value(self) -> Array:
         """The answer's shares (fractions, bins + 1); a bin and its image have one."""
-        found, images = np.asarray(self.joint.base @ self.parts), self.joint.images
+        found = np.asarray(self.joint.base @ self.parts)
         found[np.abs(found - 1.0) < LEAST] = 1.0  # sums of cells
-        if images is None or self.parts.shape[1] != len(images):
-            return found
-        turned = self.parts[self.joint.cells.mirrored(images)]
-        alike = np.array_equal(turned, self.parts[:, list(images)])
-        return 0.5 * (found + found[:, list(images)]) if alike else found
+        return 0.5 * (found + found[:, list(self.joint.images or ())]) if self._alike else found
+
+    @cached_property
+    def _turned(self) -> Array | None:
+        """The parts in the machine's mirror image; None of one without."""
+        images = self.joint.images
+        return None if images is None else self.parts[self.joint.cells.mirrored(images)]
+
+    @cached_property
+    def _alike(self) -> bool:
+        """Whether each bin is in the mirror image where its own image is here."""
+        turned, images = self._turned, list(self.joint.images or ())
+        if turned is None or self.parts.shape[1] != len(images):
+            return False
+        return np.array_equal(turned, self.parts[:, images])
 
     @cached_property
     def _passed(self) -> Array:
@@ -283,13 +126,10 @@ class Bins:
         return self._tables[asked]
 
     def _made(self, used: frozenset[str]) -> Array:
-        joint = self.joint
         own = [self._drawn(self.parts, None, used)]
-        if joint.images is not None:
-            images = list(joint.images)
-            turned = self.parts[joint.cells.mirrored(images)]
-            alike = self.parts.shape[1] == len(images) and np.array_equal(turned, self.parts[:, images])
-            own.append(own[0][..., images] if alike else self._drawn(turned, images, used))
+        if self.joint.images is not None and self._turned is not None:
+            images = list(self.joint.images)
+            own.append(own[0][..., images] if self._alike else self._drawn(self._turned, images, used))
         return np.stack(own)
 
     def _drawn(self, parts: Array, images: Sequence[int] | None, used: frozenset[str]) -> Array:
@@ -321,13 +161,13 @@ class Bins:
         found = of(self.tables(used))
         return np.where(np.isfinite(found), found, of(self.value))
 
-    def number(self, of: Of, *, value: float | None = None, bounds: tuple[float, float] | None = (0.0, 1.0)) -> Number:
+    def number(self, of: Of, *, value: float | None = None) -> Number:
         """A function ``of`` tables with its 95 % interval: the one maker of intervals. ``value``: where it is known
         better than from the cells.
         """
         own = float(of(self.value)) if value is None else value
-        found = middle(self.values(of), own, self.joint.weight, bounds)
-        computed = middle(self.values(of, self.joint.computing), own, None, bounds)
+        found = middle(self.values(of), own, WHOLE)
+        computed = middle(self.values(of, self.joint.computing), own, WHOLE)
         return replace(found, numerical=computed.half if self.joint.computing else None)
 
     def share(self, fraction: str, place: str, value: float | None = None) -> Number:
@@ -433,20 +273,15 @@ class Bins:
         """
         own = float(of(self.value)) if value is None else value
         inputs, values = self.values(of, frozenset({INPUTS})), self.values(of)
-        now, computed = (middle(one, own, None, (0.0, 1.0)) for one in (values, self.values(of, self.joint.computing)))
+        now, computed = (middle(one, own, WHOLE) for one in (values, self.values(of, self.joint.computing)))
         for key, part in parts.items():
             z, does = self.joint.z[:, self.joint.keys.index(key)], self.alone(of, key, inputs)
             for copy, side in enumerate((1.0, -1.0 if key in EITHER_SIGN else 1.0)[: len(values)]):
                 less = does(part * side * z) - does(side * z)
                 values[copy], inputs[copy] = values[copy] + less, inputs[copy] + less
-        found = middle(values, own, self.joint.weight, (0.0, 1.0))
+        found = middle(values, own, WHOLE)
         low, high = max(found.low, now.low), min(found.high, now.high)
         return Number(own, min(low, computed.low), max(high, computed.high))
-
-
-def _wide(arrays: Mapping[str, Any], name: str) -> Any:
-    """An array as double numbers; None where there is none."""
-    return np.asarray(arrays[name], dtype=float) if name in arrays else None
 
 
 def bounded(shares: Array, own: Array | None = None) -> Array:
@@ -459,6 +294,11 @@ def bounded(shares: Array, own: Array | None = None) -> Array:
     if own is not None:
         np.copyto(shares, own, where=total <= 0.0)
     return shares
+
+
+def quantiles(values: Array, levels: Sequence[float]) -> Array:
+    """Quantiles of ``values`` (n,)."""
+    return np.asarray(np.quantile(values, levels))
 
 
 def settle(shares: Array, errors: Array, most: Array) -> None:
@@ -479,23 +319,14 @@ def settle(shares: Array, errors: Array, most: Array) -> None:
     bounded(shares)
 
 
-def middle(values: Array, own: float, weight: Array | None = None, bounds: tuple[float, float] | None = None) -> Number:
+def middle(values: Array, own: float, bounds: tuple[float, float] | None = None) -> Number:
     """A number with the middle 95 % of its ``values`` (copies, DRAWS), of the mean of the copies' ends."""
     level = 0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)
-    ends = np.mean([quantiles(one, level, weight) for one in np.atleast_2d(values)], axis=0)
+    ends = np.mean([quantiles(one, level) for one in np.atleast_2d(values)], axis=0)
     low, high = min(float(ends[0]), own), max(float(ends[1]), own)
     if bounds is not None:
         low, high = max(low, min(bounds[0], own)), min(high, max(bounds[1], own))
     return Number(own, low, high)
-
-
-def quantiles(values: Array, levels: Sequence[float], weight: Array | None = None) -> Array:
-    """Quantiles of ``values`` (n,), each of a ``weight`` (n,)."""
-    if weight is None:
-        return np.asarray(np.quantile(values, levels))
-    order = np.argsort(values)
-    reached = np.cumsum(weight[order]) - 0.5 * weight[order]
-    return np.asarray(np.interp(np.asarray(levels) * weight.sum(), reached, values[order]))
 
 
 def difference(one: Bins, other: Bins, name: str) -> Number | None:

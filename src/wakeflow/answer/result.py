@@ -33,7 +33,7 @@ from .cells import Ends
 from .checks import are_granules, mistakes_in
 from .joint import JointAnswer
 from .provenance import Provenance, Refinement
-from .shares import SHARE_UNIT, BudgetRow, LandingResults, Separation
+from .shares import SHARE_UNIT, BudgetRow, LandingResults, Separation, WithShares
 
 SCHEMA = 3
 FILE = "result.json"
@@ -105,7 +105,7 @@ class PictureSummary:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
+class Result(WithShares):
     """A finished run: its folder and what result.json holds, as types; ``table`` is the same as plain JSON.
 
     Read one with :meth:`load`. Parts that a run with ``until`` did not reach are None.
@@ -188,29 +188,6 @@ class Result:
     def budget(self) -> tuple[BudgetRow, ...]:
         """The error of every share and landing place; empty before there are any."""
         return () if self.landings is None else self.landings.budget
-
-    def share(self, fraction: str, place: str) -> Number:
-        """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high).
-
-        Raises SceneError where the run ended before the shares, and for a fraction or bin that there is not.
-        """
-        return self._shares.share(fraction, place)
-
-    def recovery(self, fraction: str) -> Number:
-        """Share of a fraction that lands in its targets, by mass, with its 95 % interval: (value, low, high).
-
-        Raises SceneError where the run ended before the shares, and for a fraction that there is not or that has no
-        target.
-        """
-        return self._shares.recovered(fraction)
-
-    def purity(self, place: str, fraction: str) -> Number:
-        """Share of a bin's mass that is of a fraction, with its 95 % interval: (value, low, high).
-
-        Raises SceneError where the run ended before the shares, for a bin or fraction that there is not, and for a bin
-        that stays empty.
-        """
-        return self._shares.part_of(place, fraction)
 
     @cached_property
     def joint(self) -> JointAnswer:
@@ -341,22 +318,14 @@ class Result:
 
 
 @dataclass(frozen=True)
-class MovedBins:
+class MovedBins(WithShares):
     """The answer of a run with its bins elsewhere: shares, purities, recoveries and throughputs of ``shares``."""
 
     shares: Separation
 
-    def share(self, fraction: str, place: str) -> Number:
-        """As :meth:`Result.share`."""
-        return self.shares.share(fraction, place)
-
-    def recovery(self, fraction: str) -> Number:
-        """As :meth:`Result.recovery`."""
-        return self.shares.recovered(fraction)
-
-    def purity(self, place: str, fraction: str) -> Number:
-        """As :meth:`Result.purity`."""
-        return self.shares.part_of(place, fraction)
+    @property
+    def _shares(self) -> Separation:
+        return self.shares
 
 
 def _length(key: str, value: object) -> float:

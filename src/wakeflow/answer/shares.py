@@ -107,30 +107,40 @@ class Separation:
     throughput: dict[str, float] = column("kg/h", "of all fractions into each bin")
     cut: tuple[PartitionCurve, ...] = column("", "which granules go into each product", default=())
 
+
+class WithShares:
+    """What has shares, and gives each number of them with its 95 % interval: (value, low, high)."""
+
+    @property
+    def _shares(self) -> Separation:
+        raise NotImplementedError
+
     def share(self, fraction: str, place: str) -> Number:
         """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high).
 
-        Raises SceneError, naming the nearest, for a fraction or bin that there is not.
+        Raises SceneError where there are no shares, and for a fraction or bin that there is not, naming the nearest.
         """
-        return _known("bin", _known("fraction", self.fractions, fraction), place)
+        return _known("bin", _known("fraction", self._shares.fractions, fraction), place)
 
-    def recovered(self, fraction: str) -> Number:
+    def recovery(self, fraction: str) -> Number:
         """Share of a fraction that lands in its targets, by mass, with its 95 % interval: (value, low, high).
 
-        Raises SceneError, naming the nearest, for a fraction that there is not, and for one without a target.
+        Raises SceneError where there are no shares, for a fraction that there is not, naming the nearest, and for one
+        that has no target.
         """
-        found = _known("fraction", self.recovery, fraction)
+        found = _known("fraction", self._shares.recovery, fraction)
         if found is None:
             raise SceneError(f"{fraction} has no target to be recovered in: give fraction.{fraction}.target, a bin")
         return found
 
-    def part_of(self, place: str, fraction: str) -> Number:
+    def purity(self, place: str, fraction: str) -> Number:
         """Share of a bin's mass that is of a fraction, with its 95 % interval: (value, low, high).
 
-        Raises SceneError, naming the nearest, for a bin or fraction that there is not, and for a bin that stays empty.
+        Raises SceneError where there are no shares, for a bin or fraction that there is not, naming the nearest, and
+        for a bin that stays empty.
         """
-        here = _known("bin", self.purity, place)
-        _known("fraction", self.fractions, fraction)
+        here = _known("bin", self._shares.purity, place)
+        _known("fraction", self._shares.fractions, fraction)
         if here is None:
             raise SceneError(f"nothing lands in {place}: an empty bin has no purity")
         return here[fraction]
@@ -213,10 +223,7 @@ class InputPart:
     half: float = column("1", "half of the 95 % range of the share that it alone gives")
     variance: float = column("1", "its part of the share's variance over all unknowns: first-order index")
     error: float = column("1", "how far that index may be off, 95 %")
-    rise: float | None = column(
-        "1", "change of the share where the number alone goes to its upper end: the half with its sign; left out of "
-        "results of versions that did not tell", absent=True, default=None,
-    )  # fmt: skip
+    rise: float = column("1", "change of the share where the number alone goes to its upper end: the half, signed")
 
     @property
     def uncertainty(self) -> float:

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.joint import ErrorSource, JointAnswer, Of, tied_root
+from ..answer.draws import ErrorSource, tied_root
+from ..answer.joint import JointAnswer, Of
 from ..answer.result import Result
 from ..core import sums
 from ..core.errors import SceneError

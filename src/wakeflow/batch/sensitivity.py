@@ -1,8 +1,8 @@
-"""sensitivity(): which input moves which number by how much, by the regression of a run and by a sweep of its inputs.
+"""sensitivity(): which input moves which number by how much, by the draws of a run and by a sweep of its inputs.
 
-The regression on the draws of a run costs nothing more, and knows every number that the scene does not say exactly. It
-is linear, sees shares alone, and knows nothing of what the machine is built like. The sweep takes one input after the
-other to both of its ends and flies again: bent answers, purities, geometry, vibration, dividers.
+The draws of a run cost nothing more, and know every number that the scene does not say exactly. They tell of shares,
+and of recoveries and purities of targets, and know nothing of what the machine is built like. The sweep takes one input
+after the other to both of its ends and flies again: every quantity, geometry, vibration, dividers.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from ..runs import run
 from ..scene import Scene
 from ..scene.messages import unit_of
 from ..scene.whole import States
-from ..statistics.moves import SWEEP, InputMove, Remaining, grouped, least_sure, regressed_moves, remaining
+from ..statistics.moves import SWEPT, InputMove, Remaining, drawn_moves, grouped, least_sure, remaining
 from .axis import Axis, axes_of, axis_of_text
 from .compute import Sweep, sweep
 from .variant import Variant, variants
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 COMMAND, TORNADO = "sensitivity", "tornado"
-TABLE, FIGURE, SWEPT = "sensitivity.csv", "figures/sensitivity.png", "sensitivity"
+TABLE, FIGURE, FLOWN = "sensitivity.csv", "figures/sensitivity.png", "sensitivity"
 COLUMNS = {  # heads of the table, and what each is of a move
     "quantity": "quantity", "value": "value", "input": "key", "input low": "low", "input high": "high",
     "unit of input": "unit", "change at low": "at_low", "change at high": "at_high", "error of change": "error",
@@ -143,7 +143,7 @@ def sensitivity(
 ) -> Sensitivity:
     """Say which input of a scene, of a scene file or of a finished run (or its folder) moves which number.
 
-    Every number that the scene does not say exactly is judged by the regression on the run's draws; the scene is run
+    Every number that the scene does not say exactly is judged by the run's draws; the scene is run
     where it has not been. What is named in ``over`` goes to both of its ends, one at a time, and is flown again in the
     folder ``sensitivity`` below the results: KEY=LOW,HIGH, or KEY alone for the ends of its own 95 % interval; or a
     mapping of keys to values, or to {"from": ..., "to": ...}, as of :func:`wakeflow.variants`. Keys tied by = move
@@ -157,12 +157,12 @@ def sensitivity(
     result = _finished(scene, out, rung, force, partial(run, workers=workers, listener=listener, planned=planned))
     folder = result.folder if out is None else path_of(out, "out")
     _claim(folder)
-    moves, axes, failed = regressed_moves(result.landings), _axes(over, result), {}
+    moves, axes, failed = drawn_moves(result.landings), _axes(over, result), {}
     if axes:
         made_folder(folder)
         found, pairs = _ends(axes, Scene.parse(result.scene))
         done = sweep(
-            found, folder / SWEPT, rung=result.options.rung, force=result.options.force, scheduler=scheduler,
+            found, folder / FLOWN, rung=result.options.rung, force=result.options.force, scheduler=scheduler,
             workers=workers, figures=False, listener=listener,
         )  # fmt: skip
         moves, failed = _joined(_swept_moves(pairs, done), moves), done.failed
@@ -285,15 +285,15 @@ def _swept_moves(pairs: Mapping[str, tuple[End, End]], done: Sweep) -> list[Inpu
             moves.append(
                 InputMove(
                     one.name, one.value, one.unit, key, low, high, unit, at_ends[0], at_ends[1], error, None, None,
-                    SWEEP,
+                    SWEPT,
                 )
             )  # fmt: skip
     return moves
 
 
-def _joined(swept: Sequence[InputMove], regressed: Sequence[InputMove]) -> list[InputMove]:
+def _joined(swept: Sequence[InputMove], told: Sequence[InputMove]) -> list[InputMove]:
     """What was swept, with the index that the draws gave it, and what was not."""
-    drawn = {(one.quantity, one.key): one for one in regressed}
+    drawn = {(one.quantity, one.key): one for one in told}
     moves = []
     for one in swept:
         before = drawn.pop((one.quantity, one.key), None)

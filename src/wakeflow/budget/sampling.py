@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..answer.joint import ErrorSource as Column
+from ..answer.draws import ErrorSource as Column
 from ..answer.provenance import RefinedSettings
 from ..answer.shares import MEASURED, BudgetPart
 from ..planning.plan import REPLICATES

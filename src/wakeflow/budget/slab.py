@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from ..answer.joint import ErrorSource as Column
+from ..answer.draws import ErrorSource as Column
 from ..answer.provenance import RefinedSettings
 from ..answer.shares import PERTURBED_RERUN, BudgetPart
 from ..core.number import student

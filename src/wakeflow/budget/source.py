@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 
 import numpy as np
 
+from ..answer.draws import ErrorSource as Column
 from ..answer.joint import Bins, JointAnswer
-from ..answer.joint import ErrorSource as Column
 from ..answer.provenance import RefinedSettings
 from ..answer.shares import UNKNOWN, BudgetPart
 from ..core.lazy import cached_property

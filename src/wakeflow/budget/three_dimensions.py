@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 from typing import ClassVar
 
-from ..answer.joint import ErrorSource as Column
+from ..answer.draws import ErrorSource as Column
 from ..answer.shares import CALIBRATED
 from ..planning.three_dimensions import farther_in_three_dimensions, log_odds
 from .source import FractionResults, Parts, Source, add, signed_column

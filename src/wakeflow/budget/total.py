@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..answer.joint import ErrorSource as Column
-from ..answer.joint import JointAnswer, tied_root
+from ..answer.draws import ErrorSource as Column
+from ..answer.draws import tied_root
+from ..answer.joint import JointAnswer
 from ..answer.shares import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetTotal
 from ..core.number import Number
 from ..planning.unknowns import SIGMAS

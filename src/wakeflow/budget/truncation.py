@@ -28,7 +28,7 @@ from .source import FractionResults, Parts, Source, add
 
 Array = NDArray[np.float64]
 AIR_SPEED = "air.speed"  # the unknown that represents what the air beside a body that vibrates does
-NO_EFFECT = InputPart(half=0.0, variance=0.0, error=0.0)  # on a share that was the same in all draws
+NO_EFFECT = InputPart(half=0.0, variance=0.0, error=0.0, rise=0.0)  # on a share that was the same in all draws
 
 
 class LeftOutTerms(Source[None]):

@@ -271,9 +271,9 @@ def sensitivity(
 ) -> None:
     """Say which input of a scene moves which number by how much: a table, sensitivity.csv and a tornado plot.
 
-    Every number that is not known exactly is drawn with all others, from the scene's interval or a default one; a
-    regression parts what they do, and flies nothing more. What is named with --over, geometry and vibration too, is
-    flown again at both ends, one at a time.
+    Every number that is not known exactly is drawn with all others, from the scene's interval or a default one; how
+    the landings follow them tells what each does, and flies nothing more. What is named with --over, geometry and
+    vibration too, is flown again at both ends, one at a time.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of free
 AT_ONCE = 2**17  # granules that are fed and flown at a time
 KEPT = 2**20  # granules of a fraction whose landings are kept; of more, all are counted and so many kept
 COMPARED = 4  # of the replicates fly again in each comparison with another airflow, step or mesh
-INPUT_SAMPLES = 64  # of everything that is not known exactly; their regression has some forty degrees of freedom
+INPUT_SAMPLES = 64  # flown draws of everything that is not known exactly: the landings' response is fitted to them
 GATHERED = 2048  # granules of a fraction whose force on the air is gathered. Chosen: a hundred pass every box there
 SAME_AIR = 2  # draws that share one draw of the air, whose fields cost more to make than granules to fly
 

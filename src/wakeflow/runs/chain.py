@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..answer.shares import Separation
-from ..core.number import Number
+from ..answer.shares import Separation, WithShares
 from ..core.record import JsonTable, to_json
 from ..pipeline.landings import Landings
 from ..pipeline.realisations import Realisations
@@ -18,7 +17,7 @@ from ..statistics.separation import separate
 
 
 @dataclass(frozen=True)
-class Chained:
+class Chained(WithShares):
     """Where a scene's granules land without its air: the ``plan`` that says what that leaves out, ``landings`` by
     fraction and their ``shares``.
     """
@@ -33,17 +32,9 @@ class Chained:
         table: JsonTable = to_json(self.shares)
         return table
 
-    def share(self, fraction: str, place: str) -> Number:
-        """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high)."""
-        return self.shares.share(fraction, place)
-
-    def recovery(self, fraction: str) -> Number:
-        """Share of a fraction in its targets, by mass, with its 95 % interval: (value, low, high)."""
-        return self.shares.recovered(fraction)
-
-    def purity(self, place: str, fraction: str) -> Number:
-        """Share of a bin's mass that is of a fraction, with its 95 % interval: (value, low, high)."""
-        return self.shares.part_of(place, fraction)
+    @property
+    def _shares(self) -> Separation:
+        return self.shares
 
 
 def chain(scene: Scene | Path | str, *, count: int | None = None) -> Chained:

@@ -15,7 +15,7 @@ from ..core.errors import known as required
 # -- Which input moves which number of an answer by how much -----------------------------------------------------------
 SHARE = "share."
 LEAST = 1e-3  # of the interval: what an input does less is nothing
-REGRESSION, SWEEP = "regression", "sweep"
+DRAWN, SWEPT = "draws", "sweep"
 
 
 @dataclass(frozen=True)
@@ -25,8 +25,8 @@ class InputMove:
     ``quantity`` as in a sweep's table, its ``value`` and ``measure`` ("1" for parts of a whole); the input's ``key``,
     the ends ``low`` and ``high`` that it was taken to, and their ``unit``; ``at_low`` and ``at_high``: the changes of
     the quantity there, None where that was not computed, with the half ``error`` of their 95 % interval, None where
-    unknown. From the regression on a run's draws also the input's part ``index`` of the quantity's variance
-    (first-order index), known to +- ``index_error``. ``how``: regression, or sweep.
+    unknown. From a run's draws also the input's part ``index`` of the quantity's variance (first-order index), known
+    to +- ``index_error``. ``how``: draws, or sweep.
     """
 
     quantity: str
@@ -54,22 +54,20 @@ class InputMove:
         return max(abs(self.at_low or 0.0), abs(self.at_high or 0.0))
 
 
-def regressed_moves(landings: LandingResults | None) -> list[InputMove]:
-    """What the regression on a run's draws says of every share, and of recoveries and purities of targets; nothing
-    where no input is unknown, or where an older version that did not tell directions made the result.
+def drawn_moves(landings: LandingResults | None) -> list[InputMove]:
+    """What a run's draws say of every share, and of recoveries and purities of targets; nothing where no input is
+    unknown.
     """
     if landings is None or landings.measure_next is None:
         return []
     known, found = landings.inputs or {}, []
     for quantity, value, parts in _quantities(landings):
         for key, part in parts.items():
-            if part.rise is None:
-                return []
             number = known[key]
             found.append(
                 InputMove(
                     quantity, value, "1", key, number.low, number.high, number.unit, -part.rise, part.rise,
-                    part.uncertainty, part.variance, part.error, REGRESSION,
+                    part.uncertainty, part.variance, part.error, DRAWN,
                 )
             )  # fmt: skip
     return found

@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.joint import INPUTS, SAMPLING, Bins, column, middle
+from ..answer.draws import INPUTS, SAMPLING, column
+from ..answer.joint import Bins, middle
 from ..answer.shares import PartitionCurve
 from ..core.number import Number, student
 from ..laws.constants import GRAVITY, STANDARD_AIR

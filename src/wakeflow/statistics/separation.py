@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..answer.joint import ErrorSource
+from ..answer.draws import ErrorSource
 from ..answer.shares import Separation
 from ..pipeline.landings import Landings
 from ..scene import Scene

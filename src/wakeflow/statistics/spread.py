@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.joint import LEVEL
+from ..answer.draws import LEVEL
 from ..core.number import Number, student
 from ..pipeline.landings import Landings, pooled
 from ..planning.unknowns import SIGMAS

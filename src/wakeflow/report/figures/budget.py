@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...answer.shares import SHARE_UNIT
-from ...statistics.moves import InputMove, grouped, least_sure, regressed_moves
+from ...statistics.moves import InputMove, drawn_moves, grouped, least_sure
 from ..canvas import BLUE, COLOURS, INK, VERMILION, foremost, new_figure, save
 from ..outcome import add_figure
 from ..words import condensed, source_seconds
@@ -126,7 +126,7 @@ def _errors(budget: Sequence[BudgetRow]) -> dict[str, np.ndarray]:
 
 
 def _moves(outcome: Outcome) -> tuple[dict[str, list[InputMove]]] | None:
-    moves = grouped(regressed_moves(outcome.result.landings))
+    moves = grouped(drawn_moves(outcome.result.landings))
     panels = {name.split(".")[1]: name for name in least_sure(moves)}
     names = [panels[fraction] for fraction in foremost(outcome.scene, list(panels))]
     return ({name: moves[name] for name in names},) if moves else None

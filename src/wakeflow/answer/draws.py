@@ -1,0 +1,205 @@
+"""An ensemble of joint draws of all shares: what everything that is not known does to the answer, draw by draw.
+
+Each of the DRAWS has its own value of everything that is not known: of every input, and of what every source of error
+does to the shares. A draw of an input belongs to its key: it is the same one in every run, so that two runs are
+compared draw by draw. What is read off the draws is in :mod:`.joint`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.lazy import cached_property
+from ..planning.unknowns import FARTHEST, SIGMAS
+from ..scene.machine import SIDES
+from .cells import LandingCells
+from .shares import JointRecord, JointSource
+
+Array = NDArray[np.float64]
+DRAWS = 2048
+LEVEL = 0.95  # of every interval
+LEAST = 1e-12  # of a variance that is one
+INPUTS, LACK, SAMPLING = "inputs", "lack of fit", "sampling"
+
+
+# -- columns of independent numbers ------------------------------------------------------------------------------------
+@lru_cache(maxsize=4096)
+def column(key: str) -> Array:
+    """DRAWS standard normal numbers that belong to a ``key``: one of each of as many equal parts of the distribution,
+    in an order of its own (a Latin hypercube: McKay, Beckman & Conover 1979, Technometrics 21, 239).
+    """
+    from scipy.special import ndtri
+
+    chance = np.random.default_rng([20110, *key.encode()])
+    found: Array = ndtri((chance.permutation(DRAWS) + chance.random(DRAWS)) / DRAWS)
+    found.setflags(write=False)
+    return found
+
+
+def columns(keys: Iterable[str]) -> Array:
+    """Those of several keys (DRAWS, keys), cut off where draws of inputs are."""
+    found = [np.clip(column(key), -FARTHEST, FARTHEST) for key in keys]
+    return np.stack(found, axis=1) if found else np.zeros((DRAWS, 0))
+
+
+@dataclass(frozen=True)
+class ErrorSource:
+    """What one source of error does to the shares of all fractions: ``roots`` (fractions, bins + 1, rank) of their
+    covariance, times numbers of each fraction's own, or where it moves all fractions ``together`` of all; ``scale``
+    (DRAWS, fractions) of each draw, 1 where there is none. ``shared``: the same draw in every run, not one of this
+    run's. ``bounded``: nothing is known of it between two bounds. ``computing``: whether finer computing makes it
+    smaller.
+    """
+
+    name: str
+    roots: Array
+    computing: bool = True
+    bounded: bool = False
+    shared: bool = False
+    together: bool = False
+    scale: Array | None = None
+
+    def draws(self, fractions: Sequence[str], salt: str) -> Array:
+        """What it adds to every share (DRAWS, fractions, bins + 1)."""
+        found = np.zeros((DRAWS, *self.roots.shape[:2]))
+        for number, name in enumerate(fractions):
+            root = self.roots[number]
+            used = [i for i in range(root.shape[1]) if np.any(root[:, i])]
+            own = "" if self.shared else f"{salt}.{'' if self.together else name}"
+            for i in used:
+                found[:, number] += column(f"{self.name}.{own}.{i}")[:, None] * root[:, i]
+            if self.bounded:
+                found[:, number] = _rectangular(found[:, number], np.sqrt((root**2).sum(axis=1)))
+        return found if self.scale is None else found * self.scale[:, :, None]
+
+
+def _rectangular(z: Array, apart: Array) -> Array:
+    """Normal numbers (n, bins + 1) of standard deviations ``apart`` (bins + 1,) as rectangular ones of the same."""
+    from scipy.special import ndtr
+
+    return np.asarray(np.sqrt(3.0) * apart * (2.0 * ndtr(z / np.where(apart > 0.0, apart, 1.0)) - 1.0))
+
+
+def tied_root(halves: Array) -> Array:
+    """A root (bins + 1, bins + 1) of the covariance of errors of a fraction's shares, of which ``halves`` (bins + 1,)
+    of 95 % intervals are known: what one bin has too much, the others lack, and each keeps its own variance.
+    """
+    own = (halves / SIGMAS) ** 2
+    if (total := float(own.sum())) <= 0.0:
+        return np.zeros((len(own), len(own)))
+    block = np.diag(own) - np.outer(own, own) / total
+    scale = np.sqrt(np.divide(own, np.diag(block), out=np.zeros_like(own), where=np.diag(block) > LEAST * total))
+    sizes, ways = np.linalg.eigh(block * np.outer(scale, scale))
+    return np.asarray(ways * np.sqrt(np.clip(sizes, 0.0, None)))
+
+
+# -- the ensemble ------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class JointDraws:
+    """All shares of an answer, jointly: by fraction and cell what the answer is, ``base`` (fractions, cells), and what
+    the inputs change in every draw, ``change`` (DRAWS, fractions, cells); ``z`` (DRAWS, keys) of the inputs, in
+    standard deviations; what every other source adds, ``sources``. ``mass``: share of every fraction in the feed;
+    ``targets`` of each; ``images`` of bins in a machine with two equal sides; ``salt``: of this run alone.
+    """
+
+    fractions: tuple[str, ...]
+    mass: Array
+    targets: Mapping[str, tuple[str, ...]]
+    flow: float  # kg/s
+    cells: LandingCells
+    images: tuple[int, ...] | None
+    keys: tuple[str, ...]
+    z: Array
+    base: Array
+    change: NDArray[np.float32]
+    sources: tuple[ErrorSource, ...] = ()
+    salt: str = ""
+
+    def record(self) -> JointRecord:
+        """What result.json says of it."""
+        sources = tuple(
+            JointSource(one.name, one.computing, one.bounded, one.shared, one.together) for one in self.sources
+        )
+        ends = {name: (float(low), float(high)) for name, (low, high) in self.cells.ends.items()}
+        return JointRecord(
+            DRAWS, self.fractions, dict(self.targets), self.keys, self.cells.bins, dict(self.cells.on), ends,
+            self.images, self.flow, sources, self.salt,
+        )  # fmt: skip
+
+    def arrays(self) -> dict[str, Any]:
+        """What joint.npz holds."""
+        found = {"mass": self.mass, "z": self.z.astype(np.float32), "base": self.base,
+                 "change": self.change.astype(np.float16)}  # fmt: skip
+        found |= {f"edges.{side}": edges for side, edges in self.cells.edges.items()}
+        for number, one in enumerate(self.sources):
+            found[f"root.{number}"] = one.roots
+            if one.scale is not None:
+                found[f"scale.{number}"] = one.scale.astype(np.float32)
+        return found
+
+    @classmethod
+    def of(cls, record: JointRecord, arrays: Mapping[str, Any]) -> Self:
+        """What :meth:`record` and :meth:`arrays` told. Raises KeyError and ValueError where the two do not fit."""
+        edges = {side: arrays[f"edges.{side}"] for side in dict.fromkeys(record.on.values())}
+        edges = {side: edges[side] for side in SIDES if side in edges}
+        cells = LandingCells(record.bins, record.on, record.ends, edges)
+        sources = tuple(
+            ErrorSource(
+                one.name,
+                arrays[f"root.{i}"],
+                one.computing,
+                one.bounded,
+                one.shared,
+                one.together,
+                _wide(arrays, f"scale.{i}"),
+            )
+            for i, one in enumerate(record.sources)
+        )
+        shapes = {"mass": (len(record.fractions),), "z": (record.draws, len(record.inputs)),
+                  "base": (len(record.fractions), cells.count),
+                  "change": (record.draws, len(record.fractions), cells.count)}  # fmt: skip
+        bins = len(record.bins) + 1
+        for i, one in enumerate(sources):
+            shapes[f"root.{i}"] = (len(record.fractions), bins, one.roots.shape[-1])
+            if one.scale is not None:
+                shapes[f"scale.{i}"] = (record.draws, len(record.fractions))
+        fits = set(record.ends) == set(record.on) <= set(record.bins) and set(arrays) == {*shapes, *(
+            f"edges.{side}" for side in edges)}  # fmt: skip
+        if not fits or (record.images is not None and sorted(record.images) != list(range(bins))):
+            raise ValueError("a record of other arrays")
+        if record.draws != DRAWS or any(arrays[name].shape != shape for name, shape in shapes.items()):
+            raise ValueError("arrays of another shape")
+        if not all(np.isfinite(arrays[name]).all() for name in shapes):
+            raise ValueError("arrays that are no numbers")
+        mass, z, base, change = (_wide(arrays, name) for name in ("mass", "z", "base", "change"))
+        return cls(record.fractions, mass, record.targets, record.flow, cells, record.images, record.inputs, z, base,
+                   np.asarray(change, dtype=np.float32), sources, record.salt)  # fmt: skip
+
+    @cached_property
+    def errors(self) -> dict[str, Array]:
+        """What every source adds to every share (DRAWS, fractions, bins + 1), by its name."""
+        return {one.name: one.draws(self.fractions, self.salt) for one in self.sources}
+
+    @property
+    def computing(self) -> frozenset[str]:
+        """The sources that finer computing makes smaller."""
+        return frozenset(one.name for one in self.sources if one.computing)
+
+    def acting(self, fraction: str | None) -> list[int]:
+        """The places of the inputs that act on a fraction, None: on any."""
+        return [i for i, key in enumerate(self.keys) if fraction is None or _owner(key) in (None, fraction)]
+
+
+def _owner(key: str) -> str | None:
+    return key.split(".")[1] if key.startswith("fraction.") else None
+
+
+def _wide(arrays: Mapping[str, Any], name: str) -> Any:
+    """An array as double numbers; None where there is none."""
+    return np.asarray(arrays[name], dtype=float) if name in arrays else None
