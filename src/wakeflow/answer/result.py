@@ -128,8 +128,7 @@ class Result(WithShares):
     key: str = column("", "fingerprint of all that the answer depends on")
     pictures: dict[str, PictureSummary] | None = column("", "what the scene asked for; left out before the tracks",
                                                         absent=True, default=None)  # fmt: skip
-    provenance: Provenance | None = column("", "when, where and with what it was made; left out of results of versions "
-                                                "that did not tell", absent=True, default=None)  # fmt: skip
+    provenance: Provenance = column("", "when, where and with what it was made")
     calibration: Calibration | None = column("", "of an answer that measured shares were put into; left out of any "
                                                  "other", absent=True, default=None)  # fmt: skip
     refinement: Refinement | None = column("", "how a target error was met; left out of a run without one", absent=True,

@@ -48,10 +48,7 @@ class WakeEstimate:
     theta: Number = column("1", "share of the time-resolved mean, and the range that holds it")
     strength: Number = column("1", "rms of the fluctuation over that of the time-resolved wake, and its range")
     why: str = column("", "what they rest on")
-    lift: Number | None = column(
-        "1", "rms of the lift over that of the time-resolved wake, and its range; left out of results of versions that "
-        "did not tell", absent=True, default=None,
-    )  # fmt: skip
+    lift: Number = column("1", "rms of the lift over that of the time-resolved wake, and its range")
 
 
 @dataclass(frozen=True)

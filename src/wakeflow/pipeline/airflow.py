@@ -98,6 +98,9 @@ class AirLoadingSummary:
     unanswered: float = column(
         "1", "how far the force gathered in the air of the last pass is from what that air was given, over the former"
     )
+    sampling: float = column(
+        "1", "half of the 95 % interval of the force by the granules that it is gathered from, over the force"
+    )
     cd_without: Number | None = column(
         "1", "drag coefficient of the steady airflow without the force; null without a body", default=None
     )
@@ -108,10 +111,6 @@ class AirLoadingSummary:
     speed: float | None = column(
         "m/s", "largest speed of air that the granules alone drive; left out where other air is moved", absent=True,
         default=None,
-    )  # fmt: skip
-    sampling: float | None = column(
-        "1", "half of the 95 % interval of the force by the granules that it is gathered from, over the force; null in "
-        "results of versions that did not measure it", default=None,
     )  # fmt: skip
 
 

@@ -75,7 +75,7 @@ def blended_airflow(
         return (1.0 - theta.value) * known(low) + theta.value * known(high)
 
     p_inlet = linear(steady.p_inlet, resolved.p_inlet)
-    lift = _between(known(estimate.lift), Number(0.0, 0.0, 0.0), known(resolved.cl_rms))
+    lift = _between(estimate.lift, Number(0.0, 0.0, 0.0), known(resolved.cl_rms))
     return replace(
         resolved,
         cd=_between(theta, known(steady.cd), known(resolved.cd)),

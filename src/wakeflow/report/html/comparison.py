@@ -68,8 +68,7 @@ def write_comparison(path: Path, table: ResultTable, differences: Sequence[Diffe
 
 def _made(run: Result) -> tuple[str, str, str]:
     """When a run was made, on which rung, by which version."""
-    date = NO_VALUE if run.provenance is None else run.provenance.date.replace("T", " ")
-    return date, run.plan.rung, run.versions["wakeflow"]
+    return run.provenance.date.replace("T", " "), run.plan.rung, run.versions["wakeflow"]
 
 
 def _input(key: str, entry: Entry) -> str:

@@ -135,8 +135,8 @@ def _grades(result: Result) -> list[tuple[str, list[str]]]:
 
 
 def _origin(result: Result) -> list[tuple[str, str]]:
-    given = [] if result.provenance is None else [*vars(result.provenance).items()]
-    told = [(name, words.NO_VALUE if value is None else str(value)) for name, value in given]
+    made = vars(result.provenance)
+    told = [(name, words.NO_VALUE if value is None else str(value)) for name, value in made.items()]
     return [*told, *result.versions.items(), ("fingerprint of the answer", result.key)]
 
 
