@@ -26,7 +26,7 @@ from proofs.report import NOTHING, Column, Report, Row, Table, Tell, mean_interv
 from wakeflow.core.record import to_json
 from wakeflow.core.store import Store, cache_root
 from wakeflow.funnel import compute
-from wakeflow.funnel.engine import run_script, write_beads, write_plate, write_settings
+from wakeflow.funnel.engine import run_script, write_beads, write_settings, write_triangles
 from wakeflow.funnel.pour import contact_settings, steps_of
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.scene import Funnel
@@ -81,6 +81,12 @@ def lift_off_phase(gamma: float) -> float:
 def bounce_phase(gamma: float, restitution: float) -> float:
     """Phase (rad) at which a bead that bounces once a period meets the plate."""
     return math.acos(math.pi * (1 - restitution) / ((1 + restitution) * gamma))
+
+
+def write_plate(folder: Path, size: float) -> None:
+    """Write ``plate.stl``, a level square at z = 0 with sides of 2 ``size`` (m)."""
+    corners = size * np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)])
+    write_triangles(folder / "plate.stl", "plate", [corners[[0, 1, 2]], corners[[0, 2, 3]]])
 
 
 def on_plate(

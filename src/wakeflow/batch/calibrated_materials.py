@@ -19,7 +19,6 @@ HEAD = """# Granules as measured shares made them known. Put materials = "{file}
 # is in correlations.csv of the calibration. What is not of a fraction (air, feed, wake) is in inputs.csv.
 """
 PREFIX = "measured-"
-MOISTENED = ("friction", "terminal_velocity")  # what a lot's moisture moves with it
 PARTS = ("terminal_velocity", "restitution", "friction", "rebound_scatter")
 
 

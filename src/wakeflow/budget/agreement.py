@@ -23,7 +23,6 @@ RARE = 0.01  # a misfit that is less probable than that is none of chance
 COARSE = 0.1  # of a share: a comparison that no tray would notice less of says nothing
 TINY = 1e-10  # of the largest eigenvalue: a combination of trays that is known no better is no test of its own
 SEED = 20110  # of what is measured of every draw: any, but always the same
-LARGE_PULL = 2.0  # standard deviations of a tray from what the others let expect, from which it is named
 COLUMNS = {
     "fraction": "fraction", "bin": "bin", "measured": "found", "measured low": "found_low",
     "measured high": "found_high", "computed": "value", "computed low": "low", "computed high": "high",

@@ -188,12 +188,6 @@ def write_stl(folder: Path, cone: Cone) -> None:
     write_triangles(folder / "lid.stl", "lid", lid)
 
 
-def write_plate(folder: Path, size: float) -> None:
-    """Write ``plate.stl``, a level square at z = 0 with sides of 2 ``size`` (m)."""
-    corners = size * np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)])
-    write_triangles(folder / "plate.stl", "plate", [corners[[0, 1, 2]], corners[[0, 2, 3]]])
-
-
 def _heights(cone: Cone) -> list[float]:
     """Where the wall's rings lie: triangles at most eight times as long as their base."""
     heights = [0.0]

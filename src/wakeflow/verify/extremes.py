@@ -16,12 +16,10 @@ from dataclasses import asdict, dataclass
 from importlib import import_module
 from typing import Any
 
-import numpy as np
-
 from ..core.errors import WakeflowError
 from ..core.registry import Registry
 from ..pipeline.compilation import compile_tracker
-from ..tracking import Fate, Tracks
+from ..tracking import Fate
 from .report import NOTHING, Column, Report, Table, Tell
 
 ERROR_UNITS = {  # of the error of a row: what it is
@@ -76,14 +74,6 @@ extremes: Registry[Extreme] = Registry("extreme")
 def add_row(group: str, value: str, happens: Callable[[], Happened], against: str = "", **more: Any) -> None:
     """Register a row."""
     extremes.add(f"{group}: {value}", Extreme(group, value, happens, against, **more))
-
-
-def what_happened(tracks: Tracks, seconds: float, error: float | None, note: str = "") -> Happened:
-    """What happened to ``tracks``, whose flight took ``seconds``."""
-    numbers = (tracks.position, tracks.velocity, tracks.time, tracks.spin)
-    fates = {Fate(fate).name.lower(): int(np.sum(tracks.fate == fate)) for fate in np.unique(tracks.fate)}
-    finite = all(bool(np.isfinite(one).all()) for one in numbers)
-    return Happened(len(tracks), fates, finite, error, float(np.mean(tracks.steps)), seconds, note)
 
 
 def fly_extreme(name: str) -> dict[str, object]:

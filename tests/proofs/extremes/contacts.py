@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from proofs.extremes.flying import TOLERANCE, against_answer, timed_flight
+from proofs.extremes.flying import TOLERANCE, against_answer, timed_flight, what_happened
 from proofs.problems.exact import G, Setting, box, field_on, of_tau
 from proofs.problems.flights import two_modes
 from support import without_slip
 from wakeflow.tracking import Body, Fate, Granules, Motion
-from wakeflow.verify.extremes import Happened, add_row, what_happened
+from wakeflow.verify.extremes import Happened, add_row
 
 Array = NDArray[np.float64]
 RADIUS = 1e-3  # m

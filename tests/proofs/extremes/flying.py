@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from proofs.problems.exact import G, Setting, fly
 from wakeflow.laws.drag import drag_laws
-from wakeflow.tracking import Granules, Tracks, track
-from wakeflow.verify.extremes import Happened, what_happened
+from wakeflow.tracking import Fate, Granules, Tracks, track
+from wakeflow.verify.extremes import Happened
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-6  # of the row's length: the tracker's default
@@ -25,6 +25,14 @@ def timed_flight(*arguments: Any, **more: Any) -> tuple[Tracks, float]:
     begun = time.perf_counter()
     tracks = track(*arguments, **more)
     return tracks, time.perf_counter() - begun
+
+
+def what_happened(tracks: Tracks, seconds: float, error: float | None, note: str = "") -> Happened:
+    """What happened to ``tracks``, whose flight took ``seconds``."""
+    numbers = (tracks.position, tracks.velocity, tracks.time, tracks.spin)
+    fates = {Fate(fate).name.lower(): int(np.sum(tracks.fate == fate)) for fate in np.unique(tracks.fate)}
+    finite = all(bool(np.isfinite(one).all()) for one in numbers)
+    return Happened(len(tracks), fates, finite, error, float(np.mean(tracks.steps)), seconds, note)
 
 
 def against_answer(setting: Setting, position: Array, tolerance: float = TOLERANCE, note: str = "") -> Happened:

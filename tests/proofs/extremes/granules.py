@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from proofs.extremes.flying import against_answer, falls_in_uniform_air, timed_flight
+from proofs.extremes.flying import against_answer, falls_in_uniform_air, timed_flight, what_happened
 from proofs.problems.exact import DENSITY, VISCOSITY, G, Setting, box, field_on, of_tau
 from proofs.problems.flights import taylor_green, two_modes
 from proofs.problems.reference_all_terms import reference_end_states
@@ -15,7 +15,7 @@ from support import without_slip
 from wakeflow.field import FlowField
 from wakeflow.laws.drag import slip_correction, terminal_velocity
 from wakeflow.laws.turbulence import brownian_diffusivity
-from wakeflow.verify.extremes import Happened, add_row, what_happened
+from wakeflow.verify.extremes import Happened, add_row
 
 Array = NDArray[np.float64]
 AIR = (DENSITY, VISCOSITY)

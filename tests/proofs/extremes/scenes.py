@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from proofs.extremes.flying import timed_flight
+from proofs.extremes.flying import timed_flight, what_happened
 from proofs.tracker.reference import TrackingProblem, fly_reference
 from support import without_slip
 from wakeflow.answer.result import Result
@@ -30,7 +30,7 @@ from wakeflow.runs.chain import chain
 from wakeflow.scene import Scene
 from wakeflow.tracking import Body, Tracks
 from wakeflow.verify.extreme_scenes import DENSE, OUT, Options, happened_in, run_in, shipped_scene
-from wakeflow.verify.extremes import Happened, add_row, what_happened
+from wakeflow.verify.extremes import Happened, add_row
 
 FINER = 0.01
 CHAIN = "flights to a hundredth of the tolerance; closed forms hold these in tests/tracking"
