@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from ..answer.joint import PRODUCT
 from ..answer.result import Result, kept_granules
 from ..core.errors import SceneError
+from ..core.geometry import along, halved
 from ..core.number import Number
 from ..core.registry import did_you_mean
 from ..scene import Scene
@@ -123,7 +124,7 @@ def landed_along(run: Result | Path | str, fraction: str, on: str) -> Landed1D:
     data, line = kept_granules(result.folder), _line(scene, on)
     wanted = np.asarray(data["names"])[data["fraction"]] == fraction
     position, mass = data["position"], data["weight"]
-    place, distance = _along(line, position)
+    place, distance = along(line, position)
     here = distance <= ON_LINE
     lost = float(mass[wanted & ~here].sum())
     if not np.any(wanted & here):
@@ -153,17 +154,6 @@ def _line(scene: Scene, on: str) -> Array:
         known = [*lines, *scene.bin]
         raise SceneError(f"no line {on!r}{did_you_mean(on, known)} (known: {', '.join(known)})")
     return scene.bin[on].line(scene)
-
-
-def _along(line: Array, position: Array) -> tuple[Array, Array]:
-    """Place (n,) along a polyline (k, 2) of the point nearest to each position (n, 2), and how far off it is (n,)."""
-    start, step = line[:-1], np.diff(line, axis=0)
-    length = np.linalg.norm(step, axis=1)
-    share = np.clip(((position[:, None] - start) * step).sum(axis=2) / length**2, 0.0, 1.0)
-    away = np.linalg.norm(start + share[..., None] * step - position[:, None], axis=2)
-    nearest, rows = away.argmin(axis=1), np.arange(len(position))
-    before = np.concatenate([[0.0], np.cumsum(length)])
-    return before[nearest] + share[rows, nearest] * length[nearest], away[rows, nearest]
 
 
 def best_stretches(landed: Landed1D, purity: float, count: int) -> tuple[tuple[float, float], ...]:
@@ -223,15 +213,14 @@ def _best_beside(gain: Array, slack: Array, others: Sequence[Stretch]) -> Stretc
 
 def _start(gain: Array, slack: Array, count: int) -> list[Stretch]:
     """``count`` stretches that solve the problem with the purity as a price: feasible, near the best."""
-    low, high = 0.0, 1.0
-    while sum(slack[a:b].sum() for a, b in _most(gain + high * slack, count)) < 0 and high < 1e9:
+
+    def falls_short(price: float) -> bool:
+        return bool(sum(slack[a:b].sum() for a, b in _most(gain + price * slack, count)) < 0)
+
+    high = 1.0
+    while falls_short(high) and high < 1e9:
         high *= 4.0
-    for _ in range(STEPS):
-        middle = 0.5 * (low + high)
-        if sum(slack[a:b].sum() for a, b in _most(gain + middle * slack, count)) < 0:
-            low = middle
-        else:
-            high = middle
+    high = halved(falls_short, 0.0, high, STEPS)[1]
     found = _most(gain + high * slack, count)
     if sum(slack[a:b].sum() for a, b in found) < 0:
         found = []
