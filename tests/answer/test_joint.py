@@ -192,7 +192,8 @@ def test_a_bin_that_is_moved_takes_its_part_of_every_error() -> None:
     quiet = frozenset({"sampling"})
     whole, part = (bins.of_share("soft", ["near"])(bins.tables(quiet))[0] for bins in (joint.own, near))
     assert part.std() == pytest.approx(0.5 * whole.std(), rel=0.02)
-    assert near.share("soft", "far") == pytest.approx(joint.own.share("soft", "far"))
+    # What is off in the bins that moved is less where these hold less: the shares of a draw are still a whole
+    assert near.share("soft", "far") == pytest.approx(joint.own.share("soft", "far"), rel=1e-3)
 
 
 def test_two_sides_of_a_mirrored_machine_have_the_same_number() -> None:
@@ -297,8 +298,9 @@ def test_known_better_is_never_below_what_computing_adds_and_never_wider_than_no
 
 # -- in a run's folder -------------------------------------------------------------------------------------------------
 def test_an_answer_comes_back_to_the_last_digit(tmp_path: Path) -> None:
-    scaled = replace(sampling(), scale=np.float32(1.0 + 0.5 * np.abs(columns(["a", "b"]))).astype(float))
-    joint = made(scaled, world(), bound(0.03))
+    lack = np.float32(0.01 * columns(["a", "b"]))[:, :, None] * np.float32([1.0, -1.0, 0.0])
+    given = ErrorSource("lack of fit", np.zeros((2, 3, 0)), computing=False, given=lack.astype(float))
+    joint = made(sampling(), given, world(), bound(0.03))
     save_arrays(tmp_path / JOINT, joint.arrays())
     record = from_json(JointRecord, json.loads(json.dumps(to_json(joint.record()))), "record")
     again = JointAnswer.of(record, load_arrays(tmp_path / JOINT, "do it again"))
@@ -327,7 +329,7 @@ CHANGES = {
     "fewer fractions": lambda arrays: arrays.update(mass=arrays["mass"][:-1]),
     "words": lambda arrays: arrays.update(base=np.full(arrays["base"].shape, "much")),
     "a root of other bins": lambda arrays: arrays.update({"root.0": arrays["root.0"][:, :-1]}),
-    "a scale of other draws": lambda arrays: arrays.update({"scale.0": arrays["scale.0"][:-1]}),
+    "errors of other draws": lambda arrays: arrays.update({"given.0": arrays["given.0"][:-1]}),
     "no numbers": lambda arrays: arrays.update(base=np.full(arrays["base"].shape, np.nan)),
 }
 

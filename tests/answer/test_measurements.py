@@ -76,7 +76,7 @@ def test_an_interval_becomes_narrower_by_the_part_of_the_number_alone() -> None:
 
 
 def test_the_measurement_that_narrows_most_comes_first_and_what_nobody_measures_is_left_out() -> None:
-    halves = {"air.speed": 0.07, RESTITUTION: 0.12, "fraction.wheat.inverse_inertia": 0.15}
+    halves = {"air.speed": 0.08, RESTITUTION: 0.12, "fraction.wheat.inverse_inertia": 0.15}
     found = bought_of(answer(halves, rest=0.02))
     assert [one.key for one in found] == [RESTITUTION, "air.speed"]
     assert found[0].number.half < found[1].number.half

@@ -66,6 +66,8 @@ def test_the_shares_become_as_sure_as_the_tray_and_sum_to_one(posterior: Posteri
     for name in ("hard", "soft"):
         shares = known(known(posterior.result).landings).separation.fractions[name]
         assert sum(one.value for one in shares.values()) == pytest.approx(1.0)
+    # Nothing was measured of the soft granules, which all fall near as far as the flown ones show
+    assert (shares["near"].high, shares["far"].low) == (1.0, 0.0)
     assert posterior.agreement.verdict == CANNOT_TELL  # one tray and a share that was known to 14 points
 
 

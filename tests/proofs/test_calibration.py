@@ -44,16 +44,16 @@ def test_the_labels_of_the_trays_that_differ_most_are_exchanged() -> None:
 
 
 def test_a_scene_is_calibrated_and_its_wrong_labels_are_found_out() -> None:
-    found = run_calibration(scenes=1)
+    # Draw 0 of this scene has the restitution of the fraction that is not weighed 2.6 deviations off: its shares lie
+    # where one truth of a hundred does. In draw 1 no input is beyond the 95 % that are stated of it.
+    found = run_calibration(scenes=1, draw=1)
     right, wrong = found.facts["checks"]
     assert (right["scenes"], right["found"]) == (1, 0)
     assert wrong["found"] == wrong["scenes"]
     shares, inputs, _ = found.facts["held"]
     assert shares["many"] > 2
     assert inputs["many"] > 5
-    # The truth of this one scene has the restitution of the fraction that is not weighed 2.5 deviations off: its three
-    # shares, half of those counted, lie outside of any interval of 95 %.
-    assert shares["coverage"] >= 0.5
+    assert shares["coverage"] > 0.7
     assert inputs["coverage"] > 0.7
 
 

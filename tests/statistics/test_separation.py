@@ -19,7 +19,7 @@ from wakeflow.core.number import Number
 from wakeflow.pipeline.input_samples import DrawnLandings, InputSamples
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown
 from wakeflow.scene import Scene
-from wakeflow.statistics.ensemble import changed, joint_answer, responses
+from wakeflow.statistics.ensemble import change_of, changed, joint_answer, responses
 from wakeflow.statistics.grid_convergence import cell_size, estimate, extrapolate, observed_order
 from wakeflow.statistics.separation import separate
 from wakeflow.statistics.spread import share_interval
@@ -181,7 +181,7 @@ def test_a_straight_response_has_the_range_of_a_sum_of_normal_numbers() -> None:
 
 
 def test_what_never_changes_has_no_range() -> None:
-    still = np.tile(np.linspace(0.0, 0.29, 64), (FLOWN, 1))
+    still = np.tile(np.linspace(0.001, 0.29, 64), (FLOWN, 1))
     found = answered(points(3, 1), still, still)
     assert np.ptp(share_in(found, "near")) < 1e-9
     assert effects_on(found, "near") == {}
@@ -207,6 +207,20 @@ def test_few_granules_a_draw_are_no_part_of_the_range(granules: int) -> None:
         low, high = (np.array(share_in(answered(z, own, then, answer), "near")[1:]) - 0.3) / spread
         held.append(norm.cdf(high) - norm.cdf(low))
     assert 0.93 <= np.mean(held) <= 0.975
+
+
+@pytest.mark.parametrize("scene", [ONE, PAIR], ids=["one side", "two equal sides"])
+def test_what_inputs_change_of_bins_is_the_sum_of_their_cells(scene: Scene) -> None:
+    (name,) = scene.fraction
+    numbers, z = known("size", "restitution"), points(2, 3)
+    own = np.broadcast_to(0.02 + normal_places(128, 0.03), (len(z), 128))
+    then = on_floor(own + 0.01 * (z[:, :1] + z[:, 1:] ** 2), scene)
+    how = responses(scene, InputSamples(numbers, z, {name: then}, {name: on_floor(own, scene)}))[name]
+    at = fresh(2, 4)[:200]
+    (cells, doubt), (bins, same) = (change_of(scene, numbers, name, how, at, by_bin=one) for one in (False, True))
+    np.testing.assert_allclose(bins, cells @ how.cells.parts(), atol=1e-9)
+    np.testing.assert_array_equal(doubt, same)
+    assert np.ptp(bins, axis=0).max() > 0.1
 
 
 def test_the_range_holds_what_it_says_of_responses_that_are_not_straight() -> None:
@@ -253,7 +267,7 @@ def test_the_change_of_a_share_is_the_density_at_an_end_times_the_shift(anew: bo
         counted.append(SIGMAS * np.linalg.norm(line[1:]))
     ends = np.quantile(norm.sf((FIRST - 0.11 - fresh(5, 0, 20000) @ slopes) / wide), [0.025, 0.975])
     # Of granules that land anew few draws leave the response itself unknown by some per cent, which is in the range
-    assert np.mean(halves) == pytest.approx(0.5 * np.ptp(ends), rel=0.1 if anew else 0.06)
+    assert np.mean(halves) == pytest.approx(0.5 * np.ptp(ends), rel=0.12 if anew else 0.06)
     assert np.std(halves) < steadier * np.std(counted)
     assert share_in(found, "near").half == pytest.approx(halves[-1], rel=0.05)
     assert share_in(found, "near", "far", "elsewhere").half < 1e-9

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..scene.machine import SIDES
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
+Landed = Sequence[tuple[NDArray[np.floating], NDArray[np.integer]]]  # positions (..., 2) m and bins (...) of granules
 Ends = Mapping[str, tuple[float, float]]  # of bins on sides of the channel: from and to (m)
 ON_LINE = 1e-6  # m: a landing is on a side that it is no further from
 SAME = 1e-7  # m: ends of bins that are nearer to each other are one
@@ -37,8 +38,8 @@ class LandingCells:
     edges: Mapping[str, Array]
 
     @classmethod
-    def of(cls, scene: Scene, fractions: int = 1) -> LandingCells:
-        """Of a ``scene`` as it is flown, for so many ``fractions``."""
+    def of(cls, scene: Scene, fractions: int = 1, landed: Landed = ()) -> LandingCells:
+        """Of a ``scene`` as it is flown, for so many ``fractions``; short cells where granules ``landed``."""
         channel, half = scene.channel, scene.channel.width / 2
         placed = {name: one for name, one in scene.bin.items() if one.side}
         ends = {name: (float(one.start or 0.0), float(one.to or 0.0)) for name, one in placed.items()}
@@ -47,9 +48,23 @@ class LandingCells:
         edges = {}
         for side in (one for one in SIDES if one in on.values()):
             low, high = (-half, half) if side in ("floor", "top") else (channel.bottom, channel.top)
-            own = [end for name in on if on[name] == side for end in ends[name]]
-            edges[side] = _edges([low, high, *own], fine)
-        return cls(tuple(scene.bin), on, ends, edges)
+            edges[side] = np.array([low, high])
+        found = cls(tuple(scene.bin), on, ends, edges)
+        return replace(found, edges=found._shorter(scene, landed, fine))
+
+    def _shorter(self, scene: Scene, landed: Landed, fine: int) -> dict[str, Array]:
+        """Edges of cells that are short where granules ``landed``; in a machine with two equal sides their images."""
+        places, found, even = [self.along(scene, *one) for one in landed], {}, scene.images is not None
+        for number, (name, edges) in enumerate(self.edges.items()):
+            level = name in ("floor", "top")
+            alike = [i for i, one in enumerate(self.edges) if even and not level and one not in ("floor", "top")]
+            here = [place[np.isin(side, alike or [number])] for side, place in places]
+            own = [end for one in self.on if self.on[one] == name for end in self.ends[one]]
+            every = np.concatenate([np.array([]), *here, *(-one for one in here if even and level)])
+            found[name] = _edges([edges[0], edges[-1], *own], fine, every)
+            if even and level:
+                found[name] = 0.5 * (found[name] - found[name][::-1])
+        return found
 
     @property
     def others(self) -> list[str]:
@@ -68,7 +83,7 @@ class LandingCells:
         return sum(len(one) - 1 for one in self.edges.values()) + len(self.others) + 1
 
     # -- landings ------------------------------------------------------------------------------------------------------
-    def along(self, scene: Scene, position: Array, bin_: NDArray[np.integer]) -> tuple[Whole, Array]:
+    def along(self, scene: Scene, position: NDArray[np.floating], bin_: NDArray[np.integer]) -> tuple[Whole, Array]:
         """The side (..., index into ``edges``) and the place (...) m along it of landings at ``position`` (..., 2) in
         ``bin_`` (...); -1 of those on no side that has bins.
         """
@@ -160,10 +175,21 @@ class LandingCells:
         return np.clip(found, 0.0, 1.0)
 
 
-def _edges(ends: Sequence[float], fine: int) -> Array:
-    """Edges of cells that hold all ``ends``, between which cells are about as long as a ``fine`` part of all."""
+def _edges(ends: Sequence[float], fine: int, landed: Array) -> Array:
+    """Edges of cells that hold all ``ends``. Of about ``fine`` cells a quarter are spread evenly over all, a half over
+    where granules ``landed`` (n,), and a quarter hold as many of these each; all evenly where none did.
+    """
     marks = np.unique(np.round(ends, 12))
     marks = marks[np.concatenate([[True], np.diff(marks) > SHORTEST])]
-    whole = (marks[-1] - marks[0]) / fine
-    parts = [np.linspace(a, b, max(1, round((b - a) / whole)) + 1)[:-1] for a, b in pairwise(marks)]
-    return np.concatenate([*parts, marks[-1:]])
+    spread = [marks[[0, -1]]]
+    if len(landed) and np.ptp(landed) > SHORTEST:
+        inside = np.clip(np.unique(np.quantile(landed, np.linspace(0.0, 1.0, fine + 1))), *spread[0])
+        spread += [inside[[0, -1]], inside[[0, -1]], inside]
+    places = np.unique(np.concatenate(spread))
+    parts = np.mean([np.interp(places, one, np.linspace(0.0, 1.0, len(one))) for one in spread], axis=0)
+    found = []
+    for a, b in pairwise(marks):  # as many cells between two ends as their part of all
+        low, high = np.interp([a, b], places, parts)
+        inner = np.linspace(low, high, max(1, round((high - low) * fine)) + 1)[1:-1]
+        found.append([a, *np.interp(inner, parts, places)])
+    return np.concatenate([*found, marks[-1:]])

@@ -24,6 +24,7 @@ from .shares import JointRecord, JointSource
 Array = NDArray[np.float64]
 DRAWS = 2048
 LEVEL = 0.95  # of every interval
+END = 1e-6  # of p (1 - p): that of a share which is nothing, or all
 LEAST = 1e-12  # of a variance that is one
 INPUTS, LACK, SAMPLING = "inputs", "lack of fit", "sampling"
 
@@ -51,10 +52,9 @@ def columns(keys: Iterable[str]) -> Array:
 @dataclass(frozen=True)
 class ErrorSource:
     """What one source of error does to the shares of all fractions: ``roots`` (fractions, bins + 1, rank) of their
-    covariance, times numbers of each fraction's own, or where it moves all fractions ``together`` of all; ``scale``
-    (DRAWS, fractions) of each draw, 1 where there is none. ``shared``: the same draw in every run, not one of this
-    run's. ``bounded``: nothing is known of it between two bounds. ``computing``: whether finer computing makes it
-    smaller.
+    covariance, times numbers of each fraction's own, or where it moves all fractions ``together`` of all; or what is
+    ``given`` (DRAWS, fractions, bins + 1) of each draw. ``shared``: the same draw in every run, not one of this run's.
+    ``bounded``: nothing is known of it between two bounds. ``computing``: whether finer computing makes it smaller.
     """
 
     name: str
@@ -63,10 +63,12 @@ class ErrorSource:
     bounded: bool = False
     shared: bool = False
     together: bool = False
-    scale: Array | None = None
+    given: Array | None = None
 
     def draws(self, fractions: Sequence[str], salt: str) -> Array:
         """What it adds to every share (DRAWS, fractions, bins + 1)."""
+        if self.given is not None:
+            return self.given
         found = np.zeros((DRAWS, *self.roots.shape[:2]))
         for number, name in enumerate(fractions):
             root = self.roots[number]
@@ -76,7 +78,7 @@ class ErrorSource:
                 found[:, number] += column(f"{self.name}.{own}.{i}")[:, None] * root[:, i]
             if self.bounded:
                 found[:, number] = _rectangular(found[:, number], np.sqrt((root**2).sum(axis=1)))
-        return found if self.scale is None else found * self.scale[:, :, None]
+        return found
 
 
 def _rectangular(z: Array, apart: Array) -> Array:
@@ -84,6 +86,14 @@ def _rectangular(z: Array, apart: Array) -> Array:
     from scipy.special import ndtr
 
     return np.asarray(np.sqrt(3.0) * apart * (2.0 * ndtr(z / np.where(apart > 0.0, apart, 1.0)) - 1.0))
+
+
+def less_at_ends(shares: Array, usual: Array) -> Array:
+    """The factor (..., bins + 1) on errors of ``shares`` (..., bins + 1) that are those of shares p with a ``usual``
+    p (1 - p): what is nothing of a fraction, or all of it, can hardly be off. At most 1.
+    """
+    own = np.clip(shares * (1.0 - shares), 0.0, None)
+    return np.asarray(np.minimum(1.0, np.sqrt((own + END) / (np.clip(usual, 0.0, None) + END))))
 
 
 def tied_root(halves: Array) -> Array:
@@ -139,8 +149,8 @@ class JointDraws:
         found |= {f"edges.{side}": edges for side, edges in self.cells.edges.items()}
         for number, one in enumerate(self.sources):
             found[f"root.{number}"] = one.roots
-            if one.scale is not None:
-                found[f"scale.{number}"] = one.scale.astype(np.float32)
+            if one.given is not None:
+                found[f"given.{number}"] = one.given.astype(np.float32)
         return found
 
     @classmethod
@@ -157,7 +167,7 @@ class JointDraws:
                 one.bounded,
                 one.shared,
                 one.together,
-                _wide(arrays, f"scale.{i}"),
+                _wide(arrays, f"given.{i}"),
             )
             for i, one in enumerate(record.sources)
         )
@@ -167,8 +177,8 @@ class JointDraws:
         bins = len(record.bins) + 1
         for i, one in enumerate(sources):
             shapes[f"root.{i}"] = (len(record.fractions), bins, one.roots.shape[-1])
-            if one.scale is not None:
-                shapes[f"scale.{i}"] = (record.draws, len(record.fractions))
+            if one.given is not None:
+                shapes[f"given.{i}"] = (record.draws, len(record.fractions), bins)
         fits = set(record.ends) == set(record.on) <= set(record.bins) and set(arrays) == {*shapes, *(
             f"edges.{side}" for side in edges)}  # fmt: skip
         if not fits or (record.images is not None and sorted(record.images) != list(range(bins))):

@@ -22,7 +22,7 @@ from ..scene import RESERVED_BIN
 from ..scene.uncertainty import EITHER_SIGN
 from .cells import Ends
 from .draws import DRAWS as DRAWS
-from .draws import INPUTS, LEAST, LEVEL, SAMPLING, JointDraws
+from .draws import INPUTS, LEAST, LEVEL, SAMPLING, JointDraws, less_at_ends
 from .draws import LACK as LACK
 from .draws import ErrorSource as ErrorSource
 from .draws import column as column
@@ -141,7 +141,10 @@ class Bins:
         sources = [one for one in joint.sources if one.name in used]
         free = [joint.errors[one.name] for one in sources if not one.bounded]
         if free:
-            found += self._passed_on(sum(free, np.zeros(free[0].shape)), images)
+            own = np.asarray(joint.base @ parts)
+            found += self._passed_on(sum(free, np.zeros(free[0].shape)), images) * less_at_ends(
+                found, own * (1.0 - own)
+            )
         bounded(found, self.value)
         within = [one for one in sources if one.bounded]
         if within:

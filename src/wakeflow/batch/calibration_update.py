@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..answer.draws import less_at_ends
 from ..answer.joint import DRAWS, LACK, JointAnswer, bounded, column, quantiles, tied_root
 from ..budget.agreement import RARE, Agreement, agreement_of, inverse_of, weights_in
 from ..budget.budget import make_budget
@@ -116,7 +117,7 @@ def updated(flights: Flights, measured: Measured, discrepancy: float = DISCREPAN
         mean, spread = z.mean(axis=0), np.atleast_2d(np.cov(z.T))
         more = known(flights.pipeline.draws_of(Ensemble(mean, _wide_enough(spread))))
         flown = _joined(model.flown, more)
-        model = replace(model, flown=flown, how=responses(flights.pipeline.scene, flown))
+        model = replace(model, flown=flown, how=responses(flights.pipeline.scene, flown, joint.cells))
         found, rounds = tempered(model.likelihood(measured), start), rounds + 1
         z = model.inputs(found)
         stands = bool(np.max(np.abs(z.mean(axis=0) - mean) / np.maximum(z.std(axis=0), NARROWEST)) <= STANDS)
@@ -154,7 +155,7 @@ class _Model:
         for number, halves in enumerate(missed_by(joint, discrepancy)):
             missed = tied_root(halves)
             beside.append(np.atleast_2d(np.cov(error[:, number].T)) + missed @ missed.T)
-        return cls(flights, joint, draws, responses(flights.pipeline.scene, draws), np.array(beside))
+        return cls(flights, joint, draws, responses(flights.pipeline.scene, draws, joint.cells), np.array(beside))
 
     @cached_property
     def _roots(self) -> list[tuple[Array, Array]]:
@@ -187,16 +188,17 @@ class _Model:
             doubts.append(factor * doubt)
         return np.stack(moved, axis=1), np.stack(doubts, axis=1)
 
-    def errors(self, draws: Array, doubt: Array) -> Array:
-        """What else ``draws`` add to the shares (n, fractions, bins + 1) where the lack of fit has the standard
-        deviation ``doubt`` (n, fractions).
+    def errors(self, draws: Array, doubt: Array, shares: Array) -> Array:
+        """What else ``draws`` add to the ``shares`` (n, fractions, bins + 1) that inputs make of them, where the lack
+        of fit has the standard deviation ``doubt`` (n, fractions).
         """
         own = draws[:, len(self.joint.keys) :].reshape(len(draws), len(self.joint.fractions), -1)
         told = [
             (own[:, number, : len(more)] * np.sqrt(1.0 + doubt[:, number, None] ** 2 * more)) @ root.T
             for number, (root, more) in enumerate(self._roots)
         ]
-        return np.stack(told, axis=1)
+        value = self.joint.base @ self.joint.cells.parts()
+        return np.stack(told, axis=1) * less_at_ends(shares, value * (1.0 - value))
 
     def likelihood(self, measured: Measured) -> Likelihood:
         """The logarithm of how likely the trays are in draws, of which those that break an order are impossible."""
@@ -206,7 +208,7 @@ class _Model:
         def likely(draws: Array) -> Array:
             z = self.inputs(draws)
             change, doubt = self.changes(z, by_bin=True)
-            shares = bounded(value + change + self.errors(draws, doubt))
+            shares = bounded(value + change + self.errors(draws, doubt, value + change))
             off = measured.shares - shares.reshape(len(draws), -1) @ weights.T
             found = -0.5 * np.einsum("ni,ij,nj->n", off, inverse, off)
             return np.where(known(self.flights.ties).kept(z), found, -np.inf)
@@ -218,7 +220,8 @@ def _posterior(model: _Model, draws: Array) -> JointAnswer:
     """The joint answer of draws: the mean of their shares is its value, and no source is told apart any more."""
     joint, z, parts = model.joint, model.inputs(draws), model.joint.cells.parts()
     change, doubt = model.changes(z, by_bin=False)
-    cells = joint.base + change + np.einsum("nfb,fcb->nfc", model.errors(draws, doubt), _within(joint.base, parts))
+    cells = joint.base + change
+    cells += np.einsum("nfb,fcb->nfc", model.errors(draws, doubt, cells @ parts), _within(joint.base, parts))
     # Shares have bounds, and not cells: what noise takes from one cell of an empty bin, it gives to the next
     shares = bounded(cells @ parts).mean(axis=0)
     middle = np.einsum("fb,fcb->fc", shares, _within(np.clip(cells.mean(axis=0), 0.0, None), parts))

@@ -124,14 +124,16 @@ class FoundDesign:
 @dataclass(frozen=True)
 class Search:
     """What a search found: the ``recommended`` design; the ``front`` of those that no other is clearly better than in
-    all goals, each difference with its interval; the scene ``as_it_stands``, where it lies within the axes and
-    could be computed; ``tried`` designs and core-seconds spent by level.
+    all goals, each difference with its interval, and the ``rivals`` on it beside the recommended one; the scene
+    ``as_it_stands``, where it lies within the axes and could be computed; ``tried`` designs and core-seconds spent by
+    level.
     """
 
     task: SearchTask
     folder: Path
     recommended: FoundDesign
     front: tuple[FoundDesign, ...]
+    rivals: tuple[FoundDesign, ...]
     tried: tuple[int, ...]
     seconds: tuple[float, ...]
     as_it_stands: FoundDesign | None = None
@@ -140,11 +142,6 @@ class Search:
         """What is recommended, out of how many."""
         best = ", ".join(f"{key} = {value}" for key, value in self.recommended.changes.items())
         return f"<Search {self.folder}: {best}; {len(self.front)} on the front, {len(self.rivals)} rivals>"
-
-    @property
-    def rivals(self) -> tuple[FoundDesign, ...]:
-        """The designs that, within the intervals, may be as good as the recommended one."""
-        return tuple(design for design in self.front if design.name != self.recommended.name)
 
     @property
     def result(self) -> Result:
@@ -184,9 +181,10 @@ def search(
     tried = tuple(len(made) for made in history.found)
     seconds = tuple(history.seconds(level) for level in range(len(asked.levels)))
     front = tuple(map(design, history.front()))
+    rivals = tuple(one for one in front if one.name != design(best).name)
     own = asked.as_it_stands
     stands = None if own is None or own not in history.found[-1] or own not in known else design(own)
-    return Search(asked, folder, design(best), front, tried, seconds, stands)
+    return Search(asked, folder, design(best), front, rivals, tried, seconds, stands)
 
 
 def affordable(task: SearchTask, tell: Callable[[str], None]) -> tuple[SearchTask, Price]:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..answer.cells import LandingCells
-from ..answer.joint import DRAWS, LACK, ErrorSource, JointAnswer, columns
+from ..answer.draws import less_at_ends
+from ..answer.joint import DRAWS, LACK, ErrorSource, JointAnswer, column, columns
 from ..pipeline.input_samples import DrawnLandings, InputSamples
 from ..pipeline.landings import Landings
 from ..planning.dependence import Dependence
@@ -27,9 +28,14 @@ def acting(unknowns: Sequence[Unknown], fraction: str) -> list[int]:
     return [i for i, one in enumerate(unknowns) if one.fraction in (None, fraction)]
 
 
-def responses(scene: Scene, draws: InputSamples) -> dict[str, Response]:
-    """How the landings of every fraction go with what was drawn."""
-    cells, found = LandingCells.of(scene, len(scene.fraction)), {}
+def responses(scene: Scene, draws: InputSamples, cells: LandingCells | None = None) -> dict[str, Response]:
+    """How the landings of every fraction go with what was drawn, in the ``cells`` of an answer; in cells of their own
+    without one.
+    """
+    if cells is None:
+        landed = [one for lot in (draws.own, draws.varied) for one in lot.values()]
+        cells = LandingCells.of(scene, len(scene.fraction), [(one.position, one.bin) for one in landed])
+    found = {}
     for name in draws.varied:
         own, then = (_places(cells, scene, landed[name]) for landed in (draws.own, draws.varied))
         found[name] = response(cells, draws.z[:, acting(draws.unknowns, name)], own, then)
@@ -64,19 +70,37 @@ def draws_of(unknowns: Sequence[Unknown], ties: Dependence | None) -> Array:
 
 class Changed(NamedTuple):
     """What the inputs change: ``z`` (DRAWS, keys) of the inputs called ``keys``; of every fraction the change (DRAWS,
-    cells) of its shares, the standard deviation (DRAWS,) of what is not known of that, and the root of its covariance.
+    cells) of its shares from what they were ``before`` (cells,), and the ``lack`` of fit (DRAWS, bins + 1).
     """
 
     keys: tuple[str, ...]
     z: Array
-    of: Mapping[str, tuple[Array, Array, Array]]
+    cells: LandingCells
+    of: Mapping[str, FractionChange]
+
+
+class FractionChange(NamedTuple):
+    """What :class:`Changed` says of a fraction."""
+
+    change: Array
+    before: Array
+    lack: Array
 
 
 def changed(scene: Scene, unknowns: Sequence[Unknown], ties: Dependence | None, how: Mapping[str, Response]) -> Changed:
     """What the ``unknowns`` of a ``scene`` change of fractions whose landings go with them as ``how`` says."""
+    from scipy.special import ndtr
+
     z = draws_of(unknowns, ties).astype(np.float32).astype(float)  # as they are kept in the run's folder
-    told = {name: (*change_of(scene, unknowns, name, one, z), one.root) for name, one in how.items()}
-    return Changed(tuple(one.key for one in unknowns), z, told)
+    told = {}
+    for name, one in how.items():
+        change, doubt = change_of(scene, unknowns, name, one, z)
+        before = (
+            one.before if scene.images is None else 0.5 * (one.before + one.before[one.cells.mirrored(scene.images)])
+        )
+        flown = (ndtr(column(f"{LACK} {name}")) * len(one.off)).astype(int)  # as one of these is off, so is a draw
+        told[name] = FractionChange(change, before, doubt[:, None] * one.off[flown])
+    return Changed(tuple(one.key for one in unknowns), z, next(iter(how.values())).cells, told)
 
 
 def change_of(
@@ -87,13 +111,13 @@ def change_of(
     equal sides the mean of what the flown draws say of it and of its image, which has its lateral inputs with the other
     sign.
     """
-    mine, together = acting(unknowns, name), how.cells.parts().argmax(axis=1) if by_bin else None
-    moved, doubt = how(z[:, mine], together)
+    mine = acting(unknowns, name)
+    moved, doubt = how(z[:, mine], by_bin=by_bin)
     if scene.images is None:
         return moved, doubt
     side = np.array([-1.0 if unknown_kinds[unknowns[i].kind].lateral else 1.0 for i in mine])
     images = list(scene.images) if by_bin else how.cells.mirrored(scene.images)
-    return 0.5 * (moved + how(side * z[:, mine], together)[0][:, images]), doubt
+    return 0.5 * (moved + how(side * z[:, mine], by_bin=by_bin)[0][:, images]), doubt
 
 
 def joint_answer(
@@ -108,20 +132,27 @@ def joint_answer(
     """The joint answer of the ``landings`` by fraction, and what ``inputs`` change of it, with a factor for each
     fraction; ``sources``: of error beside; ``salt``: of this run alone.
     """
-    names, cells = list(landings), LandingCells.of(scene, len(landings))
-    feed = scene.mass_shares()
+    names, feed = list(landings), scene.mass_shares()
+    lots = [(one.position, one.bin) for one in landings.values()]
+    cells = LandingCells.of(scene, len(names), lots) if inputs is None else inputs.cells
     targets = {name: tuple(scene.fraction[name].targets) for name in names}
+    base, parts = _base(scene, cells, landings), cells.parts()
     # As few digits as are kept in the run's folder: what is read there again says the same
-    change = np.zeros((DRAWS, len(names), cells.count), np.float16)
-    scale, roots = np.ones((DRAWS, len(names))), np.zeros((len(names), len(scene.bin) + 1, len(scene.bin) + 1))
+    change, lack = np.zeros((DRAWS, len(names), cells.count), np.float16), np.zeros((DRAWS, *(base @ parts).shape))
     for number, name in enumerate(names if inputs is not None else ()):
-        factor, (moved, doubt, root) = (factors or {}).get(name, 1.0), inputs.of[name]  # type: ignore[union-attr]
-        change[:, number], scale[:, number], roots[number] = factor * moved, np.float32(factor * doubt), root
-    own = () if inputs is None else (ErrorSource(LACK, roots, computing=False, scale=scale),)
+        told, own = inputs.of[name], base[number] @ parts  # type: ignore[union-attr]
+        if factors is None:  # the answer's granules, of which the draws have a part
+            off = base[number] - told.before
+            able = less_at_ends((told.before + told.change) @ parts, own * (1.0 - own))[:, parts.argmax(axis=1)]
+            change[:, number], lack[:, number] = told.change + (able - 1.0) * off, np.float32(told.lack)
+        else:
+            change[:, number], lack[:, number] = factors[name] * told.change, np.float32(factors[name] * told.lack)
+    roots = np.zeros((*lack.shape[1:], 0))
+    own_sources = () if inputs is None else (ErrorSource(LACK, roots, computing=False, given=lack),)
     keys, z = ((), np.zeros((DRAWS, 0))) if inputs is None else (inputs.keys, inputs.z)
     return JointAnswer(
         tuple(names), np.array([feed[name] for name in names]), targets, scene.feed.mass_flow, cells, scene.images,
-        keys, z, _base(scene, cells, landings), change.astype(np.float32), (*own, *sources), salt,
+        keys, z, base, change.astype(np.float32), (*own_sources, *sources), salt,
     )  # fmt: skip
 
 

@@ -23,17 +23,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..answer.cells import LandingCells
+from ..answer.draws import less_at_ends
 from ..core.lazy import cached_property
 from ..planning.unknowns import FARTHEST
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 KNOTS = 8  # of the displacement along a side, between as many equal parts of the granules; chosen
+GAP = 0.05  # of the stretch where granules land: the displacement may jump over one so wide
 SMOOTH = 0.3  # granules by which neighbouring knots count as one
 ROUNDS = 3  # of fits, each without the granules that the one before shows to have met another face
 SCATTERED = 5.0  # robust standard deviations of all displacements from which one is a jump
 OFF = 6.0  # robust standard deviations from the fit, likewise
 USUAL = 1.4826  # of a median absolute deviation: a normal distribution's standard deviation
+LEAST_JUMP = 0.3  # of the usual displacement: what is less beside the fit is none
 FEWEST = 0.3  # of a side's granules: where the fit leaves out more, none are left out
 NEAREST = (4, 16, 64)  # flown draws whose granules say how the displacement scatters: what predicts a draw best
 REPEATS = 4  # of a scatter's choice where a flown draw is predicted from its neighbours
@@ -42,6 +45,7 @@ LOT = 2**17  # places of granules in draws that are moved at once: as many as a 
 BENDS, WAVES, REACH = (0.0, 0.1, 0.5), (0.0, 0.3, 1.0), 0.7  # kernels that are tried: squares, and short waves
 KNOWN = 0.3  # of the variance of independent granules: what balanced ones scatter by at least
 SIZES = tuple(np.geomspace(1e-3, 1e3, 13).tolist())  # variances over that of the noise
+SURE = 2.0  # standard deviations by which squares of normal numbers exceed their mean before more than noise is seen
 STEADY = 0.3  # part of the kernel of what the flown draws have beyond the prediction that is the same in all
 SEED = 20110  # of the choices of a scatter: any, but always the same
 
@@ -112,9 +116,9 @@ def left_out(inverse: Array, spread: Array, outputs: Array) -> float:
 
 def process(
     z: Array, outputs: Array, noise: Array, weight: Array, steady: float = 0.0, by: Judge = likelihood
-) -> tuple[Process, Array]:
+) -> Process:
     """The best process, ``by`` the likelihood, through ``outputs`` (R, O), each draw with a ``noise`` (R,), whose
-    inputs count by ``weight`` (K,); and the covariance (O, O) of the outputs where the process has the variance 1.
+    inputs count by ``weight`` (K,).
 
     The outputs are shares of a whole, and count as one number, whose ``noise`` is that of all of them together.
     """
@@ -135,7 +139,7 @@ def process(
         else sizes[good.argmax()]
     )
     inverse = np.linalg.inv(size * kernels[bend, wave] + np.diag(noise))
-    return Process(z, weight, bend, wave, steady, size, inverse), outputs.T @ inverse @ outputs / len(z)
+    return Process(z, weight, bend, wave, steady, size, inverse)
 
 
 def weights_of(z: Array, outputs: Array) -> Array:
@@ -199,20 +203,31 @@ def displaced(z: Array, own: Array, then: Array, here: NDArray[np.bool_]) -> Dis
     """
     if here.sum() < 2 * len(z) or np.ptp(own[here]) <= 0.0:
         return None
-    knots = np.unique(np.quantile(own[here], np.linspace(0.0, 1.0, KNOTS)))
+    knots = _knots(own[here])
     moved, kept = np.where(here, then - own, 0.0), here
     usual = USUAL * float(np.median(np.abs(moved[here])))
     for _ in range(ROUNDS):
         fitted, _ = _fitted(own, moved, kept, knots)
         beyond = moved - _between(fitted, own, knots)
         scale = USUAL * float(np.median(np.abs(beyond[here])))
-        fits = here & (np.abs(moved) <= SCATTERED * usual + 1e-9) & (np.abs(beyond) <= OFF * scale + 1e-9)
+        fits = (
+            here
+            & (np.abs(moved) <= SCATTERED * usual + 1e-9)
+            & (np.abs(beyond) <= OFF * scale + LEAST_JUMP * usual + 1e-9)
+        )
         kept = fits if fits.sum() > FEWEST * here.sum() else here
     fitted, noise = _fitted(own, moved, kept, knots)
-    going, _ = process(z, fitted, noise, weights_of(z, fitted), by=left_out)
+    going = process(z, fitted, noise, weights_of(z, fitted), by=left_out)
     beyond = moved - _between(going.kernel(z) @ (going.inverse @ fitted), own, knots)
     without = fitted - going.inverse @ fitted / np.diag(going.inverse)[:, None]
     return Displacement(knots, fitted, without, going, kept, beyond)
+
+
+def _knots(own: Array) -> Array:
+    """Places of knots: as many granules between each two, of those at ``own`` (n,), and both ends of wide gaps."""
+    places = np.sort(own)
+    wide = np.flatnonzero(np.diff(places) > GAP * (places[-1] - places[0]))
+    return np.unique([*np.quantile(places, np.linspace(0.0, 1.0, KNOTS)), *places[wide], *places[wide + 1]])
 
 
 def _fitted(own: Array, moved: Array, kept: NDArray[np.bool_], knots: Array) -> tuple[Array, Array]:
@@ -224,7 +239,8 @@ def _fitted(own: Array, moved: Array, kept: NDArray[np.bool_], knots: Array) -> 
     np.put_along_axis(hats, before[..., None], (1.0 - part)[..., None], axis=2)
     np.put_along_axis(hats, before[..., None] + 1, part[..., None], axis=2)
     hats *= kept[..., None]
-    steps = np.diff(np.eye(len(knots)), axis=0)
+    together = np.histogram(own[kept], knots)[0] > 2  # more than both ends of a gap
+    steps = np.diff(np.eye(len(knots)), axis=0)[together]
     matrix = np.einsum("rmj,rmk->rjk", hats, hats) + SMOOTH * steps.T @ steps + 1e-6 * np.eye(len(knots))
     inverse = np.linalg.inv(matrix)
     found = np.einsum("rjk,rmk,rm->rj", inverse, hats, moved, optimize=True)
@@ -238,8 +254,10 @@ def _fitted(own: Array, moved: Array, kept: NDArray[np.bool_], knots: Array) -> 
 class Response:
     """How the landings of a fraction go with its inputs: draws at ``z`` (R, K) of granules that land at ``own`` in the
     answer; the displacement on every side; what the draws have ``beyond`` it (R, cells), which goes as ``rest``;
-    ``root`` (bins + 1, rank) of the covariance of its lack of fit; the ``weight`` (K,) of each input in how near draws
-    are; of how many of the ``nearest`` flown draws the scatter is.
+    whose noise has some variance that granules do not explain, ``unexplained``; what each flown draw is ``off`` (R,
+    bins + 1) from what all others let expect of it, over its standard deviation; the ``usual`` p (1 - p) of shares
+    (bins + 1,); the ``weight`` (K,) of each input in how near draws are; of how many of the ``nearest`` flown draws the
+    scatter is.
     """
 
     cells: LandingCells
@@ -248,18 +266,21 @@ class Response:
     sides: Mapping[int, Displacement]
     beyond: Array
     rest: Process
-    root: Array
+    unexplained: float
+    off: Array
+    usual: Array
     weight: Array
     nearest: int
 
-    def __call__(self, z: Array, together: Whole | None = None) -> tuple[Array, Array]:
-        """The change (n, cells) of the share in every cell in draws at ``z`` (n, K), or (n, numbers) in all cells of
-        each number that ``together`` (cells,) gives them; and the standard deviation (n,) of its lack of fit, in units
-        of :attr:`root`.
+    def __call__(self, z: Array, *, by_bin: bool = False) -> tuple[Array, Array]:
+        """The change (n, cells) of the share in every cell in draws at ``z`` (n, K), or ``by_bin`` (n, bins + 1), which
+        takes less time; and the standard deviation (n,) of its lack of fit, in units of :attr:`off`.
         """
-        label = np.arange(self.cells.count) if together is None else together
-        each = np.eye(int(label.max()) + 1)
-        found, doubt = self.rest.told(z, self.beyond @ each[label])
+        bins = self.cells.parts().argmax(axis=1)
+        label = bins if by_bin else np.arange(self.cells.count)
+        each = np.eye(self.usual.size if by_bin else self.cells.count)
+        rest, doubt = self.rest.told(z, self.beyond @ each[label])
+        found, before = np.zeros(rest.shape), self.before @ each[label]
         nearest, every = _apart(z, self.z, self.weight).argmin(axis=1), len(self._places.cell)
         for side, (own, hats, cell) in self._scatter.items():
             edges = list(self.cells.edges.values())[side]
@@ -271,7 +292,19 @@ class Response:
                 place = shifts[rows] @ hats + own[nearest[rows]]
                 number = np.searchsorted(edges[ends], place.ravel(), side="right").reshape(place.shape)
                 found[rows] += _shares(number, len(inside)) @ inside * (len(cell) / every)
-        return found, np.sqrt(doubt)
+        shares = found + before if by_bin else (found + before) @ self.cells.parts()
+        able = less_at_ends(shares, self.usual)
+        return found + rest * (able if by_bin else able[:, bins]), np.sqrt(doubt + self.unexplained)
+
+    @cached_property
+    def before(self) -> Array:
+        """The share (cells,) of the granules in every cell in the answer."""
+        return np.bincount(self._places.cell, minlength=self.cells.count) / len(self._places.cell)
+
+    @property
+    def root(self) -> Array:
+        """A root (bins + 1, R) of the covariance of the lack of fit where its standard deviation is 1."""
+        return np.asarray(self.off.T / np.sqrt(len(self.off)))
 
     @cached_property
     def _places(self) -> Places:
@@ -285,42 +318,21 @@ class Response:
         """
         places, found = self._places, {}
         neighbours = _nearest(self.z, self.z, self.weight, self.nearest)
-        chances = [np.random.default_rng(SEED) for _ in neighbours]
+        near = [(like, np.random.default_rng(SEED)) for like in neighbours]
         for side, one in self.sides.items():
             here = places.side == side
             at = places.place[here]
-            own = np.array([
-                _scattered(at, self.own.place[like][one.kept[like]], one.beyond[like][one.kept[like]], 1, chance)[0]
-                for like, chance in zip(neighbours, chances, strict=True)
-            ])  # fmt: skip
-            found[side] = at + own, _between(np.eye(len(one.knots)), at, one.knots), places.cell[here]
+            own = at + [_scattered(at, self.own, one, like, 1, chance)[0] for like, chance in near]
+            if len(at):
+                found[side] = own, _between(np.eye(len(one.knots)), at, one.knots), places.cell[here]
         return found
 
 
-def _moved(
-    cells: LandingCells,
-    sides: Mapping[int, Displacement],
-    own: Places,
-    places: Places,
-    shifts: Mapping[int, Array],
-    like: Whole,
-) -> Whole:
-    """The cells (REPEATS, G) of granules at ``places`` (G,) that are displaced by ``shifts`` (J,) at the knots of each
-    side, and scatter as those of the draws ``like``, chosen as often.
-    """
-    chance = np.random.default_rng(SEED)
-    found = np.broadcast_to(places.cell, (REPEATS, len(places.cell))).copy()
-    for side, one in sides.items():
-        here = places.side == side
-        at = places.place[here]
-        near, beyond = own.place[like][one.kept[like]], one.beyond[like][one.kept[like]]
-        moved = at + _between(shifts[side], at, one.knots) + _scattered(at, near, beyond, REPEATS, chance)
-        found[:, here] = cells.at(np.full(moved.shape, side), moved, np.zeros_like(moved, dtype=np.int64))
-    return found
-
-
-def _scattered(at: Array, place: Array, beyond: Array, count: int, chance: np.random.Generator) -> Array:
-    """What granules near ``at`` (G,) were moved beyond the fit, chosen (count, G) among those at ``place`` (P,)."""
+def _scattered(
+    at: Array, own: Places, one: Displacement, like: Whole, count: int, chance: np.random.Generator
+) -> Array:
+    """What granules near ``at`` (G,) were moved beyond the fit, chosen (count, G) among those of the draws ``like``."""
+    place, beyond = own.place[like][one.kept[like]], one.beyond[like][one.kept[like]]
     if not len(place):
         return np.zeros((count, len(at)))
     order = np.argsort(place)
@@ -364,17 +376,29 @@ def response(cells: LandingCells, z: Array, own: Places, then: Places) -> Respon
             sides[int(side)] = found
     weight = np.mean([one.going.weight for one in sides.values()], axis=0) if sides else np.zeros(z.shape[1])
     tried = [_predicted(cells, z, own, then, sides, _nearest(z, z, weight, count + 1)) for count in NEAREST]
-    missed = [float(((beyond @ cells.parts()) ** 2).sum()) for beyond, _ in tried]
+    missed = [float((beyond.cumsum(axis=1) ** 2).sum()) for beyond, _ in tried]  # wherever a bin may end
     best = int(np.argmin(missed))
     beyond, each = tried[best]
     outputs = beyond @ cells.parts()
     noise = each.var(axis=1).sum(axis=1) / own.cell.shape[1]
-    noise = 0.5 * (noise + noise.mean()) + 1e-12
-    both = 0.5 * (weights_of(z, outputs) + weight) if sides else weights_of(z, outputs)
-    rest, spread = process(z, outputs, noise, both, STEADY)
-    sizes, ways = np.linalg.eigh(spread)
-    root = ways * np.sqrt(np.clip(sizes, 0.0, None))
-    return Response(cells, z, own, sides, beyond, rest, root, weight, NEAREST[best])
+    noise = np.full(len(z), float(noise.mean()) + 1e-12)  # a draw's own is large where it shows something
+    rest = process(z, outputs, noise, weights_of(z, outputs), STEADY)
+    squares, certain = (_off(rest, outputs) ** 2).sum(axis=1), np.diag(rest.inverse)
+    beyond_chance = squares.mean() > 1.0 + SURE * np.sqrt(2.0 / len(z))
+    unexplained = float(np.mean((squares - 1.0) / certain)) if beyond_chance else 0.0
+    if unexplained > 0.0:
+        rest = process(z, outputs, noise + unexplained, weights_of(z, outputs), STEADY)
+    shares = _shares(then.cell, cells.count) @ cells.parts() - outputs
+    usual = np.clip(shares * (1.0 - shares), 0.0, None).mean(axis=0)
+    off = _off(rest, outputs)
+    return Response(cells, z, own, sides, beyond, rest, unexplained, off, usual, weight, NEAREST[best])
+
+
+def _off(rest: Process, outputs: Array) -> Array:
+    """What each of ``outputs`` (R, O) is off from what all others let expect of it, over its standard deviation
+    (Rasmussen & Williams 2006, eq. 5.12).
+    """
+    return np.asarray(rest.inverse @ outputs / np.sqrt(np.diag(rest.inverse))[:, None])
 
 
 def _predicted(
@@ -387,9 +411,13 @@ def _predicted(
     many = cells.parts().shape[1]
     beyond, each = np.zeros((len(z), cells.count)), np.zeros((*own.cell.shape, many))
     for draw in range(len(z)):
-        mine = Places(*(one[draw] for one in own))
-        shifts = {side: one.without[draw] for side, one in sides.items()}
-        told = _moved(cells, sides, own, mine, shifts, neighbours[draw][neighbours[draw] != draw])
+        like, chance = neighbours[draw][neighbours[draw] != draw], np.random.default_rng(SEED)
+        told = np.repeat(own.cell[draw : draw + 1], REPEATS, axis=0)
+        for side, one in sides.items():
+            here = own.side[draw] == side
+            at = own.place[draw, here]
+            moved = at + _between(one.without[draw], at, one.knots) + _scattered(at, own, one, like, REPEATS, chance)
+            told[:, here] = cells.at(np.full(moved.shape, side), moved, np.zeros_like(moved, dtype=np.int64))
         beyond[draw] = _shares(then.cell[draw : draw + 1], cells.count)[0] - _shares(told, cells.count).mean(axis=0)
         each[draw] = _inside(bins[then.cell[draw]], many) - _inside(bins[told], many).mean(axis=0)
     return beyond, each

@@ -62,21 +62,25 @@ def cheap_scenes(count: int) -> list[VariedScene]:
     return list(islice((one for one in varied_scenes(most) if one.group in CHEAP), count))
 
 
-def run_calibration(*, slow: bool = False, tell: Tell = lambda _: None, scenes: int | None = None) -> Report:
-    """Calibrate scenes whose truth is known; ``slow``: 200 of them. Everything is cached."""
+def run_calibration(
+    *, slow: bool = False, tell: Tell = lambda _: None, scenes: int | None = None, draw: int = 0
+) -> Report:
+    """Calibrate scenes whose truth is known, that of a ``draw`` of its inputs; ``slow``: 200 of them. Everything is
+    cached.
+    """
     started, found, store = time.monotonic(), _Found(), Store(cache_root())
     many = (SCENES if slow else QUICK) if scenes is None else scenes
     for number, one in enumerate(cheap_scenes(many)):
         tell(f"{number + 1} of {many}: {one.name}")
-        _calibrate(predicted(with_bins(one, store), store), KINDS[number // len(CHEAP) % len(KINDS)], found)
+        _calibrate(predicted(with_bins(one, store), store), KINDS[number // len(CHEAP) % len(KINDS)], found, draw)
     return _report(found, many, time.monotonic() - started)
 
 
-def true_shares(told: Predicted) -> Array:
-    """The shares (S,) of the machine: of the model under one draw of its inputs, with a discrepancy."""
+def true_shares(told: Predicted, draw: int = 0) -> Array:
+    """The shares (S,) of the machine: of the model under a ``draw`` of its inputs, with a discrepancy."""
     shares, chance = told.separation.fractions, chance_of(told.one, 7)
     places = [(name, place) for name, found in shares.items() for place in found]
-    flown = told.truth.shares(TRUTH, told.truth.drawn(0))
+    flown = told.truth.shares(TRUTH, told.truth.drawn(draw))
     off = chance.multivariate_normal(np.zeros(len(places)), covariance_of_missed(told.joint, DISCREPANCY))
     made = np.clip(np.concatenate([flown[name] for name in shares]) + off, 0.0, 1.0)
     for name in shares:
@@ -127,14 +131,14 @@ def exchanged(trays: Sequence[Tray]) -> list[Tray] | None:
     return made
 
 
-def _calibrate(told: Predicted, kind: str, found: _Found) -> None:
-    true = true_shares(told)
+def _calibrate(told: Predicted, kind: str, found: _Found, draw: int) -> None:
+    true = true_shares(told, draw)
     trays = trays_of(told, kind, true)
     made = _updated(told, trays)
     found.right.append(made.agreement.verdict == DISAGREES)
     if (wrong := exchanged(trays)) is not None:
         found.exchanged.append(agreement_with(told.joint, Measured.of(wrong), DISCREPANCY).verdict == DISAGREES)
-    chance = chance_of(told.one, 0).standard_normal(len(made.unknowns))
+    chance = chance_of(told.one, draw).standard_normal(len(made.unknowns))
     after_inputs = inputs_after(made)
     for z, unknown in zip(np.clip(chance, -FARTHEST, FARTHEST), made.unknowns, strict=True):
         one = after_inputs[unknown.key]
