@@ -202,7 +202,7 @@ JOINTS: dict[str, Callable[[dict[str, Any], dict[str, Any]], object]] = {  # of 
     "cells too few": lambda record, of: of.update(base=of["base"][:, 1:]),
     "edges too few": lambda record, of: of.update({"edges.floor": of["edges.floor"][1:]}),
     "errors of other bins": lambda record, of: of.update({"root.0": of["root.0"][:, 1:]}),
-    "a scale of other draws": lambda record, of: of.update({"scale.0": of["scale.0"][1:]}),
+    "lack of fit of other draws": lambda record, of: of.update({"given.0": of["given.0"][1:]}),
 }
 
 
@@ -213,7 +213,7 @@ def test_draws_that_cannot_be_are_refused_without_a_checksum_too(name: str, smal
     with np.load(small_run.folder / "joint.npz") as kept:
         arrays = dict(kept)
     whole = arrays.copy()
-    assert "scale.0" in whole
+    assert "given.0" in whole
     JOINTS[name](table["joint"], arrays)
     (tmp_path / "result.json").write_text(json.dumps(table))
     np.savez(tmp_path / "joint.npz", **arrays)
