@@ -177,7 +177,11 @@ def _result(scene: Scene, airflow: dict[str, Any] | None) -> dict[str, Any]:
         "warnings": ["the curtain is dense"],
         "grades": ["less sure"],
         "versions": {"wakeflow": "0.1.0"},
-    }
+        "provenance": {
+            "date": "2026-11-28T05:00:00+00:00", "command": "wakeflow run", "folder": "/home", "host": "here",
+            "system": "Linux", "cores": 2, "seed": 0, "openfoam": None, "commit": None,
+        },
+    }  # fmt: skip
 
 
 def _read(table: dict[str, Any]) -> Result:
@@ -693,7 +697,8 @@ def test_a_best_estimate_stands_between_its_ends(rhombus: Scene) -> None:
         return {"cd": {"value": cd, "low": cd - 0.01, "high": cd + 0.01}, "suction": zone}
 
     share = {"value": 0.5, "low": 0.35, "high": 0.7}
-    wake = {"theta": share, "strength": {"value": 0.6, "low": 0.4, "high": 0.9}, "why": "two measurements"}
+    strength = {"value": 0.6, "low": 0.4, "high": 0.9}
+    wake = {"theta": share, "strength": strength, "why": "two measurements", "lift": strength}
     ends = {"steady": end(1.0, 0.1), "time_resolved": end(2.0, 0.3)}
     result = _result(rhombus, {**AIRFLOW, **end(1.5, 0.2), "wake": wake, "ends": ends})
     page = Page(html.render(_read(result), {}))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..core.errors import known
 from ..core.geometry import distance_to
 from ..field.derived import stream_function
-from .canvas import MM, PlotGrid, Window, first_outline, inside_window, triangulation
+from .canvas import MM, PlotGrid, Window, inside_window, triangulation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -152,7 +152,7 @@ def suction_nodes(mean: FlowField, cp: Array, scene: Scene) -> NDArray[np.bool_]
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    outline = first_outline(scene)
+    outline = known(scene.first_outline)
     along = 1.0 if known(scene.air).direction == "down" else -1.0
     ends = outline[np.isin(outline[:, 0], (outline[:, 0].min(), outline[:, 0].max()))]
     widest = float((along * ends[:, 1]).min())
@@ -182,7 +182,7 @@ def window_round_body(scene: Scene, airflow: Airflow) -> Window:
     clipped to the channel.
     """
     channel, width = scene.channel, scene.width
-    middle = first_outline(scene).mean(axis=0)
+    middle = known(scene.first_outline).mean(axis=0)
     zone = airflow.suction
     longest = 0.0 if zone is None else max(zone.length or 0.0, zone.reversal_length or 0.0)
     behind = max(DOWNSTREAM * width, 1.5 * width + longest)

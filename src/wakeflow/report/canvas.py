@@ -207,11 +207,6 @@ def draw_bins(axes: Axes, scene: Scene, scale: float) -> dict[str, float]:
     return margin
 
 
-def first_outline(scene: Scene) -> Array:
-    """Corners (k, 2) of the first body, m."""
-    return next(iter(scene.body.values())).outline()
-
-
 def triangulation(field: FlowField) -> Triangulation:
     """The field's mesh in mm."""
     from matplotlib.tri import Triangulation

@@ -22,7 +22,6 @@ from ..canvas import (
     Window,
     air_arrow,
     canvas,
-    first_outline,
     frame,
     inside_window,
     new_axes,
@@ -115,7 +114,7 @@ def _scale(levels: Array, limit: float) -> object:
 
 def _zones(axes: Axes, grid: PlotGrid, scene: Scene, window: Window, numbers: Mapping[str, str]) -> None:
     """Name the pressing and the suction zone at the side, with a line to each, ``numbers`` before the names."""
-    outline, width = first_outline(scene), scene.width
+    outline, width = known(scene.first_outline), scene.width
     upstream = 1.0 if known(scene.air).direction == "down" else -1.0
     cp = np.ma.filled(grid.values[2], np.nan)
     x, y = np.meshgrid(grid.x - outline[:, 0].mean(), upstream * grid.y)
@@ -168,7 +167,7 @@ def draw_surface(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow)
 
     Among several bodies the title names it: the others are not drawn.
     """
-    mean, outline = as_flown(field.mean(), scene), first_outline(scene)
+    mean, outline = as_flown(field.mean(), scene), known(scene.first_outline)
     arc, cp = pressure_along(mean, outline, pressure_coefficient(mean, scene, airflow))
     edges = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.roll(outline, -1, axis=0) - outline).T))])
     model = momentum_pressure(outline, known(scene.air).direction)
@@ -258,7 +257,7 @@ def _air_at_the_surface(outcome: Outcome) -> tuple[FlowField, Scene, Airflow] | 
     found = air_with_pressure(outcome)
     if found is None:
         return None
-    arc, _ = pressure_along(found[0], first_outline(outcome.scene), np.zeros(len(found[0].points)))
+    arc, _ = pressure_along(found[0], known(outcome.scene.first_outline), np.zeros(len(found[0].points)))
     return found if len(arc) > 2 else None
 
 
