@@ -107,6 +107,34 @@ class Separation:
     throughput: dict[str, float] = column("kg/h", "of all fractions into each bin")
     cut: tuple[PartitionCurve, ...] = column("", "which granules go into each product", default=())
 
+    def share(self, fraction: str, place: str) -> Number:
+        """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high).
+
+        Raises SceneError, naming the nearest, for a fraction or bin that there is not.
+        """
+        return _known("bin", _known("fraction", self.fractions, fraction), place)
+
+    def recovered(self, fraction: str) -> Number:
+        """Share of a fraction that lands in its targets, by mass, with its 95 % interval: (value, low, high).
+
+        Raises SceneError, naming the nearest, for a fraction that there is not, and for one without a target.
+        """
+        found = _known("fraction", self.recovery, fraction)
+        if found is None:
+            raise SceneError(f"{fraction} has no target to be recovered in: give fraction.{fraction}.target, a bin")
+        return found
+
+    def part_of(self, place: str, fraction: str) -> Number:
+        """Share of a bin's mass that is of a fraction, with its 95 % interval: (value, low, high).
+
+        Raises SceneError for a bin or fraction that there is not, naming the nearest, and for a bin that stays empty.
+        """
+        here = _known("bin", self.purity, place)
+        _known("fraction", self.fractions, fraction)
+        if here is None:
+            raise SceneError(f"nothing lands in {place}: an empty bin has no purity")
+        return here[fraction]
+
 
 class WithShares:
     """What has shares, and gives each number of them with its 95 % interval: (value, low, high)."""
@@ -116,34 +144,16 @@ class WithShares:
         raise NotImplementedError
 
     def share(self, fraction: str, place: str) -> Number:
-        """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high).
-
-        Raises SceneError where there are no shares, and for a fraction or bin that there is not, naming the nearest.
-        """
-        return _known("bin", _known("fraction", self._shares.fractions, fraction), place)
+        """As :meth:`Separation.share`; raises SceneError also where there are no shares."""
+        return self._shares.share(fraction, place)
 
     def recovery(self, fraction: str) -> Number:
-        """Share of a fraction that lands in its targets, by mass, with its 95 % interval: (value, low, high).
-
-        Raises SceneError where there are no shares, for a fraction that there is not, naming the nearest, and for one
-        that has no target.
-        """
-        found = _known("fraction", self._shares.recovery, fraction)
-        if found is None:
-            raise SceneError(f"{fraction} has no target to be recovered in: give fraction.{fraction}.target, a bin")
-        return found
+        """As :meth:`Separation.recovered`; raises SceneError also where there are no shares."""
+        return self._shares.recovered(fraction)
 
     def purity(self, place: str, fraction: str) -> Number:
-        """Share of a bin's mass that is of a fraction, with its 95 % interval: (value, low, high).
-
-        Raises SceneError where there are no shares, for a bin or fraction that there is not, naming the nearest, and
-        for a bin that stays empty.
-        """
-        here = _known("bin", self._shares.purity, place)
-        _known("fraction", self._shares.fractions, fraction)
-        if here is None:
-            raise SceneError(f"nothing lands in {place}: an empty bin has no purity")
-        return here[fraction]
+        """As :meth:`Separation.part_of`; raises SceneError also where there are no shares."""
+        return self._shares.part_of(place, fraction)
 
 
 def _known(kind: str, table: Mapping[str, Entry], name: str) -> Entry:
