@@ -13,7 +13,9 @@ import pytest
 
 import wakeflow as wf
 from support import landings_in, loaded_scene, shipped
-from wakeflow.answer.notices import notices
+from wakeflow import tracking
+from wakeflow.answer.notices import _step_not_reached, notices
+from wakeflow.answer.shares import collisions_of
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import Boxes, ForceDensity
 from wakeflow.foam.momentum_source import LEVELS, SOURCE
@@ -350,9 +352,9 @@ def test_it_goes_on_where_it_stopped_and_all_fly_with_the_step_that_the_first_ha
     assert told == ["replicate 2", "2 of 2 replicates"]
     replace(flight, step=step_of(tmp_path)).fly_all(given, 2)
     one = flight.found(tmp_path, 2)
-    assert one.step_error < 1e-3
+    assert one.clock.step_error < 1e-3
     for other in (flight.found(folder, 2) for folder in (stopped, given)):
-        assert one.step == other.step
+        assert one.clock.step == other.clock.step
         for name in scene.fraction:
             np.testing.assert_array_equal(one.landings[name].position, other.landings[name].position)
 
@@ -439,3 +441,13 @@ def test_replicates_without_a_fraction_are_taken_together() -> None:
     assert _grouped(fraction, replicate, np.array([0, 1, 2, 3, 0, 3]), 2).tolist() == replicate.tolist()
     every = np.array([0, 0, 0, 0, 1, 1, 1, 1]), np.array([0, 1, 2, 3, 0, 1, 2, 3])
     assert _grouped(*every, np.zeros(8, dtype=int), 2).tolist() == every[1].tolist()
+
+
+def test_a_clock_that_is_not_as_exact_as_asked_is_a_warning_with_what_it_may_move() -> None:
+    plan = pipeline(TRICKLE).plan
+    clock = tracking.ClockStep(1e-4, 0.03, 0.01, 3)
+    (told,) = _step_not_reached(collisions_of(plan, replace(crowd(TRICKLE), clock=clock)), plan.unit)
+    assert "after 3 trials" in told.text
+    assert "0.03 body widths (0.01 asked), which moves a share by up to 1.5 points" in told.text
+    for fine in (clock._replace(step_error=0.01), tracking.ClockStep(1e-4)):
+        assert not list(_step_not_reached(collisions_of(plan, replace(crowd(TRICKLE), clock=fine)), plan.unit))

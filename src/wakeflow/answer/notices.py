@@ -13,6 +13,7 @@ from ..funnel import notices as funnel_notices
 from ..funnel.rate import FunnelSummary
 from ..pipeline.airflow import Airflow, GridStudy, ResidenceTimes, WakeEnds
 from ..pipeline.pipeline import Pipeline
+from ..pipeline.slab import SHARE_OF_SHIFT
 from ..scene import OVER_THE_TOP, Scene
 from .shares import CollisionSummary
 
@@ -56,6 +57,7 @@ def notices(
     if tracked is not None:
         if slab is not None and slab.jammed:
             found.append(void(f"the feed jams in {slab.jammed} of {slab.replicates} replicates: {JAM}"))
+        found += [] if slab is None else _step_not_reached(slab, pipeline.plan.unit)
         found += [
             *_passing(pipeline, tracked),
             *_out_of_the_top(scene, tracked),
@@ -72,6 +74,17 @@ def _unsettled(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iterator[N
         yield less_sure(
             f"the granules' force on the air has not settled, it is {100 * found.unanswered:.2g} % off; "
             f"numerics.loading_passes above {passes} goes on"
+        )
+
+
+def _step_not_reached(slab: CollisionSummary, unit: str) -> Iterator[Notice]:
+    """Of a clock that errs by more than it was asked to: none that was tried is better by what a shorter step costs."""
+    error, asked = slab.step_error or 0.0, slab.step_asked or 0.0
+    if error > asked:
+        yield less_sure(
+            f"no step of the slab's clock is as exact as asked, after {slab.step_trials} trials: nine of ten landings "
+            f"err by up to {error:.2g} {unit} ({asked:.2g} asked), which moves a share by up to "
+            f"{100 * SHARE_OF_SHIFT * error:.2g} points; a larger numerics.tolerance asks for less"
         )
 
 

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
-import numpy as np
-
 from ..core.errors import SceneError, known
 from ..core.number import Number
 from ..core.record import column
@@ -31,8 +29,10 @@ class CollisionSummary:
     fates: dict[str, dict[str, int]] = column("1", "granules of each fraction by how their track ended")
     step: float = column("s", "of its clock")
     step_error: float | None = column(
-        "as plan.unit", "how far nine of ten granules that meet nobody land from where shorter steps put them, at most"
+        "as plan.unit", "how far nine of ten granules that meet nobody land from where far finer flights do, at most"
     )
+    step_asked: float | None = column("as plan.unit", "the same, as the step was asked for: larger ones are a notice")
+    step_trials: int = column("1", "steps that were tried")
     jammed: int = column("1", "replicates in which granules that lie still became more as long as it was fed")
 
 
@@ -47,8 +47,10 @@ def collisions_of(plan: Plan, crowd: SlabFound) -> CollisionSummary:
         tracers=dict(known(plan.crowd).tracers),
         meetings={name: _mean_collisions(found) for name, found in landings.items()},
         fates={name: fates_of(found.fate) for name, found in landings.items()},
-        step=crowd.step,
-        step_error=None if np.isnan(crowd.step_error) else crowd.step_error,
+        step=crowd.clock.step,
+        step_error=None if crowd.clock.given else crowd.clock.step_error,
+        step_asked=None if crowd.clock.given else crowd.clock.asked,
+        step_trials=crowd.clock.trials,
         jammed=crowd.jammed,
     )
 

@@ -41,6 +41,7 @@ MIN_REPLICATES = 2  # replicates of a companion
 STEP_ERROR_PART = (
     0.3  # of the accuracy asked for: landing error that a step of the slab may make, body widths (docs/collisions.md)
 )
+SHARE_OF_SHIFT = 0.5  # share that changes its bin, about, over the mean shift of all landings (body widths)
 
 
 @dataclass(frozen=True)
@@ -66,14 +67,12 @@ class CollisionRerun:
 @dataclass(frozen=True)
 class SlabFound:
     """What a slab of ``depth`` (m) found after the ``start_up`` (s) that was dropped: ``landings`` by fraction of the
-    granules that came in steady operation, in so many ``replicates``; the ``step`` of its clock (s) with the landing
-    error that it was seen to make (body widths), NaN where the step was given; in how many replicates the feed
-    ``jammed``; ``steps`` of granules in all.
+    granules that came in steady operation, in so many ``replicates``; the step of its ``clock`` and what it was chosen
+    by (errors in body widths); in how many replicates the feed ``jammed``; ``steps`` of granules in all.
     """
 
     landings: Mapping[str, Landings]
-    step: float
-    step_error: float
+    clock: tracking.ClockStep
     jammed: int
     steps: int
     replicates: int
@@ -99,7 +98,7 @@ class CollisionStage:
 
     @property
     def tolerance(self) -> float:
-        """Landing error (body widths) of a step of the slab's clock: a mean shift moves about half of it as a share."""
+        """Landing error (body widths) of a step of the slab's clock: shares feel SHARE_OF_SHIFT of it at most."""
         return max(self.tracks.scene.numerics.tolerance, STEP_ERROR_PART * self.tracks.plan.target_error)
 
     @cached_property
@@ -122,7 +121,7 @@ class CollisionStage:
         """The slab; under a ``companion``'s change some of its replicates."""
         change = rerun or CollisionRerun("slab")
         replicates = self.crowd.replicates if rerun is None else max(MIN_REPLICATES, self.crowd.replicates // 4)
-        step = None if rerun is None else change.step * self.fly().step
+        step = None if rerun is None else change.step * self.fly().clock.step
         flight = self.flight(change.name, change.depth * self.crowd.depth, step)
         flight = replace(flight, scene=change.applied(flight.scene))
         key = content_key(self.key, change.step, flight.depth, replicates, change.restitution, change.friction)
@@ -155,7 +154,7 @@ class SlabFlight:
     step: float | None = None
     workers: int | None = None
     tell: Callable[[str], None] = lambda _: None
-    measured: Callable[[float], object] | None = None
+    measured: Callable[[tracking.ClockStep], object] | None = None
     variation: Variation = AS_GIVEN
     also: Callable[[int, SlabFeed, tracking.Tracks], object] | None = None
 
@@ -182,13 +181,14 @@ class SlabFlight:
 
     def _first(self, pool: ThreadPoolExecutor, folder: Path) -> tuple[Future[None], float]:
         """The first replicate's flight, and the step (s) that it has found."""
-        step: Future[float] = Future()
-        job = pool.submit(replace(self, measured=step.set_result).keep, 0, folder)
-        both: tuple[Future[Any], ...] = (step, job)
+        clock: Future[tracking.ClockStep] = Future()
+        job = pool.submit(replace(self, measured=clock.set_result).keep, 0, folder)
+        both: tuple[Future[Any], ...] = (clock, job)
         wait(both, return_when=FIRST_COMPLETED)
-        if not step.done():
+        if not clock.done():
             job.result()  # raises: it failed before it knew
-        return job, step.result()
+        self.tell(clock.result().told)
+        return job, clock.result().step
 
     def keep(self, number: int, folder: Path) -> None:
         """Fly one replicate and keep its landings in ``folder``, unless they are there already."""
@@ -221,7 +221,7 @@ class SlabFlight:
         crowd = known(tracks.crowd)
         return {
             **landing_columns(feed, tracks.some(kept), len(self.scene.bin), realisation, cycle),
-            "step": np.array([crowd.step, crowd.step_error]),
+            "clock": np.array(crowd.clock),
             "jammed": np.array(crowd.jammed),
             "flown": np.array(crowd.flown),
             "fraction": stream.fraction[kept].astype(np.int16),
@@ -235,10 +235,11 @@ class SlabFlight:
         for number in range(replicates):
             with np.load(_file(folder, number)) as data:
                 parts.append({key: data[key] for key in data.files})
-        step, error = parts[0]["step"].tolist()
+        step, error, asked, trials = parts[0]["clock"].tolist()
+        clock = tracking.ClockStep(step, error, asked, int(trials))
         jammed, flown = (sum(int(part[key]) for part in parts) for key in ("jammed", "flown"))
         parts = [
-            {key: part[key] for key in part if key not in ("step", "jammed", "flown", "injected")} for part in parts
+            {key: part[key] for key in part if key not in ("clock", "jammed", "flown", "injected")} for part in parts
         ]
         columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
         fraction = columns.pop("fraction")
@@ -256,7 +257,7 @@ class SlabFlight:
             weight = own["weight"]
             own["weight"] = weight * (weight.sum() / (weight @ weight))
             landed[name] = Landings(**own)
-        return SlabFound(landed, step, error, jammed, flown, replicates, self.depth, self.start_up)
+        return SlabFound(landed, clock, jammed, flown, replicates, self.depth, self.start_up)
 
     def record(self, points: int) -> tuple[SlabFeed, tracking.Tracks]:
         """The first replicate's feed over ``operation``, no whole periods, in the first realisation of the airflow, and
@@ -325,7 +326,7 @@ def _file(folder: Path, number: int) -> Path:
 def step_of(folder: Path) -> float:
     """The step (s) that the first replicate in a folder flew with."""
     with np.load(_file(folder, 0)) as data:
-        return float(data["step"][0])
+        return float(data["clock"][0])
 
 
 def _grouped(

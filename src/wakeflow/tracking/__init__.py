@@ -11,12 +11,12 @@ from ..core.lazy import loaded
 from .bodies import Body, Motion
 from .collisions.settings import Collisions
 from .granules import Granules
-from .tracks import Fate, Tracks
+from .tracks import ClockStep, Fate, Tracks
 
 if TYPE_CHECKING:
     from .driver import track
 
-__all__ = ["Body", "Collisions", "Fate", "Granules", "Motion", "Tracks", "track"]
+__all__ = ["Body", "ClockStep", "Collisions", "Fate", "Granules", "Motion", "Tracks", "track"]
 
 
 def __getattr__(name: str) -> Any:

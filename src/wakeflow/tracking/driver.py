@@ -30,6 +30,7 @@ BLOCK = 512  # granules handed to a thread at a time
 RECORD_POINTS = 1024  # points kept of a recorded track
 NOISE_STEP = 0.1  # an interval of noise, of an eddy's lifetime and the granule's response time
 EDDIES = 20.0  # lifetimes that a granule held by friction waits before it counts as resting
+FINER = 0.01  # of the tolerance: that of the flights which the step of a crowd is judged by
 MAX_STEPS = 1_000_000  # of a track, also points of a record; then it is STOPPED
 REACH = 1e-6  # of ``length``: the mesh's edge this near to an outline at rest is covered by it, round-off of meshes
 SKIN = 1e-11  # of ``length``: distances below it are contact: far above round-off, far below any tolerance
@@ -160,11 +161,15 @@ def _fly_colliding(
     seed: int,
     progress: Callable[[int, int], object] | None,
 ) -> Tracks:
-    """The same granules as a crowd, in the lab; its step is judged by flights of a sample, each granule alone."""
+    """The same granules as a crowd, in the lab; far finer flights of a sample, each granule alone, judge its step."""
     from .collisions.driver import Slab, fly_colliding
 
     def alone(rows: NDArray[np.int64], forces: Sequence[str]) -> Tracks:
-        some = replace(flight, grains=flight.grains[rows], forces=forces, points=0, table_of=flight.table_of[rows])
+        finer = {name: FINER * getattr(flight.rules, name) for name in ("allowance", "tiny")}
+        some = replace(
+            flight, grains=flight.grains[rows], forces=forces, points=0, table_of=flight.table_of[rows],
+            rules=flight.rules._replace(**finer),
+        )  # fmt: skip
         tracks = Tracks.empty(len(rows))
         _fly_all(some, tracks, None, None)
         return tracks

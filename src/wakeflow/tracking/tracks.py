@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,16 +42,42 @@ ADVICE = {
 }
 
 
-@dataclass(frozen=True)
-class CollisionFlight:
-    """How a crowd was flown: the ``step`` of its clock (s), and its ``step_error``: by how much a sample of granules
-    that meets nobody lands elsewhere than the tracker says (lengths; nine of ten by less; NaN where the step was
-    given); ``steps`` of the clock and of granules (``flown``); ``standing`` (k, 3): time (s), how many lay still or,
-    leaning on others, hardly moved, and how many were born; ``jammed``: that most of the second half of the feed does.
+class ClockStep(NamedTuple):
+    """The ``step`` of a crowd's clock (s), and the ``step_error`` that it was chosen by: how far nine of ten of a
+    sample that meets nobody land at most from where far finer flights put them (lengths); the error that was ``asked``,
+    and how many ``trials`` it took: none where the step was ``given``, whose error is not known (NaN).
     """
 
     step: float
-    step_error: float
+    step_error: float = math.nan
+    asked: float = math.nan
+    trials: int = 0
+
+    @property
+    def given(self) -> bool:
+        """Whether nobody had to find it."""
+        return not self.trials
+
+    @property
+    def reached(self) -> bool:
+        """Whether it errs by no more than was asked; true where the step was given."""
+        return not self.step_error > self.asked
+
+    @property
+    def told(self) -> str:
+        """The choice in words."""
+        found = f"nine of ten land within {self.step_error:.2g} lengths ({self.asked:.2g} asked)"
+        return f"steps of {self.step:.3g} s, by which {found}; trials: {self.trials}"
+
+
+@dataclass(frozen=True)
+class CollisionFlight:
+    """How a crowd was flown: its ``clock``; ``steps`` of the clock and of granules (``flown``); ``standing`` (k, 3):
+    time (s), how many lay still or, leaning on others, hardly moved, and how many were born; ``jammed``: that most of
+    the second half of the feed does.
+    """
+
+    clock: ClockStep
     steps: int
     flown: int
     standing: Array
@@ -58,10 +85,11 @@ class CollisionFlight:
 
     @property
     def advice(self) -> str:
-        """One line for the user; empty where nothing is wrong."""
-        return JAM if self.jammed else ""
+        """What the user must know; empty where nothing is wrong."""
+        return "; ".join(filter(None, (JAM if self.jammed else "", TOO_LONG * (not self.clock.reached))))
 
 
+TOO_LONG = "no step of the clock was as exact as asked: look at clock.told"
 JAM = "the feed jams: granules that lie still become more as long as it runs; widen the gap, or feed less"
 
 

@@ -134,7 +134,7 @@ def fly_machine(machine: Machine, grains: Granules, seed: int, step: float | Non
     seconds = time.process_time() - begun
     assert tracks.crowd is not None
     binned = (tracks.line >= 0) & (tracks.line < len(machine.scene.bin))
-    return Flown(np.where(binned, tracks.line, -1), seconds), tracks.crowd.step
+    return Flown(np.where(binned, tracks.line, -1), seconds), tracks.crowd.clock.step
 
 
 # -- liggghts ----------------------------------------------------------------------------------------------------------

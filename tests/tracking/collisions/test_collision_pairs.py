@@ -216,7 +216,7 @@ def test_nobody_and_one() -> None:
     assert crowd.fate[0] == alone.fate[0] == Fate.RESTING
     np.testing.assert_allclose(crowd.position, alone.position, atol=1e-6)
     assert crowd.crowd is not None
-    assert crowd.time[0] == pytest.approx(alone.time[0], abs=2.0 * crowd.crowd.step)
+    assert crowd.time[0] == pytest.approx(alone.time[0], abs=2.0 * crowd.crowd.clock.step)
 
 
 def test_a_heap_comes_to_rest_on_a_flat_top_under_load_and_is_counted() -> None:

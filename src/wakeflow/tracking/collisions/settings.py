@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import SceneError
 from ..granules import Granules
+from ..tracks import ClockStep
 
 Array = NDArray[np.float64]
 
@@ -34,7 +35,7 @@ class Collisions:
     tangential_restitution: Any = 0.0
     tracers: Sequence[int] = ()
     step: float | None = None
-    measured: Callable[[float], object] | None = None
+    measured: Callable[[ClockStep], object] | None = None
     forces: Sequence[Collection[str]] = ()
 
     def __post_init__(self) -> None:
