@@ -62,6 +62,18 @@ def test_a_run_that_ends_by_the_rule_covers_the_mean_nine_times_in_ten() -> None
     assert min(hits.values()) >= 0.88 * 60, hits
 
 
+@pytest.mark.parametrize(("noise", "most"), [(0.005, 1.5), (0.01, 1.5), (0.03, 3.0), (0.05, 3.0)])
+def test_how_far_where_a_run_ends_depends_on_the_seed(noise: float, most: float) -> None:
+    """Over 20 seeds, latest over median. Where the accuracy, not the fewest periods, ends a run, the interval of a few
+    batches decides, and that varies by chance: there the bound of 1.5 is not met.
+    """
+    ends = []
+    for seed in range(20):
+        rows, stopping = record(seed, 300, memory=0.3 if noise > 0.01 else 0.0, noise=noise), Stopping(0.03)
+        ends.append(next(n for n in range(8, 300) if stopping.look(rows[: n * STEPS])))
+    assert max(ends) <= most * np.median(ends)
+
+
 def test_a_broadband_wake_needs_fewer_periods_where_its_intervals_are_far_narrower_than_asked() -> None:
     found = evaluate(record(1, 60, memory=0.0, noise=0.03), 0.05)
     assert found.verdict == "broadband"

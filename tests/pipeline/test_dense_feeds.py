@@ -6,6 +6,7 @@ import shutil
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -114,6 +115,44 @@ def test_the_force_goes_on_to_where_a_proportional_answer_meets_it() -> None:
     share = relaxed(1.0, a, -b * a)
     np.testing.assert_allclose(a + share * (-b * a), a / (1.0 + b), rtol=1e-14)
     assert relaxed(1.0, a, a) == SHARES[0]  # air that answers nothing: there is no such force
+
+
+class _Answering(LoadedCase):
+    """Passes in air that answers a force f by asking for (a - b f), known to a part ``noise`` in each of 64 boxes."""
+
+    bare = ("air", None)
+
+    def __init__(self, seed: int, b: float, noise: float) -> None:
+        self.rng = np.random.default_rng(seed)
+        self.scene = SimpleNamespace(numerics=SimpleNamespace(loading_passes=12))  # type: ignore[assignment]
+        self.plan = SimpleNamespace(target_error=0.03, crowd=None)  # type: ignore[assignment]
+        self.cache = SimpleNamespace(tell=lambda *told: None)  # type: ignore[assignment]
+        self.a, self.b, self.noise = np.array([0.0, -40.0]) * self.rng.random((8, 8, 1)), b, noise
+        self.given = np.zeros((8, 8, 2))
+
+    @property
+    def first(self) -> Gathered:  # type: ignore[override]
+        return self._alone("air", lambda: None)
+
+    def under(self, force: ForceDensity, before: Any) -> Any:
+        self.given = force.density
+        return before
+
+    def _alone(self, key: str, field: Any) -> Gathered:
+        asked = (self.a - self.b * self.given) * (1.0 + self.noise * self.rng.normal(size=self.a.shape))
+        force = ForceDensity(Boxes(0.0, 0.0, 0.01, 8, 8), asked)
+        moved = 0.2 * float(np.linalg.norm(asked) / np.linalg.norm(self.a))
+        return Gathered(force, np.zeros((4, 2)), force, {"dust": [0.5 + moved, 0.5 - moved]})
+
+
+@pytest.mark.parametrize("noise", [0.005, 0.05])
+@pytest.mark.parametrize("b", [0.1, 0.5, 1.0, 3.0])
+def test_how_many_passes_a_force_takes_hardly_depends_on_the_seed(b: float, noise: float) -> None:
+    """Over 20 seeds, of air that hardly answers and of air that oversteps three times, by forces known as those of 2048
+    granules are, and ten times worse.
+    """
+    passes = [len(_Answering(seed, b, noise).passes) for seed in range(20)]
+    assert max(passes) <= min(4, 1.5 * np.median(passes))
 
 
 @pytest.mark.openfoam
