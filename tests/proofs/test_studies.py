@@ -37,6 +37,14 @@ def test_every_study_is_tried() -> None:
     assert {name for name in app if not name.startswith("-")} <= named | ELSEWHERE
 
 
+def test_what_a_stage_costs_is_told_over_seeds(tmp_path: Path) -> None:
+    rows = study("cost_by_seed", "vacuum", "--seeds", 3, "--count", 256, "--cache", tmp_path)
+    whole = next(row for row in rows if row["stage"] == "whole")
+    assert whole["seeds"] == 3
+    assert whole["largest"] >= whole["median"] > 0.0
+    assert {"tracks", "draws"} <= {row["stage"] for row in rows}
+
+
 @pytest.mark.openfoam
 def test_chaff_alone_lands_where_it_does_without_lift_but_for_the_scatter_of_its_spin() -> None:
     """Of a glume the lift takes a sixth out of the inner bins, to either side of the heap."""

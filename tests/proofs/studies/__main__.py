@@ -8,7 +8,7 @@ from cyclopts import App
 STUDIES = {  # module: its studies, each a function of its name, or of the name ``main`` where it is alone
     "bounds": ("gates", "impaction", "injection_or_resolved"),
     "collisions": ("crowd_draws", "crowd_speed", "crowding", "throughput"),
-    "costs": ("mpi_ranks", "plan_times", "sweep_speed", "threads", "time_resolved_cost"),
+    "costs": ("cost_by_seed", "mpi_ranks", "plan_times", "sweep_speed", "threads", "time_resolved_cost"),
     "ends": ("domain", "locked_band", "vibrating_air"),
     "flakes": ("chaff_alone", "flakes", "flakes_in_air", "kernels"),
     "laws": ("air_loading", "best_estimate", "labyrinth", "printed_form", "rebound"),

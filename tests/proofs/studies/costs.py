@@ -4,6 +4,9 @@ plan_times: The run time that `wakeflow plan` expects of each shipped scene next
 takes, each in a cache of its own: *new* is what is expected of a machine on which nothing has run, *learned* what is
 expected once the scenes of the rows above have.
 
+cost_by_seed: Processor seconds of each stage of the shipped scenes over ten seeds of their feeds, the largest over the
+median. The seeds of a scene share a cache, so that an airflow that no seed changes is solved once and counts as one.
+
 sweep_speed: Two workers against one, where OpenFOAM bounds (airflows) and where tracking does (tracks), 100 feeds over
 5 airflows, and airflows solved on from a neighbour's. Every sweep has an empty cache, but for the compiled tracker.
 
@@ -49,6 +52,7 @@ from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.cost import wall_seconds
 from wakeflow.planning.machine_rates import on_this_machine
 from wakeflow.planning.plan import REPLICATES
+from wakeflow.runs.progress import DONE, FROM_CACHE
 from wakeflow.tracking import Granules
 from wakeflow.tracking.driver import BLOCK
 
@@ -166,6 +170,57 @@ def plan_times(*scenes: str, rung: str | None = None, count: int | None = None, 
         print()
         show(STAGES, stages_of(rows))
     return rows
+
+
+# -- cost_by_seed ------------------------------------------------------------------------------------------------------
+SEED_COLUMNS = {
+    "scene": "{scene}", "stage": "{stage}", "seeds": "{seeds}", "median, CPU s": "{median:.2f}",
+    "largest": "{largest:.2f}", "largest / median": "{ratio:.2f}",
+}  # fmt: skip
+
+
+def stage_seconds(scene: wf.Scene, out: Path, rung: str | None) -> dict[str, float]:
+    """Processor seconds (this process and those it started) by stage that a run computes, and of the run (``whole``):
+    from the end of one stage to that of the next, so that what runs beside a stage counts to the one that ends first.
+    """
+    spent: dict[str, float] = {}
+    clock = [time.process_time() + solver_seconds()] * 2
+
+    def hear(stage: str, text: str) -> None:
+        if text.startswith(DONE):
+            clock[1], before = time.process_time() + solver_seconds(), clock[1]
+            if not text.startswith(FROM_CACHE):
+                spent[stage] = spent.get(stage, 0.0) + clock[1] - before
+
+    wf.run(scene, out, rung=rung, listener=hear)
+    return {**spent, "whole": time.process_time() + solver_seconds() - clock[0]}
+
+
+def seed_rows(name: str, seeds: int, scratch: Path, rung: str | None, count: int | None) -> Iterator[Row]:
+    """A row a stage of one scene, the dearest first."""
+    changes = {} if count is None else {"feed.count": count}
+    runs = [
+        stage_seconds(shipped(name, {**changes, "feed.seed": seed}), scratch / f"{name}-{seed}", rung)
+        for seed in range(seeds)
+    ]
+    by_stage = {stage: [run[stage] for run in runs if stage in run] for run in runs for stage in run}
+    for stage, spent in sorted(by_stage.items(), key=lambda one: -max(one[1])):
+        median, largest = float(np.median(spent)), max(spent)
+        yield {
+            "scene": name, "stage": stage, "seeds": len(spent), "median": median, "largest": largest,
+            "ratio": largest / max(median, 1e-9),
+        }  # fmt: skip
+
+
+def cost_by_seed(
+    *scenes: str, seeds: int = 10, rung: str | None = None, count: int | None = None, cache: Path | None = None
+) -> list[Row]:
+    """Processor seconds of each stage over seeds; ``cache``: that of airflows that are there, else an empty one."""
+    compile_tracker()
+    compile_slab()
+    with TemporaryDirectory(prefix="wakeflow-") as folder, cache_at(cache or Path(folder, "cache")):
+        rows = (row for name in scenes or SCENES for row in seed_rows(name, seeds, Path(folder), rung, count))
+        return show(SEED_COLUMNS, rows)
 
 
 # -- sweep_speed -------------------------------------------------------------------------------------------------------
