@@ -12,6 +12,7 @@ from support import G, distance, shipped
 from wakeflow import impact
 from wakeflow.core.errors import SceneError
 from wakeflow.field.flow import FlowField
+from wakeflow.injection import stream as streams
 from wakeflow.injection.feed import contact_points, feedstock
 from wakeflow.injection.first_contact import first_contact
 from wakeflow.injection.stream import FALLEN, SlabFeed, slab_stream
@@ -20,7 +21,7 @@ from wakeflow.planning.collisions import number_rates
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import REPLICATES, Plan
 from wakeflow.scene import Scene
-from wakeflow.tracking import Motion
+from wakeflow.tracking import Granules, Motion
 
 
 @pytest.mark.parametrize("radius", [1e-6, 2e-3])
@@ -286,3 +287,23 @@ def test_what_falls_from_above_the_channel_comes_into_the_slab_with_its_speed() 
     assert fallen.min() > 0.07
     speed = -stream.granules.velocity[wheat, 1]
     assert speed == pytest.approx(np.sqrt(2 * G * fallen), rel=0.03)
+
+
+def test_how_often_places_at_birth_are_drawn_anew_hardly_depends_on_the_seed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Over 20 seeds of a feed in which hundreds of 2000 granules overlap: how many are given another place."""
+    drawn, overlapping = [0], streams._overlapping
+
+    def counted(*how: Any) -> Any:
+        later = overlapping(*how)
+        drawn[-1] += len(later)
+        return later
+
+    monkeypatch.setattr(streams, "_overlapping", counted)
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        place = np.column_stack([rng.uniform(-0.02, 0.02, 2000), np.full(2000, 0.3)])
+        grains = Granules(place, np.tile([0.0, -1.0], (2000, 1)), 3e-3, 1200.0, time=np.sort(rng.random(2000)) * 0.6)
+        drawn.append(0)
+        streams._apart(rng, grains, np.arange(2000), 0.06)
+    assert min(drawn[1:]) > 100
+    assert max(drawn) <= 1.5 * np.median(drawn[1:])
