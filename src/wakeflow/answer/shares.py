@@ -31,9 +31,11 @@ class CollisionSummary:
     step_error: float | None = column(
         "as plan.unit", "how far nine of ten granules that meet nobody land from where far finer flights do, at most"
     )
-    step_asked: float | None = column("as plan.unit", "the same, as the step was asked for: larger ones are a notice")
-    step_trials: int = column("1", "steps that were tried")
     jammed: int = column("1", "replicates in which granules that lie still became more as long as it was fed")
+    step_asked: float | None = column(
+        "as plan.unit", "the same, as the step was asked for: larger ones are a notice", default=None
+    )
+    step_trials: int | None = column("1", "steps that were tried", default=None)
 
 
 def collisions_of(plan: Plan, crowd: SlabFound) -> CollisionSummary:
