@@ -124,17 +124,17 @@ def rhombus_spec(**how: Any) -> FlowSpec:
     return FlowSpec(mesh, 5.0, **AIR, turbulence="kOmegaSST", stepping="steady" if mesh.half else "time-resolved")
 
 
-def kept_airflow(spec: FlowSpec) -> tuple[Path, AirflowResult]:
+def kept_airflow(spec: FlowSpec, start: Path | None = None) -> tuple[Path, AirflowResult]:
     """Folder (mesh.msh, case) and result of a solved airflow, which nobody changes: kept between sessions until the
-    code that makes it, the template, Gmsh or OpenFOAM is another.
+    code that makes it, the template, Gmsh or OpenFOAM is another. ``start``: such a folder that it starts from.
     """
 
     def work(part: Path) -> None:
         build_mesh(spec.mesh, part)
-        solve_airflow(spec, part / "mesh.msh", part / "case")
+        solve_airflow(spec, part / "mesh.msh", part / "case", start=None if start is None else start / "case")
 
     code = code_key("wakeflow.meshing", "wakeflow.foam.airflow"), digest_files([case_template()])
-    key = content_key(repr(spec), *code, version("gmsh"), openfoam_version())
+    key = content_key(repr(spec), *code, version("gmsh"), openfoam_version(), None if start is None else start.name)
     folder, _ = Store(cache_root()).make("tested-airflow", key, work)
     return folder, load(AirflowResult, folder / "case" / "airflow.json")
 

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,7 @@ from pathlib import Path
 sys.path[:0] = [{tests!r}, {here!r}]
 from test_same_answer import airflow
 from wakeflow.foam.airflow import solve_airflow
-solve_airflow(airflow({stepping!r}), Path({msh!r}), Path({case!r}))
+solve_airflow(airflow({stepping!r}), Path({msh!r}), Path({case!r}), start=Path({start!r}) if {start!r} else None)
 """
 
 
@@ -105,18 +106,24 @@ def stored(case: Path) -> dict[str, str]:
 
 
 @pytest.mark.openfoam
-@pytest.mark.parametrize("stepping", ["steady", "time-resolved"])
-def test_neither_load_nor_kills_change_an_airflow(stepping: str, tmp_path: Path) -> None:
-    """One run in peace, one killed again and again beside two processes that leave it little of the machine."""
-    spec = airflow(stepping)
+@pytest.mark.parametrize(
+    ("stepping", "developed"), [("steady", False), ("time-resolved", False), ("time-resolved", True)]
+)
+def test_neither_load_nor_kills_change_an_airflow(stepping: str, developed: bool, tmp_path: Path) -> None:
+    """One run in peace, one killed again and again beside two processes that leave it little of the machine; from
+    rest, or from a wake that is ``developed`` already.
+    """
+    spec, start = airflow(stepping), None
+    if developed:
+        start = kept_airflow(replace(spec, speed=0.9 * spec.speed))[0] / "case"
     build_mesh(spec.mesh, tmp_path)
     begun = time.monotonic()
-    solve_airflow(spec, tmp_path / "mesh.msh", tmp_path / "quiet")
+    solve_airflow(spec, tmp_path / "mesh.msh", tmp_path / "quiet", start=start)
     seconds = time.monotonic() - begun
     assert len(segment_ends(tmp_path / "quiet")) >= 2
     script = SOLVE.format(
         tests=str(ROOT / "tests"), here=str(Path(__file__).parent), stepping=stepping, msh=str(tmp_path / "mesh.msh"),
-        case=str(tmp_path / "disturbed"),
+        case=str(tmp_path / "disturbed"), start="" if start is None else str(start),
     )  # fmt: skip
     delays = list(1.0 + seconds * np.random.default_rng().uniform(0.1, 0.35, 3))  # a second to start Python
     with loaded_machine():

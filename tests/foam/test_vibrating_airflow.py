@@ -17,7 +17,7 @@ from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.record import to_json
 from wakeflow.field import FlowField
 from wakeflow.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
-from wakeflow.foam.history import CD, CL, read_table
+from wakeflow.foam.history import CD, CL, Tail, read_table
 from wakeflow.foam.mesh_motion import MeshMotion
 from wakeflow.foam.prepare import prepare_case
 from wakeflow.foam.programs import call
@@ -234,6 +234,18 @@ class TestLoop:
             shutil.copytree(last, copy / name)
         (copy / "1000" / "polyMesh" / "points").unlink()
         assert [path.name for path in time_folders(copy) if holds_a_state(copy, path)] == [last.name]
+
+    def test_another_run_goes_on_from_the_loops_begin(self, locked: tuple[FlowSpec, Path, Any]) -> None:
+        """In the same phase of the vibration, as both clocks have it: the first vibrations are as the last ones."""
+        spec, case, result = locked
+        whole = spec.vibration.period
+        folder, again = kept_airflow(spec, case.parent)
+        assert again.verdict == "periodic"
+        assert again.cl_rms.value == pytest.approx(result.cl_rms.value, rel=0.02)
+        rows = Tail(folder / "case").update()
+        late = rows[rows[:, 0] > rows[-1, 0] - 4 * whole]
+        soon = rows[(rows[:, 0] > 2 * whole) & (rows[:, 0] < 6 * whole)]
+        assert soon[:, 2].std() == pytest.approx(late[:, 2].std(), rel=0.05)
 
 
 class TestChoice:

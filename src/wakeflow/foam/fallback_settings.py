@@ -22,9 +22,9 @@ from .prepare import CHECKED
 from .read import LOOP
 from .sanity import is_sane
 from .solver import PHASE, drop_after, ended_early, last_state, run_segment, states
-from .start import first_step, perturb, start_from
+from .start import first_step, start_in_time
 from .time_resolved import watch_over
-from .watch import ProgressListener, Watch
+from .watch import ProgressListener
 
 Result = TypeVar("Result")
 FALLBACKS = {
@@ -127,17 +127,12 @@ def first_order_start(spec: FlowSpec, folder: Path, start: Path | None, listener
     if (folder / STARTED).exists():
         return
     steady = spec.stepping == "steady"
-    scale = 1.0 if steady else spec.convective_time
-    end = START_ITERATIONS if steady else START_TIME * scale
+    end = START_ITERATIONS if steady else START_TIME * spec.convective_time
     drop_after(folder, last_state(folder))
     if not steady and not last_state(folder):
-        start_from(spec, folder, start)
-        perturb(spec, folder)
+        start_in_time(spec, folder, start)
     write_parameters(folder, replace(spec, settings="first-order").parameters())
-    if steady:
-        watch = Watch(folder, "steady", listener, expected=end)
-    else:
-        watch = watch_over(spec, folder, "first-order start", listener, end)
+    watch = watch_over(spec, folder, "steady" if steady else "first-order start", listener, end)
     if not ended_early(folder):  # and was interrupted before it said so
         program = "simpleFoam" if steady else "pimpleFoam"
         run_segment(folder, program, end, {"deltaT": 1.0 if steady else first_step(spec)}, watch)

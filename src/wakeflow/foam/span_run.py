@@ -42,7 +42,7 @@ from .sanity import check_airflow
 from .solver import PHASE, drop_after, last_state, purge, run_segment, segment_ends
 from .span_measure import measure_span
 from .span_record import LAYERS, PACKED, SpanRecord, pack
-from .start import first_step, perturb, start_from, write_internal
+from .start import first_step, start_in_time, write_internal
 from .time_resolved import watch_over
 from .watch import ProgressListener
 
@@ -220,8 +220,7 @@ def _plane_wake(spec: FlowSpec, folder: Path, start: Path | None, listener: Prog
     if last_state(folder) >= end * (1 - SAME):
         return
     drop_after(folder, 0.0)
-    start_from(spec, folder, start)
-    perturb(spec, folder)
+    start_in_time(spec, folder, start)
     watch = watch_over(spec, folder, "plane wake", listener, end)
     run_segment(folder, "pimpleFoam", end, {"deltaT": first_step(spec)}, watch)
 

@@ -1,4 +1,4 @@
-"""What a time-resolved run starts from: another case's solution, and a push that sets off the shedding."""
+"""What a run starts from: another case's solution, and a push that sets off the shedding where it does not shed yet."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..core.foam_code import refuse_code
 from .case import FlowSpec
 from .polymesh import read_polymesh
 from .prepare import FOREIGN
-from .read import CaseFields
+from .read import CaseFields, loop_of
 
 Array = NDArray[np.float64]
 # Chosen: the vortex is a push that every wake forgets, no part of the result.
@@ -24,25 +24,32 @@ SAME = 1e-7  # of the first body's width: nearer cell centres are those of one m
 FIRST_STEP = 0.2  # of a corner cell that the incoming air crosses in the first time step
 
 
+def start_in_time(spec: FlowSpec, folder: Path, source: Path | None) -> None:
+    """Begin a time-resolved run from case ``source`` or a uniform flow, pushed (:func:`perturb`) unless it sheds."""
+    start_from(spec, folder, source)
+    if source is None or loop_of(source) is None:
+        perturb(spec, folder)
+
+
 def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
-    """Interpolate the latest fields of case ``source`` onto the cells of ``folder``; without a source the flow starts
-    uniform.
+    """Interpolate the latest fields of case ``source``, or those at the begin of its loop (phase zero of a vibration),
+    onto the cells of ``folder``; without a source the flow starts uniform.
 
     A half domain is mirrored about x = 0 first. A source written from the template may have another speed, size or
-    direction: lengths scale with the first body's width, U with the inlet speed, p with its square, turbulent fields
-    by their units; a field that it lacks keeps its inlet value. Linear between cell centres, the nearest cell's value
-    outside them. Raises SceneError for a source that holds code, as one in a cache from others may.
+    direction: lengths scale with the first body's width, U with the inlet speed, p with its square, turbulent fields by
+    their units; a field that it lacks keeps its inlet value, as boundaries do. Linear between cell centres, the nearest
+    cell's value outside them. Raises SceneError for a source that holds code, as one in a cache from others may.
     """
     if source is None:
         return
     refuse_code(source, str(source), FOREIGN)
     fields = CaseFields(source)
-    latest = fields.folder("latest")
+    moment = fields.folder((loop_of(source) or {"times": ["latest"]})["times"][0])
     given = fields.parameters
     speed = spec.speed / float(given.get("inletSpeed", spec.speed))
     size = spec.mesh.projected_width / float(given.get("bodyWidth", spec.mesh.projected_width))
     turned = np.sign(float(given.get("flowDirection", f"(0 {spec.along} 0)").strip("()").split()[1]) * spec.along)
-    factors = {"U": speed, "p": speed**2}
+    factors: dict[str, float | Array] = {"U": speed * np.array([1.0, turned]), "p": speed**2}
     factors |= {field.name: field.rescaled(speed, size) for field in spec.transported}
     target = read_polymesh(folder).plane.centres
     centres = fields.mesh.plane.centres * (size, size * turned)
@@ -52,11 +59,9 @@ def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
         centres = np.vstack([centres, centres * (-1.0, 1.0)])
     found: dict[str, Array] = {}
     for name, factor in factors.items():
-        if not fields.has(latest, name) or not (folder / "0" / name).exists():
+        if not fields.has(moment, name) or not (folder / "0" / name).exists():
             continue
-        values = fields.field(latest, name)[0] * factor
-        if name == "U":
-            values = values * (1.0, turned)
+        values = fields.field(moment, name)[0] * factor
         if half:
             values = np.concatenate([values, values * (-1.0, 1.0) if name == "U" else values])
         found[name] = values

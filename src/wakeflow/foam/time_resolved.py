@@ -19,7 +19,7 @@ from .history import Tail
 from .mesh_motion import MeshMotion
 from .read import LOOP, CaseFields, time_folders
 from .solver import PHASE, SAME, drop_after, last_state, purge, run_segment, segment_ends
-from .start import first_step, perturb, start_from
+from .start import first_step, start_in_time
 from .statistics import Stopping, cycles, evaluate, is_still
 from .watch import ProgressListener, Watch
 
@@ -56,20 +56,19 @@ def run_time_resolved(
 ) -> str:
     """Run pimpleFoam until the statistics have settled (:class:`Stopping`, FlowSpec.accuracy). Returns the verdict.
 
-    From ``start`` (any solved case, best the draft of the same bodies) or a uniform flow, with a transverse push behind
-    the body that sets off the shedding. Once three periods look alike, or after 80 widths of travel, snapshots are
-    written, 24 a period, of which the last are kept; when the run ends, the loop of whole periods (3 when periodic, 6
-    when broadband) that closes best stays, listed in loop.json. A wake that does not shed is kept as one steady time.
-    The run ends unfinished after 300 widths of travel: the intervals say what is lacking. Where the body vibrates
-    (``spec.vibration``) the loop is whole periods of the vibration, and loop.json holds the motion of the mesh and its
-    phase at the loop's start; a wake that only swings with the body is kept as such a loop too.
+    From ``start`` (any solved case, best a time-resolved one of the same bodies) or a uniform flow; a transverse push
+    behind the body sets off the shedding where ``start`` has none. Once three periods look alike, or after 80 widths of
+    travel, snapshots are written, 24 a period, of which the last are kept; when the run ends, the loop of whole periods
+    (3 when periodic, 6 when broadband) that closes best stays, listed in loop.json. A wake that does not shed is kept
+    as one steady time. The run ends unfinished after 300 widths of travel: the intervals say what is lacking. Where the
+    body vibrates (``spec.vibration``) the loop is whole periods of the vibration, and loop.json holds the motion of the
+    mesh and its phase at the loop's start; a wake that only swings with the body is kept as such a loop too.
     """
     phase = folder / PHASE
     if not phase.exists():
         drop_after(folder, last_state(folder))
         if not last_state(folder):
-            start_from(spec, folder, start)
-            perturb(spec, folder)
+            start_in_time(spec, folder, start)
         _start_up(spec, folder, listener)
         write_json(phase, {
             "phase": "loop", "begin": last_state(folder), "period": _period(Tail(folder).update(), spec),
