@@ -195,3 +195,16 @@ def test_every_grid_starts_from_one_draft_that_is_planned_once(rhombus: Scene, m
     drafts = [pipeline.on_grid(grid).draft for grid in range(3)]
     assert all(draft.plan.airflow.stepping == "steady" for draft in drafts)
     assert planned == ["reference", "draft"]
+
+
+def test_a_wake_in_time_starts_from_the_next_coarser_one_and_the_coarsest_from_the_neighbours(rhombus: Scene) -> None:
+    """A steady one from the neighbour's steady one; where that has no wake in time, the own steady one is left."""
+    scenes = [rhombus.replace({"air.speed": speed}) for speed in (0.03, 0.033)]  # Re 100 and 110
+    near, steady = (Pipeline(scenes[0], make_plan(scenes[0], rung=rung, force=OFF)) for rung in ("reference", "draft"))
+    plan = make_plan(scenes[1], rung="reference", force=OFF)
+    for neighbour, first in ((None, None), (near, near.on_grid(2).kind), (steady, None)):
+        own = Pipeline(scenes[1], plan, neighbour=neighbour)
+        kinds = [own.on_grid(grid).kind for grid in range(3)]
+        assert all(one.nearest() is other for one, other in zip(kinds, (*kinds[1:], first), strict=True))
+        drafts = own.draft, None if neighbour is None else neighbour.draft
+        assert drafts[0].kind.nearest() is (None if drafts[1] is None else drafts[1].kind)

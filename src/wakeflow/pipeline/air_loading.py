@@ -258,10 +258,11 @@ class LoadedCase(AirLoading):
 
     def solution_on(self, air: CaseAir) -> tuple[str, Path]:
         """Key and folder of the steady airflow under that force, on the grid of ``air``, which does not feel it."""
+        before = air.solution  # another core gathers the force meanwhile
         last = self.passes[-1]
         if air.grid == self.steady.grid:
             return last.key, known(last.folder)
-        return self._solved(air, last.force, *air.solution)
+        return self._solved(air, last.force, *before)
 
     def _solved(self, air: CaseAir, force: ForceDensity, from_key: str, start: Path) -> tuple[str, Path]:
         """Key and folder of the steady ``air`` under ``force``, from the cache or solved on from another's."""

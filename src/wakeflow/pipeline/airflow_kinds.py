@@ -107,8 +107,8 @@ class ForceOnCase(ForceOnAir, Protocol):
 class AirflowKind(ABC):
     """The airflow of one scene under one plan.
 
-    ``grid`` is the place among the plan's grids, 0 the answer's; ``steady`` gives the scene's steady airflow, which is
-    solved where it is not yet, and ``neighbour`` that of another scene to start it from, None for a start from rest.
+    ``grid`` is the place among the plan's grids, 0 the answer's; ``steady`` gives the scene's steady airflow, and
+    ``nearest`` that of the same kind to start from, of a coarser grid or another scene; both solved where they are not.
     ``loading``: the granules' force on the air, None where it does not feel them.
     """
 
@@ -117,7 +117,7 @@ class AirflowKind(ABC):
     cache: StageCache
     grid: int
     steady: Callable[[], CaseAir]
-    neighbour: Callable[[], CaseAir | None] = field(default=lambda: None, kw_only=True)
+    nearest: Callable[[], CaseAir | None] = field(default=lambda: None, kw_only=True)
     loading: Callable[[], ForceOnAir | None] = field(default=lambda: None, kw_only=True)
     means: ClassVar[str] = ""  # what granules fly in, in words
     at_once: ClassVar[bool] = False  # known without meshing, solving or reading files

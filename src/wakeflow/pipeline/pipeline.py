@@ -22,7 +22,7 @@ from ..planning.make import Planner
 from ..planning.plan import Plan
 from ..planning.stages import OWN, AirLabel, StageKey
 from ..scene import Scene
-from . import blended_air, known_air, solved_air, span_air  # noqa: F401 - they register kinds of airflow
+from . import blended_air, known_air, span_air  # noqa: F401 - they register kinds of airflow
 from .air_loading import AirLoading, DrivenAir, LoadedCase
 from .airflow import Airflow, FieldDivergence
 from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
@@ -31,6 +31,7 @@ from .compilation import Compilation
 from .film_stage import Film, FilmStage
 from .input_samples import DrawStage, Ensemble, InputSamples
 from .slab import CollisionRerun, CollisionStage, SlabFound
+from .solved_air import SteadyAir, TimeResolvedAir
 from .track_stage import PerturbedRerun, TrackStage
 
 if TYPE_CHECKING:
@@ -46,9 +47,9 @@ class Pipeline:
 
     ``grid`` is the place among the plan's grids, 0 the answer's; ``label`` tells the stages of another airflow of the
     same scene apart in ``seconds`` and to the listener. ``planner`` made ``plan`` and plans the scene at other rungs;
-    by default it is one with the plan's own options. From the steady airflow of a
-    ``neighbour`` that of this scene is solved on, on whatever mesh that one stands. ``whole``: the pipeline whose
-    steady end this one is, None where it is a scene's own.
+    by default it is one with the plan's own options. From the airflow of a ``neighbour`` that of this scene is solved
+    on, on whatever mesh that one stands. ``whole``: the pipeline whose steady end this one is, None where it is a
+    scene's own.
     """
 
     scene: Scene
@@ -101,15 +102,19 @@ class Pipeline:
         made: type[AirflowKind] = airflow_kinds[self.plan.airflow.kind]
         return made(
             self.scene, self.plan, self.cache, self.grid, lambda: self.draft._in_case,
-            neighbour=self._beside, loading=lambda: self.loading,
+            nearest=self._nearest, loading=lambda: self.loading,
         )  # fmt: skip
 
-    def _beside(self) -> CaseAir | None:
-        """The steady airflow of the neighbour, on the grid that is most like this one."""
+    def _nearest(self) -> CaseAir | None:
+        """In time the airflow on the next coarser grid, else the neighbour's of this kind on the grid like it."""
+        in_time = self.plan.airflow.stepping == "time-resolved"
+        if in_time and self.plan.airflow.scales[self.grid + 1 :]:
+            return self.on_grid(self.grid + 1)._in_case
         if self.neighbour is None:
             return None
-        steady = self.neighbour.draft
-        return steady.on_grid(min(self.grid, len(steady.plan.airflow.scales) - 1))._in_case
+        near = self.neighbour if in_time else self.neighbour.draft
+        found = near.on_grid(min(self.grid, len(near.plan.airflow.scales) - 1)).kind
+        return found if isinstance(found, TimeResolvedAir if in_time else SteadyAir) else None
 
     @property
     def _in_case(self) -> CaseAir:
@@ -172,7 +177,7 @@ class Pipeline:
 
     @cached_property
     def draft(self) -> Pipeline:
-        """The same scene in its steady airflow: where a time-resolved one starts, and the other end of the bracket."""
+        """The same scene in its steady airflow: the other end of the bracket, and where the first in time starts."""
         plan = known(self.planner).at(self.scene).plan("draft")
         plan = replace(plan, airflow=plan.airflow.feeling(self.scene, loaded=self.plan.airflow.loaded))
         grid = min(self.grid, len(plan.airflow.scales) - 1)

@@ -99,7 +99,8 @@ class SolvedAir(CaseAir):
 
     def start(self) -> Path | None:
         """The case folder of the solved airflow that this one starts from; None: from a uniform stream."""
-        return None
+        near = self.nearest()
+        return None if near is None else near.bare.case
 
 
 @airflow_kinds.register("steady")
@@ -112,11 +113,6 @@ class SteadyAir(SolvedAir):
         loading = self.loading()
         return super().make_solution() if loading is None else cast(ForceOnCase, loading).solution_on(self.bare)
 
-    def start(self) -> Path | None:
-        """The steady airflow of a neighbour, where the scene has one."""
-        near = self.neighbour()
-        return None if near is None else near.bare.case
-
     @property
     def model_is_unknown(self) -> bool:
         return (self.scene.reynolds or 0.0) >= SHEDDING_ABOVE
@@ -128,9 +124,9 @@ class TimeResolvedAir(SolvedAir):
 
     means = "the wake in time"
 
-    def start(self) -> Path | None:
-        """The steady wake."""
-        return self.steady().case
+    def start(self) -> Path:
+        """The wake in time that is nearest, developed already; else the steady one."""
+        return (self.nearest() or self.steady()).case
 
     @cached_property
     def resolved(self) -> tuple[str, FlowField]:

@@ -22,6 +22,7 @@ from .wake import MEMORY, SpanCost, cost_of
 
 # -- What an airflow will cost, before its mesh is made ----------------------------------------------------------------
 SECONDS = {"steady": 17.0, "time-resolved": 81.0}  # of solving on 2020s hardware at the usual mesh, a body, one core
+DEVELOPED = 0.68  # times as long: a time-resolved solution that starts from a coarser grid's wake, not the steady one
 UNMIRRORED = 3.4  # times as long: a steady solution of the whole channel, which has more cells and settles late
 WORTH_IT = 60_000  # cells from which a second MPI rank pays
 RANKS = 2  # from there on, on every machine: the number of ranks is part of what is computed, by rounding
@@ -52,8 +53,8 @@ def span_cost(scene: Scene, airflow: AirflowPlan) -> SpanCost:
 
 
 def solver_seconds(scene: Scene, airflow: AirflowPlan, grid: int = 0) -> tuple[float, float]:
-    """Seconds of OpenFOAM to expect on one core, on a grid of the plan: of the steady solution that a time-resolved one
-    starts from, 0 where it is steady itself, and of the airflow; good to a factor of two.
+    """Seconds of OpenFOAM to expect on one core, on a grid of the plan: of the steady solution beside a time-resolved
+    one, 0 where it is steady itself, and of the airflow; good to a factor of two.
 
     The time step goes with the cells' edges, and so do the iterations of a steady solution that settles; one of the
     whole channel often does not, and then ends after about as many on all meshes.
@@ -67,7 +68,8 @@ def solver_seconds(scene: Scene, airflow: AirflowPlan, grid: int = 0) -> tuple[f
     start = SECONDS["steady"] * size * (1.0 if half else UNMIRRORED * edges)
     if airflow.span is not None:
         return start, 0.0
-    return (0.0, start) if steady else (start, SECONDS["time-resolved"] * size)
+    known = DEVELOPED if airflow.scales[grid + 1 :] else 1.0
+    return (0.0, start) if steady else (start, known * SECONDS["time-resolved"] * size)
 
 
 def _edges(scene: Scene, airflow: AirflowPlan, grid: int) -> float:
@@ -208,14 +210,18 @@ def _pouring(work: Workload) -> Iterator[StageCost]:
 
 def _airs(work: Workload) -> Iterator[tuple[int, AirLabel, str, str]]:
     """Number and label of every solved airflow of a run, and when its mesh is made and when it is solved: the answer's
-    own, those on other grids, and the steady one that each starts from in time.
+    own, those on coarser grids, from which it starts in time, and the steady ones beside them: from which the coarsest
+    starts, in which the granules' force is gathered, and all where they are ends of a bracket.
     """
-    for number, scale in enumerate(work.airflow.scales if work.airflow.stepping is not None else ()):
+    airflow, in_time = work.airflow, work.airflow.stepping == "time-resolved"
+    for number, scale in reversed([*enumerate(airflow.scales if airflow.stepping is not None else ())]):
         label = OWN if number == 0 else AirLabel(grid=scale)
-        meshed, solved = ("first", "answer") if number == 0 else ("beside", "beside")
+        solved = "answer" if number == 0 or in_time else "beside"
+        meshed = "first" if number == 0 else "beside" if airflow.loaded else solved
+        if in_time and (airflow.brackets or not airflow.scales[number + 1 :] or (airflow.loaded and number == 0)):
+            when = "beside" if number == 0 and airflow.scales[1:] and not airflow.loaded else meshed
+            yield number, label._replace(draft=True), when, when
         yield number, label, meshed, solved
-        if work.airflow.stepping != "steady":
-            yield number, label._replace(draft=True), meshed, meshed
 
 
 def _meshing(work: Workload) -> Iterator[StageCost]:
@@ -235,7 +241,7 @@ def _solving(work: Workload) -> Iterator[StageCost]:
 def _reading(work: Workload) -> Iterator[StageCost]:
     for _, label, _, solved in _airs(work):
         seconds = READ["steady" if label.draft else work.airflow.stepping or "steady"]
-        yield StageCost(StageKey(label, "field"), seconds, "beside" if label.draft else solved)
+        yield StageCost(StageKey(label, "field"), seconds, solved if label == OWN else "beside")
 
 
 def _gathering(work: Workload) -> Iterator[StageCost]:

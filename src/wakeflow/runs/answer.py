@@ -108,16 +108,10 @@ class OneRun:
         if threads < 2 or until in ("funnel", "mesh") or pipeline.kind.at_once:
             return []
         spare = replace(pipeline)  # the two threads share what is in the cache, nothing else
-
-        def solve(grid: int) -> object:
-            return spare.on_grid(grid).solution
-
-        solved: list[Callable[[], object]] = [
-            partial(solve, grid) for grid in range(1, len(pipeline.plan.airflow.scales))
-        ]
-        if until is not None:
-            return solved
-        return [*solved, *flights_ahead(spare), self._air_shown]  # flights wait for the steady airflow
+        grids = range(1, len(pipeline.plan.airflow.scales))  # from which the answer's airflow starts in time
+        others = [spare.draft] if pipeline.plan.airflow.brackets else [spare.on_grid(grid) for grid in grids]
+        solved: list[Callable[[], object]] = [partial(getattr, other, "solution") for other in others]
+        return solved if until is not None else [*solved, *flights_ahead(spare), self._air_shown]
 
     def _air_shown(self) -> None:
         """What the report tells and shows of the air alone, as soon as this run's own field is there."""

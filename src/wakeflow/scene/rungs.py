@@ -20,10 +20,10 @@ class Rung:
 
     ``meaning``: what it computes, in words. ``kind``: the kind of airflow, None where the plan chooses another rung;
     ``kind_below_shedding``: the kind where the wake does not shed, None for the same. ``scales``: cell edges over the
-    usual ones of the kind, one a grid; the answer is that of the first. ``accuracy``: relative half width of the 95 %
-    intervals of drag, base pressure and shedding frequency at which a time-resolved solution may end, None for the
-    usual one. ``resolves``: the rung that resolves what this one leaves out where the wake sheds, None where it leaves
-    nothing out.
+    usual ones of the kind, one a grid, from fine to coarse; the answer is that of the first, and in time each starts
+    from the next. ``accuracy``: relative half width of the 95 % intervals of drag, base pressure and shedding frequency
+    at which a time-resolved solution may end, None for the usual one. ``resolves``: the rung that resolves what this
+    one leaves out where the wake sheds, None where it leaves nothing out.
     """
 
     meaning: str
@@ -63,8 +63,8 @@ rungs.add(
 rungs.add(
     "standard",
     Rung(
-        "time-resolved in two dimensions, started from the draft: the flow itself up to the onset of three-dimensional "
-        "motion; where the wake is turbulent, one of the two ends of the best estimate that is flown in",
+        "time-resolved in two dimensions, started from a coarser mesh's: the flow itself up to the onset of "
+        "three-dimensional motion; where the wake is turbulent, one of the two ends of the best estimate flown in",
         "time-resolved",
         scales=(1.0, GRIDS),
     ),

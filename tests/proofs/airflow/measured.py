@@ -109,14 +109,15 @@ HISTORY_CD, HISTORY_CL = 1, 3  # columns of OpenFOAM's coefficient.dat
 
 @dataclass(frozen=True)
 class SolvedAirflow:
-    """A solved airflow: what was ``found``, its OpenFOAM case, the body's projected width (m), the case of the draft
-    that a time-resolved one starts from, and the air round the body for what is measured with dust in it.
+    """A solved airflow: what was ``found``, its OpenFOAM case, the body's projected width (m), the cases that a
+    time-resolved one starts from in turn (those on coarser meshes, the draft), and the air round the body for what is
+    measured with dust in it.
     """
 
     found: Airflow
     case: Path
     width: float
-    start: Path | None = None
+    before: tuple[Path, ...] = ()
     wake: DustyWake | None = None
 
     @property
@@ -127,8 +128,8 @@ class SolvedAirflow:
 
     @cached_property
     def cost(self) -> float:
-        """Processor seconds of its solver, and of the draft that it starts from."""
-        return core_seconds(self.case) + (0.0 if self.start is None else core_seconds(self.start))
+        """Processor seconds of its solver, and of those that it starts from."""
+        return sum(map(core_seconds, (self.case, *self.before)))
 
     @cached_property
     def day(self) -> str:
@@ -158,9 +159,10 @@ quantities: Registry[Quantity] = Registry("quantity")
 
 def measured(pipeline: Pipeline) -> SolvedAirflow:
     """The airflow of a scene, solved or from the cache."""
-    start = pipeline.draft.solution[1] / "case" if pipeline.plan.airflow.stepping == "time-resolved" else None
-    case = pipeline.solution[1] / "case"
-    return SolvedAirflow(pipeline.airflow, case, pipeline.scene.width, start, dusty_wake(pipeline))
+    airs = [pipeline.on_grid(grid) for grid in range(len(pipeline.plan.airflow.scales))]
+    airs = [*airs, airs[-1].draft] if pipeline.plan.airflow.stepping == "time-resolved" else airs[:1]
+    case, *before = (air.solution[1] / "case" for air in airs)
+    return SolvedAirflow(pipeline.airflow, case, pipeline.scene.width, tuple(before), dusty_wake(pipeline))
 
 
 def _number(found: Number | float | None, scale: float = 1.0) -> Number | None:

@@ -63,7 +63,8 @@ def moved(scene: wf.Scene, rung: str, distances: tuple[float, float] | None) -> 
     """The scene with its inlet and outlet at ``distances`` (body widths) from the body."""
     plan = make_plan(scene, rung=rung, force=BARE)
     made = Pipeline(scene, replace(plan, airflow=replace(plan.airflow, accuracy=ACCURACY)))
-    for pipeline in (made, made.draft):
+    airs = [made.on_grid(grid) for grid in range(len(plan.airflow.scales))]
+    for pipeline in (*airs, *(air.draft for air in airs)):
         spec = pipeline.mesh_spec
         before, behind = distances or ends(spec.width / spec.projected_width)
         outline, size = np.array(spec.bodies[0]), spec.widths[0]
