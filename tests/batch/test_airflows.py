@@ -14,6 +14,9 @@ from wakeflow.batch import agenda as run_agenda
 from wakeflow.batch.agenda import make_agenda, starts
 from wakeflow.batch.work import Job
 from wakeflow.core.errors import SceneError
+from wakeflow.foam.case import read_parameters
+from wakeflow.foam.history import Tail
+from wakeflow.foam.statistics import cycles
 from wakeflow.runs import report_again
 
 COARSE = {
@@ -94,6 +97,28 @@ def test_the_answer_does_not_hang_on_where_the_airflow_starts(tmp_path: Path) ->
     options: dict[str, Any] = json.loads((tmp_path / "near" / "result.json").read_text())["options"]
     assert options["near"] == str(tmp_path / "first")
     report_again(tmp_path / "near")  # finds the airflow that was started so
+
+
+@pytest.mark.openfoam
+def test_a_wake_in_time_starts_from_the_neighbours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the coarsest grid, scaled: the first cycle has the drag of the last, as none from a steady wake has."""
+    monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "cache"))
+    base = shipped("rhombus", {"numerics.mesh_scale": 4.0, "numerics.averaging": 0.2, "numerics.rung": "standard"})
+    other, how = base.replace({"air.speed": 6.0}), {"until": "airflow", "force": ALONE, "report": False}
+    wf.run(base, tmp_path / "first", **how)
+    places = {"rest": None, "near": tmp_path / "first"}
+    runs = [wf.run(other, tmp_path / name, near=near, **how) for name, near in places.items()]
+    assert runs[0].key != runs[1].key
+    drags = [run.table["airflow"]["ends"]["time_resolved"]["cd"] for run in runs]
+    assert max(drag["low"] for drag in drags) <= min(drag["high"] for drag in drags)
+    gaps = []
+    for case in (loop.parent for loop in (tmp_path / "cache" / "airflow").glob("*/case/loop.json")):
+        found = json.loads((case / "airflow.json").read_text())
+        if read_parameters(case)["inletSpeed"] == "6" and found["cells"] < 400:
+            gaps.append(abs(cycles(Tail(case).update())[0, 2] / found["cd"]["value"] - 1.0))
+    near, rest = sorted(gaps)
+    assert near < 0.01
+    assert rest > 0.1
 
 
 def test_a_start_that_cannot_be_is_one_line(tmp_path: Path) -> None:

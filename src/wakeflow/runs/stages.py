@@ -39,9 +39,10 @@ def stages_of(
     listener: Listener,
     planned: Callable[[Plan], object] = ignore,
     made: Plan | None = None,
+    before: tuple[Path, ...] = (),
 ) -> tuple[Pipeline, FunnelSummary | None]:
     """The stages of a scene, fed by its funnel where it has one, and what that funnel delivers; ``planned`` hears of
-    the plan before, which may have been ``made`` elsewhere.
+    the plan before, which may have been ``made`` elsewhere. ``before``: the folders of runs that start near it.
     """
     if scene.funnel is not None and not scene.funnel.computed:
         scene = scene.fed()
@@ -51,10 +52,10 @@ def stages_of(
     plan = planner.plan(rung)
     planned(plan)
     one_at_a_time = thread_safe(listener)
-    beside = None if request.near is None else _neighbour(Path(request.near), (), one_at_a_time)
+    beside = None if request.near is None else _neighbour(Path(request.near), before, one_at_a_time)
     pipeline = Pipeline(
         plan.airflow.flown(scene), plan, one_at_a_time, workers, planner=planner, neighbour=beside,
-        seconds={} if beside is None else beside.seconds,
+        seconds={} if beside is None else beside.seconds, label=AirLabel(neighbour=bool(before)),
     )  # fmt: skip
     poured = pipeline.funnel
     if poured is not None and request.until != "funnel":
@@ -74,10 +75,7 @@ def _neighbour(folder: Path, before: tuple[Path, ...], listener: Listener) -> Pi
     if here in before:
         raise SceneError(f"--near {folder}: that airflow starts from itself; name a run that was started from rest")
     tables, request = asked_in(folder, whole=False)
-    further = None if request.near is None else _neighbour(Path(request.near), (*before, here), listener)
-    scene = Scene.parse(tables).fed()
-    plan = Planner(scene, request.force, request.target_error).plan(request.rung)
-    return Pipeline(plan.airflow.flown(scene), plan, listener, label=AirLabel(neighbour=True), neighbour=further)
+    return stages_of(Scene.parse(tables), request, None, listener, before=(*before, here))[0]
 
 
 def _fed(scene: Scene, poured: FunnelSummary) -> Scene:
