@@ -7,8 +7,9 @@ they land in a draw, is fitted in every draw over the place, robustly: granules 
 Learning, ch. 2): straight and bent, each input by what it does. (3) In any draw of the ensemble every granule is moved
 so, and by what granules near it in the draws nearest to that one were moved beyond the fit; the cells are counted
 again. (4) What the flown draws have beyond that, jumps to other faces and to other sides, goes with the inputs as a
-second Gaussian process, whose noise is that of few granules. What that process does not know of a draw is its lack of
-fit: small where draws were flown, large where none was.
+second Gaussian process. Its noise is that of few granules, one for all draws; what varies by more than this noise and
+goes with no input is lack of fit, as is what the process does not know of a draw: small where draws were flown, large
+where none was.
 
 Where the air scatters granules otherwise in every flight, (1) has little to say and (4) is a regression of shares.
 """
