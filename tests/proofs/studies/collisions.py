@@ -102,7 +102,7 @@ def moved(scene: wf.Scene, draws: Sequence[int]) -> Iterator[tuple[str, Moved, f
 def _flown_drawn(pipeline: Pipeline, number: int, made: Variation, airs: Realisations) -> Mapping[str, Landings]:
     """Landings of granules that meet, from some replicates under draw ``number``: ``made``, in its ``airs``."""
     stage, name = pipeline._collision_stage, f"slab-draw-{number}"
-    flight = stage.flight(name, stage.crowd.depth, stage.fly().step)
+    flight = stage.flight(name, stage.crowd.depth, stage.fly().clock.step)
     flight = replace(flight, scene=made.fed(pipeline.scene), airs=airs, variation=made)
     key = content_key(stage.key, "draw", number, repr(made), REPLICATES_DRAWN, code_of("draws"))
     folder = pipeline.cache.make(name, key, partial(flight.fly_all, replicates=REPLICATES_DRAWN))
