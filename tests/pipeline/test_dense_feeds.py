@@ -17,6 +17,7 @@ from support import landings_in, loaded_scene, shipped
 from wakeflow import tracking
 from wakeflow.answer.notices import _step_not_reached, notices
 from wakeflow.answer.shares import collisions_of
+from wakeflow.budget.slab import shows
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import Boxes, ForceDensity
 from wakeflow.foam.momentum_source import LEVELS, SOURCE
@@ -456,7 +457,7 @@ def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: 
 
 
 def test_both_ends_of_a_number_fly_where_one_of_them_shows() -> None:
-    """A change of 2 % of 400 granules is none that independent samples show; one of 20 % is, and flies the other end."""
+    """Independent samples of 400 granules do not show a change of 2 %; they show one of 20 %."""
     own = crowd(DENSE)
 
     def moved(share: float) -> SlabFound:

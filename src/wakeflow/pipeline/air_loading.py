@@ -26,7 +26,7 @@ from ..core.lazy import cached_property
 from ..core.record import JsonTable, load
 from ..core.store import content_key
 from ..field import FlowField
-from ..planning.plan import FEW, GATHERED, Plan, gathered
+from ..planning.plan import GATHERED, PASSING, Plan, gathered
 from ..scene import Scene
 from .airflow import Airflow, AirLoadingSummary
 from .airflow_kinds import AirflowKind, CaseAir
@@ -137,7 +137,7 @@ class AirLoading(ABC):
     def first(self) -> Gathered:
         """What granules exert on the air that does not feel them."""
         key, field = self.unloaded
-        return self._alone(key, lambda: field, FEW if self.met else GATHERED)
+        return self._alone(key, lambda: field, PASSING if self.met else GATHERED)
 
     def _summary(self, given: float, **further: Any) -> AirLoadingSummary:
         """What the passes found; ``given``: force (N/m, y) on the air of the last one."""
@@ -184,7 +184,7 @@ class AirLoading(ABC):
         gathered that force there instead of them.
         """
         key, folder = made = self.under(force, start)
-        after = self._alone(key, partial(self.field_in, force, made), FEW if self.met else GATHERED)
+        after = self._alone(key, partial(self.field_in, force, made), PASSING if self.met else GATHERED)
         source, other = (after, 0.0) if among is None else (among, among.force.total - before.force.total)
         return Pass(force, key, folder, after, _farthest(before, after), source, after.force.total + other)
 
