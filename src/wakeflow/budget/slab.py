@@ -51,8 +51,8 @@ class _SlabAgain(Source[tuple[SlabFound, ...]]):
         return None if again is None else (again,)
 
     def shares(self, fraction: FractionResults) -> Parts:
-        found = self._compared(fraction)
-        seconds = sum(map(fraction.pipeline.spent, self.flown)) if found else 0.0
+        found, ends = self._compared(fraction), fraction.flights.of(self) or ()
+        seconds = sum(map(fraction.pipeline.spent, self.flown[: len(ends)]))
         return {place: [self.part(abs(moved), seconds, note)] for place, (moved, note) in found.items()}
 
     def _compared(self, fraction: FractionResults) -> dict[str, tuple[float, str | None]]:
