@@ -112,7 +112,7 @@ class Clock:
 @pytest.mark.parametrize("slower", [0.7, 1.0, 2.5])
 def test_a_budget_is_kept_whatever_a_round_costs(budget: float, slower: float, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock()
-    monkeypatch.setattr(effort, "expected", lambda plan: plan.estimate["seconds"])
+    monkeypatch.setattr(effort, "expected", lambda _, plan: plan.estimate["seconds"])
 
     def compute(scene: wf.Scene, request: Request, listener: Callable[[str, str], None]) -> Any:
         how = {"rung": request.rung, "force": request.force, "target_error": request.target_error}
@@ -128,7 +128,7 @@ def test_a_budget_is_kept_whatever_a_round_costs(budget: float, slower: float, m
 
 
 def test_a_larger_budget_buys_finer_settings(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(effort, "expected", lambda plan: plan.estimate["seconds"])
+    monkeypatch.setattr(effort, "expected", lambda _, plan: plan.estimate["seconds"])
 
     def best(budget: float) -> tuple[int, float, str | None]:
         scene, request = Within(budget, shipped("rhombus"), ASKED, lambda *_: None, lambda *_: None).best()  # type: ignore[arg-type]

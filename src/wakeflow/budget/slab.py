@@ -17,6 +17,7 @@ import numpy as np
 from ..answer.draws import ErrorSource as Column
 from ..answer.provenance import RefinedSettings
 from ..answer.shares import PERTURBED_RERUN, BudgetPart
+from ..core.errors import known
 from ..core.number import student
 from ..pipeline.slab import CollisionRerun, SlabFound
 from ..planning.cost import slab_again
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from ..pipeline.pipeline import Pipeline
 
 COARSER = 2.0  # step of the companion over the answer's: changes more than the answer's own step errs
+SURE = 2.0  # standard errors
 THINNER = 0.5  # depth of the companion's slab over the answer's
 
 
@@ -39,7 +41,6 @@ class _SlabAgain(Source[tuple[SlabFound, ...]]):
     companion: ClassVar[CollisionRerun]
     part_of_slab: ClassVar[float]  # its run time over the slab's
     same_feed: ClassVar[bool] = False  # whether the same granules come, so that replicates are compared one by one
-    of_apart: ClassVar[float] = 1.0  # of the difference of what is compared, that is the error
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         return (cost for name in self.flown for cost in slab_again(work, name, self.part_of_slab))
@@ -50,8 +51,8 @@ class _SlabAgain(Source[tuple[SlabFound, ...]]):
         return None if again is None else (again,)
 
     def shares(self, fraction: FractionResults) -> Parts:
-        found = self._compared(fraction)
-        seconds = sum(map(fraction.pipeline.spent, self.flown)) if found else 0.0
+        found, ends = self._compared(fraction), fraction.flights.of(self) or ()
+        seconds = sum(map(fraction.pipeline.spent, self.flown[: len(ends)]))
         return {place: [self.part(abs(moved), seconds, note)] for place, (moved, note) in found.items()}
 
     def _compared(self, fraction: FractionResults) -> dict[str, tuple[float, str | None]]:
@@ -66,7 +67,7 @@ class _SlabAgain(Source[tuple[SlabFound, ...]]):
         if paired:
             own = own[: len(changed)]
         return {
-            place: beyond_chance(changed[:, i], own[:, i], paired=paired, part=self.of_apart)
+            place: beyond_chance(changed[:, i], own[:, i], paired=paired, part=1.0 / len(found))
             for i, place in enumerate(fraction.shares)
         }
 
@@ -88,25 +89,31 @@ class SlabStep(_SlabAgain):
 
 
 class _BetweenGranules(_SlabAgain):
-    """How granules rebound from each other: part of the replicates with the number at either end of its interval, the
-    same feed at both; half of their difference.
+    """How granules rebound from each other: part of the replicates with the number at the upper end of its interval,
+    beside the same feed as it is. Where that shows (:func:`shows`) the lower end flies too, and it is half of the
+    difference of both.
     """
 
-    beyond_computing, part_of_slab, same_feed, of_apart = True, 0.25, True, 0.5
+    beyond_computing, part_of_slab, same_feed = True, 0.25, True
     number: ClassVar[str]
     below: ClassVar[CollisionRerun]
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> tuple[SlabFound, ...] | None:
         del tracked
-        scene, key = pipeline.scene, f"collisions.{self.number}"
-        half = half_of(scene, key, "collisions", getattr(scene.collisions, self.number))
-        changes: list[dict[str, Any]] = [{self.number: half}, {self.number: -half}]
-        ends = [
-            pipeline.crowd(replace(one, **change))
-            for one, change in zip((self.companion, self.below), changes, strict=True)
-            if half
-        ]
-        return tuple(one for one in ends if one is not None) or None
+        scene, own = pipeline.scene, pipeline.crowd()
+        half = half_of(scene, f"collisions.{self.number}", "collisions", getattr(scene.collisions, self.number))
+        if own is None or not half:
+            return None
+        above: dict[str, Any] = {self.number: half}
+        below: dict[str, Any] = {self.number: -half}
+        upper = known(pipeline.crowd(replace(self.companion, **above)))
+        if not shows(upper, own, len(scene.bin)):
+            return (upper,)
+        return upper, known(pipeline.crowd(replace(self.below, **below)))
+
+    def costs(self, work: Workload) -> Iterable[StageCost]:
+        """Of the end that always flies."""
+        return slab_again(work, self.companion.name, self.part_of_slab)
 
     def column(self, fractions: Sequence[FractionResults]) -> Column | None:
         return signed_column(
@@ -151,6 +158,19 @@ def _apart(found: SlabFound, fraction: FractionResults) -> bool:
     pipeline = fraction.pipeline
     images = 2 if pipeline.plan.airflow.mirrored and pipeline.field[1] is not None else 1
     return 1 + int(found.landings[fraction.name].replicate.max()) == -(-found.replicates // images)
+
+
+def shows(changed: SlabFound, own: SlabFound, bins: int) -> bool:
+    """Whether a change moves the share of any fraction in any bin by more than SURE standard errors, as if none of its
+    granules were the same: what so few replicates show of their own spread is itself chance.
+    """
+    for name, landings in own.landings.items():
+        share, other = ((one.tally(bins).sum(axis=(0, 2)) / one.size) for one in (landings, changed.landings[name]))
+        both = 0.5 * (share + other)
+        error = np.sqrt(both * (1.0 - both) * (1.0 / landings.size + 1.0 / changed.landings[name].size))
+        if np.any(np.abs(share - other) > SURE * error):
+            return True
+    return False
 
 
 def beyond_chance(changed: np.ndarray, own: np.ndarray, *, paired: bool, part: float = 1.0) -> tuple[float, str | None]:

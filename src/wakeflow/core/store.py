@@ -241,6 +241,23 @@ class Store:
             return False
 
 
+class NotFinished(Exception):
+    """A stage that is asked for is not in the cache."""
+
+
+class FinishedStages(Store):
+    """What is finished in the cache, and nothing else: whatever is not there is not made."""
+
+    def make(
+        self, stage: str, key: str, work: Callable[[Path], None], *, on_wait: Callable[[], None] | None = None
+    ) -> tuple[Path, bool]:
+        """The folder of a finished stage, and True. Raises NotFinished for one that is not there."""
+        del work, on_wait
+        if not self.holds(stage, key):
+            raise NotFinished(stage)
+        return self.root / stage / key, True
+
+
 def _wait_for(lock: BaseFileLock) -> None:
     """Take the lock as soon as the other process lets go of it; ends with this thread's work."""
     from filelock import Timeout

@@ -26,7 +26,7 @@ from ..core.lazy import cached_property
 from ..core.record import JsonTable, load
 from ..core.store import content_key
 from ..field import FlowField
-from ..planning.plan import Plan, gathered
+from ..planning.plan import GATHERED, PASSING, Plan, gathered
 from ..scene import Scene
 from .airflow import Airflow, AirLoadingSummary
 from .airflow_kinds import AirflowKind, CaseAir
@@ -113,6 +113,11 @@ class AirLoading(ABC):
         """Passes under the force of granules alone, at most."""
         return self.scene.numerics.loading_passes
 
+    @property
+    def met(self) -> bool:
+        """Whether the force of the last pass is that of granules that meet."""
+        return self.plan.crowd is not None and self.scene.numerics.loading_passes > 1
+
     @cached_property
     def passes(self) -> tuple[Pass, ...]:
         """Every pass, until the shares are within the accuracy asked for, or after as many as the scene allows."""
@@ -132,7 +137,7 @@ class AirLoading(ABC):
     def first(self) -> Gathered:
         """What granules exert on the air that does not feel them."""
         key, field = self.unloaded
-        return self._alone(key, lambda: field)
+        return self._alone(key, lambda: field, PASSING if self.met else GATHERED)
 
     def _summary(self, given: float, **further: Any) -> AirLoadingSummary:
         """What the passes found; ``given``: force (N/m, y) on the air of the last one."""
@@ -170,7 +175,7 @@ class AirLoading(ABC):
             share, lacked = relaxed(share, lacked, lacking), lacking
             before, start, force = made.gathered, (made.key, made.folder), force.towards(made.gathered.force, share)
             self.cache.tell("air-loading", f"pass {number + 1}: shares moved by up to {100 * made.change:.2g} points")
-        if self.plan.crowd is not None and self.scene.numerics.loading_passes > 1:
+        if self.met:
             among = self._among_others(made)
             yield self._pass(among.force, (made.key, made.folder), made.gathered, among)
 
@@ -179,25 +184,31 @@ class AirLoading(ABC):
         gathered that force there instead of them.
         """
         key, folder = made = self.under(force, start)
-        after = self._alone(key, partial(self.field_in, force, made))
+        after = self._alone(key, partial(self.field_in, force, made), PASSING if self.met else GATHERED)
         source, other = (after, 0.0) if among is None else (among, among.force.total - before.force.total)
         return Pass(force, key, folder, after, _farthest(before, after), source, after.force.total + other)
 
-    def _alone(self, key: str, field: Callable[[], FlowField]) -> Gathered:
-        """What granules that fly alone exert on the air of a field, made where its key does not have it."""
-        bins = [(name, repr(bin_)) for name, bin_ in self.scene.bin.items()]
-        made = content_key("momentum", key, exerted_by(self.scene, self.plan), bins, code_of("momentum"))
-        return self._gathered("momentum", made, lambda part: self._gatherer("momentum", field()).alone(part))
+    def _alone(self, key: str, field: Callable[[], FlowField], most: int) -> Gathered:
+        """What granules that fly alone, at ``most`` so many of a fraction, exert on the air of a field, made where its
+        key does not have it.
+        """
+        bins, count = (
+            [(name, repr(bin_)) for name, bin_ in self.scene.bin.items()],
+            gathered(self.scene.feed.count, most),
+        )
+        made = content_key("momentum", key, exerted_by(self.scene, self.plan), bins, count, code_of("momentum"))
+        return self._gathered("momentum", made, lambda part: self._gatherer("momentum", field()).alone(count, part))
 
     def _among_others(self, last: Pass) -> Gathered:
-        """What granules that meet in the slab exert on the air of the ``last`` pass."""
-        stage, start_up = "slab-momentum", steady_after(self.plan, last.gathered.late.__getitem__)
+        """What granules that meet in the slab exert on the air of the ``last`` pass, and more of them above it."""
+        field = partial(self.field_in, last.force, (last.key, last.folder))
+        alone = self._alone(last.key, field, GATHERED)
+        stage, start_up = "slab-momentum", steady_after(self.plan, alone.late.__getitem__)
         made = content_key(stage, last.key, exerted_by(self.scene, self.plan), start_up, code_of("slab-momentum"))
 
         def work(part: Path) -> None:
             self.compilation.finish_slab()
-            air = self.field_in(last.force, (last.key, last.folder))
-            self._gatherer(stage, air).among_others(start_up, last.gathered.before, part)
+            self._gatherer(stage, field()).among_others(start_up, alone.before, part)
 
         return self._gathered(stage, made, work)
 

@@ -114,9 +114,8 @@ class Gatherer:
         """Over the whole channel."""
         return boxes_of(self.scene)
 
-    def alone(self, folder: Path) -> None:
-        """Of some granules of each fraction, each of which flies alone; kept in ``folder``."""
-        count = gathered(self.scene.feed.count)
+    def alone(self, count: int, folder: Path) -> None:
+        """Of ``count`` granules of each fraction, each of which flies alone; kept in ``folder``."""
         few = self.scene.replace({"feed.count": count * REPLICATES // COMPARED})
         flight = Flight(few, resolved(self.plan), Realisations(self.air), TOLERANCE, self.workers, self.tell)
         bins, shares, late = len(self.scene.bin), {}, {}

@@ -16,7 +16,18 @@ from ..laws.forces import forces
 from ..scene import Scene
 from .airflow import AirflowPlan
 from .collisions import CLOCK, CollisionPlan
-from .plan import AT_ONCE, COMPARED, KEPT, REPLICATES, CostEstimate, FractionPlan, gathered, replicate_size
+from .plan import (
+    AT_ONCE,
+    COMPARED,
+    GATHERED,
+    KEPT,
+    PASSING,
+    REPLICATES,
+    CostEstimate,
+    FractionPlan,
+    gathered,
+    replicate_size,
+)  # fmt: skip
 from .stages import FLIGHTS, OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, error_sources, stages
 from .wake import MEMORY, SpanCost, cost_of
 
@@ -249,7 +260,9 @@ def _gathering(work: Workload) -> Iterator[StageCost]:
     if work.airflow.loaded:
         own = work.airflow.stepping != "time-resolved"
         key = StageKey(AirLabel(draft=not own), "momentum")
-        seconds = _flown(work, gathered(work.scene.feed.count))
+        count, meet = work.scene.feed.count, _passes(work) > work.scene.numerics.loading_passes
+        each, last = (_flown(work, gathered(count, most)) for most in (PASSING if meet else GATHERED, GATHERED))
+        seconds = each + meet * last / (_passes(work) + 1)
         yield StageCost(key, seconds, "answer" if own else "first", _passes(work) + 1)
 
 

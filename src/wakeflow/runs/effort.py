@@ -19,12 +19,14 @@ from ..core.errors import SceneError
 from ..core.process import cores
 from ..core.quantities import duration, quantity
 from ..core.record import JsonTable
-from ..core.store import cache_root
+from ..core.store import FinishedStages, NotFinished, cache_root
 from ..pipeline.cache import Listener
+from ..pipeline.pipeline import Pipeline
 from ..planning.cost import REPORT, wall_seconds
 from ..planning.machine_rates import on_this_machine
 from ..planning.make import make_plan
 from ..planning.plan import Plan
+from ..planning.stages import StageKey
 from ..planning.terms import LOADING
 from ..scene import Scene
 from ..scene.changes import flat
@@ -133,9 +135,23 @@ def seconds_of(given: float | str) -> float:
     return found
 
 
-def expected(plan: Plan) -> float:
-    """Seconds that a plan is expected to take on this machine, with nothing in the cache."""
-    return wall_seconds(on_this_machine(plan, cache_root())[0], cores())
+def expected(scene: Scene, plan: Plan) -> float:
+    """Seconds that a plan of ``scene`` is expected to take on this machine, with the airflows that are in the cache."""
+    left, there = on_this_machine(plan, cache_root())[0], solved_before(scene, plan)
+    return wall_seconds([one for one in left if one.name not in there], cores())
+
+
+def solved_before(scene: Scene, plan: Plan) -> frozenset[str]:
+    """The stages of a plan's airflows that are in the cache already, by their names."""
+    if plan.airflow.stepping not in SOLVED:
+        return frozenset()
+    known = Pipeline(plan.airflow.flown(scene), plan, store=FinishedStages(cache_root()))
+    try:
+        for grid in reversed(range(len(plan.airflow.scales))):
+            _ = known.on_grid(grid).solution
+    except NotFinished:  # perhaps after some of the passes of the granules' force, whose names are the same
+        return frozenset(name for name in known.seconds if StageKey.of(name).heading != "air loading")
+    return frozenset(known.seconds)
 
 
 class OutOfTime(Exception):
@@ -169,7 +185,7 @@ class Within:
         for the quickest.
         """
         rounds = list(self._rounds())
-        quickest = expected(rounds[0][2])
+        quickest = expected(rounds[0][0], rounds[0][2])
         if quickest > OVERTIME * self.budget:
             least = duration(quickest)
             raise SceneError(f"budget = {duration(self.budget)}: the quickest answer takes about {least}; give more")
@@ -198,8 +214,12 @@ class Within:
 
     def _next(self, rounds: list[tuple[Scene, Request, Plan, Effort]], tried: int) -> int | None:
         """The finest round from ``tried`` on that is expected to fit; None where none is."""
-        able = [place for place in range(tried, len(rounds)) if expected(rounds[place][2]) <= SURELY * self.left]
+        able = [place for place in range(tried, len(rounds)) if self._fits(*rounds[place])]
         return max(able, default=None)
+
+    def _fits(self, scene: Scene, request: Request, plan: Plan, effort: Effort) -> bool:
+        del request, effort
+        return expected(scene, plan) <= SURELY * self.left
 
     def _computed(
         self, scene: Scene, request: Request, effort: Effort, deadline: float | None

@@ -1,14 +1,18 @@
-"""``wakeflow verify SCENE``: error against run time, for each knob of a scene alone and for a target error.
+"""``wakeflow verify SCENE``: error against run time, as a person who has so much time meets it.
 
-The error is that of the bin shares against a reference of its own: other random numbers, sixteen times the granules, a
-hundredth of the tolerance. It is compared with what a run says of itself, its half width by computing alone. In a
-checkout it is compared with OpenFOAM's own parcels too (``tests/proofs/tracker``).
+The scene is answered within each budget, from an empty cache and once more with its airflows there, report included.
+The error is that of the bin shares, model and all, against the best that the program has: the airflow of the reference
+rung, other random numbers, four times the granules, a tenth of the tolerance. It is shown beside the interval that the
+answer states. In a checkout OpenFOAM's own parcels are on the same axes (``tests/proofs/tracker``).
 """
 
 from __future__ import annotations
 
-import math
+import os
+import shutil
+import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,93 +21,139 @@ from .. import runs
 from ..answer.provenance import RefinedSettings
 from ..answer.result import Result
 from ..answer.shares import Separation
+from ..core.errors import SceneError
 from ..core.process import cores
-from ..pipeline.compilation import COMPILED
+from ..core.quantities import duration
+from ..core.store import cache_root
+from ..pipeline.compilation import compile_ahead
 from ..pipeline.pipeline import Pipeline
 from ..planning.make import make_plan
-from ..runs.settings import applied, knobs, own_settings
+from ..planning.stages import stages
+from ..runs import effort
+from ..runs.settings import applied, knobs
 from ..scene import Scene
 from ..statistics.separation import separate
 from .report import Report, Row, Table, Tell
 
-STEPS = {"granules": -2, "tolerance": -1, "mesh": -1, "averaging": -1, "slab": -1}  # of a knob, in its own steps
-POINTS = {"granules": 4, "tolerance": 3, "mesh": 3, "averaging": 3, "slab": 3}  # settings tried of each, scene's last
-TARGETS = (0.05, 0.03)  # half widths of every bin share
+BUDGETS = (5.0, 15.0, 30.0, 60.0, 120.0, 300.0, 1200.0)  # s
+EMPTY, WITH_AIR = "empty cache", "airflows in the cache"
+AIR = ("airflow", "air loading")  # headings of the stages that stay in it then
 BinShares = Mapping[tuple[str, str], float]  # by fraction and bin
 Beside = Callable[[Scene, BinShares, Tell], tuple[list[Row], list[str]]]  # rows of another program, and notes
-MORE_GRANULES, FINER_STEPS, FINER_MESH = 16, 0.01, 0.5  # of the reference, times the settings it is for
+MORE, FINER = 4, 0.1  # of the best answer: granules and tolerance, times the scene's
+MORE_GRANULES, FINER_STEPS, FINER_MESH = 16, 0.01, 0.5  # of a reference for computing alone, times its settings
 MORE_MEETING = 4  # the same of granules that meet, which cost the most
-OTHER_SEED = 1009  # added to the scene's: the reference is another sample
-LED = "--target-error"
+OTHER_SEED = 1009  # added to the scene's: the best answer and a reference are other samples
 COLUMNS = {
-    "knob": "{knob}", "setting": "{setting}", "error, points": "{error:.2g*100}",
-    "half width, points": "{half:.2g*100}", "s": "{seconds:.3g}",
+    "": "{knob}", "budget, granules": "{setting}", "chosen": "{chosen}", "error, points": "{error:.2g*100}",
+    "half of the interval, points": "{half:.2g*100}", "shares inside": "{inside}", "s": "{seconds:.3g}",
 }  # fmt: skip
-COARSEST = {"mesh": 4.0, "tolerance": 0.1}  # that a scene may ask for
 
 
 def run_curves(
     path: Path, folder: Path, *, slow: bool, tell: Tell = lambda _: None, beside: Beside | None = None
 ) -> Report:
-    """Rows (knob, setting, error, half, seconds) of the scene in a file: errors of the largest bin share against a
-    reference that is finer in every knob, seconds of the stages when they were computed. An airflow in time is
-    computed with ``slow`` alone, else its draft. ``beside``: what another program makes of the scene. Written to
-    ``folder`` as CSV, PNG and SVG.
+    """Rows (knob, setting, chosen, error, half, inside, seconds) of the scene in a file: with what in the cache, the
+    budget, the settings that it bought, the largest error of a bin share against the best answer, the largest half of
+    the intervals, how many of these hold the best answer, and the seconds of the whole run. Without ``slow`` the best
+    answer is the scene's own, of another sample, as it is on the rung that the plan chooses. ``beside``: what another
+    program makes of the scene. Written to ``folder`` as CSV, PNG and SVG.
     """
     from ..report.curves import draw_settings, write_settings
 
-    scene = Scene.load(path)
-    rung = None if slow or make_plan(scene).airflow.stepping != "time-resolved" else "draft"
-    own = own_settings(scene, make_plan(scene, rung=rung))
-    tell("the reference")
-    truth, rows, notes = reference_shares(scene, own, rung), list[Row](), [_note(rung, slow=slow)]
-    with TemporaryDirectory(prefix="wakeflow-") as scratch:
-        for knob, settings in _tried(own):
-            tell(f"{knob} {knobs[knob].of(settings):.6g}")
-            result = runs.run(applied(scene, settings), Path(scratch, "run"), rung=rung, report=False)
-            rows.append(_row(knob, f"{knobs[knob].of(settings):.6g}", result, truth))
-        for target in TARGETS:
-            tell(f"{LED} {target:g}")
-            result = runs.run(scene, Path(scratch, "led"), rung=rung, target_error=target, report=False)
-            rows.append(_row(LED, f"{target:g}", result, truth))
+    scene, rows, notes = Scene.load(path), list[Row](), list[str]()
+    with TemporaryDirectory(prefix="wakeflow-") as scratch, one_cache(Path(scratch, "cache")):
+        compile_ahead()
+        tell("the best answer")
+        truth = best_shares(scene, Path(scratch, "best"), slow=slow)
+        for budget in BUDGETS:
+            finest = [row for row in rows if row["chosen"] == effort.EFFORTS[-1].name]
+            if len(finest) == 2:  # more time buys the same
+                rows += [{**row, "setting": duration(budget)} for row in finest]
+                continue
+            shutil.rmtree(cache_root(), ignore_errors=True)
+            for known in (EMPTY, WITH_AIR):
+                tell(f"{duration(budget)}, {known}")
+                rows.append({"knob": known, **_within(scene, budget, Path(scratch, "run"), truth)})
+                _forget_all_but_air()
     if beside is not None:
         theirs, more = beside(scene, truth, tell)
-        rows, notes = rows + theirs, notes + more
-    name, facts = f"curves-{path.stem}", {"scene": str(path), "rung": rung, "cores": cores(), "rows": rows}
+        rows, notes = rows + [{"chosen": "", "inside": "", **row} for row in theirs], notes + more
+    rows.sort(key=lambda row: (EMPTY, WITH_AIR).index(str(row["knob"])) if row["knob"] in (EMPTY, WITH_AIR) else 2)
+    name, facts = f"curves-{path.stem}", {"scene": str(path), "cores": cores(), "rows": rows}
     folder.mkdir(parents=True, exist_ok=True)
     write_settings(folder / f"{name}.csv", rows)
-    draw_settings(folder / f"{name}.png", rows, path.stem)
+    draw_settings(folder / f"{name}.png", [row for row in rows if row["error"] is not None], path.stem)
     return Report(name, [Table("error against run time", COLUMNS, rows)], facts, notes)
 
 
-def _tried(own: RefinedSettings) -> Iterator[tuple[str, RefinedSettings]]:
-    """RefinedSettings with one knob coarser than the scene's ``own``, the others as they are; the own ones last."""
-    for name in knobs:
-        value = knobs[name].of(own)
-        if value is None:
-            continue
-        for number in reversed(range(POINTS[name])):
-            coarser = float(f"{value * knobs[name].step ** (STEPS[name] * number):.12g}")
-            if coarser > COARSEST.get(name, math.inf):
-                continue
-            yield name, knobs[name].at(own, coarser)
+@contextmanager
+def one_cache(folder: Path) -> Iterator[None]:
+    """While the block runs this process keeps its stages in ``folder``."""
+    before = os.environ.get("WAKEFLOW_CACHE")
+    os.environ["WAKEFLOW_CACHE"] = str(folder)
+    try:
+        yield
+    finally:
+        del os.environ["WAKEFLOW_CACHE"]
+        if before is not None:
+            os.environ["WAKEFLOW_CACHE"] = before
 
 
-def _row(knob: str, setting: str, result: Result, truth: BinShares) -> dict[str, object]:
-    stages = (stage.seconds for name, stage in result.seconds.items() if name != str(COMPILED))
-    led = result.refinement
+def best_shares(scene: Scene, folder: Path, *, slow: bool) -> BinShares:
+    """The shares of another sample of ``scene``, of more granules in finer steps; with ``slow`` in the airflow of the
+    reference rung, where the plan's is one in time.
+    """
+    count = None if scene.collisions.count is None else MORE * scene.collisions.count
+    plan = make_plan(scene)
+    if plan.crowd is not None:
+        count = MORE * plan.crowd.count
+    finer = scene.replace({
+        "feed.seed": scene.feed.seed + OTHER_SEED,
+        "feed.count": MORE * scene.feed.count,
+        "numerics.tolerance": FINER * scene.numerics.tolerance,
+    } | ({} if count is None else {"collisions.count": count}))  # fmt: skip
+    rung = "reference" if slow and plan.airflow.stepping == "time-resolved" else None
+    return bin_shares(runs.run(finer, folder, rung=rung, report=False))
+
+
+def _within(scene: Scene, budget: float, folder: Path, truth: BinShares) -> Row:
+    """What a ``budget`` (s) buys."""
+    chosen: list[str] = []
+
+    def listener(stage: str, text: str) -> None:
+        if stage == effort.STAGE:
+            words = text.removeprefix("done ").partition(":")[0]
+            chosen[:] = chosen[:-1] if words.endswith("given up") else [*chosen, words]
+
+    shutil.rmtree(folder, ignore_errors=True)
+    started = time.monotonic()
+    try:
+        result = runs.run(scene, folder, budget=budget, listener=listener)
+    except SceneError as problem:
+        refused = str(problem).partition(": ")[2].partition(";")[0]
+        return {
+            "setting": duration(budget), "chosen": f"refused: {refused}", "error": None, "half": None, "inside": "",
+            "seconds": time.monotonic() - started,
+        }  # fmt: skip
+    seconds = time.monotonic() - started
+    found = {(name, place): result.share(name, place) for name, place in truth}
+    inside = sum(one.low <= truth[place] <= one.high for place, one in found.items())
     return {
-        "knob": knob,
-        "setting": setting,
-        "error": largest_error(bin_shares(result), truth),
-        "half": largest_half(result),
-        "seconds": sum(stages) if led is None else sum(one.seconds for one in led.rounds),
+        "setting": duration(budget),
+        "chosen": chosen[-1],
+        "error": largest_error({place: one.value for place, one in found.items()}, truth),
+        "half": max(0.5 * (one.high - one.low) for one in found.values()),
+        "inside": f"{inside} of {len(found)}",
+        "seconds": seconds,
     }
 
 
-def _note(rung: str | None, *, slow: bool) -> str:
-    air = "" if rung is None and not slow else f"rung {rung or 'of the scene'}; "
-    return f"{air}errors against other random numbers, 16 times the granules, a hundredth of the tolerance, finer cells"
+def _forget_all_but_air() -> None:
+    """Leave in the cache only what computes an airflow."""
+    for kept in [path for path in cache_root().iterdir() if path.is_dir() and path.name in stages]:
+        if stages[kept.name].heading not in AIR:
+            shutil.rmtree(kept)
 
 
 def reference_shares(scene: Scene, settings: RefinedSettings, rung: str | None = None) -> BinShares:
