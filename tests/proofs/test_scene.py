@@ -1,9 +1,10 @@
-"""Error against run time of a scene: a row a setting, the picture, the table; what is published goes before."""
+"""Error against run time of a scene: a row a budget, the picture, the table; what is published goes before."""
 
 from __future__ import annotations
 
 import csv
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -16,29 +17,36 @@ from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 from wakeflow.statistics.separation import separate
-from wakeflow.verify import runner
-from wakeflow.verify.scene_curves import LED, TARGETS, run_curves
+from wakeflow.verify import runner, scene_curves
+from wakeflow.verify.scene_curves import EMPTY, WITH_AIR, run_curves
 
 
-def test_a_scene_gets_a_row_for_every_setting(tmp_path: Path) -> None:
-    """Without its air, flown from impact to impact."""
+def test_a_scene_gets_a_row_for_every_budget(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without its air, flown from impact to impact; a second is not enough for any answer."""
+    monkeypatch.setattr(scene_curves, "BUDGETS", (1.0, 60.0, 120.0))
     tables = shipped("prism", {"numerics.rung": "none", "feed.count": 1024}).tables()
     name = next(iter(tables["fraction"]))
     tables["fraction"] = {name: {**tables["fraction"][name], "mass_share": 1.0}}
     tables["feed"].pop("rate", None)
     path = tmp_path / "own.toml"
     Scene.parse(tables).save(path)
+    cache = os.environ["WAKEFLOW_CACHE"]
     report = run_curves(path, tmp_path, slow=False, beside=beside).write(tmp_path)
+    assert os.environ["WAKEFLOW_CACHE"] == cache
     assert any(PEER in note for note in report.notes)  # and why its rows are not there
     rows = report.data()["rows"]
-    assert [row["knob"] for row in rows] == ["granules"] * 4 + ["tolerance"] * 3 + [LED] * len(TARGETS)
-    assert [float(row["setting"]) for row in rows[:4]] == [16, 64, 256, 1024]
-    assert rows[0]["half"] > 2.0 * rows[3]["half"]
-    for row in rows[-len(TARGETS) :]:
-        assert row["error"] <= row["half"] <= float(row["setting"])
+    assert [row["knob"] for row in rows] == [EMPTY] * 3 + [WITH_AIR] * 3
+    assert [row["setting"] for row in rows] == 2 * ["1 s", "60 s", "2 min"]
+    for refused, answered, longer in (rows[:3], rows[3:]):
+        assert refused["chosen"].startswith("refused: the quickest answer takes about")
+        assert refused["error"] is None
+        assert answered["chosen"] == "the scene's own"
+        assert answered["error"] <= answered["half"]
+        every = 1 + len(tables["bin"])
+        assert answered["inside"] == f"{every} of {every}"
+        assert longer == {**answered, "setting": "2 min"}
     with (tmp_path / "curves-own.csv").open() as stream:
-        knobs = [row["knob"].removeprefix("'") for row in csv.DictReader(stream)]  # no formula of a spreadsheet
-        assert knobs == [row["knob"] for row in rows]
+        assert [row["knob"] for row in csv.DictReader(stream)] == [row["knob"] for row in rows]
     assert json.loads((tmp_path / "curves-own.json").read_text())["rows"] == rows
     for ending in ("png", "svg"):
         assert (tmp_path / f"curves-own.{ending}").stat().st_size > 1000

@@ -341,8 +341,8 @@ def relaxed(share: float, lacked: Array, lacking: Array) -> float:
     Int. J. Numer. Meth. Eng. 1, 275. Slower air drags less, and air as fast as the granules not at all, so that the
     whole way oversteps.
     """
-    change = lacking - lacked
-    asked = -share * float(np.vdot(lacked, change)) / max(float(np.vdot(change, change)), 1e-300)
+    change = lacking - lacked  # summed without a BLAS, whose threads decide the last digit, and that the next key
+    asked = -share * float(np.sum(lacked * change)) / max(float(np.sum(change**2)), 1e-300)
     return float(np.clip(asked, *SHARES))
 
 

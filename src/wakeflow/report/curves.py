@@ -14,14 +14,14 @@ from ..statistics.dividers import Dividers
 from .canvas import COLOURS, new_figure, save
 
 # -- Error against run time --------------------------------------------------------------------------------------------
-HEADS = ("knob", "setting", "error", "half", "seconds")
+HEADS = ("knob", "setting", "chosen", "error", "half", "inside", "seconds")
 SETTING_MARKERS = "os^Dv*"
 MIN_ERROR = 1e-5  # of a share: an error that is drawn no smaller
 
 
 def draw_settings(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> None:
-    """Write ``path`` as PNG and beside it as SVG: the error of each setting of a knob full, from the coarsest setting
-    to the finest, what the run says of itself dotted, in percentage points over seconds.
+    """Write ``path`` as PNG and beside it as SVG: the error of each setting of a knob full, what the answer says of
+    itself dotted, in percentage points over the seconds that it took.
     """
     figure = new_figure(7.0, 4.0)
     axes = figure.add_subplot(xlabel="run time, s", ylabel="largest error of a bin share, points", title=title)
@@ -36,7 +36,7 @@ def draw_settings(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> 
         axes.plot(seconds, [100 * max(row["error"], MIN_ERROR) for row in mine], "-", label=knob, **look)
         if all(row["half"] is not None for row in mine):
             axes.plot(seconds, [100 * max(row["half"], MIN_ERROR) for row in mine], ":", alpha=0.7, **look)
-    for style, told in (("-", "error, against the reference"), (":", "half of its own interval")):
+    for style, told in (("-", "error, against the best answer"), (":", "half of the stated interval")):
         axes.plot([], [], style, color="0.4", label=told)
     axes.set_xscale("log")
     axes.set_yscale("log")

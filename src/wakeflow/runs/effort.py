@@ -39,7 +39,7 @@ OVERTIME = 1.15  # of a budget: where a round that took longer than expected is 
 WHOLE_CHANNEL, COARSEST, FEWER = 4.0 / 3.0, 4.0, 2
 FEW_IN_FLIGHT, THINNEST = 500.0, 5.0  # granules in a thin slab; its depth in the coarsest granules, at least; chosen
 ROUNDING = 1e-3
-SURELY = 0.7  # of what is left: what a round is expected to take at most; expectations are good to a factor of two
+SURELY = 0.95  # of what is left: what a round is expected to take at most, as the rounds before it taught
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Effort:
     granules: int | None = None
     mesh: float | None = None
     tolerance: float | None = None
-    in_time: bool = False
+    in_time: bool = True
     force_within: float | None = None
 
     def of(self, scene: Scene, request: Request) -> tuple[Scene, Request]:
@@ -114,13 +114,12 @@ def _thin(scene: Scene, request: Request) -> Scene:
     return scene.replace({"collisions.depth": min(crowd.depth, max(THINNEST * coarsest, crowd.depth / many))})
 
 
-QUICK = Effort("quick", 256, 3.0, 1e-2, force_within=8.0)
+QUICK = Effort("quick", 256, 3.0, 1e-2, in_time=False, force_within=8.0)
 EFFORTS = (
     QUICK,
     Effort("coarse", 1024, 2.0, 1e-2),
-    Effort("draft", 2048, 1.4, 1e-2),
-    Effort("fine draft", None, None, None),
-    Effort("the scene's own", None, None, None, in_time=True),
+    Effort("medium", 2048, 1.4, 1e-2),
+    Effort("the scene's own", None, None, None),
 )
 
 

@@ -151,9 +151,9 @@ def _within(scene: Scene, budget: float, folder: Path, truth: BinShares) -> Row:
 
 def _forget_all_but_air() -> None:
     """Leave in the cache only what computes an airflow."""
-    for kept in [path for path in cache_root().iterdir() if path.is_dir() and path.name in stages]:
-        if stages[kept.name].heading not in AIR:
-            shutil.rmtree(kept)
+    for name in stages:
+        if stages[name].heading not in AIR:
+            shutil.rmtree(cache_root() / name, ignore_errors=True)
 
 
 def reference_shares(scene: Scene, settings: RefinedSettings, rung: str | None = None) -> BinShares:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import resource
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -94,19 +93,6 @@ def kept(path: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     if not path.exists():
         write_json(path, make())
     return dict(json.loads(path.read_text()))
-
-
-@contextmanager
-def cache_at(folder: Path) -> Iterator[None]:
-    """The cache in ``folder`` for a while."""
-    before = os.environ.get("WAKEFLOW_CACHE")
-    os.environ["WAKEFLOW_CACHE"] = str(folder)
-    try:
-        yield
-    finally:
-        os.environ.pop("WAKEFLOW_CACHE")
-        if before is not None:
-            os.environ["WAKEFLOW_CACHE"] = before
 
 
 def fresh_case(spec: FlowSpec, msh: Path, case: Path) -> Path:

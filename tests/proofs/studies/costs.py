@@ -55,8 +55,9 @@ from wakeflow.planning.plan import REPLICATES
 from wakeflow.runs.progress import DONE, FROM_CACHE
 from wakeflow.tracking import Granules
 from wakeflow.tracking.driver import BLOCK
+from wakeflow.verify.scene_curves import one_cache
 
-from .common import Row, cache_at, compile_slab, compile_tracker, fresh_case, make_plan, piped, show, solver_seconds
+from .common import Row, compile_slab, compile_tracker, fresh_case, make_plan, piped, show, solver_seconds
 
 # -- threads -----------------------------------------------------------------------------------------------------------
 THREADS, SIMULATED = (1, 2), (4, 8)
@@ -218,7 +219,7 @@ def cost_by_seed(
     """Processor seconds of each stage over seeds; ``cache``: that of airflows that are there, else an empty one."""
     compile_tracker()
     compile_slab()
-    with TemporaryDirectory(prefix="wakeflow-") as folder, cache_at(cache or Path(folder, "cache")):
+    with TemporaryDirectory(prefix="wakeflow-") as folder, one_cache(cache or Path(folder, "cache")):
         rows = (row for name in scenes or SCENES for row in seed_rows(name, seeds, Path(folder), rung, count))
         return show(SEED_COLUMNS, rows)
 
@@ -239,7 +240,7 @@ def swept(scene: wf.Scene, over: Mapping[str, Any], workers: int) -> tuple[float
     allowed, rung = os.sched_getaffinity(0), "draft" if "air.speed" in over else None
     os.sched_setaffinity(0, sorted(allowed)[:workers])
     try:
-        with cache_at(folder / "cache"):
+        with one_cache(folder / "cache"):
             started = time.monotonic()
             done = wf.sweep(
                 wf.variants(scene, over), folder / "sweep", rung=rung, force=QUIET, workers=workers, figures=False
@@ -303,7 +304,7 @@ def _neighbours(tiny: bool, place: Path) -> Iterator[Row]:
 
 def neighbours(tiny: bool) -> list[Row]:
     """Steady airflows from rest and from a neighbour's."""
-    with tempfile.TemporaryDirectory() as folder, cache_at(Path(folder, "cache")):
+    with tempfile.TemporaryDirectory() as folder, one_cache(Path(folder, "cache")):
         return show(NEIGHBOURS, _neighbours(tiny, Path(folder)))
 
 

@@ -25,9 +25,16 @@ from wakeflow.answer.provenance import RefinedSettings
 from wakeflow.planning.make import make_plan
 from wakeflow.runs.settings import applied, cheapest, knobs, own_settings
 from wakeflow.scene import Scene
-from wakeflow.verify.scene_curves import BinShares, bin_shares, largest_error, largest_half, reference_shares
+from wakeflow.verify.scene_curves import (
+    BinShares,
+    bin_shares,
+    largest_error,
+    largest_half,
+    one_cache,
+    reference_shares,
+)
 
-from .common import Row, cache_at, compile_tracker, show, with_one_fraction
+from .common import Row, compile_tracker, show, with_one_fraction
 
 TARGETS = (0.03, 0.02, 0.015)  # half widths of every bin share, in turn
 LAMINAR_TARGET = 0.01
@@ -74,7 +81,7 @@ def best_fixed(scene: Scene, target: float, tolerances: Sequence[float], rung: s
 
 def timed_run(scene: Scene, target: float | None, rung: str | None = None) -> TimedRun:
     """A run of ``scene`` in an empty cache, to a ``target`` error or with its own settings."""
-    with TemporaryDirectory(prefix="wakeflow-") as folder, cache_at(Path(folder)):
+    with TemporaryDirectory(prefix="wakeflow-") as folder, one_cache(Path(folder)):
         started = sum(os.times()[:4])  # of this process and all that it waited for: what else runs disturbs it least
         result = wf.run(scene, Path(folder) / "run", rung=rung, target_error=target, report=False)
         seconds = sum(os.times()[:4]) - started
