@@ -1,7 +1,8 @@
-"""How long quick answers and answers within a budget take on two idle cores, and whether the whole answer agrees.
+"""How long answers take on two idle cores: quick ones, those within a budget, and whole ones; and whether these agree.
 
     python tests/pace.py                               wakeflow run --quick of every shipped scene
     python tests/pace.py rhombus --budget '1 min'      wakeflow run --budget of some
+    python tests/pace.py rhombus --own                 the scene's own settings; again with its airflows in the cache
     python tests/pace.py --whole runs                  beside the whole answers in runs/SCENE, which wakeflow run left
 
 Every run starts from an empty cache, with the tracker compiled. The machine may be busy: the time on two idle cores is
@@ -16,15 +17,18 @@ import os
 import sys
 import tempfile
 import threading
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import wakeflow as wf
 from support import CASES
 from wakeflow.answer.result import Result
 from wakeflow.runs import effort, one_run
+from wakeflow.verify.scene_curves import forget_all_but_air, one_cache
 
 SCENES = ("vacuum", "aspirator", "prism", "rhombus", "wheat-straw-dust", "labyrinth", "funnel")
 TICK = 0.25  # s
@@ -75,18 +79,18 @@ def _processor_seconds() -> dict[str, float]:
     return found
 
 
-def measured(name: str, budget: str | None, out: Path) -> tuple[Result, IdleClock]:
-    """A shipped scene computed quickly, or within a ``budget``, from an empty cache."""
+def measured(name: str, how: Mapping[str, Any], out: Path, times: int) -> Iterator[tuple[Result, IdleClock]]:
+    """A shipped scene computed as is said ``how``, from an empty cache, and at further ``times`` with its airflows in
+    the cache.
+    """
     with ExitStack() as stack:
-        cache = stack.enter_context(tempfile.TemporaryDirectory())
-        stack.enter_context(patch.dict(os.environ, {"WAKEFLOW_CACHE": cache}))
+        stack.enter_context(one_cache(Path(stack.enter_context(tempfile.TemporaryDirectory()))))
         stack.enter_context(patch.object(one_run, "learn", lambda *_: None))  # the pace of a busy machine
-        clock = stack.enter_context(IdleClock())
-        stack.enter_context(patch.object(effort, "Within", partial(effort.Within, clock=clock)))
-        result = wf.run(
-            CASES / f"{name}.toml", out / name, quick=budget is None, budget=budget, listener=lambda *_: None
-        )
-    return result, clock
+        for number in range(times):
+            with IdleClock() as clock, patch.object(effort, "Within", partial(effort.Within, clock=clock)):
+                result = wf.run(CASES / f"{name}.toml", out / f"{name}-{number}", listener=lambda *_: None, **how)
+            yield result, clock
+            forget_all_but_air()
 
 
 def agreement(quick: Result, whole: Result) -> str:
@@ -107,19 +111,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help=", ".join(SCENES))
     parser.add_argument("--budget", help="as of wakeflow run; without it: --quick")
+    parser.add_argument("--own", action="store_true", help="with the scene's own settings")
     parser.add_argument("--whole", type=Path, help="folder of whole answers")
     asked = parser.parse_args()
     print(f"| scene | processor s | s on {CORES} idle cores | granules, mesh | of the whole answer |")
     print("|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as out:
+        how = {} if asked.own else {"quick": True} if asked.budget is None else {"budget": asked.budget}
         for name in asked.scenes or SCENES:
-            result, clock = measured(name, asked.budget, Path(out))
-            scene = wf.Scene.parse(result.scene)
-            settings = f"{scene.feed.count}, {scene.numerics.mesh_scale:g}"
-            known = asked.whole is not None and (asked.whole / name / "result.json").exists()
-            held = agreement(result, Result.load(asked.whole / name)) if known else "–"
-            print(f"| {name} | {clock.spent:.0f} | {clock.now:.0f} | {settings} | {held} |")
-            sys.stdout.flush()
+            for result, clock in measured(name, how, Path(out), 1 + asked.own):
+                scene = wf.Scene.parse(result.scene)
+                settings = f"{scene.feed.count}, {scene.numerics.mesh_scale:g}"
+                known = asked.whole is not None and (asked.whole / name / "result.json").exists()
+                held = agreement(result, Result.load(asked.whole / name)) if known else "–"
+                print(f"| {name} | {clock.spent:.0f} | {clock.now:.0f} | {settings} | {held} |")
+                sys.stdout.flush()
 
 
 if __name__ == "__main__":

@@ -75,7 +75,7 @@ def run_curves(
             for known in (EMPTY, WITH_AIR):
                 tell(f"{duration(budget)}, {known}")
                 rows.append({"knob": known, **_within(scene, budget, Path(scratch, "run"), truth)})
-                _forget_all_but_air()
+                forget_all_but_air()
     if beside is not None:
         theirs, more = beside(scene, truth, tell)
         rows, notes = rows + [{"chosen": "", "inside": "", **row} for row in theirs], notes + more
@@ -149,7 +149,7 @@ def _within(scene: Scene, budget: float, folder: Path, truth: BinShares) -> Row:
     }
 
 
-def _forget_all_but_air() -> None:
+def forget_all_but_air() -> None:
     """Leave in the cache only what computes an airflow."""
     for name in stages:
         if stages[name].heading not in AIR:
