@@ -15,7 +15,7 @@ from wakeflow.field.flow import FlowField
 from wakeflow.injection import stream as streams
 from wakeflow.injection.feed import contact_points, feedstock
 from wakeflow.injection.first_contact import first_contact
-from wakeflow.injection.stream import FALLEN, SlabFeed, slab_stream
+from wakeflow.injection.stream import FALLEN, SlabFeed, _overlapping, slab_stream
 from wakeflow.laws.shape import shapes
 from wakeflow.planning.collisions import number_rates
 from wakeflow.planning.make import make_plan
@@ -267,6 +267,24 @@ def test_what_is_too_fine_comes_as_tracers_of_equal_mass(scene: Scene) -> None:
     )
 
 
+def test_a_part_of_a_slab_is_fed_with_its_own_granules(scene: Scene, plan: Plan) -> None:
+    """Those of the whole slab that come there, but for the few that would overlap others across the ends."""
+    whole, half = (slab_stream(scene, plan, None, 0, **TIMING, part=part) for part in (1.0, 0.5))
+    depth = TIMING["depth"]
+    there = whole.granules.depth < 0.5 * depth
+    np.testing.assert_array_equal(half.granules.time, whole.granules.time[there])
+    np.testing.assert_array_equal(half.granules.diameter, whole.granules.diameter[there])
+    np.testing.assert_array_equal(half.counted, whole.counted[there])
+    np.testing.assert_allclose(half.mass.sum(), 0.5 * whole.mass.sum(), rtol=0.2)
+    assert np.mean(half.granules.depth == whole.granules.depth[there]) > 0.95
+    assert half.granules.depth.max() < 0.5 * depth
+    solid = np.flatnonzero(half.granules.fraction < len(scene.fraction))
+    width = half.granules.diameter[solid]
+    ahead = np.abs(half.granules.velocity[solid, 1]).min() * half.granules.time[solid]
+    places = np.stack([half.granules.position[solid, 0], ahead, half.granules.depth[solid]], axis=1)
+    assert not len(_overlapping(places, width, 0.5 * depth))
+
+
 def test_the_same_replicate_is_the_same_feed_and_another_is_another(scene: Scene, plan: Plan, stream: SlabFeed) -> None:
     again = slab_stream(scene, plan, None, 0, **TIMING)
     np.testing.assert_array_equal(again.granules.position, stream.granules.position)
@@ -302,8 +320,11 @@ def test_how_often_places_at_birth_are_drawn_anew_hardly_depends_on_the_seed(mon
     for seed in range(20):
         rng = np.random.default_rng(seed)
         place = np.column_stack([rng.uniform(-0.02, 0.02, 2000), np.full(2000, 0.3)])
-        grains = Granules(place, np.tile([0.0, -1.0], (2000, 1)), 3e-3, 1200.0, time=np.sort(rng.random(2000)) * 0.6)
+        grains = Granules(
+            place, np.tile([0.0, -1.0], (2000, 1)), 3e-3, 1200.0, time=np.sort(rng.random(2000)) * 0.6,
+            depth=0.06 * rng.random(2000), fraction=np.zeros(2000, dtype=np.int64),
+        )  # fmt: skip
         drawn.append(0)
-        streams._apart(rng, grains, np.arange(2000), 0.06)
+        streams._apart(rng, grains, 1, 0.06)
     assert min(drawn[1:]) > 100
     assert max(drawn) <= 1.5 * np.median(drawn[1:])

@@ -4,7 +4,7 @@ import json
 import re
 import shutil
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -31,6 +31,7 @@ from wakeflow.pipeline.slab import SlabFlight, SlabFound, _grouped, step_of
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.coupling import COUPLING
 from wakeflow.planning.make import make_plan
+from wakeflow.planning.plan import GATHERED, PASSING
 from wakeflow.planning.terms import COLLISIONS, LOADING
 from wakeflow.scene import Scene
 from wakeflow.statistics.separation import separate
@@ -133,13 +134,13 @@ class _Answering(LoadedCase):
 
     @property
     def first(self) -> Gathered:  # type: ignore[override]
-        return self._alone("air", lambda: None)
+        return self._alone("air", lambda: None, GATHERED)
 
     def under(self, force: ForceDensity, before: Any) -> Any:
         self.given = force.density
         return before
 
-    def _alone(self, key: str, field: Any) -> Gathered:
+    def _alone(self, key: str, field: Any, most: int) -> Gathered:
         asked = (self.a - self.b * self.given) * (1.0 + self.noise * self.rng.normal(size=self.a.shape))
         force = ForceDensity(Boxes(0.0, 0.0, 0.01, 8, 8), asked)
         moved = 0.2 * float(np.linalg.norm(asked) / np.linalg.norm(self.a))
@@ -289,8 +290,8 @@ def test_both_ends_of_the_wake_are_solved_under_the_force_on_every_grid(loaded: 
 
 @pytest.mark.openfoam
 def test_where_granules_meet_the_last_pass_is_under_the_force_of_those(loaded: wf.Result) -> None:
-    """Which is that of granules alone as far as the slab's beginning; the passes before are the same. Chaff that meets
-    chaff gives the air 2 % less.
+    """Which is that of granules alone as far as the slab's beginning, of more of them than in the passes before. Chaff
+    that meets chaff gives the air 2 % less.
     """
     alone = loaded_pipeline().loading.passes
     loading = loaded_pipeline(force={COLLISIONS: True}).loading
@@ -301,7 +302,12 @@ def test_where_granules_meet_the_last_pass_is_under_the_force_of_those(loaded: w
     assert among.imbalance < 1e-9  # what all boxes feel is what the granules lost to the air, whomever they met
     assert 0.0 < among.sampling < 0.03
     assert among.force.total[1] == pytest.approx(before[-1].gathered.force.total[1], rel=0.05)
-    np.testing.assert_array_equal(among.before.density, before[-1].gathered.before.density)
+    settled = before[-1]
+    field = partial(loading.field_in, settled.force, (settled.key, settled.folder))
+    many, few = (loading._alone(settled.key, field, most) for most in (GATHERED, PASSING))
+    np.testing.assert_array_equal(among.before.density, many.before.density)
+    np.testing.assert_array_equal(settled.gathered.force.density, few.force.density)
+    assert 0.0 < few.sampling < 0.3 * LoadedCase.answered
     assert 0.2 < among.before.total[1] / among.force.total[1] < 0.5
     assert loading.summary.passes == len(alone) + 1
     assert loading.force is last.force

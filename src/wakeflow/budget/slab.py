@@ -35,12 +35,13 @@ THINNER = 0.5  # depth of the companion's slab over the answer's
 
 
 class _SlabAgain(Source[tuple[SlabFound, ...]]):
-    """Some replicates of the slab under a companion's change, compared with the slab or with others."""
+    """Some replicates of the slab under a companion's change, the same granules, compared with the slab or with others,
+    each replicate with the same one.
+    """
 
     how = PERTURBED_RERUN
     companion: ClassVar[CollisionRerun]
     part_of_slab: ClassVar[float]  # its run time over the slab's
-    same_feed: ClassVar[bool] = False  # whether the same granules come, so that replicates are compared one by one
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         return (cost for name in self.flown for cost in slab_again(work, name, self.part_of_slab))
@@ -63,7 +64,7 @@ class _SlabAgain(Source[tuple[SlabFound, ...]]):
         both = (*found, slab)[:2]
         bins, images = len(fraction.shares) - 1, fraction.pipeline.scene.images
         changed, own = (found.landings[fraction.name].counts(bins, images) for found in both)
-        paired = self.same_feed and all(_apart(found, fraction) for found in both)
+        paired = all(_apart(found, fraction) for found in both)
         if paired:
             own = own[: len(changed)]
         return {
@@ -84,7 +85,7 @@ class _SlabAgain(Source[tuple[SlabFound, ...]]):
 class SlabStep(_SlabAgain):
     """The time step in which granules that meet are moved: part of the replicates with one twice as long."""
 
-    name, place, same_feed = "slab-time-step", 21, True
+    name, place = "slab-time-step", 21
     companion, part_of_slab = CollisionRerun("slab longer steps", step=COARSER), 0.18
 
 
@@ -94,7 +95,7 @@ class _BetweenGranules(_SlabAgain):
     difference of both.
     """
 
-    beyond_computing, part_of_slab, same_feed = True, 0.25, True
+    beyond_computing, part_of_slab = True, 0.25
     number: ClassVar[str]
     below: ClassVar[CollisionRerun]
 
@@ -145,7 +146,7 @@ class BetweenGranulesFriction(_BetweenGranules):
 
 
 class SlabDepth(_SlabAgain):
-    """The slab's depth, beyond which it repeats itself: part of the replicates in one of half the depth."""
+    """The slab's depth, beyond which it repeats itself: of part of the replicates half of the depth, cut off."""
 
     name, place = "slab-depth", 22
     companion, part_of_slab = CollisionRerun("thinner slab", depth=THINNER), 0.14

@@ -64,11 +64,12 @@ def slab_stream(
     start_up: float,
     operation: float,
     depth: float,
+    part: float = 1.0,
     variation: Variation = AS_GIVEN,
 ) -> SlabFeed:
     """The feed of one ``replicate`` of a slab of ``depth`` (m): from ``begin`` (s) on for the ``start_up`` (s), the
     ``operation`` (s) that counts, and as long again as the start-up, until what counts has landed among others; its
-    granules as a ``variation`` has them.
+    granules as a ``variation`` has them. Of a ``part`` of the depth those that come there in the whole slab.
     """
     crowd = known(plan.crowd)
     rng = np.random.default_rng([scene.feed.seed, zlib.crc32(b"slab"), replicate])
@@ -81,11 +82,16 @@ def slab_stream(
     granules = _joined([part.granules for part in parts])[order]
     fraction, mass = (np.concatenate([getattr(part, key) for part in parts])[order] for key in ("fraction", "mass"))
     tracers = tuple(len(scene.fraction) + i for i, name in enumerate(scene.fraction) if crowd.tracers[name] > 0.0)
-    solid = np.flatnonzero(granules.fraction < len(scene.fraction))
-    x, across = _apart(rng, granules, solid, depth)
+    granules = _apart(rng, granules.replace(depth=depth * rng.random(len(granules))), len(scene.fraction), depth)
+    if part < 1.0:  # which has other neighbours across its ends
+        kept = np.flatnonzero(granules.depth < part * depth)
+        granules, fraction, mass = (
+            _apart(rng, granules[kept], len(scene.fraction), part * depth),
+            fraction[kept],
+            mass[kept],
+        )
     since = granules.time
-    position = np.stack([x, granules.position[:, 1]], axis=1)
-    granules = hung(scene, granules.replace(position=position, time=begin + since, depth=across))
+    granules = hung(scene, granules.replace(time=begin + since))
     counted = (since >= start_up) & (since < start_up + operation)
     return SlabFeed(granules, fraction, mass, counted, tracers)
 
@@ -187,14 +193,14 @@ def _born(
     return grains.replace(position=np.where(comes, fallen, position), velocity=np.where(comes, speeds, velocity))
 
 
-def _apart(rng: np.random.Generator, grains: Granules, solid: NDArray[np.int64], depth: float) -> tuple[Array, Array]:
-    """Places x (n,) and across the slab (n,) m such that no two of the ``solid`` granules overlap when they are born.
-
-    The later one of a pair that would is given another place, as often as it takes.
+def _apart(rng: np.random.Generator, grains: Granules, tracers: int, depth: float) -> Granules:
+    """The granules of a slab of ``depth`` (m) where no two overlap when they are born, ``tracers`` (those of so high a
+    fraction) with any. The later one of a pair that would is given another place, as often as it takes.
     """
-    x, z = grains.position[:, 0].copy(), depth * rng.random(len(grains))
+    solid = np.flatnonzero(grains.fraction < tracers)
     if len(solid) < 2:
-        return x, z
+        return grains
+    x, z = grains.position[:, 0].copy(), known(grains.depth).copy()
     width = grains.diameter[solid] * section(grains.shape[solid], grains.flake[solid])[1]
     speed = np.maximum(np.abs(grains.velocity[solid, 1]), np.sqrt(GRAVITY * width))
     ahead = float(speed.min()) * grains.time[solid]  # way that separates those born later, at least
@@ -204,7 +210,7 @@ def _apart(rng: np.random.Generator, grains: Granules, solid: NDArray[np.int64],
             break
         x[solid[later]] = x[_alike(rng, grains.fraction, solid[later])]
         z[solid[later]] = depth * rng.random(len(later))
-    return x, z
+    return grains.replace(position=np.stack([x, grains.position[:, 1]], axis=1), depth=z)
 
 
 def _alike(rng: np.random.Generator, fraction: NDArray[np.int64], some: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -46,8 +46,9 @@ SHARE_OF_SHIFT = 0.5  # share that changes its bin, about, over the mean shift o
 
 @dataclass(frozen=True)
 class CollisionRerun:
-    """Part of the replicates flown again with one thing changed; ``name`` among the stages, factors on the step of the
-    slab's clock and on its depth, what is added to the restitution and the friction of one granule on another.
+    """Part of the replicates flown again with one thing changed; ``name`` among the stages, factor on the step of the
+    slab's clock, part of its depth that flies, what is added to the restitution and the friction of one granule on
+    another.
     """
 
     name: str
@@ -122,9 +123,10 @@ class CollisionStage:
         change = rerun or CollisionRerun("slab")
         replicates = self.crowd.replicates if rerun is None else max(MIN_REPLICATES, self.crowd.replicates // 4)
         step = None if rerun is None else change.step * self.fly().clock.step
-        flight = self.flight(change.name, change.depth * self.crowd.depth, step)
-        flight = replace(flight, scene=change.applied(flight.scene))
-        key = content_key(self.key, change.step, flight.depth, replicates, change.restitution, change.friction)
+        flight = self.flight(change.name, self.crowd.depth, step)
+        flight = replace(flight, scene=change.applied(flight.scene), part=change.depth)
+        changed = change.step, change.depth, change.restitution, change.friction
+        key = content_key(self.key, flight.depth, replicates, *changed)
         folder = self.tracks.cache.make(change.name, key, partial(flight.fly_all, replicates=replicates))
         return flight.found(folder, replicates)
 
@@ -137,11 +139,11 @@ SEVERAL = 3.0  # flights of a granule that landed late, within which one that me
 
 @dataclass(frozen=True)
 class SlabFlight:
-    """How a slab of ``depth`` (m) is flown: ``start_up`` (s) until it is steady, at least ``operation`` (s) that count,
-    in a whole number of the airflow's periods; ``tolerance`` (body widths) for the step of its clock, or the ``step``
-    (s) itself, which ``measured`` hears where it had to be found; ``tell`` hears of progress; granules are as the
-    ``variation`` has them. A replicate is one thread's work: ``workers`` fly at a time. ``also`` gets each replicate's
-    number, its feed and its tracks with RECORDED points of each.
+    """How a slab of ``depth`` (m), or a ``part`` of one, is flown: ``start_up`` (s) until it is steady, at least
+    ``operation`` (s) that count, in a whole number of the airflow's periods; ``tolerance`` (body widths) for the step
+    of its clock, or the ``step`` (s) itself, which ``measured`` hears where it had to be found; ``tell`` hears of
+    progress; granules are as the ``variation`` has them. A replicate is one thread's work: ``workers`` fly at a time.
+    ``also`` gets each replicate's number, its feed and its tracks with RECORDED points of each.
     """
 
     scene: Scene
@@ -154,6 +156,7 @@ class SlabFlight:
     step: float | None = None
     workers: int | None = None
     tell: Callable[[str], None] = lambda _: None
+    part: float = 1.0
     measured: Callable[[tracking.ClockStep], object] | None = None
     variation: Variation = AS_GIVEN
     also: Callable[[int, SlabFeed, tracking.Tracks], object] | None = None
@@ -210,8 +213,7 @@ class SlabFlight:
             field = field.image
         period = self.airs.period
         operation = self.operation if period is None else period * math.ceil(self.operation / period)
-        timing = {"begin": self._begin(number), "start_up": self.start_up, "operation": operation, "depth": self.depth}
-        stream = slab_stream(self.scene, self.plan, field, number, **timing, variation=self.variation)
+        stream = self._stream(field, number, operation)
         tracks = self._track(field, stream, number, record=0 if self.also is None else RECORDED)
         if self.also is not None:
             self.also(number, stream, tracks)
@@ -257,15 +259,21 @@ class SlabFlight:
             weight = own["weight"]
             own["weight"] = weight * (weight.sum() / (weight @ weight))
             landed[name] = Landings(**own)
-        return SlabFound(landed, clock, jammed, flown, replicates, self.depth, self.start_up)
+        return SlabFound(landed, clock, jammed, flown, replicates, self.part * self.depth, self.start_up)
 
     def record(self, points: int) -> tuple[SlabFeed, tracking.Tracks]:
         """The first replicate's feed over ``operation``, no whole periods, in the first realisation of the airflow, and
         its tracks with ``points`` kept of each.
         """
-        timing = {"begin": self._begin(0), "start_up": self.start_up, "operation": self.operation, "depth": self.depth}
-        stream = slab_stream(self.scene, self.plan, self.airs.field, 0, **timing, variation=self.variation)
+        stream = self._stream(self.airs.field, 0, self.operation)
         return stream, self._track(self.airs.field, stream, 0, record=points)
+
+    def _stream(self, field: FlowField | None, number: int, operation: float) -> SlabFeed:
+        """What a replicate is fed with, over so much ``operation`` (s)."""
+        return slab_stream(
+            self.scene, self.plan, field, number, begin=self._begin(number), start_up=self.start_up,
+            operation=operation, depth=self.depth, part=self.part, variation=self.variation,
+        )  # fmt: skip
 
     def _begin(self, number: int) -> float:
         """When a replicate begins (s): at any moment of the airflow's period, or of the vibration's."""
@@ -294,7 +302,7 @@ class SlabFlight:
             workers=1,
             record=record,
             collisions=tracking.Collisions(
-                depth=self.depth,
+                depth=self.part * self.depth,
                 restitution=rebound.restitution,
                 friction=rebound.friction,
                 tracers=stream.tracers,

@@ -24,7 +24,7 @@ AT_ONCE = 2**17  # granules that are fed and flown at a time
 KEPT = 2**20  # granules of a fraction whose landings are kept; of more, all are counted and so many kept
 COMPARED = 4  # of the replicates fly again in each comparison with another airflow, step or mesh
 INPUT_SAMPLES = 64  # flown draws of everything that is not known exactly: the landings' response is fitted to them
-PASSING = 512  # the same in passes after which that of granules that meet is gathered: known to 1 % of the force
+PASSING = 512  # the same in passes after which that of granules that meet is gathered: known to some 2 % of the force
 GATHERED = 2048  # granules of a fraction whose force on the air is gathered. Chosen: a hundred pass every box there
 SAME_AIR = 2  # draws that share one draw of the air, whose fields cost more to make than granules to fly
 
