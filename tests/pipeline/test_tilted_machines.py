@@ -213,7 +213,7 @@ def test_the_air_gets_what_granules_lose_under_turned_gravity(tmp_path: Path) ->
     scene = shipped("rhombus", {"channel.tilt": 0.5, "feed.count": 64, "numerics.rung": "draft"})
     plan = make_plan(scene, force=CALM)
     assert plan.airflow.loaded
-    Gatherer(scene, plan, box(scene), None, lambda _: None).alone(512, tmp_path)
+    Gatherer(scene, plan, box(scene), None, lambda _: None).alone(64, tmp_path)
     found = Gathered.load(tmp_path)
     assert found.imbalance < 1e-9
     assert abs(found.losses[:, 0].mean()) > 0.0
