@@ -17,7 +17,7 @@ from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store
 from wakeflow.pipeline.cache import StageCache, StageTime, code_of
 from wakeflow.planning.cost import COMPILE, begins, wall_seconds
-from wakeflow.planning.machine_rates import STARTS, learn, on_this_machine
+from wakeflow.planning.machine_rates import STARTS, learn, note_compiled, on_this_machine, to_compile
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.stages import OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, error_sources, stages
@@ -194,6 +194,20 @@ def test_the_compilation_is_expected_until_it_is_done(
     assert compiled.memory > 1e9  # measured: 650 MB of the process that compiles, next to a run of 400 MB
     write_json(tmp_path / "kernels" / "loop" / "fly_block.nbi", None)
     assert not [stage for stage in on_this_machine(plan, tmp_path)[0] if stage.name == COMPILE.name]
+
+
+def test_the_compilation_is_expected_to_take_what_it_last_took_here(
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wakeflow.planning.machine_rates.kernel_folder", lambda module: tmp_path / module)
+    monkeypatch.setattr("wakeflow.planning.machine_rates.kernel_root", lambda: tmp_path)
+    usual = to_compile()
+    assert min(usual.values()) > 10.0  # measured: tens of processor seconds each
+    note_compiled("slab", 300.0)
+    assert to_compile() == usual | {"slab": 300.0}
+    assert to_compile(slab=False) == {"tracker": usual["tracker"]}
+    (tmp_path / "compile-seconds.json").write_text('{"slab": "soon"}')
+    assert to_compile() == usual
 
 
 SCENES = [path.stem for path in sorted(CASES.glob("*.toml")) if "[channel]" in path.read_text()]

@@ -1,10 +1,5 @@
 """The tracker in the air: exact where it can be, third order elsewhere, honest about its tolerance, and never lost."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -238,30 +233,6 @@ def test_bad_arguments_are_named(changes: dict[str, object], message: str) -> No
     arguments: dict[str, object] = {"until": 1.0}
     with pytest.raises(SceneError, match=message):
         track(field_of(still, 2), with_tau(0.1, [[0, 0]], [[0, 0]]), **(arguments | changes))  # type: ignore[arg-type]
-
-
-def _cache_hits(kernels: str | None) -> int:
-    """How many compiled functions a new process takes from the cache to fly one granule."""
-    code = (
-        "import numpy as np; from wakeflow.tracking import Granules, track\n"
-        "grains = Granules(np.zeros((1, 2)), np.ones((1, 2)), diameter=1e-3, density=1.0)\n"
-        "track(None, grains, until=1.0)\n"
-        "from wakeflow.tracking.kernel.loop import fly_block as f; print(sum(f.stats.cache_hits.values()))"
-    )
-    environment = os.environ | ({} if kernels is None else {"WAKEFLOW_KERNELS": kernels})
-    command = [sys.executable, "-c", code]
-    return int(subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout)
-
-
-def test_the_compiled_kernel_is_kept_between_processes() -> None:
-    track(None, Granules(np.zeros((1, 2)), np.ones((1, 2)), diameter=1e-3, density=1.0), until=1.0)
-    assert _cache_hits(None) == 1
-
-
-@pytest.mark.slow
-def test_a_new_folder_of_kernels_is_filled_by_the_first_process(tmp_path: Path) -> None:
-    assert [_cache_hits(str(tmp_path)) for _ in range(2)] == [0, 1]
-    assert len(list(tmp_path.iterdir())) == 1
 
 
 PERIOD = 0.5

@@ -11,7 +11,7 @@ from wakeflow import impact
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import contains
 from wakeflow.field import FlowField
-from wakeflow.tracking import Body, Fate, Granules, Motion, track
+from wakeflow.tracking import Body, Fate, Granules, Motion, Tracks, pack_surroundings, track
 
 
 def one(position: object, velocity: object, radius: float = 1e-3, **more: object) -> Granules:
@@ -363,3 +363,46 @@ def test_rattling_in_a_notch_of_a_vibrating_body_ends_and_is_counted() -> None:
     assert tracks.impacts.max() <= 5000
     assert set(tracks.fate) <= {Fate.BINNED, Fate.RESTING, Fate.AIRBORNE, Fate.STOPPED}
     assert np.any(tracks.fate != Fate.BINNED)  # some stay in the notch: said, not lost
+
+
+def rained(outline: np.ndarray, motion: Motion | None = None, *, is_open: bool = False) -> Tracks:
+    """Granules of all sizes that fall on a body, bounce, slide and roll."""
+    x = np.linspace(-0.03, 0.03, 96)
+    grains = Granules(
+        np.stack([x, np.full(96, 0.06)], axis=1), np.zeros((96, 2)), diameter=np.geomspace(2e-5, 4e-3, 96),
+        density=1e3, restitution=0.4, friction=0.1, inertia=0.4,
+    )  # fmt: skip
+    return track(None, grains, until=0.5, tolerance=1e-4, bodies=[Body(outline, motion, open=is_open)], length=0.05)
+
+
+def same(one: Tracks, other: Tracks) -> None:
+    """Bit by bit."""
+    for name in ("position", "velocity", "time", "spin", "fate", "steps", "impacts"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+def lobed(edges: int) -> np.ndarray:
+    """An outline with notches, in which every edge has another direction."""
+    turn = np.linspace(0.0, 2 * np.pi, edges, endpoint=False)
+    return 0.025 * (1.0 + 0.3 * np.cos(5 * turn))[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+
+
+@pytest.mark.parametrize("motion", [None, Motion((0.0, 1e-3), 25.0)])
+@pytest.mark.parametrize(("edges", "is_open"), [(7, False), (9, False), (100, True), (257, False)])
+def test_a_body_is_met_as_when_every_edge_is_looked_at(
+    monkeypatch: pytest.MonkeyPatch, edges: int, is_open: bool, motion: Motion | None
+) -> None:
+    """The halves of an outline only save looks."""
+    found = rained(lobed(edges), motion, is_open=is_open)
+    assert found.impacts.sum() > 96
+    monkeypatch.setattr(pack_surroundings, "FEW", edges)
+    same(found, rained(lobed(edges), motion, is_open=is_open))
+
+
+@pytest.mark.parametrize("pieces", [2, 64])
+def test_sides_that_are_cut_in_pieces_are_the_same_sides(pieces: int) -> None:
+    """What slides over a cut is not thrown off as by a corner, and strikes no oftener."""
+    share = np.arange(pieces)[:, None] / pieces
+    cut = np.concatenate([a + share * (b - a) for a, b in zip(RHOMBUS, np.roll(RHOMBUS, -1, axis=0), strict=True)])
+    same(rained(cut), rained(RHOMBUS))
+    same(rained(cut[: 2 * pieces + 1], is_open=True), rained(RHOMBUS[:3], is_open=True))

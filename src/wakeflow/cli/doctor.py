@@ -22,10 +22,11 @@ from typing import TYPE_CHECKING
 from .. import DISTRIBUTION
 from ..core.errors import ProgramError
 from ..core.process import capture, cores
+from ..core.quantities import duration
 from ..core.sources import kernel_root
 from ..core.store import cache_root
 from ..funnel import engine
-from ..planning.machine_rates import is_compiled
+from ..planning.machine_rates import to_compile
 from .screen import screen_table
 
 if TYPE_CHECKING:
@@ -306,9 +307,11 @@ def _cache() -> Finding:
 
 def _kernels() -> Finding:
     """The tracker's kernels: set-up compiles them, else the first run does."""
-    use = "flights at once; else the first run waits half a minute for them"
-    if is_compiled():
+    seconds = to_compile()
+    use = "flights at once"
+    if not seconds:
         return Finding("compiled tracker", f"in {kernel_root()}", True, use, optional=True)
+    use += f"; the first run compiles for about {duration(sum(seconds.values()))} of a core"
     return Finding("compiled tracker", None, False, use, SETUP, optional=True)
 
 

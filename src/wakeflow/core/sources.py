@@ -152,10 +152,11 @@ def kernel_root() -> Path:
 
 
 def kernel_folder(module: str) -> Path:
-    """The folder of the kernel whose entry is in ``module``: of these sources here, compiled by this version of numba
-    for this processor.
+    """The folder of the kernel whose entry is in ``module``: of these sources, wherever they lie, compiled by these
+    versions of numba and LLVM for this processor.
     """
-    machine = content_key(version("numba"), platform.python_version(), platform.machine(), _processor(), str(PACKAGE))
+    versions = [version(name) for name in ("numba", "llvmlite")]
+    machine = content_key(*versions, platform.python_version(), platform.machine(), _processor())
     return kernel_root() / f"{code_key(module)[:20]}-{machine[:12]}"
 
 

@@ -207,7 +207,7 @@ class AirLoading(ABC):
         made = content_key(stage, last.key, exerted_by(self.scene, self.plan), start_up, code_of("slab-momentum"))
 
         def work(part: Path) -> None:
-            self.compilation.finish_slab()
+            self.compilation.finish_slab(self.cache)
             self._gatherer(stage, field()).among_others(start_up, alone.before, part)
 
         return self._gathered(stage, made, work)

@@ -13,8 +13,9 @@ import numpy as np
 from .. import tracking
 from ..core.errors import ProgramError
 from ..core.process import call_in_child, cores
+from ..core.quantities import duration
 from ..core.sources import kernel_folder, kernel_root
-from ..planning.machine_rates import is_compiled
+from ..planning.machine_rates import note_compiled, to_compile
 from ..planning.stages import OWN, StageKey
 from .cache import StageCache, StageTime
 
@@ -35,7 +36,7 @@ def compile_slab(_: None = None) -> None:
 
 def compile_ahead() -> None:
     """Have both kernels compiled side by side, where the cache has not got them yet: for set-up."""
-    if not is_compiled():
+    if to_compile():
         children = [_in_child(function, kernel_root() / f"log.{function}") for function in (TRACKER, SLAB)]
         for child in children:
             child.join()
@@ -50,7 +51,10 @@ def _fly_once(kernel: str, collisions: tracking.Collisions | None) -> None:
     root = kernel_folder("wakeflow.tracking.kernel.loop")  # not above: another version's compilation is none of these
     root.mkdir(parents=True, exist_ok=True)
     with FileLock(root / f"compile-{kernel}.lock"):
+        anew, started = kernel in to_compile(), time.monotonic()
         tracking.track(None, still, until=1e-3, length=1.0, forces=("gravity",), collisions=collisions)
+        if anew:
+            note_compiled(kernel, time.monotonic() - started)
 
 
 @dataclass
@@ -69,8 +73,10 @@ class Compilation:
             if slab:
                 self.of_the_slab.append(_in_child(SLAB, log.with_name(f"{log.name}-slab")))
 
-    def finish_slab(self) -> None:
+    def finish_slab(self, cache: StageCache) -> None:
         """Wait for the slab's kernel, where another process compiles it."""
+        if seconds := to_compile().get("slab"):
+            cache.tell("compile", f"the slab's kernel is compiled: about {duration(seconds)}, once for each version")
         for child in self.of_the_slab:
             child.join()
         _slab_here.set()
@@ -78,7 +84,8 @@ class Compilation:
     def finish(self, cache: StageCache) -> None:
         """Have it compiled here, or read from the cache, before the time of the tracks is taken."""
         started = time.monotonic()
-        known = "read from the cache" if is_compiled() else "compiled: half a minute, once for each version"
+        seconds = to_compile().get("tracker")
+        known = f"compiled: about {duration(seconds)}, once for each version" if seconds else "read from the cache"
         cache.tell("compile", f"the tracker is {known}")
         for child in self.children:
             child.join()

@@ -233,7 +233,7 @@ class Pipeline:
         """
         if self.plan.crowd is None:
             return None
-        self.compilation.finish_slab()
+        self.compilation.finish_slab(self.cache)
         return self._collision_stage.fly(rerun)
 
     def shown(self, picture: Picture) -> dict[str, list[Columns]]:
@@ -242,7 +242,7 @@ class Pipeline:
 
     def film(self, span: float | None = None) -> Film:
         """The granules that are in the machine over ``span`` (s), on one clock: flown for a film."""
-        self.compilation.finish_slab()
+        self.compilation.finish_slab(self.cache)
         known = self._track_stage.airs, self.tracks_key, self.tracks().landings, self.workers
         return FilmStage(self.scene, self.plan, self.cache, *known).fly(span)
 

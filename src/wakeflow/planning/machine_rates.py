@@ -15,7 +15,7 @@ from pathlib import Path
 
 from ..core.errors import SceneError
 from ..core.files import read_json, write_json
-from ..core.sources import kernel_folder
+from ..core.sources import kernel_folder, kernel_root
 from .cost import COMPILE, PROGRAM
 from .plan import Plan
 from .stages import OWN, StageCost, StageKey
@@ -24,7 +24,9 @@ FILE = "machine-rates.json"  # by kind of work: (seconds, those expected), of th
 KEPT = 9  # runs that a rate is the median of, weighted by the seconds that were expected of each
 STARTS = 20.0  # s added to both: a run of seconds tells how long programs take to start, not how fast they compute
 MAX_SECONDS = 1e8  # three years: no stage took them
-COMPILED = 45.0  # s: the tracker's compilation
+COMPILED = "compile-seconds.json"  # by kernel: seconds of its last compilation on this machine, of whatever version
+# Kernels: the module of each, and the seconds that its compilation takes where none is known; measured
+KERNELS = {"tracker": ("wakeflow.tracking.kernel.loop", 60.0), "slab": ("wakeflow.tracking.collisions.slab", 60.0)}
 COMPILING = 7.8e8  # bytes: a run that compiles in its own process, one kernel after the other
 # Bytes of the other processes that compile the tracker and the slab's kernel while OpenFOAM runs
 IN_CHILDREN = 6.7e8, 5.5e8
@@ -58,11 +60,11 @@ def on_this_machine(plan: Plan, root: Path) -> tuple[tuple[StageCost, ...], int]
     known = _read(root)
     rates = {work: _rate(runs) for work, runs in known.items()}
     here = [replace(one, seconds=one.seconds * rates.get(one.key.stage.work, 1.0)) for one in plan.stages]
-    if not is_compiled():
+    if seconds := to_compile(slab=plan.crowd is not None):
         waits = any(one.when == "answer" for one in here)
-        held = PROGRAM + sum(IN_CHILDREN[: 1 if plan.crowd is None else 2]) if waits else COMPILING
-        when = "beside" if waits else "first"
-        here.insert(0, StageCost(StageKey(OWN, COMPILE.name), COMPILED, when, memory=held))
+        held = PROGRAM + sum(IN_CHILDREN[: len(seconds)]) if waits else COMPILING
+        when, whole = ("beside", max(seconds.values())) if waits else ("first", sum(seconds.values()))
+        here.insert(0, StageCost(StageKey(OWN, COMPILE.name), whole, when, memory=held))
     return tuple(here), max(map(len, known.values()), default=0)
 
 
@@ -73,9 +75,30 @@ def _rate(runs: Sequence[tuple[float, float]]) -> float:
     return rates[bisect_left(below, 0.5 * below[-1])][0]
 
 
-def is_compiled() -> bool:
-    """Whether the tracker of these sources has been compiled on this machine."""
-    return any(kernel_folder("wakeflow.tracking.kernel.loop").glob("**/*.nbi"))
+def to_compile(*, slab: bool = True) -> dict[str, float]:
+    """The kernels of these sources that are not compiled yet on this machine, with the seconds that each will take."""
+    taken = _taken()
+    return {
+        kernel: taken.get(kernel, usual)
+        for kernel, (module, usual) in KERNELS.items()
+        if (slab or kernel != "slab") and not any(kernel_folder(module).glob("**/*.nbi"))
+    }
+
+
+def note_compiled(kernel: str, seconds: float) -> None:
+    """Keep how long the compilation of a ``kernel`` took: the next version's will take about as long."""
+    taken = _taken() | {kernel: round(seconds, 1)}
+    write_json(kernel_root() / COMPILED, taken)
+
+
+def _taken() -> dict[str, float]:
+    """Seconds of the compilations that are known."""
+    try:
+        known = read_json(kernel_root() / COMPILED)
+        seconds = {kernel: float(known[kernel]) for kernel in KERNELS if kernel in known}
+    except (OSError, SceneError, TypeError, ValueError, AttributeError):
+        return {}
+    return {kernel: took for kernel, took in seconds.items() if 0.0 < took < MAX_SECONDS}
 
 
 def _read(root: Path) -> dict[str, list[tuple[float, float]]]:

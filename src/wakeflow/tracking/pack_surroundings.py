@@ -28,6 +28,8 @@ from .kernel.layout import PackedAir, Walls
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 INWARDS = -1e-12  # sine of the angle by which an outline turns at a corner: below it inwards, to round-off
+FEW = 8  # edges of an outline that are looked at one by one
+BOXED = 1e-9  # of a part's coordinates: its box is larger by that, so that round-off keeps nothing out of it
 
 
 def pack_walls(
@@ -36,7 +38,7 @@ def pack_walls(
     """Edges, convex corners and motions of all bodies, one after the other; motions as seen from a mesh that swings;
     the granules' ``restitution`` where it is a law.
     """
-    tables = _Tables([], [], [], [], [], [])
+    tables = _Tables([], [], [], [], [], [], [])
     for number, body in enumerate(bodies):
         _add(tables, number, body, swing)
     width = max((len(row) for row in tables.bodies), default=at.SAMPLES)
@@ -45,7 +47,7 @@ def pack_walls(
     return Walls(
         rows_of_floats(tables.edges, 7), rows_of_ints(tables.edge_links, 3),
         rows_of_floats(tables.vertices, 2), rows_of_ints(tables.vertex_links, 3),
-        rows_of_floats(rows, width), rows_of_ints(tables.members, 7), *lines,
+        rows_of_floats(rows, width), rows_of_ints(tables.members, 5), rows_of_floats(tables.parts, 9), *lines,
         rows_of_floats([frame + [0.0] * (at.SAMPLES - len(frame))], at.SAMPLES),
         restitution_table(restitution) if isinstance(restitution, Restitution) else np.zeros((0, 6)),
     )  # fmt: skip
@@ -60,42 +62,75 @@ class _Tables(NamedTuple):
     vertex_links: list[list[int]]
     bodies: list[list[float]]
     members: list[list[int]]
+    parts: list[list[float]]
 
 
 def _add(tables: _Tables, number: int, body: Body, swing: MeshOscillation | None) -> None:
     """Add the rows of one body."""
-    start, end = body.edges
+    outline = _straightened(body)
+    start, end = (outline[:-1], outline[1:]) if body.open else (outline, np.roll(outline, -1, axis=0))
     along = end - start
     size = np.hypot(along[:, 0], along[:, 1])
     direction = along / size[:, None]
-    first_edge, first_vertex = len(tables.edges), len(tables.vertices)
-    at_start, at_end = _add_corners(tables, number, body, direction)
+    first_part, first_vertex = len(tables.parts), len(tables.vertices)
+    at_start, at_end = _add_corners(tables, number, outline, body.open, direction)
+    before = np.append(first_vertex + np.cumsum(at_start >= 0) - (at_start >= 0), len(tables.vertices))
+    _add_parts(tables, start, end, before, len(tables.edges), 0, len(start))
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    tables.parts[first_part][:4] = [*low, *high]
     for i in range(len(start)):
         tables.edges.append([*start[i], *end[i], direction[i, 1], -direction[i, 0], size[i]])
         tables.edge_links.append([number, at_start[i], at_end[i]])
-    low, high = body.outline.min(axis=0), body.outline.max(axis=0)
     own = [-1.0 if value is None else value for value in (body.restitution, body.friction)]
     tables.bodies.append([*low, *high, *relative(body.motion, swing), *own, *_samples(body)])
-    tables.members.append(
-        [first_edge, len(tables.edges), first_vertex, len(tables.vertices), not body.open, body.capture, body.line]
-    )
+    tables.members.append([first_part, len(tables.parts), not body.open, body.capture, body.line])
 
 
-def _add_corners(tables: _Tables, number: int, body: Body, direction: Array) -> tuple[Index, Index]:
+def _straightened(body: Body) -> Array:
+    """The outline (k, 2) without the points at which it goes straight on: the face goes on there, and what slides on it
+    would be thrown off by a corner.
+    """
+    onward = np.roll(body.outline, -1, axis=0) - body.outline
+    back = np.roll(onward, 1, axis=0)
+    turn = back[:, 0] * onward[:, 1] - back[:, 1] * onward[:, 0]
+    ahead = np.sum(back * onward, axis=1)
+    keep = (abs(turn) > -INWARDS * np.hypot(*back.T) * np.hypot(*onward.T)) | (ahead < 0.0)
+    if body.open:
+        keep[[0, -1]] = True
+    return body.outline[keep] if body.open or keep.sum() > 2 else body.outline  # a needle is left as it is
+
+
+def _add_parts(tables: _Tables, start: Array, end: Array, vertex: Index, first: int, low: int, high: int) -> None:
+    """Add the part of an outline that is its edges ``low`` to ``high``, and its halves; from all edges, of which the
+    ``first`` has that number, and the number of the ``vertex`` that is the next at the start of each.
+    """
+    ends = np.concatenate([start[low:high], end[low:high]])
+    grown = BOXED * np.abs(ends).max()
+    box = [*(ends.min(axis=0) - grown), *(ends.max(axis=0) + grown)]
+    row = [*box, first + low, first + high, vertex[low], vertex[high], 0.0]
+    tables.parts.append(row)
+    if high - low > FEW:
+        middle = (low + high) // 2
+        _add_parts(tables, start, end, vertex, first, low, middle)
+        _add_parts(tables, start, end, vertex, first, middle, high)
+    row[at.BEYOND] = len(tables.parts)
+
+
+def _add_corners(tables: _Tables, number: int, outline: Array, is_open: bool, direction: Array) -> tuple[Index, Index]:
     """Add the convex corners and free ends of a body, whose edges come next, from their directions (m, 2); which one
     is at the start and at the end (m,) of each edge, -1: none.
     """
     count, first_edge = len(direction), len(tables.edges)
     at_start, at_end = np.full(count, -1), np.full(count, -1)
-    for i in range(len(body.outline)):
-        before, after = (i - 1, i) if body.open else ((i - 1) % count, i)
+    for i in range(len(outline)):
+        before, after = (i - 1, i) if is_open else ((i - 1) % count, i)
         before, after = (before if before >= 0 else -1), (after if after < count else -1)
         if before >= 0 and after >= 0:
             (ax, ay), (bx, by) = direction[before], direction[after]
             if ax * by - ay * bx < INWARDS:  # a corner that turns inwards is never touched
                 continue
         place = len(tables.vertices)
-        tables.vertices.append(body.outline[i])
+        tables.vertices.append(outline[i])
         links = [before + first_edge if before >= 0 else -1, after + first_edge if after >= 0 else -1]
         tables.vertex_links.append([number, *links])
         if before >= 0:

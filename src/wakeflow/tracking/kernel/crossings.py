@@ -13,13 +13,12 @@ from . import layout as at
 from .dense_output import along
 from .events import first_below, level, wall_displacement
 from .jit import compiled, inlined
-from .walls import STILL
+from .walls import GROWN, STILL, members_of
 
 BEND = 0.05  # sagitta over a granule's radius up to which its path by a corner counts as straight
 BENDS = 64  # pieces of such a path at most
 TURN = 0.4  # rad of a body's vibration looked at in one piece; of samples: change of the acceleration over its peak
 MAX_PIECES = 100_000  # of a step past a body that vibrates
-GROWN = 1.01  # of a granule's radius: boxes that are farther apart than this cannot touch, round-off or not
 MARGIN = 0.1  # of a hull's size: the cubic with the same ends holds the path but for the step's own error
 CLOSE = 1e-6  # of the skin: a line is crossed when the centre is that near
 
@@ -122,22 +121,38 @@ def _joined(ints, walls):
     return at.NOBODY, at.NOBODY, at.NOBODY, at.NOBODY
 
 
+@compiled
+def _near_part(hull, parts, part, margin):
+    """Whether a hull comes as near as ``margin`` to the box of a part of an outline."""
+    low_x, high_x = parts[part, at.LOW_X], parts[part, at.HIGH_X]
+    return _near(hull, low_x, high_x, parts[part, at.LOW_Y], parts[part, at.HIGH_Y], margin)
+
+
 @inlined
 def _first_in_piece(path, t0, walls, body, r, skin, sa, sb, qa, qb, hull, joined):
-    """First contact with a feature of a body in a piece [sa, sb] of the step."""
-    members = walls.members
+    """First contact with a feature of a body in a piece [sa, sb] of the step, whose hull is near to its box."""
+    parts, margin = walls.parts, GROWN * r + skin
     edge_a, edge_b, vertex_a, vertex_b = joined
     found, kind, which = -1.0, at.FREE, at.NOBODY
-    for e in range(members[body, at.FIRST_EDGE], members[body, at.LAST_EDGE]):
-        if e != edge_a and e != edge_b:
-            s = _edge_contact(path, t0, walls, e, r, skin, sa, sb, qa, qb, hull)
-            if s >= 0.0 and (found < 0.0 or s < found):
-                found, kind, which = s, at.ON_EDGE, e
-    for v in range(members[body, at.FIRST_VERTEX], members[body, at.LAST_VERTEX]):
-        if v != vertex_a and v != vertex_b:
-            s = _vertex_contact(path, t0, walls, v, r, skin, sa, sb, qa, qb, hull)
-            if s >= 0.0 and (found < 0.0 or s < found):
-                found, kind, which = s, at.ON_VERTEX, v
+    first, last = walls.members[body, at.FIRST_PART], walls.members[body, at.LAST_PART]
+    part = first
+    while part < last:
+        near = part == first or _near_part(hull, parts, part, margin)
+        part, low, high = members_of(parts, part, near, at.FIRST_EDGE)
+        for e in range(low, high):
+            if e != edge_a and e != edge_b:
+                s = _edge_contact(path, t0, walls, e, r, skin, sa, sb, qa, qb, hull)
+                if s >= 0.0 and (found < 0.0 or s < found):
+                    found, kind, which = s, at.ON_EDGE, e
+    part = first
+    while part < last:
+        near = part == first or _near_part(hull, parts, part, margin)
+        part, low, high = members_of(parts, part, near, at.FIRST_VERTEX)
+        for v in range(low, high):
+            if v != vertex_a and v != vertex_b:
+                s = _vertex_contact(path, t0, walls, v, r, skin, sa, sb, qa, qb, hull)
+                if s >= 0.0 and (found < 0.0 or s < found):
+                    found, kind, which = s, at.ON_VERTEX, v
     return found, kind, which
 
 
@@ -155,8 +170,7 @@ def _first_on_body(path, span, start, end, t0, r, skin, walls, body, joined, bes
             break
         qb = _seen_from(end if piece == pieces - 1 else along(path, sb), t0 + sb, bodies, body)
         hull = _hull(qa, qb, sb - sa)
-        low_x, high_x = bodies[body, at.LOW_X], bodies[body, at.HIGH_X]
-        if _near(hull, low_x, high_x, bodies[body, at.LOW_Y], bodies[body, at.HIGH_Y], GROWN * r + skin):
+        if _near_part(hull, walls.parts, walls.members[body, at.FIRST_PART], GROWN * r + skin):
             found, kind, which = _first_in_piece(path, t0, walls, body, r, skin, sa, sb, qa, qb, hull, joined)
         if found >= 0.0:
             break

@@ -42,7 +42,8 @@ class Walls(NamedTuple):
     # displacement, velocity, acceleration and its slope, over the largest displacement. With samples the frequency is
     # that of their fastest change, the phase a time (s)
     bodies: Array
-    members: Index  # (B, 6) first and last + 1 edge, first and last + 1 vertex, closed, captures
+    members: Index  # (B, 5) first and last + 1 part, closed, captures, the line that it counts as
+    parts: Array  # (P, 9) of the outlines, see ``walls.members_of``
     lines: Array  # (K, 4)
     line_ids: Index  # (K,)
     frame: Array  # (1, SAMPLES) as one of the bodies: how the lines move in the mesh's frame
@@ -218,8 +219,10 @@ SWING_X, SWING_Y, SWING_OMEGA, SWING_PHASE = range(4)  # swing, and the block SW
 FROM_X, FROM_Y, TO_X, TO_Y, OUT_X, OUT_Y, LENGTH = range(7)  # edges; lines have the first four
 OWNER, BEFORE, AFTER = range(3)  # edge_links and vertex_links: body, feature before and after along the outline
 VERTEX_X, VERTEX_Y = 0, 1  # vertices
-FIRST_EDGE, LAST_EDGE, FIRST_VERTEX, LAST_VERTEX, CLOSED, CAPTURES, COUNTS_AS = range(7)  # members; LAST is one beyond
+FIRST_PART, LAST_PART, CLOSED, CAPTURES, COUNTS_AS = range(5)  # members; LAST is one beyond
 LOW_X, LOW_Y, HIGH_X, HIGH_Y, REACH_X, REACH_Y, OMEGA, PHASE = range(8)  # bodies and frame
+# parts: a box, as that of a body, the edges and vertices in it, and the next part that is none of its own
+FIRST_EDGE, LAST_EDGE, FIRST_VERTEX, LAST_VERTEX, BEYOND = range(4, 9)
 BODY_RESTITUTION, BODY_FRICTION, SAMPLE_COUNT, SAMPLE_PERIOD = range(8, 12)
 SAMPLES = 12  # bodies: the first sample's time; sample i's at SAMPLES + PER_SAMPLE i, and from there on
 PER_SAMPLE = 5

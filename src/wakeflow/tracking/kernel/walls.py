@@ -13,28 +13,61 @@ from . import layout as at
 from .events import cubic, harmonic, interval, wall_displacement
 from .jit import compiled
 
-# -- Bodies ------------------------------------------------------------------------------------------------------------
 STILL = 1e-13  # m/s, round-off: a granule that leaves a surface with it does not meet it again
+GROWN = 1.01  # of a granule's radius: boxes that are farther apart than this cannot touch, round-off or not
+
+
+# -- Parts of an outline -----------------------------------------------------------------------------------------------
+# The edges of a body are halved till few are left. Each part is a row of ``walls.parts``, followed by its halves. Who
+# looks for something goes from row to row, and over the halves of a part whose box is too far away.
+@compiled
+def away(parts, part, x, y):
+    """Square of the distance of a point (body frame) from the box of a part; 0: inside."""
+    dx = max(parts[part, at.LOW_X] - x, x - parts[part, at.HIGH_X], 0.0)
+    dy = max(parts[part, at.LOW_Y] - y, y - parts[part, at.HIGH_Y], 0.0)
+    return dx * dx + dy * dy
+
+
+@compiled
+def members_of(parts, part, near, first):
+    """The part to look at after this one, and from which to which edge (``first`` FIRST_EDGE) or vertex (FIRST_VERTEX)
+    to look now: at none of a part that is not ``near``, or whose halves come next.
+    """
+    beyond = int(parts[part, at.BEYOND])
+    if not near:
+        return beyond, 0, 0
+    if beyond != part + 1:
+        return part + 1, 0, 0
+    return beyond, int(parts[part, first]), int(parts[part, first + 1])
 
 
 @compiled
 def inside(walls, body, x, y):
-    """Whether a point (body frame) lies inside a closed body (even-odd rule), and the edge nearest to it."""
-    bodies, edges = walls.bodies, walls.edges
+    """Whether a point (body frame) lies inside a closed body (even-odd rule), and then the edge nearest to it."""
+    bodies, edges, parts = walls.bodies, walls.edges, walls.parts
     if walls.members[body, at.CLOSED] == 0 or not (
         bodies[body, at.LOW_X] < x < bodies[body, at.HIGH_X] and bodies[body, at.LOW_Y] < y < bodies[body, at.HIGH_Y]
     ):
         return False, at.NOBODY
     odd, nearest, least = False, at.NOBODY, math.inf
-    for e in range(walls.members[body, at.FIRST_EDGE], walls.members[body, at.LAST_EDGE]):
-        x0, y0, x1, y1 = edges[e, at.FROM_X], edges[e, at.FROM_Y], edges[e, at.TO_X], edges[e, at.TO_Y]
-        if (y0 > y) != (y1 > y) and x < x0 + (y - y0) * (x1 - x0) / (y1 - y0):
-            odd = not odd
-        foot = -edges[e, at.OUT_Y] * (x - x0) + edges[e, at.OUT_X] * (y - y0)
-        foot = min(edges[e, at.LENGTH], max(0.0, foot))
-        dx, dy = x - x0 + edges[e, at.OUT_Y] * foot, y - y0 - edges[e, at.OUT_X] * foot
-        if dx * dx + dy * dy < least:
-            least, nearest = dx * dx + dy * dy, e
+    part, last = walls.members[body, at.FIRST_PART], walls.members[body, at.LAST_PART]
+    while part < last:
+        level = parts[part, at.LOW_Y] <= y <= parts[part, at.HIGH_Y]
+        part, low, high = members_of(parts, part, level, at.FIRST_EDGE)
+        for e in range(low, high):
+            x0, y0, x1, y1 = edges[e, at.FROM_X], edges[e, at.FROM_Y], edges[e, at.TO_X], edges[e, at.TO_Y]
+            if (y0 > y) != (y1 > y) and x < x0 + (y - y0) * (x1 - x0) / (y1 - y0):
+                odd = not odd
+    part = walls.members[body, at.FIRST_PART] if odd else last
+    while part < last:
+        part, low, high = members_of(parts, part, away(parts, part, x, y) <= least, at.FIRST_EDGE)
+        for e in range(low, high):
+            x0, y0 = edges[e, at.FROM_X], edges[e, at.FROM_Y]
+            foot = -edges[e, at.OUT_Y] * (x - x0) + edges[e, at.OUT_X] * (y - y0)
+            foot = min(edges[e, at.LENGTH], max(0.0, foot))
+            dx, dy = x - x0 + edges[e, at.OUT_Y] * foot, y - y0 - edges[e, at.OUT_X] * foot
+            if dx * dx + dy * dy < least:
+                least, nearest = dx * dx + dy * dy, e
     return odd, nearest
 
 
@@ -43,19 +76,25 @@ def overlap(walls, body, x, y, r):
     """How far a granule outside the body reaches into it (body frame), on which feature: (depth, kind, which); depth
     <= 0: no.
     """
-    edges = walls.edges
-    depth, kind, which = 0.0, at.FREE, at.NOBODY
-    for e in range(walls.members[body, at.FIRST_EDGE], walls.members[body, at.LAST_EDGE]):
-        nx, ny = edges[e, at.OUT_X], edges[e, at.OUT_Y]
-        foot = -ny * (x - edges[e, at.FROM_X]) + nx * (y - edges[e, at.FROM_Y])
-        height = nx * (x - edges[e, at.FROM_X]) + ny * (y - edges[e, at.FROM_Y])
-        if 0.0 <= foot <= edges[e, at.LENGTH] and height >= 0.0 and r - height > depth:
-            depth, kind, which = r - height, at.ON_EDGE, e
-    for v in range(walls.members[body, at.FIRST_VERTEX], walls.members[body, at.LAST_VERTEX]):
-        dx, dy = x - walls.vertices[v, at.VERTEX_X], y - walls.vertices[v, at.VERTEX_Y]
-        height = math.sqrt(dx * dx + dy * dy)
-        if r - height > depth:
-            depth, kind, which = r - height, at.ON_VERTEX, v
+    edges, parts = walls.edges, walls.parts
+    depth, kind, which, reach = 0.0, at.FREE, at.NOBODY, GROWN * r * GROWN * r
+    part, last = walls.members[body, at.FIRST_PART], walls.members[body, at.LAST_PART]
+    while part < last:
+        part, low, high = members_of(parts, part, away(parts, part, x, y) <= reach, at.FIRST_EDGE)
+        for e in range(low, high):
+            nx, ny = edges[e, at.OUT_X], edges[e, at.OUT_Y]
+            foot = -ny * (x - edges[e, at.FROM_X]) + nx * (y - edges[e, at.FROM_Y])
+            height = nx * (x - edges[e, at.FROM_X]) + ny * (y - edges[e, at.FROM_Y])
+            if 0.0 <= foot <= edges[e, at.LENGTH] and height >= 0.0 and r - height > depth:
+                depth, kind, which = r - height, at.ON_EDGE, e
+    part = walls.members[body, at.FIRST_PART]
+    while part < last:
+        part, low, high = members_of(parts, part, away(parts, part, x, y) <= reach, at.FIRST_VERTEX)
+        for v in range(low, high):
+            dx, dy = x - walls.vertices[v, at.VERTEX_X], y - walls.vertices[v, at.VERTEX_Y]
+            height = math.sqrt(dx * dx + dy * dy)
+            if r - height > depth:
+                depth, kind, which = r - height, at.ON_VERTEX, v
     return depth, kind, which
 
 
@@ -156,16 +195,27 @@ def constrain(hold, fx, fy, x, y, vx, vy, t):
 def clearance(walls, x, y, radius, enough):
     """A lower bound on the way to the nearest wall or line, wherever the wall is; at most ``enough``."""
     free = enough
-    edges, lines, members = walls.edges, walls.lines, walls.members
+    edges, lines, parts = walls.edges, walls.lines, walls.parts
     for body in range(walls.bodies.shape[0]):
         box, swing = walls.bodies[body], radius
         if box[at.OMEGA] != 0.0:
             swing += math.sqrt(box[at.REACH_X] ** 2 + box[at.REACH_Y] ** 2)
-        dx, dy = max(box[at.LOW_X] - x, x - box[at.HIGH_X], 0.0), max(box[at.LOW_Y] - y, y - box[at.HIGH_Y], 0.0)
-        if dx * dx + dy * dy >= (free + swing) ** 2:
+        part, last = walls.members[body, at.FIRST_PART], walls.members[body, at.LAST_PART]
+        if away(parts, part, x, y) >= (free + swing) ** 2:
             continue
-        for e in range(members[body, at.FIRST_EDGE], members[body, at.LAST_EDGE]):
+        nearest = part
+        while parts[nearest, at.BEYOND] != nearest + 1:  # who begins at the nearest leaf looks at few others
+            one, other = nearest + 1, int(parts[nearest + 1, at.BEYOND])
+            nearest = one if away(parts, one, x, y) <= away(parts, other, x, y) else other
+        for e in range(int(parts[nearest, at.FIRST_EDGE]), int(parts[nearest, at.LAST_EDGE])):
             free = min(free, _distance(edges, e, x, y) - swing)
+        if nearest == part:  # a body of few edges
+            continue
+        while part < last:
+            near = part != nearest and away(parts, part, x, y) < (free + swing) ** 2
+            part, low, high = members_of(parts, part, near, at.FIRST_EDGE)
+            for e in range(low, high):
+                free = min(free, _distance(edges, e, x, y) - swing)
     frame, moved = walls.frame, 0.0
     if frame[0, at.OMEGA] != 0.0:
         moved = math.sqrt(frame[0, at.REACH_X] ** 2 + frame[0, at.REACH_Y] ** 2)
