@@ -13,12 +13,10 @@ import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from .. import runs
-from ..answer.provenance import RefinedSettings
 from ..answer.result import Result
 from ..answer.shares import Separation
 from ..core.errors import SceneError
@@ -26,13 +24,10 @@ from ..core.process import cores
 from ..core.quantities import duration
 from ..core.store import cache_root
 from ..pipeline.compilation import compile_ahead
-from ..pipeline.pipeline import Pipeline
 from ..planning.make import make_plan
 from ..planning.stages import stages
 from ..runs import effort
-from ..runs.settings import applied, knobs
 from ..scene import Scene
-from ..statistics.separation import separate
 from .report import Report, Row, Table, Tell
 
 BUDGETS = (5.0, 15.0, 30.0, 60.0, 120.0, 300.0, 1200.0)  # s
@@ -41,9 +36,7 @@ AIR = ("airflow", "air loading")  # headings of the stages that stay in it then
 BinShares = Mapping[tuple[str, str], float]  # by fraction and bin
 Beside = Callable[[Scene, BinShares, Tell], tuple[list[Row], list[str]]]  # rows of another program, and notes
 MORE, FINER = 4, 0.1  # of the best answer: granules and tolerance, times the scene's
-MORE_GRANULES, FINER_STEPS, FINER_MESH = 16, 0.01, 0.5  # of a reference for computing alone, times its settings
-MORE_MEETING = 4  # the same of granules that meet, which cost the most
-OTHER_SEED = 1009  # added to the scene's: the best answer and a reference are other samples
+OTHER_SEED = 1009  # added to the scene's: the best answer is another sample
 COLUMNS = {
     "": "{knob}", "budget, granules": "{setting}", "chosen": "{chosen}", "error, points": "{error:.2g*100}",
     "half of the interval, points": "{half:.2g*100}", "shares inside": "{inside}", "s": "{seconds:.3g}",
@@ -156,40 +149,17 @@ def forget_all_but_air() -> None:
             shutil.rmtree(cache_root() / name, ignore_errors=True)
 
 
-def reference_shares(scene: Scene, settings: RefinedSettings, rung: str | None = None) -> BinShares:
-    """The shares of another sample of ``scene``, far finer than ``settings``, on cells of half the edge: of granules
-    that meet where they do.
-    """
-    mesh, slab = settings.mesh_scale, settings.slab
-    finer = replace(
-        settings,
-        granules=(MORE_GRANULES if slab is None else 1) * settings.granules,
-        slab=None if slab is None else MORE_MEETING * slab,
-        tolerance=FINER_STEPS * settings.tolerance,
-        mesh_scale=None if mesh is None else max(FINER_MESH * mesh, knobs["mesh"].finest),
-    )
-    other = applied(scene, finer).replace({"feed.seed": scene.feed.seed + OTHER_SEED})
-    plan = make_plan(other, rung=rung)
-    pipeline = Pipeline(plan.airflow.flown(other), plan)
-    crowd = pipeline.crowd()
-    return _shares(separate(other, pipeline.tracks().landings if crowd is None else crowd.landings))
-
-
 def bin_shares(result: Result) -> BinShares:
     """The shares of a finished run."""
     assert result.landings is not None
-    return _shares(result.landings.separation)
+    return shares_of(result.landings.separation)
 
 
-def _shares(found: Separation) -> BinShares:
+def shares_of(found: Separation) -> BinShares:
+    """All shares of a separation."""
     return {(name, place): share.value for name, row in found.fractions.items() for place, share in row.items()}
 
 
 def largest_error(shares: BinShares, truth: BinShares) -> float:
     """The largest error of a bin share against the ``truth``."""
     return max(abs(shares[place] - share) for place, share in truth.items())
-
-
-def largest_half(result: Result) -> float:
-    """The largest half width of a bin share by computing alone."""
-    return max((row.total.numerical or 0.0 for row in result.budget), default=0.0)
