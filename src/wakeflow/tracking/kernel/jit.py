@@ -34,7 +34,7 @@ class _Part(JITCodeLibrary):
 
     @property
     def codegen(self) -> Any:
-        """What is told below of the Python objects that machine code uses."""
+        """What is written below of the Python objects that machine code uses."""
         return self
 
     def set_env(self, name: str, environment: Any) -> None:
