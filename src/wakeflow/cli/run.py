@@ -136,8 +136,8 @@ def verify(what: str | None = None, *, slow: bool = False, as_json: AsJson = Fal
         Reports go to runs/verify. Exit code 1 where a row of extremes is missed.
     slow
         tracker: finer settings, a computed time-resolved wake and 1e7 granules, most of an hour. airflow: every case,
-        an hour or two of one core. extremes: 1e7 granules, dense feeds, more airflows, some 20 minutes. A scene: its
-        own airflow instead of a draft, and that on three grids. crowd: more
+        an hour or two of one core. extremes: 1e7 granules, dense feeds, more airflows, some 20 minutes. A scene: errors
+        against the airflow of rung reference, and that on three grids. crowd: more
         replicates and variants, a quarter of an hour. funnel: more beads, and the paper's 35 g.
     as_json
         Print JSON instead of tables.

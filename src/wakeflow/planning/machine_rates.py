@@ -25,8 +25,8 @@ KEPT = 9  # runs that a rate is the median of, weighted by the seconds that were
 STARTS = 20.0  # s added to both: a run of seconds tells how long programs take to start, not how fast they compute
 MAX_SECONDS = 1e8  # three years: no stage took them
 COMPILED = "compile-seconds.json"  # by kernel: seconds of its last compilation on this machine, of whatever version
-# Kernels: the module of each, and the seconds that its compilation takes where none is known; measured
-KERNELS = {"tracker": ("wakeflow.tracking.kernel.loop", 60.0), "slab": ("wakeflow.tracking.collisions.slab", 60.0)}
+# Kernels: the module of each, and the seconds that its compilation takes where none is known; measured on a core
+KERNELS = {"tracker": ("wakeflow.tracking.kernel.loop", 60.0), "slab": ("wakeflow.tracking.collisions.slab", 40.0)}
 COMPILING = 7.8e8  # bytes: a run that compiles in its own process, one kernel after the other
 # Bytes of the other processes that compile the tracker and the slab's kernel while OpenFOAM runs
 IN_CHILDREN = 6.7e8, 5.5e8

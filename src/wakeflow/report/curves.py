@@ -23,6 +23,8 @@ def draw_settings(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> 
     """Write ``path`` as PNG and beside it as SVG: the error of each setting of a knob full, what the answer says of
     itself dotted, in percentage points over the seconds that it took.
     """
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     figure = new_figure(7.0, 4.0)
     axes = figure.add_subplot(xlabel="run time, s", ylabel="largest error of a bin share, points", title=title)
     for number, knob in enumerate(dict.fromkeys(row["knob"] for row in rows)):
@@ -40,6 +42,10 @@ def draw_settings(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> 
         axes.plot([], [], style, color="0.4", label=told)
     axes.set_xscale("log")
     axes.set_yscale("log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
     axes.grid(alpha=0.3)
     axes.legend(fontsize=7.5, frameon=False, loc="upper left", bbox_to_anchor=(1.01, 1.0))
     save(figure, path)
