@@ -17,7 +17,7 @@ from support import landings_in, loaded_scene, shipped
 from wakeflow import tracking
 from wakeflow.answer.notices import _step_not_reached, notices
 from wakeflow.answer.shares import collisions_of
-from wakeflow.budget.slab import shows
+from wakeflow.budget.slab import BetweenGranulesRestitution, shows
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import Boxes, ForceDensity
 from wakeflow.foam.momentum_source import LEVELS, SOURCE
@@ -27,7 +27,7 @@ from wakeflow.pipeline.airflow import Airflow
 from wakeflow.pipeline.gathered_force import Gathered
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.slab import SlabFlight, SlabFound, _grouped, step_of
+from wakeflow.pipeline.slab import CollisionRerun, SlabFlight, SlabFound, _grouped, step_of
 from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.coupling import COUPLING
 from wakeflow.planning.make import make_plan
@@ -473,6 +473,23 @@ def test_both_ends_of_a_number_fly_where_one_of_them_shows() -> None:
     assert not shows(moved(0.5), moved(0.52), 2)
     assert shows(moved(0.5), moved(0.7), 2)
     assert not shows(moved(0.0), moved(0.0), 2)
+
+
+def test_both_ends_of_a_number_fly_where_one_is_cut_off() -> None:
+    """A restitution of 0.95 has hardly an upper end: what the lower one moves would not be seen."""
+    own, flown = crowd(DENSE), list[float]()
+
+    def again(rerun: CollisionRerun | None = None) -> SlabFound:
+        flown.extend([] if rerun is None else [rerun.restitution])
+        return own
+
+    for value, ends in ((0.5, 1), (0.95, 2)):
+        asked = pipeline(DENSE).scene.replace({"collisions.restitution": value})
+        found = BetweenGranulesRestitution().fly(SimpleNamespace(scene=asked, crowd=again), None)  # type: ignore[arg-type]
+        assert found is not None
+        assert len(found) == ends
+        assert [end > 0.0 for end in flown] == [True, False][:ends]
+        flown.clear()
 
 
 def test_each_fraction_flies_in_the_slab_under_its_own_forces() -> None:

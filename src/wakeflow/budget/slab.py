@@ -7,6 +7,7 @@ the change's alone, and is nothing where the two agree within their noise.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import copysign, sqrt
@@ -91,24 +92,26 @@ class SlabStep(_SlabAgain):
 
 class _BetweenGranules(_SlabAgain):
     """How granules rebound from each other: part of the replicates with the number at the upper end of its interval,
-    beside the same feed as it is. Where that shows (:func:`shows`) the lower end flies too, and it is half of the
-    difference of both.
+    beside the same feed as it is. Where that shows (:func:`shows`), or the upper end is cut off at the ``most`` that
+    the number can be, the lower end flies too, and it is half of the difference of both.
     """
 
     beyond_computing, part_of_slab = True, 0.25
     number: ClassVar[str]
+    most: ClassVar[float]
     below: ClassVar[CollisionRerun]
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> tuple[SlabFound, ...] | None:
         del tracked
         scene, own = pipeline.scene, pipeline.crowd()
-        half = half_of(scene, f"collisions.{self.number}", "collisions", getattr(scene.collisions, self.number))
+        value = getattr(scene.collisions, self.number)
+        half = half_of(scene, f"collisions.{self.number}", "collisions", value)
         if own is None or not half:
             return None
         above: dict[str, Any] = {self.number: half}
         below: dict[str, Any] = {self.number: -half}
         upper = known(pipeline.crowd(replace(self.companion, **above)))
-        if not shows(upper, own, len(scene.bin)):
+        if value + half <= self.most and not shows(upper, own, len(scene.bin)):
             return (upper,)
         return upper, known(pipeline.crowd(replace(self.below, **below)))
 
@@ -134,14 +137,14 @@ class _BetweenGranules(_SlabAgain):
 class BetweenGranulesRestitution(_BetweenGranules):
     """The restitution of one granule on another."""
 
-    name, place, number = "collisions.restitution", 16, "restitution"
+    name, place, number, most = "collisions.restitution", 16, "restitution", 1.0
     companion, below = CollisionRerun("livelier meetings"), CollisionRerun("duller meetings")
 
 
 class BetweenGranulesFriction(_BetweenGranules):
     """The friction of one granule on another."""
 
-    name, place, number = "collisions.friction", 17, "friction"
+    name, place, number, most = "collisions.friction", 17, "friction", math.inf
     companion, below = CollisionRerun("rougher meetings"), CollisionRerun("smoother meetings")
 
 

@@ -124,6 +124,8 @@ def _within(scene: Scene, budget: float, folder: Path, truth: BinShares) -> Row:
     try:
         result = runs.run(scene, folder, budget=budget, listener=listener)
     except SceneError as problem:
+        if not str(problem).startswith("budget = "):
+            raise
         refused = str(problem).partition(": ")[2].partition(";")[0]
         return {
             "setting": duration(budget), "chosen": f"refused: {refused}", "error": None, "half": None, "inside": "",
