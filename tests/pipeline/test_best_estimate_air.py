@@ -22,7 +22,7 @@ from wakeflow.foam.airflow_result import SuctionZone
 from wakeflow.laws.best_estimate import WakeEstimate
 from wakeflow.pipeline.airflow import Airflow
 from wakeflow.pipeline.blended_air import BestEstimateAir, blended_airflow
-from wakeflow.pipeline.cache import StageCache, null_listener
+from wakeflow.pipeline.cache import StageCache, StageTimes, null_listener
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 
@@ -116,7 +116,7 @@ def make(scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Make:
 
     def made(estimate: WakeEstimate = ESTIMATE, resolved: FlowField | None = None) -> BestEstimateAir:
         wanted = replace(plan, airflow=replace(plan.airflow, wake=estimate))
-        cache = StageCache(Store(tmp_path), null_listener, {})
+        cache = StageCache(Store(tmp_path), null_listener, StageTimes())
         air = BestEstimateAir(scene, wanted, cache, 0, lambda: end)  # type: ignore[arg-type, return-value]
         air.__dict__["resolved"] = ("resolved-key", resolved or resolved_field())
         air.__dict__["cycles"] = 1

@@ -136,7 +136,7 @@ class _Answering(LoadedCase):
     def first(self) -> Gathered:  # type: ignore[override]
         return self._alone("air", lambda: None, GATHERED)
 
-    def under(self, force: ForceDensity, before: Any) -> Any:
+    def under(self, force: ForceDensity, before: Any, *, last: bool) -> Any:
         self.given = force.density
         return before
 
@@ -153,7 +153,9 @@ def test_how_many_passes_a_force_takes_hardly_depends_on_the_seed(b: float, nois
     """Over 20 seeds, of air that hardly answers and of air that oversteps three times, by forces known as those of 2048
     granules are, and ten times worse.
     """
-    passes = [len(_Answering(seed, b, noise).passes) for seed in range(20)]
+    passes = [
+        len(_Answering(seed, b, noise).passes) - 1 for seed in range(20)
+    ]  # the last one settles, whatever it finds
     assert max(passes) <= min(4, 1.5 * np.median(passes))
 
 
@@ -179,7 +181,8 @@ def test_the_force_of_a_dense_curtain_settles() -> None:
     assert not [line for line in told if "force on the air" in line]
     loading = enough.loading
     assert loading is not None
-    assert 3 < len(loading.passes) < 10
+    assert 3 < len(loading.passes) <= 10
+    assert loading.settled(loading.passes[-1])
     assert loading.summary.unanswered < LoadedCase.answered
     assert loading.summary.force[1] < 0.6 * loading.first.force.total[1]
 
@@ -296,7 +299,7 @@ def test_where_granules_meet_the_last_pass_is_under_the_force_of_those(loaded: w
     alone = loaded_pipeline().loading.passes
     loading = loaded_pipeline(force={COLLISIONS: True}).loading
     *before, last = loading.passes
-    assert len(before) == len(alone)
+    assert len(before) == len(alone) - 1  # whose last one is under the force of granules alone again
     among = last.source
     np.testing.assert_array_equal(last.force.density, among.force.density)
     assert among.imbalance < 1e-9  # what all boxes feel is what the granules lost to the air, whomever they met
@@ -309,7 +312,7 @@ def test_where_granules_meet_the_last_pass_is_under_the_force_of_those(loaded: w
     np.testing.assert_array_equal(settled.gathered.force.density, few.force.density)
     assert 0.0 < few.sampling < 0.3 * LoadedCase.answered
     assert 0.2 < among.before.total[1] / among.force.total[1] < 0.5
-    assert loading.summary.passes == len(alone) + 1
+    assert loading.summary.passes == len(alone)
     assert loading.force is last.force
     assert loading.last_change("chaff", 0) == last.gathered.shares["chaff"][0] - before[-1].gathered.shares["chaff"][0]
 
@@ -320,7 +323,7 @@ def test_a_single_pass_is_under_the_force_of_granules_alone_and_all_that_it_move
 ) -> None:
     once = loaded_pipeline(force={COLLISIONS: True}, passes=1).loading
     assert once.summary.passes == 1
-    assert once.passes[0].key == loaded_pipeline().loading.passes[0].key
+    assert once.force.digest == loaded_pipeline().loading.passes[0].force.digest
     moved = once.passes[0].gathered.shares["chaff"][0] - once.first.shares["chaff"][0]
     assert once.last_change("chaff", 0) == moved != 0.0
 

@@ -15,7 +15,7 @@ from wakeflow.cli.show_plan import show_plan
 from wakeflow.core.files import write_json
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store
-from wakeflow.pipeline.cache import StageCache, StageTime, code_of
+from wakeflow.pipeline.cache import StageCache, StageTime, StageTimes, code_of
 from wakeflow.planning.cost import COMPILE, begins, wall_seconds
 from wakeflow.planning.machine_rates import STARTS, learn, note_compiled, on_this_machine, to_compile
 from wakeflow.planning.make import make_plan
@@ -44,7 +44,7 @@ def weights() -> Iterator[Stage]:
 @pytest.mark.usefixtures("weights")
 def test_a_new_stage_is_made_and_timed(tmp_path: Path) -> None:
     heard: list[str] = []
-    cache = StageCache(Store(tmp_path), lambda stage, _: heard.append(stage), {}, AirLabel(grid=1.5))
+    cache = StageCache(Store(tmp_path), lambda stage, _: heard.append(stage), StageTimes(), AirLabel(grid=1.5))
     cache.make("weights", code_of("weights"), lambda folder: (folder / "kg").write_text("1"))
     (key,) = cache.seconds
     assert isinstance(key, StageKey)
@@ -139,7 +139,7 @@ def test_a_machine_is_known_by_its_runs(plan: Plan, tmp_path: Path) -> None:
     assert runs == 0
     assert [stage for stage in fresh if stage.name != COMPILE.name] == list(plan.stages)
 
-    twice = {stage.name: 2.0 * stage.seconds for stage in plan.stages if stage.key.stage.work == "flights"}
+    twice = {stage.name: 2.0 * stage.whole for stage in plan.stages if stage.key.stage.work == "flights"}
     for slower in (2.0, 1.0, 40.0):  # the last one beside other programs: the median leaves it out
         learn(tmp_path, plan.stages, {name: slower / 2.0 * seconds for name, seconds in twice.items()})
     here, runs = on_this_machine(plan, tmp_path)

@@ -22,7 +22,7 @@ from wakeflow.core.store import Store
 from wakeflow.field import FlowField
 from wakeflow.page.document import SceneDocument
 from wakeflow.page.stored import points_of
-from wakeflow.pipeline.cache import StageCache, null_listener
+from wakeflow.pipeline.cache import StageCache, StageTimes, null_listener
 from wakeflow.scene import Scene
 from wakeflow.scene.measured import read_trays
 
@@ -315,7 +315,7 @@ def test_a_damaged_note_of_the_time_spent_does_not_stop_a_stage_that_goes_on(tex
     part = tmp_path / "tracks" / f"{'a' * 64}.part"
     part.mkdir(parents=True)
     (part / "seconds.json").write_text(text)
-    cache = StageCache(Store(tmp_path), null_listener, {})
+    cache = StageCache(Store(tmp_path), null_listener, StageTimes())
     cache.make("tracks", "a" * 64, _work)
     assert 0.0 <= cache.seconds["tracks"].seconds < 60.0
 

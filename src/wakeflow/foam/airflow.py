@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from ..core.geometry import ForceDensity
@@ -17,7 +18,7 @@ from .measure import measure
 from .momentum_source import write_source
 from .prepare import prepare_case
 from .sanity import check_airflow, check_finite
-from .steady import run_steady
+from .steady import MOST, run_steady
 from .time_resolved import run_time_resolved
 from .watch import ProgressListener
 
@@ -30,16 +31,17 @@ def solve_airflow(
     start: Path | None = None,
     force: ForceDensity | None = None,
     listener: ProgressListener = lambda _: None,
+    most: int = MOST,
 ) -> AirflowResult:
     """Solve the airflow in the case ``folder`` on the mesh file ``msh``; ``airflow.json`` there holds the result.
 
     Goes on from what an interrupted call left in ``folder``. ``start``: the case folder of any solved airflow to start
     from (best of the same bodies; another mesh, speed, size and Reynolds number are scaled). ``force``: on the air,
-    beside that of the bodies. ``listener`` gets a :class:`Progress` several times a second; an exception it raises ends
-    the solver. A numerical failure, or a solution that is not possible (:mod:`wakeflow.foam.sanity`), is tried again
-    with safer settings (:mod:`wakeflow.foam.fallback_settings`); the result names those that served and what failed
-    before. Raises MeshError for a mesh that checkMesh refuses; AirflowFailure (a FoamError) when OpenFOAM is missing or
-    fails, when the disk is full, or when no settings serve.
+    beside that of the bodies; ``most``: iterations of a steady solution. ``listener`` gets a :class:`Progress` several
+    times a second; an exception it raises ends the solver. A numerical failure, or a solution that is not possible
+    (:mod:`wakeflow.foam.sanity`), is tried again with safer settings (:mod:`wakeflow.foam.fallback_settings`); the
+    result names those that served and what failed before. Raises MeshError for a mesh that checkMesh refuses;
+    AirflowFailure (a FoamError) when OpenFOAM is missing or fails, when the disk is full, or when no settings serve.
     """
     begun = time.monotonic()
     log = folder / ("log.simpleFoam" if spec.stepping == "steady" else "log.pimpleFoam")
@@ -52,7 +54,8 @@ def solve_airflow(
                 write_source(folder, force, spec.density)
             if first_order:
                 first_order_start(how, folder, start, listener)
-            run = run_steady if how.stepping == "steady" else run_time_resolved
+            steady = how.stepping == "steady"
+            run = partial(run_steady, most=most) if steady else run_time_resolved
             verdict = run(how, folder, start=start, listener=listener)
             check_finite(folder)
             result = measure(how, folder, verdict, residuals=_last_residuals(log), mesh=check)

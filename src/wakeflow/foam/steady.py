@@ -19,6 +19,7 @@ from .watch import ProgressListener, Watch
 Array = NDArray[np.float64]
 # A steady run ends when over its last WINDOW iterations nothing that is measured moved by more than these. Chosen: well
 # below what meshes differ by (per cent), reached by sound meshes within some hundred iterations.
+MOST = 3000  # iterations
 WINDOW = 300  # iterations: several times as many as a change of pressure takes through the channel
 STANDSTILL = 2e-4  # range of Cd over its mean
 STILL_BASE = 1e-3  # range of the base pressure coefficient over its mean, or over 1 where that is smaller
@@ -36,7 +37,7 @@ def run_steady(
     *,
     start: Path | None = None,
     listener: ProgressListener = lambda _: None,
-    most: int = 3000,
+    most: int = MOST,
 ) -> str:
     """Iterate simpleFoam until what is measured no longer changes, until it is clear that it will not, or ``most``
     iterations; go on from what is there, or from ``start`` (another solved case). Returns the verdict.
@@ -49,7 +50,7 @@ def run_steady(
     iterations is the flow.
     """
     done = folder / PHASE
-    watch = Watch(folder, "steady", listener, expected=TYPICAL_ITERATIONS)
+    watch = Watch(folder, "steady", listener, expected=min(TYPICAL_ITERATIONS, most))
     if not done.exists():
         drop_after(folder, last_state(folder))
         if start is not None and not last_state(folder):

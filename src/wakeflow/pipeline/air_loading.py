@@ -3,19 +3,20 @@
 Pass after pass, granules fly through the steady airflow as it is known so far, one way; what they exert on the air is
 gathered (``gathered_force``), and the steady airflow is made anew under that force: OpenFOAM solves it on, and air at
 rest becomes a jet (``laws.driven_jet``). Each granule flies alone until the shares no longer change; where granules
-meet, those of the slab give the force of one pass more. Under the force of the last pass every airflow of the scene is
-solved: the steady one on all grids, and from it the one in time.
+meet, those of the slab give the force of one pass more. An airflow that leads only to the next pass need not have
+settled: OpenFOAM solves each on from the one before for few iterations, and the last one to its end. Under the force of
+the last pass every airflow of the scene is solved: the steady one on all grids, and from it the one in time.
 """
 
 from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,7 @@ from .solved_air import SolvedAir
 Array = NDArray[np.float64]
 Made = tuple[str, Path | None]  # key of an airflow, and its folder where it is in one
 SHARES = (0.05, 1.0)  # of the way to the force gathered last, at least and at most; chosen
+ON_THE_WAY = 200  # iterations of a pass before the last, where the air follows a force that changes itself; chosen
 WITHOUT_SOLVER = 8  # passes where no solver runs for one where it does; chosen
 
 
@@ -65,6 +67,31 @@ class Pass:
         """How far the force that the air was given is from the one that granules exert in it, over the latter."""
         off, whole = (float(np.linalg.norm(force)) for force in (self.exerted - self.force.total, self.exerted))
         return off / max(whole, 1e-300)
+
+
+@dataclass(frozen=True)
+class _Early:
+    """A ``force`` on the air as it is known first, and the ``key`` of the airflow that it was gathered in."""
+
+    force: ForceDensity
+    key: str
+
+    @property
+    def early(self) -> _Early:
+        """Itself."""
+        return self
+
+
+class _Way(NamedTuple):
+    """The ``passes`` before the last, what granules gathered ``before`` it and the airflow that it has to ``start``
+    from, its ``force``, and what gathered that ``among`` others.
+    """
+
+    passes: tuple[Pass, ...]
+    before: Gathered
+    start: Made
+    force: ForceDensity
+    among: Gathered | None
 
 
 @dataclass
@@ -97,15 +124,15 @@ class AirLoading(ABC):
         """Key and field of that airflow."""
 
     @abstractmethod
-    def under(self, force: ForceDensity, before: Made) -> Made:
-        """The steady airflow under a ``force``, from the one ``before``."""
+    def under(self, force: ForceDensity, before: Made, *, last: bool) -> Made:
+        """The steady airflow under a ``force``, from the one ``before``; settled where it is the ``last``."""
 
     @abstractmethod
     def field_in(self, force: ForceDensity, made: Made) -> FlowField:
         """The field of the steady airflow that was ``made`` under a ``force``."""
 
     def settled(self, made: Pass) -> bool:
-        """Whether a pass is the last one: neither shares nor the force change."""
+        """Whether one pass more is enough: neither shares nor the force change."""
         return made.change <= self.plan.target_error and made.unanswered <= self.answered
 
     @property
@@ -120,18 +147,24 @@ class AirLoading(ABC):
 
     @cached_property
     def passes(self) -> tuple[Pass, ...]:
-        """Every pass, until the shares are within the accuracy asked for, or after as many as the scene allows."""
-        return tuple(self._passes())
+        """Every pass: one more once the shares are within the accuracy asked for, or as many as the scene allows."""
+        way = self._way
+        return *way.passes, self._pass(way.force, way.start, way.before, way.among, last=True)
 
     @property
     def force(self) -> ForceDensity:
-        """The force that the answer's air is solved under."""
-        return self.passes[-1].force
+        """The force that the answer's air is solved under; known before the steady airflow under it."""
+        return self._way.force
 
     @property
     def key(self) -> str:
         """Of the steady airflow under it."""
         return self.passes[-1].key
+
+    @property
+    def early(self) -> _Early:
+        """The force that granules exert on the air that does not feel them."""
+        return _Early(self.first.force, self.bare[0])
 
     @cached_property
     def first(self) -> Gathered:
@@ -163,27 +196,29 @@ class AirLoading(ABC):
         before = self.passes[-2].gathered if len(self.passes) > 1 else self.first
         return self.passes[-1].gathered.shares[name][place] - before.shares[name][place]
 
-    def _passes(self) -> Iterator[Pass]:
+    @cached_property
+    def _way(self) -> _Way:
+        """The passes before the last, in airflows that need not settle, until one more is enough or allowed."""
+        made: list[Pass] = []
         before, start, force = self.first, self.bare, self.first.force
         share, lacked = 1.0, force.density  # the whole way from no force
-        for number in range(self.most):
-            made = self._pass(force, start, before)
-            yield made
-            if self.settled(made):
-                break
-            lacking = made.gathered.force.density - force.density
+        while len(made) < self.most - (not self.met) and not (made and self.settled(made[-1])):
+            one = self._pass(force, start, before, last=False)
+            made.append(one)
+            lacking = one.gathered.force.density - force.density
             share, lacked = relaxed(share, lacked, lacking), lacking
-            before, start, force = made.gathered, (made.key, made.folder), force.towards(made.gathered.force, share)
-            self.cache.tell("air-loading", f"pass {number + 1}: shares moved by up to {100 * made.change:.2g} points")
-        if self.met:
-            among = self._among_others(made)
-            yield self._pass(among.force, (made.key, made.folder), made.gathered, among)
+            before, start, force = one.gathered, (one.key, one.folder), force.towards(one.gathered.force, share)
+            self.cache.tell("air-loading", f"pass {len(made)}: shares moved by up to {100 * one.change:.2g} points")
+        among = self._among_others(made[-1]) if self.met else None
+        return _Way(tuple(made), before, start, force if among is None else among.force, among)
 
-    def _pass(self, force: ForceDensity, start: Made, before: Gathered, among: Gathered | None = None) -> Pass:
+    def _pass(
+        self, force: ForceDensity, start: Made, before: Gathered, among: Gathered | None = None, *, last: bool
+    ) -> Pass:
         """The steady airflow under a force, from ``start``, where granules alone gathered ``before``; ``among``: what
-        gathered that force there instead of them.
+        gathered that force there instead of them. The ``last`` one settles.
         """
-        key, folder = made = self.under(force, start)
+        key, folder = made = self.under(force, start, last=last)
         after = self._alone(key, partial(self.field_in, force, made), PASSING if self.met else GATHERED)
         source, other = (after, 0.0) if among is None else (among, among.force.total - before.force.total)
         return Pass(force, key, folder, after, _farthest(before, after), source, after.force.total + other)
@@ -257,9 +292,9 @@ class LoadedCase(AirLoading):
     def unloaded(self) -> tuple[str, FlowField]:
         return known(self.steady.field)
 
-    def under(self, force: ForceDensity, before: Made) -> Made:
+    def under(self, force: ForceDensity, before: Made, *, last: bool) -> Made:
         key, folder = before
-        return self._solved(self.steady, force, key, known(folder))
+        return self._solved(self.steady, force, key, known(folder), None if last else ON_THE_WAY)
 
     def field_in(self, force: ForceDensity, made: Made) -> FlowField:
         del force  # in the case
@@ -275,14 +310,18 @@ class LoadedCase(AirLoading):
             return last.key, known(last.folder)
         return self._solved(air, last.force, *before)
 
-    def _solved(self, air: CaseAir, force: ForceDensity, from_key: str, start: Path) -> tuple[str, Path]:
-        """Key and folder of the steady ``air`` under ``force``, from the cache or solved on from another's."""
+    def _solved(
+        self, air: CaseAir, force: ForceDensity, from_key: str, start: Path, most: int | None = None
+    ) -> tuple[str, Path]:
+        """Key and folder of the steady ``air`` under ``force``, from the cache or solved on from another's; after
+        ``most`` iterations, None: once it has settled.
+        """
         from ..foam import solve_airflow
         from ..foam.fallback_settings import schemes_in
 
         assert isinstance(air, SolvedAir)
         spec, msh, before = air.solved_spec, air.mesh[1] / "mesh.msh", start / "case"
-        key = content_key("loaded-airflow", from_key, force.digest, code_of("loaded-airflow"))
+        key = content_key("loaded-airflow", from_key, force.digest, most, code_of("loaded-airflow"))
 
         def work(part: Path) -> None:
             solve_airflow(
@@ -291,6 +330,7 @@ class LoadedCase(AirLoading):
                 part / "case",
                 start=before,
                 force=force,
+                **({} if most is None else {"most": most}),
                 listener=lambda now: air.cache.tell("loaded-airflow", str(now)),
             )
 
@@ -317,10 +357,11 @@ class DrivenAir(AirLoading):
     def unloaded(self) -> tuple[str, FlowField]:
         boxes = boxes_of(self.scene)
         none = ForceDensity(boxes, np.zeros((boxes.rows, boxes.columns, 2)))
-        return self.under(none, self.bare)[0], jet_field(self.scene, none)  # air at rest, with the jet's eddies: none
+        key, _ = self.under(none, self.bare, last=True)
+        return key, jet_field(self.scene, none)  # air at rest, with the jet's eddies: none
 
-    def under(self, force: ForceDensity, before: Made) -> Made:
-        del before  # no solver starts from it
+    def under(self, force: ForceDensity, before: Made, *, last: bool) -> Made:
+        del before, last  # no solver starts from it
         feed = self.scene.feed
         curtain = self.scene.level, feed.position, feed.width, repr(feed.profile)
         return content_key("jet", self.bare[0], curtain, force.digest, code_of("duct")), None

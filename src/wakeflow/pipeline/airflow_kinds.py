@@ -95,6 +95,10 @@ class ForceOnAir(Protocol):
     def key(self) -> str:
         """Of the steady airflow under it."""
 
+    @property
+    def early(self) -> ForceOnAir:
+        """The same as it is known first."""
+
 
 class ForceOnCase(ForceOnAir, Protocol):
     """The same where OpenFOAM solves that."""
@@ -108,7 +112,7 @@ class AirflowKind(ABC):
     """The airflow of one scene under one plan.
 
     ``grid`` is the place among the plan's grids, 0 the answer's; ``steady`` gives the scene's steady airflow, and
-    ``nearest`` that of the same kind to start from, of a coarser grid or another scene; both solved where they are not.
+    ``nearest`` that of the same kind to start from, of another scene or a coarser grid; both solved where they are not.
     ``loading``: the granules' force on the air, None where it does not feel them.
     """
 

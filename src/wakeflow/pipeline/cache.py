@@ -29,8 +29,25 @@ from ..planning.stages import OWN, AirLabel, StageKey, stages
 class StageTime:
     """What a stage took when it was computed."""
 
-    seconds: float = column("s", "run time of the stage, when it was computed")
+    seconds: float = column("s", "run time of the stage, when it was computed; of all its passes together")
     cached: bool = column("", "whether it came from the cache now")
+
+
+class StageTimes(dict[str, StageTime]):
+    """What each stage of a run took; one that is made several times, for other airs, counts with all of them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._counted = set[tuple[str, str]]()
+        self._lock = Lock()
+
+    def note(self, stage: str, key: str, seconds: float, *, cached: bool) -> None:
+        """Count what a ``stage`` with a ``key`` took, once: two threads may ask for it."""
+        with self._lock:
+            known = self.get(stage, StageTime(0.0, True))
+            more = 0.0 if (stage, key) in self._counted else seconds
+            self[stage] = StageTime(known.seconds + more, known.cached and cached)
+            self._counted.add((stage, key))
 
 
 # -- The cached stages of a run ----------------------------------------------------------------------------------------
@@ -74,7 +91,7 @@ class StageCache:
 
     store: Store
     listener: Listener
-    seconds: dict[str, StageTime]
+    seconds: StageTimes
     label: AirLabel = OWN
 
     def tell(self, stage: str, text: str) -> None:
@@ -97,9 +114,7 @@ class StageCache:
             stage, key, timed, on_wait=lambda: self.tell(stage, "being computed beside this; waiting for it")
         )
         seconds = json.loads((folder / SECONDS).read_text())
-        name = StageKey(self.label, stage)
-        computed_before = name in self.seconds and not self.seconds[name].cached
-        self.seconds[name] = StageTime(seconds, cached and not computed_before)
+        self.seconds.note(StageKey(self.label, stage), key, seconds, cached=cached)
         self.tell(stage, f"done ({'from the cache' if cached else f'{seconds:.1f} s'})")
         return folder
 

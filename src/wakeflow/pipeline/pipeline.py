@@ -26,12 +26,12 @@ from . import blended_air, known_air, span_air  # noqa: F401 - they register kin
 from .air_loading import AirLoading, DrivenAir, LoadedCase
 from .airflow import Airflow, FieldDivergence
 from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
-from .cache import Listener, StageCache, StageTime, null_listener
+from .cache import Listener, StageCache, StageTimes, null_listener
 from .compilation import Compilation
 from .film_stage import Film, FilmStage
 from .input_samples import DrawStage, Ensemble, InputSamples
 from .slab import CollisionRerun, CollisionStage, SlabFound
-from .solved_air import SteadyAir, TimeResolvedAir
+from .solved_air import SolvedAir, SteadyAir, TimeResolvedAir
 from .track_stage import PerturbedRerun, TrackStage
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class Pipeline:
     listener: Listener = null_listener
     workers: int | None = None
     store: Store = field(default_factory=lambda: Store(cache_root()))
-    seconds: dict[str, StageTime] = field(default_factory=dict)
+    seconds: StageTimes = field(default_factory=StageTimes)
     grid: int = 0
     label: AirLabel = OWN
     planner: Planner | None = None
@@ -106,15 +106,27 @@ class Pipeline:
         )  # fmt: skip
 
     def _nearest(self) -> CaseAir | None:
-        """In time the airflow on the next coarser grid, else the neighbour's of this kind on the grid like it."""
-        in_time = self.plan.airflow.stepping == "time-resolved"
-        if in_time and self.plan.airflow.scales[self.grid + 1 :]:
-            return self.on_grid(self.grid + 1)._in_case
-        if self.neighbour is None:
+        """The neighbour's airflow of this kind on the grid like it; else, in time, that on the next coarser grid, or
+        where the granules are felt, the coarsest under their force as it is known first.
+        """
+        how = self.plan.airflow
+        in_time = how.stepping == "time-resolved"
+        if self.neighbour is not None:
+            near = self.neighbour if in_time else self.neighbour.draft
+            found = near.on_grid(min(self.grid, len(near.plan.airflow.scales) - 1)).kind
+            if isinstance(found, TimeResolvedAir if in_time else SteadyAir):
+                return found
+        if not in_time or not how.scales[1:] or (self.grid == len(how.scales) - 1 and not how.loaded):
             return None
-        near = self.neighbour if in_time else self.neighbour.draft
-        found = near.on_grid(min(self.grid, len(near.plan.airflow.scales) - 1)).kind
-        return found if isinstance(found, TimeResolvedAir if in_time else SteadyAir) else None
+        coarse = self.on_grid(len(how.scales) - 1 if how.loaded else self.grid + 1).kind
+        return coarse.early if isinstance(coarse, TimeResolvedAir) else None
+
+    def solve_start(self) -> None:
+        """Solve what the airflow starts from, which need not wait for its force."""
+        near = self.kind.nearest()
+        if isinstance(near, SolvedAir):
+            near.start()
+            _ = near.solution
 
     @property
     def _in_case(self) -> CaseAir:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import TYPE_CHECKING, ClassVar, Self, cast
 
 from ..core.errors import known
 from ..core.files import atomic_write, case_template
@@ -27,9 +27,14 @@ if TYPE_CHECKING:
     from ..foam import AirflowResult, FlowSpec
 
 
-class SolvedAir(CaseAir):
-    """An airflow that Gmsh meshes and OpenFOAM solves."""
+ROUGH = 0.5  # relative half width of averages: a wake that others start from ends with the fewest periods
 
+
+@dataclass
+class SolvedAir(CaseAir):
+    """An airflow that Gmsh meshes and OpenFOAM solves; ``made_as``: the stage that this is."""
+
+    made_as: str = field(default="airflow", kw_only=True)
     stage: ClassVar[str] = "airflow"  # whose sources are those of ``solve``
 
     @cached_property
@@ -82,8 +87,8 @@ class SolvedAir(CaseAir):
         (mesh_key, mesh_folder), spec = self.mesh, self.solved_spec
         code = content_key(code_of(self.stage), digest_files([case_template()]), self.solver)
         asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
+        under = None if self.force is None else self.force.digest  # another core solves the start meanwhile
         start = self.start()  # by its key: the same airflow from another start would end at another moment
-        under = None if self.force is None else self.force.digest
         key = content_key("airflow", mesh_key, asked, code, None if start is None else start.parent.name, under)
 
         def work(part: Path) -> None:
@@ -92,10 +97,10 @@ class SolvedAir(CaseAir):
                 mesh_folder / "mesh.msh",
                 part / "case",
                 start=start,
-                listener=lambda now: self.cache.tell("airflow", str(now)),
+                listener=lambda now: self.cache.tell(self.made_as, str(now)),
             )
 
-        return key, self.cache.make("airflow", key, work)
+        return key, self.cache.make(self.made_as, key, work)
 
     def start(self) -> Path | None:
         """The case folder of the solved airflow that this one starts from; None: from a uniform stream."""
@@ -123,6 +128,19 @@ class TimeResolvedAir(SolvedAir):
     """A solution in time: whole periods of the shedding wake, repeated."""
 
     means = "the wake in time"
+
+    @cached_property
+    def early(self) -> Self:
+        """The same under the granules' force as it is known first: only to start from, so that its averages may be
+        rough. The same itself where it does not feel the granules.
+        """
+        if not self.plan.airflow.loaded:
+            return self
+        rough = replace(self.plan, airflow=replace(self.plan.airflow, accuracy=ROUGH))
+        steady, loading = (lambda: self.steady().bare), (lambda: known(self.loading()).early)
+        return replace(
+            self, plan=rough, steady=steady, nearest=lambda: None, loading=loading, made_as="early-airflow"
+        )  # fmt: skip
 
     def start(self) -> Path:
         """The wake in time that is nearest, developed already; else the steady one."""

@@ -79,8 +79,8 @@ def solver_seconds(scene: Scene, airflow: AirflowPlan, grid: int = 0) -> tuple[f
     start = SECONDS["steady"] * size * (1.0 if half else UNMIRRORED * edges)
     if airflow.span is not None:
         return start, 0.0
-    known = DEVELOPED if airflow.scales[grid + 1 :] else 1.0
-    return (0.0, start) if steady else (start, known * SECONDS["time-resolved"] * size)
+    developed = airflow.scales[1:] if airflow.loaded else airflow.scales[grid + 1 :]
+    return (0.0, start) if steady else (start, (DEVELOPED if developed else 1.0) * SECONDS["time-resolved"] * size)
 
 
 def _edges(scene: Scene, airflow: AirflowPlan, grid: int) -> float:
@@ -98,6 +98,7 @@ EACH_STAGE = 0.5  # s of a stage in which granules fly, however few they are
 MESHED = 0.5, 3.0e-4  # s of a mesh, and of each cell
 READ = {"steady": 1.0, "time-resolved": 4.5}  # s: the field of a solved airflow
 AGAIN_UNDER_FORCE = 0.5  # a solution under force over a first one
+ON_THE_WAY = 0.18  # the same where it leads only to the next pass
 RESIDENCE = 5.0  # s
 PROGRAM = 4e8  # bytes: the interpreter with its libraries
 IN_AIR = 1.8e8  # bytes: the kernels of a solved airflow and its field
@@ -129,7 +130,8 @@ def airflow_cost(scene: Scene, airflow: AirflowPlan) -> AirflowCost:
     cells, deep = typical_cells(scene, airflow), span_cost(scene, airflow)
     kept = 0.0 if airflow.span is not None else BYTES_A_SNAPSHOT * SNAPSHOTS[airflow.stepping or "steady"]
     work = Workload(scene, airflow, None, 0, 0.0)
-    seconds = sum(cost.whole for stage in (MESH, AIRFLOW, FIELD, MOMENTUM, LOADED) for cost in stage.cost(work))
+    made = MESH, AIRFLOW, DEVELOPING, FIELD, MOMENTUM, LOADED
+    seconds = sum(cost.whole for stage in made for cost in stage.cost(work))
     return AirflowCost(seconds, cells * (BYTES_A_CELL + kept) + deep.disk)
 
 
@@ -227,7 +229,7 @@ def _airs(work: Workload) -> Iterator[tuple[int, AirLabel, str, str]]:
     airflow, in_time = work.airflow, work.airflow.stepping == "time-resolved"
     for number, scale in reversed([*enumerate(airflow.scales if airflow.stepping is not None else ())]):
         label = OWN if number == 0 else AirLabel(grid=scale)
-        solved = "answer" if number == 0 or in_time else "beside"
+        solved = "answer" if number == 0 or (in_time and not airflow.loaded) else "beside"
         meshed = "first" if number == 0 else "beside" if airflow.loaded else solved
         if in_time and (airflow.brackets or not airflow.scales[number + 1 :] or (airflow.loaded and number == 0)):
             when = "beside" if number == 0 and airflow.scales[1:] and not airflow.loaded else meshed
@@ -240,6 +242,13 @@ def _meshing(work: Workload) -> Iterator[StageCost]:
         cells = typical_cells(work.scene, work.airflow, number)
         half = 0.5 if label.draft else 1.0
         yield StageCost(StageKey(label, "mesh"), MESHED[0] + half * MESHED[1] * cells, meshed)
+
+
+def _developing(work: Workload) -> Iterator[StageCost]:
+    """The wake in time on the coarsest grid under the force as it is known first: all others start from it."""
+    if work.airflow.loaded and work.airflow.stepping == "time-resolved" and (coarser := work.airflow.scales[1:]):
+        seconds = solver_seconds(work.scene, work.airflow, len(coarser))[1] / DEVELOPED
+        yield StageCost(StageKey(AirLabel(grid=coarser[-1]), "early-airflow"), seconds, "beside")
 
 
 def _solving(work: Workload) -> Iterator[StageCost]:
@@ -286,8 +295,10 @@ def _loading(work: Workload) -> Iterator[StageCost]:
     """The steady airflow under the force: in every pass, and once on each other grid."""
     for number, label, _, solved in _airs(work) if work.airflow.loaded else ():
         if label.draft or work.airflow.stepping == "steady":
-            seconds = AGAIN_UNDER_FORCE * solver_seconds(work.scene, work.airflow, number)[not label.draft]
-            yield StageCost(StageKey(label, "loaded-airflow"), seconds, solved, _passes(work) if number == 0 else 1)
+            first = solver_seconds(work.scene, work.airflow, number)[not label.draft]
+            times = _passes(work) if number == 0 else 1
+            mean = (AGAIN_UNDER_FORCE + ON_THE_WAY * (times - 1)) / times
+            yield StageCost(StageKey(label, "loaded-airflow"), mean * first, solved, times)
 
 
 def _flying(work: Workload) -> Iterator[StageCost]:
@@ -329,6 +340,7 @@ MOMENTUM = Stage("momentum", _code("pipeline.gathered_force"), FLIGHTS, Scaling.
 SLAB_MOMENTUM = Stage(
     "slab-momentum", _code("pipeline.gathered_force"), "slab", Scaling.AIR, "air loading", _gathering_in_slab
 )
+DEVELOPING = Stage("early-airflow", _code("foam.airflow"), "airflow", Scaling.AIR, "airflow", _developing)
 LOADED = Stage("loaded-airflow", _code("foam.airflow"), "airflow", Scaling.AIR, "air loading", _loading)
 COMPILE = Stage("compile", work="compile", scaling=Scaling.ONCE, heading="compilation")
 # In the order in which they are usually done. Those without a cost are part of another, or of few runs.
@@ -337,6 +349,7 @@ for _one in (
     COMPILE,
     MESH,
     AIRFLOW,
+    DEVELOPING,
     Stage("span", _code("foam.span_run"), scaling=Scaling.AIR),
     Stage("given", _code("foam.user_case"), scaling=Scaling.ONCE),
     Stage("duct", _code("pipeline.analytic"), scaling=Scaling.ONCE),

@@ -39,7 +39,7 @@ def learn(root: Path, expected: Sequence[StageCost], spent: Mapping[str, float])
     both: dict[str, list[tuple[float, float]]] = {}
     for stage in expected:
         if stage.name in spent:
-            both.setdefault(stage.key.stage.work, []).append((spent[stage.name], stage.seconds))
+            both.setdefault(stage.key.stage.work, []).append((spent[stage.name], stage.whole))
     if not both:
         return
     known = _read(root)

@@ -111,6 +111,8 @@ class OneRun:
         grids = range(1, len(pipeline.plan.airflow.scales))  # from which the answer's airflow starts in time
         others = [spare.draft] if pipeline.plan.airflow.brackets else [spare.on_grid(grid) for grid in grids]
         solved: list[Callable[[], object]] = [partial(getattr, other, "solution") for other in others]
+        if pipeline.plan.airflow.loaded:
+            solved.insert(0, spare.solve_start)  # while the force is gathered
         return solved if until is not None else [*solved, *flights_ahead(spare), self._air_shown]
 
     def _air_shown(self) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ..answer.result import Request, asked_in
 from ..core.errors import SceneError
 from ..funnel.rate import FunnelSummary
-from ..pipeline.cache import Listener, thread_safe
+from ..pipeline.cache import Listener, StageTimes, thread_safe
 from ..pipeline.pipeline import Pipeline
 from ..planning.make import Planner
 from ..planning.stages import AirLabel
@@ -55,7 +55,7 @@ def stages_of(
     beside = None if request.near is None else _neighbour(Path(request.near), before, one_at_a_time)
     pipeline = Pipeline(
         plan.airflow.flown(scene), plan, one_at_a_time, workers, planner=planner, neighbour=beside,
-        seconds={} if beside is None else beside.seconds, label=AirLabel(neighbour=bool(before)),
+        seconds=StageTimes() if beside is None else beside.seconds, label=AirLabel(neighbour=bool(before)),
     )  # fmt: skip
     poured = pipeline.funnel
     if poured is not None and request.until != "funnel":
