@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..pipeline.landings import Tracked
 
 STAGE = "draws"
-SAMPLE_SECONDS = {"steady": 0.01, "time-resolved": 0.02}  # s: to draw the granules of a fraction anew, and its air
+SAMPLE_SECONDS = {"steady": 0.004, "time-resolved": 0.004}  # s: to draw the granules of a fraction anew, and its air
 
 
 class UnknownInputs(Source["InputSamples"]):

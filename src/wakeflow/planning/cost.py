@@ -32,7 +32,9 @@ from .stages import FLIGHTS, OWN, AirLabel, Scaling, Stage, StageCost, StageKey,
 from .wake import MEMORY, SpanCost, cost_of
 
 # -- What an airflow will cost, before its mesh is made ----------------------------------------------------------------
-SECONDS = {"steady": 17.0, "time-resolved": 81.0}  # of solving on 2020s hardware at the usual mesh, a body, one core
+# Of solving on one core of 2020s hardware: s of a body at the usual mesh, and s however few its cells are, of programs
+# that start and of files
+SECONDS, STARTS = {"steady": 11.5, "time-resolved": 28.0}, {"steady": 1.0, "time-resolved": 9.0}
 DEVELOPED = 0.68  # times as long: a time-resolved solution that starts from a coarser grid's wake, not the steady one
 UNMIRRORED = 3.4  # times as long: a steady solution of the whole channel, which has more cells and settles late
 WORTH_IT = 60_000  # cells from which a second MPI rank pays
@@ -76,11 +78,12 @@ def solver_seconds(scene: Scene, airflow: AirflowPlan, grid: int = 0) -> tuple[f
     size = len(scene.body) / edges**3
     steady = airflow.stepping == "steady"
     half = airflow.half if steady else airflow.symmetric
-    start = SECONDS["steady"] * size * (1.0 if half else UNMIRRORED * edges)
+    start = STARTS["steady"] + SECONDS["steady"] * size * (1.0 if half else UNMIRRORED * edges)
     if airflow.span is not None:
         return start, 0.0
     developed = airflow.scales[1:] if airflow.loaded else airflow.scales[grid + 1 :]
-    return (0.0, start) if steady else (start, (DEVELOPED if developed else 1.0) * SECONDS["time-resolved"] * size)
+    in_time = STARTS["time-resolved"] + (DEVELOPED if developed else 1.0) * SECONDS["time-resolved"] * size
+    return (0.0, start) if steady else (start, in_time)
 
 
 def _edges(scene: Scene, airflow: AirflowPlan, grid: int) -> float:
@@ -89,17 +92,17 @@ def _edges(scene: Scene, airflow: AirflowPlan, grid: int) -> float:
 
 
 # -- What a plan will cost ---------------------------------------------------------------------------------------------
-STARTED = 2.0  # s: importing and planning
-REPORT = 4.0  # s: its figures, tables and the field's files
+STARTED = 2.5  # s: importing and planning
+REPORT = 6.0  # s: the errors put together, figures, tables and the field's files
 SECONDS_A_GRANULE = 120e-6  # s of both cores past a body: one flight with drag and weight; dispersion doubles it
 IN_KNOWN_AIR = 120e-6  # s of both cores: the same in air that is known without triangles
 WITHOUT_AIR = 30e-6  # s of both cores: of a flight from impact to impact
-EACH_STAGE = 0.5  # s of a stage in which granules fly, however few they are
+EACH_STAGE = 0.2  # s of a stage in which granules fly, however few they are
 MESHED = 0.5, 3.0e-4  # s of a mesh, and of each cell
-READ = {"steady": 1.0, "time-resolved": 4.5}  # s: the field of a solved airflow
-AGAIN_UNDER_FORCE = 0.5  # a solution under force over a first one
-ON_THE_WAY = 0.18  # the same where it leads only to the next pass
-RESIDENCE = 5.0  # s
+READ = {"steady": 0.4, "time-resolved": 1.6}  # s: the field of a solved airflow
+AGAIN_UNDER_FORCE = 0.6  # a solution under force over a first one
+ON_THE_WAY = 0.25  # the same where it leads only to the next pass
+RESIDENCE = 1.5  # s of both cores
 PROGRAM = 4e8  # bytes: the interpreter with its libraries
 IN_AIR = 1.8e8  # bytes: the kernels of a solved airflow and its field
 BYTES_IN_TIME = 200.0  # bytes of memory a cell and snapshot: a time-resolved field
@@ -113,7 +116,7 @@ BYTES_A_SNAPSHOT = 80.0  # bytes of disk a cell and snapshot: its fields
 SNAPSHOTS = {"time-resolved": 150.0, "steady": 2.0}  # number kept of an airflow
 # Granules whose steps take as long as bringing the changing air to a step of the slab's clock: between what two runs of
 # the shipped rhombus say, with 2400 and 500 granules in flight
-AIR_IN_TIME = 700.0
+AIR_IN_TIME = 250.0
 SLAB_IN_KNOWN_AIR = 0.25  # of its time in air on triangles
 BYTES_STORED = 80.0  # bytes of disk a granule and fraction: its row of landings, compressed
 
@@ -139,7 +142,7 @@ def estimate_cost(
     scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], expected: Sequence[StageCost]
 ) -> CostEstimate:
     """What a run of these ``expected`` stages costs."""
-    beside = MESHER if any(stage.when == "beside" for stage in expected) else 0.0
+    beside = MESHER if any(stage.when in ("meanwhile", "beside") for stage in expected) else 0.0
     air, kept = airflow_cost(scene, airflow), BYTES_STORED * min(_fed(scene), KEPT) * len(fractions)
     return CostEstimate(
         seconds=wall_seconds(expected),
@@ -174,7 +177,7 @@ def begins(expected: Sequence[StageCost], cores: int = 2) -> Iterator[float]:
         yield free[stage.when]
         end = free[stage.when] + stage.whole
         for when in StageCost.ORDER[StageCost.ORDER.index(stage.when) :]:
-            if (stage.when, when) != ("answer", "beside") or cores == 1:
+            if cores == 1 or (stage.when, when) not in (("meanwhile", "first"), ("answer", "beside")):
                 free[when] = max(free[when], end)
 
 
@@ -230,7 +233,7 @@ def _airs(work: Workload) -> Iterator[tuple[int, AirLabel, str, str]]:
     for number, scale in reversed([*enumerate(airflow.scales if airflow.stepping is not None else ())]):
         label = OWN if number == 0 else AirLabel(grid=scale)
         solved = "answer" if number == 0 or (in_time and not airflow.loaded) else "beside"
-        meshed = "first" if number == 0 else "beside" if airflow.loaded else solved
+        meshed = "first" if number == 0 else "meanwhile" if airflow.loaded else solved
         if in_time and (airflow.brackets or not airflow.scales[number + 1 :] or (airflow.loaded and number == 0)):
             when = "beside" if number == 0 and airflow.scales[1:] and not airflow.loaded else meshed
             yield number, label._replace(draft=True), when, when
@@ -247,8 +250,8 @@ def _meshing(work: Workload) -> Iterator[StageCost]:
 def _developing(work: Workload) -> Iterator[StageCost]:
     """The wake in time on the coarsest grid under the force as it is known first: all others start from it."""
     if work.airflow.loaded and work.airflow.stepping == "time-resolved" and (coarser := work.airflow.scales[1:]):
-        seconds = solver_seconds(work.scene, work.airflow, len(coarser))[1] / DEVELOPED
-        yield StageCost(StageKey(AirLabel(grid=coarser[-1]), "early-airflow"), seconds, "beside")
+        seconds = solver_seconds(work.scene, work.airflow, len(coarser))[1]
+        yield StageCost(StageKey(AirLabel(grid=coarser[-1]), "early-airflow"), seconds, "meanwhile")
 
 
 def _solving(work: Workload) -> Iterator[StageCost]:
@@ -298,7 +301,8 @@ def _loading(work: Workload) -> Iterator[StageCost]:
             first = solver_seconds(work.scene, work.airflow, number)[not label.draft]
             times = _passes(work) if number == 0 else 1
             mean = (AGAIN_UNDER_FORCE + ON_THE_WAY * (times - 1)) / times
-            yield StageCost(StageKey(label, "loaded-airflow"), mean * first, solved, times)
+            when = solved if number == 0 else "beside"
+            yield StageCost(StageKey(label, "loaded-airflow"), mean * first, when, times)
 
 
 def _flying(work: Workload) -> Iterator[StageCost]:

@@ -48,11 +48,12 @@ class Scaling(Enum):
 @dataclass(frozen=True)
 class StageCost:
     """What a stage is expected to take: its ``name`` as a run's listener hears it, ``seconds`` each of the ``times``
-    that it is done, and ``when``: first, in the answer's own airflow, at the same time on another core, or after it;
+    that it is done, and ``when``: first, at the same time on another core (meanwhile), in the answer's own airflow, at
+    the same time as that (beside), or after it;
     ``memory`` (bytes) that the run holds in it at most, with the program that the stage starts.
     """
 
-    ORDER: ClassVar[tuple[str, ...]] = ("first", "answer", "beside", "after")
+    ORDER: ClassVar[tuple[str, ...]] = ("meanwhile", "first", "answer", "beside", "after")
 
     name: str
     seconds: float

@@ -22,7 +22,7 @@ from ..core.record import JsonTable
 from ..core.store import FinishedStages, NotFinished, cache_root
 from ..pipeline.cache import Listener
 from ..pipeline.pipeline import Pipeline
-from ..planning.cost import REPORT, wall_seconds
+from ..planning.cost import REPORT, STARTED, wall_seconds
 from ..planning.machine_rates import on_this_machine
 from ..planning.make import make_plan
 from ..planning.plan import Plan
@@ -176,8 +176,8 @@ class Within:
 
     @property
     def left(self) -> float:
-        """Seconds of the budget that are left for rounds: the report is drawn after them."""
-        return self.budget - REPORT - (self.clock() - self.began)
+        """Seconds of the budget that are left for rounds and the report."""
+        return self.budget - (self.clock() - self.began)
 
     def best(self) -> tuple[Scene, Request]:
         """What to report: the settings of the finest round that ended. Raises SceneError where the budget does not pay
@@ -218,7 +218,7 @@ class Within:
 
     def _fits(self, scene: Scene, request: Request, plan: Plan, effort: Effort) -> bool:
         del request, effort
-        return expected(scene, plan) <= SURELY * self.left
+        return expected(scene, plan) - STARTED <= SURELY * self.left
 
     def _computed(
         self, scene: Scene, request: Request, effort: Effort, deadline: float | None
