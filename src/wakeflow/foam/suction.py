@@ -72,12 +72,15 @@ def suction_zone(
     x, s = points[:, 0], spec.along * points[:, 1]
     inside = _connected((cp < THRESHOLD) & (s >= widest - 1e-6 * size), triangles, body)
     chosen = triangles[inside[triangles].any(axis=1)]
-    pieces = [_cut(np.column_stack([x[t], s[t], cp[t]]), widest) for t in chosen]
-    pieces = [piece for piece in pieces if len(piece) >= 3]
+    whole = (cp[chosen] <= THRESHOLD).all(axis=1) & (s[chosen] >= widest).all(axis=1)  # nearly all: nothing to cut
+    pieces = [_cut(np.column_stack([x[t], s[t], cp[t]]), widest) for t in chosen[~whole]]
+    pieces = [piece[:, :2] for piece in pieces if len(piece) >= 3]
+    uncut = np.stack([x, s], axis=1)[chosen[whole]]  # (w, 3, 2)
     reversal = _reversal(spec, points, triangles, spec.along * velocity[:, 1])
-    if not pieces:
+    if not pieces and not len(uncut):
         return SuctionZone(THRESHOLD, float(cp[s >= widest].min()), 0.0, 0.0, 0.0, reversal)
-    corners = np.vstack(pieces)
+    corners = np.vstack([uncut.reshape(-1, 2), *pieces])
+    (x1, s1), (x2, s2) = ((uncut[:, i] - uncut[:, 0]).T for i in (1, 2))
     twice = 2.0 if spec.mesh.half else 1.0
     across = 2 * corners[:, 0].max() if spec.mesh.half else np.ptp(corners[:, 0])
     return SuctionZone(
@@ -85,7 +88,7 @@ def suction_zone(
         cp_min=float(cp[inside].min()),
         length=max(float(corners[:, 1].max()) - rear, 0.0),
         width=float(across),
-        area=twice * sum(abs(area((piece - piece[0])[:, :2])) for piece in pieces),
+        area=twice * (0.5 * float(np.abs(x1 * s2 - x2 * s1).sum()) + sum(abs(area(one - one[0])) for one in pieces)),
         reversal_length=reversal,
     )
 
