@@ -3,6 +3,7 @@
     python tests/pace.py                               wakeflow run --quick of every shipped scene
     python tests/pace.py rhombus --budget '1 min'      wakeflow run --budget of some
     python tests/pace.py rhombus --own                 the scene's own settings; again with its airflows in the cache
+    python tests/pace.py rhombus --own --before HEAD~9 the same by the sources of another commit first
     python tests/pace.py --whole runs                  beside the whole answers in runs/SCENE, which wakeflow run left
 
 Every run starts from an empty cache, with the tracker compiled. The machine may be busy: the time on two idle cores is
@@ -14,10 +15,11 @@ from __future__ import annotations
 
 import argparse
 import os
+import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
@@ -106,6 +108,24 @@ def agreement(quick: Result, whole: Result) -> str:
     return f"{inside} of {inside + len(misses)}" + (f" ({', '.join(misses)})" if misses else "")
 
 
+def print_before(commit: str, arguments: Sequence[str]) -> None:
+    """The same rows by the sources of another ``commit``, whose kernels are compiled first."""
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder, "before")
+        subprocess.run(
+            ["git", "worktree", "add", "--detach", place, commit], check=True, capture_output=True, cwd=CASES
+        )
+        env = {**os.environ, "PYTHONPATH": f"{place / 'src'}:{place / 'tests'}"}
+        try:
+            compiled = "from wakeflow.pipeline.compilation import compile_ahead; compile_ahead()"
+            subprocess.run([sys.executable, "-c", compiled], check=True, env=env)
+            print(f"{commit}:", flush=True)
+            subprocess.run([sys.executable, "-P", __file__, *arguments], check=True, env=env)
+        finally:
+            subprocess.run(["git", "worktree", "remove", "--force", place], check=True, cwd=CASES)
+    print("these sources:", flush=True)
+
+
 def main() -> None:
     """Print a row for each scene."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -113,7 +133,11 @@ def main() -> None:
     parser.add_argument("--budget", help="as of wakeflow run; without it: --quick")
     parser.add_argument("--own", action="store_true", help="with the scene's own settings")
     parser.add_argument("--whole", type=Path, help="folder of whole answers")
+    parser.add_argument("--before", metavar="COMMIT", help="measured first, beside this one")
     asked = parser.parse_args()
+    if asked.before:
+        at = sys.argv.index("--before")
+        print_before(asked.before, [*sys.argv[1:at], *sys.argv[at + 2 :]])
     print(f"| scene | processor s | s on {CORES} idle cores | granules, mesh | of the whole answer |")
     print("|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as out:
