@@ -54,6 +54,8 @@ class Request:
     target_error: float | None = column("1", "error of a share instead of the scene's own; null for that")
     near: str | None = column("", "folder of the run whose airflow this one's starts from; left out where it starts "
                                   "from rest", absent=True, default=None)  # fmt: skip
+    effort: str | None = column("", "settings that a quick answer or a budget brought: quick, coarse, medium or the "
+                                    "scene's own; left out otherwise", absent=True, default=None)  # fmt: skip
 
     @classmethod
     def asked(

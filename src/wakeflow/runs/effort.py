@@ -60,7 +60,7 @@ class Effort:
 
     def of(self, scene: Scene, request: Request) -> tuple[Scene, Request]:
         """The scene with these settings where its own are finer, and how to ask for it."""
-        own, changes = scene.numerics, dict[str, object]()
+        own, changes, request = scene.numerics, dict[str, object](), replace(request, effort=self.name)
         if self.granules is not None:
             changes["feed.count"] = min(self.granules, scene.feed.count)
         if self.tolerance is not None:

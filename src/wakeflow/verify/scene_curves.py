@@ -112,17 +112,10 @@ def best_shares(scene: Scene, folder: Path, *, slow: bool) -> BinShares:
 
 def _within(scene: Scene, budget: float, folder: Path, truth: BinShares) -> Row:
     """What a ``budget`` (s) buys."""
-    chosen: list[str] = []
-
-    def listener(stage: str, text: str) -> None:
-        if stage == effort.STAGE:
-            words = text.removeprefix("done ").partition(":")[0]
-            chosen[:] = chosen[:-1] if words.endswith("given up") else [*chosen, words]
-
     shutil.rmtree(folder, ignore_errors=True)
     started = time.monotonic()
     try:
-        result = runs.run(scene, folder, budget=budget, listener=listener)
+        result = runs.run(scene, folder, budget=budget, listener=lambda *_: None)
     except SceneError as problem:
         if not str(problem).startswith("budget = "):
             raise
@@ -136,7 +129,7 @@ def _within(scene: Scene, budget: float, folder: Path, truth: BinShares) -> Row:
     inside = sum(one.low <= truth[place] <= one.high for place, one in found.items())
     return {
         "setting": duration(budget),
-        "chosen": chosen[-1],
+        "chosen": result.options.effort,
         "error": largest_error({place: one.value for place, one in found.items()}, truth),
         "half": max(0.5 * (one.high - one.low) for one in found.values()),
         "inside": f"{inside} of {len(found)}",
