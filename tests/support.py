@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
+from dataclasses import replace
 from html.parser import HTMLParser
 from importlib.metadata import version
 from pathlib import Path
@@ -30,7 +31,7 @@ from wakeflow.laws.constants import GRAVITY, STANDARD_AIR
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.pipeline.landings import Landings
-from wakeflow.planning.plan import REPLICATES
+from wakeflow.planning.plan import REPLICATES, Plan
 from wakeflow.scene import Scene
 from wakeflow.tracking import Granules
 
@@ -58,6 +59,13 @@ Flow = Callable[[np.ndarray], np.ndarray]
 def shipped(name: str, changes: dict[str, Any] | None = None) -> Scene:
     """The scene ``cases/NAME.toml`` with dotted keys changed."""
     return Scene.load(CASES / f"{name}.toml", changes or {})
+
+
+def as_computed(plan: Plan) -> Plan:
+    """The same plan in the airflow as it is computed, where the answer would be a best estimate, and without granules
+    that drag on it: for comparisons with what is published of such airflows.
+    """
+    return replace(plan, airflow=replace(plan.airflow, wake=None, loaded=False))
 
 
 def loaded_scene() -> Scene:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
-from support import ALONE, shipped
+from support import ALONE, as_computed, shipped
 from wakeflow.budget.inputs import SAMPLE_SECONDS
 from wakeflow.budget.source import budget_sources
 from wakeflow.core.errors import SceneError
@@ -93,7 +93,7 @@ def test_the_plan_carries_it_and_says_it_in_a_line(rhombus: Scene) -> None:
     (warning,) = [line for line in plan.warnings if line.startswith("standard airflow: ")]
     assert "best estimate between two wakes" in warning
     assert plan.summary()["airflow"]["wake"]["theta"] == {"value": theta.value, "low": theta.low, "high": theta.high}
-    computed = plan.as_computed()
+    computed = as_computed(plan)
     assert (computed.airflow.kind, computed.airflow.wake, computed.airflow.brackets) == ("time-resolved", None, True)
 
 

@@ -128,10 +128,6 @@ class FlowField(Triangles):
         """The field's functions of time."""
         return TimeAxis(self.times, self.period, self.coefficients)
 
-    def at_time(self, t: float) -> tuple[int, int, float]:
-        """Indices of the two snapshots around time ``t`` (s) and the weight of the second; (0, 0, 0.0) when steady."""
-        return self.time_axis.around(t)
-
     def weights(self, t: float) -> Array:
         """The weight of each snapshot or part (R,) in the field at time ``t`` (s); a lone 1 when steady."""
         return self.time_axis.weights(t)

@@ -142,12 +142,6 @@ class Plan(_Sendable):
         fractions = {name: replace(fraction, forces=tuple(forces)) for name, fraction in self.fractions.items()}
         return replace(self, fractions=fractions)
 
-    def as_computed(self) -> Plan:
-        """The same plan in the airflow as it is computed, where the answer would be a best estimate, and without
-        granules that drag on it: for comparisons with what is published of such airflows.
-        """
-        return replace(self, airflow=replace(self.airflow, wake=None, loaded=False))
-
     def summary(self) -> dict[str, object]:
         """The ``plan`` table of result.json and of ``wakeflow plan --json``."""
         table: dict[str, Any] = to_json(self)

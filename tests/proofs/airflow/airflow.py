@@ -9,6 +9,7 @@ from typing import Any
 from proofs.airflow.measured import RESIDENCE, SolvedAirflow, estimate_without, measured, quantities, within_estimate
 from proofs.airflow.published import Case, Published, cases, verification_scenes
 from proofs.report import NOTHING, Column, Report, Row, Table, Tell, cell
+from support import as_computed
 from wakeflow.core.errors import FoamError, MeshError, SceneError
 from wakeflow.core.number import Number
 from wakeflow.laws.momentum import momentum_pressure
@@ -149,7 +150,7 @@ def compare_case(case: Case, scene: Scene, tell: Tell = lambda _: None) -> tuple
 def solve(scene: Scene, scale: float, rung: str | None, tell: Tell) -> tuple[str, SolvedAirflow]:
     """The rung that was computed, and the airflow on a mesh ``scale`` times as coarse as the scene's own."""
     changed = scene if scale == 1.0 else scene.replace({"numerics.mesh_scale": scale * scene.numerics.mesh_scale})
-    plan = make_plan(changed, rung=rung).as_computed()
+    plan = as_computed(make_plan(changed, rung=rung))
     pipeline = Pipeline(changed, plan, listener=lambda stage, text: tell(f"{stage} at mesh scale {scale:g}: {text}"))
     return plan.rung, measured(pipeline)
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from proofs.coverage.scenes import VariedScene, divided
 from proofs.coverage.stored_air import StoredPipeline, plan_in
+from support import as_computed
 from wakeflow.answer.joint import JointAnswer
 from wakeflow.answer.shares import BudgetRow, Separation
 from wakeflow.budget.budget import fly_again, make_budget
@@ -73,7 +74,7 @@ class Predicted:
 
 def pipeline_of(one: VariedScene, store: Store, workers: int | None = None) -> StoredPipeline:
     """What computes a scene. Raises SceneError as planning does."""
-    plan = plan_in(one.air, make_plan(one.scene).as_computed())
+    plan = plan_in(one.air, as_computed(make_plan(one.scene)))
     return StoredPipeline(one.scene, plan, workers=workers, store=store, air=one.air)
 
 

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 import wakeflow as wf
-from support import CASES, shipped
+from support import CASES, as_computed, shipped
 from wakeflow.field import FlowField
 from wakeflow.injection.feed import feedstock, granules_of
 from wakeflow.laws.forces import forces
@@ -89,7 +89,7 @@ def trial(which: str, count: int = COUNT, *, spheres: bool = False) -> Trial:
     scene = shipped(name, {"feed.count": count, **changes})
     if spheres:
         scene = scene.replace({f"fraction.{fraction}.impact": "sphere" for fraction in scene.fraction})
-    plan = make_plan(scene, force={"basset-history": False, **BARE}).as_computed()
+    plan = as_computed(make_plan(scene, force={"basset-history": False, **BARE}))
     return Trial(scene, plan, Pipeline(scene, plan).field[1])
 
 
