@@ -30,7 +30,6 @@ def commands() -> Iterator[str]:
 def scene_keys() -> Iterator[str]:
     """``key TABLE.key``; ``*`` is a name of the user's."""
     from wakeflow.scene.schema import scene_schema
-    from wakeflow.scene.table import FORMER
 
     schema = scene_schema()
 
@@ -46,7 +45,6 @@ def scene_keys() -> Iterator[str]:
                 yield from walk(value, (*path, "*"), seen)
 
     yield from walk(schema, (), ())
-    yield from (f"key {key}" for key in FORMER if "*" not in key)
 
 
 def names() -> Iterator[str]:

@@ -27,7 +27,7 @@ from wakeflow.report.html.rows import material_rows
 from wakeflow.scene import Scene
 from wakeflow.scene.messages import unit_of
 from wakeflow.scene.own_files import read_materials
-from wakeflow.scene.schema import refuse_unknown, scene_schema
+from wakeflow.scene.schema import scene_schema
 
 INLET = {"side": "left", "position": 0.0, "width": "20 mm", "velocity": 2.0}
 ABOVE = {"shape": "circle", "width": "20 mm", "at": [0.0, 0.12]}
@@ -344,22 +344,11 @@ def test_a_star_stands_for_every_table(rhombus: Scene) -> None:
 P = (np.arange(4000) + 0.5) / 4000
 
 
-def test_keys_of_the_release_before_are_read(cases: Path, tmp_path: Path) -> None:
-    """In a file, in changes and in sweeps; what is saved has the present names."""
-    old, now = "numerics.span.sheddings", "numerics.span.shedding_cycles"
-    unknown = "uncertainty.fraction.chaff.turning"
-    file = tmp_path / "old.toml"
-    text = (cases / "rhombus.toml").read_text().replace("[numerics]", "[numerics]\nspan.sheddings = 12.0", 1)
-    file.write_text(f'{text}\n[uncertainty]\n"fraction.wheat.turning" = 0.2\n')
-    scene = Scene.load(file, {unknown: 0.4})
-    assert scene.numerics.span.shedding_cycles == 12.0
-    assert scene.replace({old: 7.0}) == scene.replace({now: 7.0})
-    assert {key: value for key, value in scene.uncertainty.items() if "inertia" in key} == {
-        "fraction.wheat.inverse_inertia": 0.2,
-        "fraction.chaff.inverse_inertia": 0.4,
-    }
-    assert not {"turning", "sheddings"} & set(re.findall(r"\w+", str(scene.tables())))
-    refuse_unknown(old, scene.tables(), "here")
+def test_a_key_of_former_times_is_unknown(rhombus: Scene) -> None:
+    with pytest.raises(SceneError, match=r"span\.sheddings: unknown key; did you mean 'shedding_cycles'\?"):
+        rhombus.replace({"numerics.span.sheddings": 7.0})
+    with pytest.raises(SceneError, match=r"uncertainty.fraction.chaff.turning.*inverse_inertia"):
+        rhombus.replace({"uncertainty.fraction.chaff.turning": 0.4})
 
 
 def test_granules_differ_as_their_material_says_and_the_paper_s_are_alike(rhombus: Scene) -> None:

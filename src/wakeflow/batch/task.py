@@ -18,7 +18,6 @@ from ..core.registry import did_you_mean
 from ..scene import Scene
 from ..scene.changes import flat
 from ..scene.schema import described, refuse_unknown, unit_and_example
-from ..scene.table import present_key
 from .axis import Axis, axes_of
 from .variant import TaskFile
 
@@ -121,13 +120,13 @@ def _check_names(task: SearchTask) -> None:
     goals = [goal.quantity for goal in task.goals]
     if twice := [name for name in goals if goals.count(name) > 1]:
         raise SceneError(f"search: {twice[0]!r} is named twice; maximise or minimise it, once")
-    tables, within = task.scene.tables(), {present_key(key) for axis in task.within for key in axis.keys}
+    tables, within = task.scene.tables(), {key for axis in task.within for key in axis.keys}
     for key in within:
         refuse_unknown(key, tables, f"search.within.{key}")
     for level in task.levels:
         for key in level:
             refuse_unknown(key, tables, f"search.level.{key}")
-            if present_key(key) in within:
+            if key in within:
                 raise SceneError(f"search.level.{key}: search.within changes it too; take it out of one")
     for key, value in (pair for axis in task.within for one in axis.values for pair in axis.changes(one).items()):
         _check_unit(key, value, tables)
@@ -135,7 +134,7 @@ def _check_names(task: SearchTask) -> None:
 
 def _check_unit(key: str, value: object, tables: JsonMapping) -> None:
     """Raise SceneError for a value in a unit of another kind than that of its key: every design would have it."""
-    measure = unit_and_example(described(tuple(present_key(key).split(".")), tables))
+    measure = unit_and_example(described(tuple(key.split(".")), tables))
     if measure is None or not isinstance(value, str) or split_quantity(value) is None:
         return
     try:
@@ -147,7 +146,7 @@ def _check_unit(key: str, value: object, tables: JsonMapping) -> None:
 def _within(file: TaskFile, held: Mapping[str, object]) -> list[Axis]:
     """The axes of a search, without those whose keys are ``held``."""
     axes = axes_of(file.inside("within"), "search.within")
-    keys = [present_key(key) for axis in axes for key in axis.keys]
+    keys = [key for axis in axes for key in axis.keys]
     if twice := [key for key in keys if keys.count(key) > 1]:
         raise SceneError(f"search.within: {twice[0]} is there twice; change it once")
     if fixed := [axis.key for axis in axes if len(axis.values) < 2]:

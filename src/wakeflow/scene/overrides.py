@@ -14,7 +14,6 @@ from ..core.files import check_tables
 from ..core.quantities import quantity
 from ..core.record import JsonMapping, JsonTable
 from ..core.registry import did_you_mean
-from .table import present_key, present_keys
 from .whole import ON_OFF
 
 KINDS = {"shape", "kind"}  # keys whose value decides which other keys a table has: one with them comes whole
@@ -78,8 +77,8 @@ def changed(data: JsonMapping, changes: JsonMapping, name: str = "scene") -> Jso
     """
     if not isinstance(changes, Mapping) or not all(isinstance(key, str) for key in changes):
         raise SceneError(f"changes = {changes!r}: name each key and its value, {{'air.speed': '7 m/s'}}")
-    result: JsonTable = present_keys(json.loads(json.dumps(data, default=str)))
-    for key, value in ((present_key(key), value) for key, value in changes.items()):
+    result: JsonTable = json.loads(json.dumps(data, default=str))
+    for key, value in changes.items():
         *tables, last = key.split(".")
         nodes = [result]
         for i, table in enumerate(tables):

@@ -29,7 +29,6 @@ from .measured import trays_in
 from .messages import explain, units_in
 from .overrides import changed
 from .own_files import with_own_files, with_own_materials
-from .table import present_keys
 from .uncertainty import with_uncertainty_table
 from .whole import SceneTables
 
@@ -70,7 +69,7 @@ class Scene(SceneTables):
         if not isinstance(data, Mapping):
             raise SceneError(f"{name}: needs tables, not {type(data).__name__}")
         check_tables(data, name)
-        folder, data = base or Path(), present_keys(data)
+        folder = base or Path()
         try:
             data = with_own_files(with_uncertainty_table(with_own_materials(data, folder)), folder)
             data = trays_in(data, folder)

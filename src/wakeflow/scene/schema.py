@@ -14,7 +14,6 @@ from ..core.errors import SceneError
 from ..core.quantities import say
 from ..core.record import JsonTable
 from ..core.registry import did_you_mean
-from .table import present_key
 from .whole import SceneTables
 
 Place = tuple[str | int, ...]  # keys, and places in lists, from the top of a scene
@@ -104,7 +103,7 @@ def refuse_unknown(key: str, data: Any, where: str) -> None:
     """Raise SceneError where a dotted key leads to a table that a scene's ``data`` lacks, or to what no scene may hold;
     ``where`` it is written, for the message. A star represents every table.
     """
-    place = tuple(present_key(key).split("."))
+    place = tuple(key.split("."))
     for end, part in enumerate(place):
         above = place[:end]
         if end < len(place) - 1 and part != "*" and named_tables(above, data):

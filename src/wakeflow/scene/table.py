@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from inspect import Parameter, signature
 from typing import Annotated, Any
 
@@ -16,7 +15,7 @@ from pydantic_core.core_schema import CoreSchema, no_info_before_validator_funct
 
 from ..core.errors import SceneError
 from ..core.quantities import QUANTITY, quantity
-from ..core.record import JsonMapping, JsonTable
+from ..core.record import JsonTable
 from ..core.registry import Registry
 
 # -- What all tables of a scene share ----------------------------------------------------------------------------------
@@ -60,29 +59,6 @@ def made_by(laws: Registry[Callable[..., Array]], name: str, *args: object, **gi
     unknown = [key for key in given if key not in wanted]
     parts = [f"{word} {', '.join(keys)}" for word, keys in (("lacks", missing), ("has no", unknown)) if keys]
     raise SceneError(f"{laws.kind} {name!r} {' and '.join(parts)} (takes: {', '.join(wanted)})")
-
-
-# -- Keys that had another name ----------------------------------------------------------------------------------------
-FORMER = {  # keys of the release before, which are read until the next, and what their last part is called now
-    "numerics.span.sheddings": "shedding_cycles",
-    "uncertainty.fraction.*.turning": "inverse_inertia",
-}
-
-
-def present_key(key: str) -> str:
-    """A dotted key as it is called now: itself, or the present name of a former one."""
-    now = next((name for former, name in FORMER.items() if fnmatchcase(key, former)), None)
-    return key if now is None else f"{key.rpartition('.')[0]}.{now}"
-
-
-def present_keys(tables: JsonMapping, place: str = "") -> JsonTable:
-    """A scene's tables, or those below the dotted ``place``, with every key as it is called now."""
-    return {
-        present_key(f"{place}{key}").removeprefix(place): present_keys(value, f"{place}{key}.")
-        if isinstance(value, Mapping)
-        else value
-        for key, value in tables.items()
-    }
 
 
 # -- Number types of scene files ---------------------------------------------------------------------------------------
