@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 FORMATS = {"gif": 12.5, "mp4": 30.0}  # frames a second; a GIF counts hundredths of a second
 VISIBLE = 0.008  # of the picture's longer side: diameter of the smallest granule drawn
-RIM = 0.4  # points of white around a granule
 AIMED_SIZE = 0.92  # of the bytes allowed, that a smaller GIF aims at
 MIN_DOTS = 200  # dots of the longer side, below which nothing is seen
 EDGE = 0.12  # inches around all that is drawn: letters are a little wider in some sizes
@@ -104,7 +103,7 @@ class _Set:
         drawn = [(colours[name], Path2D.of(one)) for name, part in film.paths.items() for one in part]
         self.paths = [path for _, path in drawn]
         sizes = [max(least, path.diameter) for path in self.paths]
-        self.machine = MovingMachine(axes, scene, sizes, [colour for colour, _ in drawn], RIM)
+        self.machine = MovingMachine(axes, scene, sizes, [colour for colour, _ in drawn])
         self.air = None if field is None else _Air(axes, field, window, scale)
         inside = (*axes.images, *axes.lines, *axes.patches, *axes.collections, *axes.texts)
         self.axes, self.inside = axes, sorted(inside, key=lambda artist: artist.zorder)

@@ -63,17 +63,13 @@ class Path2D:
         part = np.divide(s, span, out=np.zeros_like(s), where=span > 0)
         return self.position[i] + s * (start + part * (mean - start)), start + 2.0 * part * (mean - start)
 
-    def touches(self, scene: Scene) -> NDArray[np.bool_]:
-        """Which recorded points (m,) touch a body."""
+    def separation(self, scene: Scene) -> int | None:
+        """The recorded point at which it last touches a body; None where it never does."""
         shift = body_displacement(scene, self.time)
         near = np.full(len(self.time), np.inf)
         for body in scene.body.values():
             near = np.minimum(near, distance_to(self.position - shift, body.outline()))
-        return near <= (1.0 + TOUCH) * self.diameter / 2
-
-    def separation(self, scene: Scene) -> int | None:
-        """The recorded point at which it last touches a body; None where it never does."""
-        touching = np.flatnonzero(self.touches(scene))
+        touching = np.flatnonzero(near <= (1.0 + TOUCH) * self.diameter / 2)
         return int(touching[-1]) if len(touching) else None
 
     def falls_to(self, level: float, first: int) -> float | None:
@@ -85,12 +81,13 @@ class Path2D:
         return float(halved(lambda time: self.at(np.array([time]))[0][0, 1] > level, low, high, 60)[1])
 
 
+RIM = 0.4  # points of white around a granule
+
+
 class MovingMachine:
     """The bodies of a scene and granules of ``diameters`` (n,) m in ``colours`` on axes, to be moved to any time."""
 
-    def __init__(
-        self, axes: Axes, scene: Scene, diameters: Sequence[float], colours: Sequence[str], rim: float = 0.0
-    ) -> None:
+    def __init__(self, axes: Axes, scene: Scene, diameters: Sequence[float], colours: Sequence[str]) -> None:
         from matplotlib.collections import EllipseCollection
 
         self.scene, self.bodies = scene, solids(axes, scene)
@@ -98,19 +95,18 @@ class MovingMachine:
         size = MM * np.asarray(diameters)
         self.discs = EllipseCollection(
             size, size, np.zeros(len(size)), units="xy", offsets=np.zeros((len(size), 2)), facecolors=colours,
-            offset_transform=axes.transData, edgecolors="white", linewidths=rim, zorder=4.5,
+            offset_transform=axes.transData, edgecolors="white", linewidths=RIM, zorder=4.5,
         )  # fmt: skip
         axes.add_collection(self.discs)
 
-    def move(self, time: float, places: Array) -> Array:
+    def move(self, time: float, places: Array) -> None:
         """The bodies to where they are at ``time`` (s), the granules to ``places`` (n, 2) m, of which those that are
-        NaN are not seen; how far (m) the bodies are off the middle of their motion.
+        NaN are not seen.
         """
         shift = body_displacement(self.scene, np.array([time]))[0]
         for patch, outline in zip(self.bodies, self.outlines, strict=True):
             patch.set_xy(MM * (outline + shift))
         self.discs.set_offsets(np.ma.masked_invalid(MM * places))
-        return np.asarray(shift)
 
 
 EVEN = 2  # dots, of both sides of a frame: an MP4 asks for it

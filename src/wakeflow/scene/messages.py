@@ -34,6 +34,7 @@ WANTED = {  # pydantic's types of errors, in the user's words
 SIZES = {"too_short": ("least", "min_length"), "too_long": ("most", "max_length")}
 TOO_LARGE = ("less_than", "less_than_equal")
 TOO_SMALL = ("greater_than", "greater_than_equal")
+GONE = {"animation": " (wakeflow animate films a finished run)"}
 BELOW = {"air.speed": "; which way it blows is said by air.direction"}
 PYDANTIC = re.compile(r"[a-z-]*\[.*\]")  # what it says of kinds of values, among the keys: list[str]
 TABLE = ("model_type", "dict_type", "model_attributes_type")
@@ -47,7 +48,8 @@ def explain(problem: ValidationError, data: Mapping[str, object]) -> Iterator[st
         if error["type"].startswith("union_tag"):
             kinds = list(picture_tables())
             given = error.get("ctx", {}).get("tag")
-            hint = "missing" if given is None else f"{given!r} is unknown{did_you_mean(given, kinds)}"
+            near = GONE.get(given) or did_you_mean(given, kinds)
+            hint = "missing" if given is None else f"{given!r} is unknown{near}"
             yield f"{key}.kind: {hint} (known: {', '.join(kinds)})"
         elif error["type"] == "extra_forbidden":
             known = known_keys(described(place[:-1], data))

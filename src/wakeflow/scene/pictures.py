@@ -10,7 +10,7 @@ from typing import Annotated, Literal, get_args
 from pydantic import Field, model_validator
 
 from ..core.errors import SceneError
-from .table import Coordinate, Duration, Length, Speed, Table
+from .table import Coordinate, Length, Speed, Table
 
 # figures of report.figures, in the order of the page: no picture takes a name
 STANDARD_FIGURES = (
@@ -68,20 +68,6 @@ class Curves(Picture):
         return self.granules, self.body_speed
 
 
-class Animation(Picture):
-    """kind = "animation": granules on the moving body in time, as a GIF and as a strip of stills."""
-
-    kind: Literal["animation"]
-    granules: Annotated[int, Field(ge=1, le=TRACKS_RECORDED)] = Field(1, description="of each fraction")
-    duration: Duration | None = Field(None, description="of the motion shown; default: until all have landed")
-    frames: Annotated[int, Field(ge=2, le=240)] = Field(80, description="of the GIF")
-    stills: Annotated[int, Field(ge=1, le=12)] = Field(6, description="of the strip, evenly in time; 1: the start")
-
-    @property
-    def flown(self) -> tuple[int, float | None]:
-        return TRACKS_RECORDED, None
-
-
 class Streamlines(Picture):
     """kind = "streamlines": pressure and streamlines of the mean air, with the zones marked and numbered."""
 
@@ -112,7 +98,7 @@ class Levels(Picture):
         return self.granules, None
 
 
-AnyPicture = Annotated[Curves | Animation | Streamlines | Density | Levels, Field(discriminator="kind")]
+AnyPicture = Annotated[Curves | Streamlines | Density | Levels, Field(discriminator="kind")]
 
 
 def picture_tables() -> dict[str, type[Picture]]:

@@ -1,4 +1,4 @@
-"""The pictures that a scene asks for by [picture.NAME]: each a PNG and its data as CSV, an animation a GIF as well.
+"""The pictures that a scene asks for by [picture.NAME]: each a PNG and its data as CSV.
 
 A kind is one function here, registered under the name of its table in ``scene.pictures``.
 """
@@ -13,7 +13,6 @@ from ...core.errors import SceneError
 from ...core.files import read_json, write_json
 from ...core.record import from_json, to_json
 from ..canvas import SUFFIXES
-from .animation import draw_animation
 from .curves import draw_curves
 from .levels import draw_levels
 from .maps import draw_density, draw_streamlines
@@ -28,7 +27,6 @@ LIST = "pictures.json"  # beside the pictures: what was drawn, so that nothing e
 
 for _name, _draw in (
     ("curves", draw_curves),
-    ("animation", draw_animation),
     ("streamlines", draw_streamlines),
     ("density", draw_density),
     ("levels", draw_levels),
