@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from html.parser import HTMLParser
 from importlib.metadata import version
@@ -145,6 +145,17 @@ def kept_airflow(spec: FlowSpec, start: Path | None = None) -> tuple[Path, Airfl
     key = content_key(repr(spec), *code, version("gmsh"), openfoam_version(), None if start is None else start.name)
     folder, _ = Store(cache_root()).make("tested-airflow", key, work)
     return folder, load(AirflowResult, folder / "case" / "airflow.json")
+
+
+def begun_part(root: Path, stage: str, key: str) -> Path:
+    """The folder in which a stage of the cache ``root`` works, as an interrupted run leaves it."""
+
+    def interrupted(part: Path) -> None:
+        raise KeyboardInterrupt
+
+    with suppress(KeyboardInterrupt):
+        Store(root).make(stage, key, interrupted)
+    return root / stage / f"{key}.part"
 
 
 def working_in(folder: Path) -> dict[int, str]:

@@ -16,7 +16,7 @@ from threading import Barrier
 import psutil
 import pytest
 
-from support import LoopbackCluster
+from support import LoopbackCluster, begun_part
 from wakeflow.core.errors import FoamError, MeshError, ProgramError, SceneError
 from wakeflow.core.executor import Cluster, TaskPlace, Workers
 from wakeflow.core.files import atomic_write, write_json
@@ -138,8 +138,7 @@ def test_children_die_with_their_parent(tmp_path: Path, number: int, deaf: str) 
 def test_a_killed_runs_program_is_waited_for_before_its_folder_is_worked_in(tmp_path: Path) -> None:
     """On a busy machine it writes on for a moment after the run that started it is gone."""
     store, seen = Store(tmp_path), []
-    part = tmp_path / "stage" / ("a" * 64 + ".part")
-    part.mkdir(parents=True)
+    part = begun_part(tmp_path, "stage", "a" * 64)
     with (tmp_path / "log").open("wb") as sink:
         child = start_in_group(["sh", "-c", "sleep 1; echo late > late"], part, os.environ, sink)
     threading.Thread(target=child.wait, daemon=True).start()

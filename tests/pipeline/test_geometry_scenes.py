@@ -309,6 +309,18 @@ class TestGivenCase:
         sources = {part["source"]: part for part in table["budget"][0]["parts"]}
         assert sources["airflow-model"]["how"] == "unknown"
 
+    def test_nothing_is_kept_of_it_but_numbers(self, tmp_path: Path) -> None:
+        """What its dictionaries say, code too, is neither run nor copied."""
+        scene = as_given(pipeline_of(small()), tmp_path)
+        for name in ("system/controlDict", "constant/fvOptions"):
+            with (tmp_path / "case" / name).open("a") as stream:
+                stream.write(f'x #calc "system(\\"touch {tmp_path}/ran\\")";\nlibs ("/x/evil.so");\n')
+        given = Pipeline(scene, make_plan(scene))
+        assert np.isfinite(given.field[1].velocity).all()
+        kept = {path.name for path in given.solution[1].rglob("*") if path.is_file()}
+        assert kept == {"airflow.json", "manifest.json", "seconds.json"}
+        assert not (tmp_path / "ran").exists()
+
     def test_a_new_solution_is_measured_anew(self, tmp_path: Path) -> None:
         scene = as_given(pipeline_of(small()), tmp_path)
         first = Pipeline(scene, make_plan(scene)).solution[0]

@@ -14,6 +14,7 @@ import pytest
 from hostile import damaged
 
 import wakeflow as wf
+from support import begun_part
 from wakeflow.answer.result import FILE, Result, kept_granules, key_in
 from wakeflow.batch.compute import WIDE
 from wakeflow.batch.work import finished
@@ -312,8 +313,7 @@ NOTES = ("", "[", "nan", "Infinity", "-1.0", "null", '"5"', "9" * 400, "[" * 100
 
 @pytest.mark.parametrize("text", NOTES)
 def test_a_damaged_note_of_the_time_spent_does_not_stop_a_stage_that_goes_on(text: str, tmp_path: Path) -> None:
-    part = tmp_path / "tracks" / f"{'a' * 64}.part"
-    part.mkdir(parents=True)
+    part = begun_part(tmp_path, "tracks", "a" * 64)
     (part / "seconds.json").write_text(text)
     cache = StageCache(Store(tmp_path), null_listener, StageTimes())
     cache.make("tracks", "a" * 64, _work)

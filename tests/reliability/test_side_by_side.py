@@ -19,12 +19,12 @@ from typing import Any
 import pytest
 from filelock import FileLock
 
-from support import CASES, ROOT, loaded_scene, working_in
+from support import CASES, ROOT, begun_part, loaded_scene, working_in
 from wakeflow.core import store as store_module
 from wakeflow.core.executor import Workers
 from wakeflow.core.process import background, cores, end_group, start_in_group
-from wakeflow.core.sources import kernel_root
 from wakeflow.core.store import USERS, Store, cache_in_use, is_marked, kept_stages, remove_stages
+from wakeflow.core.user_folder import kernel_root
 
 SEED = 31
 KILLS = int(os.environ.get("WAKEFLOW_KILLS", "50"))
@@ -183,7 +183,7 @@ def test_a_part_that_a_killed_runs_solver_writes_to_is_not_cleaned(inner: str, t
 def test_a_killed_runs_solver_is_waited_for_two_folders_down(tmp_path: Path) -> None:
     """An airflow in three dimensions runs in part/case/span."""
     seen: list[str] = []
-    span = tmp_path / "airflow" / f"{KEY}.part" / "case" / "span"
+    span = begun_part(tmp_path, "airflow", KEY) / "case" / "span"
     with working(span, "sleep 1; echo late > late", tmp_path / "log") as child:
         threading.Thread(target=child.wait, daemon=True).start()
         Store(tmp_path).make("airflow", KEY, lambda part: seen.append((part / "case" / "span" / "late").read_text()))

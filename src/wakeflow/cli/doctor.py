@@ -23,8 +23,8 @@ from .. import DISTRIBUTION
 from ..core.errors import ProgramError
 from ..core.process import capture, cores
 from ..core.quantities import duration
-from ..core.sources import kernel_root
 from ..core.store import cache_root
+from ..core.user_folder import kernel_root
 from ..funnel import engine
 from ..planning.machine_rates import to_compile
 from .screen import screen_table

@@ -10,19 +10,16 @@ checking, and count where they are asked for.
 from __future__ import annotations
 
 import ast
-import atexit
-import os
 import platform
 import re
-import shutil
-import tempfile
 from collections.abc import Iterator
-from functools import cache, lru_cache
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
 from .lazy import parsed
 from .store import content_key, digest_files
+from .user_folder import kernel_root
 
 NAME = __name__.partition(".")[0]
 PACKAGE = Path(__file__).parent.parent
@@ -123,34 +120,6 @@ def _data(folder: Path) -> list[Path]:
 
 
 # -- Where compiled code is kept ---------------------------------------------------------------------------------------
-KERNELS = "WAKEFLOW_KERNELS"  # names another folder, which is believed as it is
-
-
-@cache
-def kernel_root() -> Path:
-    """The folder of compiled kernels: ``$WAKEFLOW_KERNELS``, else wakeflow/ in the user's own cache (that is
-    ``$XDG_CACHE_HOME`` or ~/.cache); a temporary one where that cannot be written or is not the user's own.
-
-    Numba's index of compiled code is a pickle: who may write it may run code here. So it is never in the cache of
-    stages, which may come from others with a folder of results, and a folder that others may write is not believed.
-    """
-    if asked := os.environ.get(KERNELS):
-        return Path(asked).absolute()
-    try:
-        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-        root = home.absolute() / "wakeflow" / "kernels"
-        root.mkdir(parents=True, exist_ok=True, mode=0o700)
-        about = root.stat()
-        if about.st_uid == os.geteuid() and not about.st_mode & 0o022 and os.access(root, os.W_OK):
-            return root
-    except (OSError, RuntimeError):  # no home, or one that cannot be written: a compilation a process, nothing else
-        pass
-    root = Path(tempfile.mkdtemp(prefix="wakeflow-kernels-"))
-    atexit.register(shutil.rmtree, root, ignore_errors=True)
-    os.environ[KERNELS] = str(root)  # for the processes that compile beside this one
-    return root
-
-
 def kernel_folder(module: str) -> Path:
     """The folder of the kernel whose entry is in ``module``: of these sources, wherever they lie, compiled by these
     versions of numba and LLVM for this processor.

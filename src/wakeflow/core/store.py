@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import hashlib
+import hmac
 import json
 import os
 import re
@@ -15,14 +16,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .errors import SceneError
-from .files import atomic_write, read_json, write_json
+from .files import atomic_write, read_json, read_whole, write_json
 from .process import check_cancelled, is_worked_in, wait_for_orphans
+from .user_folder import own_secret
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
 
 # -- The cache of finished stages --------------------------------------------------------------------------------------
 MANIFEST = "manifest.json"
+BEGUN = ".begun"  # in the folder of a stage that is worked on: its seal
 DIGEST = re.compile(r"[0-9a-f]{64}")
 PATIENCE = 0.5  # s of waiting for another process between looks at whether this one's work is still wanted
 
@@ -188,7 +191,8 @@ class Store:
 
     A stage works in ``key.part`` under a lock, so that an interrupted one finds its own unfinished files again; when it
     is done its files are listed with their checksums and the folder takes its final name. A folder whose files do not
-    match that list is never used: it is removed and made anew.
+    match that list is never used: it is removed and made anew. So is a ``key.part`` that this user has not begun: one
+    that came with a cache from others may hold what outside programs would run.
     """
 
     root: Path
@@ -216,12 +220,16 @@ class Store:
             if self._whole(final):  # another process finished it while this one waited
                 return final, True
             _remove(final)
-            if part.is_symlink() or not part.is_dir():  # what a link leads to is not the cache's
+            if not part.is_symlink():  # what a link leads to is not the cache's
+                wait_for_orphans(part)
+            if not _is_own(part):
                 _remove(part)
-            part.mkdir(exist_ok=True)
-            wait_for_orphans(part)
+                part.mkdir()
+                with atomic_write(part / BEGUN, "wb") as stream:
+                    stream.write(_seal(part))
             work(part)
             write_json(part / MANIFEST, {name: _digest(part / name) for name in _members(part)})
+            (part / BEGUN).unlink()
             os.replace(part, final)
         finally:
             lock.release()
@@ -269,6 +277,18 @@ def _wait_for(lock: BaseFileLock) -> None:
             return
 
 
+def _is_own(part: Path) -> bool:
+    """Whether this user has begun the stage that works in a folder."""
+    with suppress(OSError, SceneError):
+        return not part.is_symlink() and read_whole(part / BEGUN) == _seal(part)
+    return False
+
+
+def _seal(part: Path) -> bytes:
+    """What only this user can write, for a stage in this folder: in a copy of it another would belong."""
+    return hmac.digest(own_secret(), f"{part.name} {part.stat().st_ino}".encode(), "sha256")
+
+
 def _remove(folder: Path) -> None:
     """Remove what is at the place of a stage's folder, a link itself and not what it leads to."""
     if folder.is_dir() and not folder.is_symlink():
@@ -279,7 +299,7 @@ def _remove(folder: Path) -> None:
 
 def _members(folder: Path) -> list[str]:
     """Every file below the folder, except what a killed ``atomic_write`` left behind."""
-    files = (p for p in folder.rglob("*") if p.is_file() and p.name != MANIFEST)
+    files = (p for p in folder.rglob("*") if p.is_file() and p.name not in (MANIFEST, BEGUN))
     return sorted(p.relative_to(folder).as_posix() for p in files if not (p.name[0] == "." and p.suffix == ".tmp"))
 
 

@@ -6,7 +6,6 @@ import re
 from pathlib import Path
 
 from ..core.errors import FoamError, MeshError
-from ..core.foam_code import refuse_code, refuse_links
 from ..core.process import tail
 from ..core.record import load, save
 from .airflow_result import CheckMesh
@@ -14,23 +13,19 @@ from .case import INSTALL, FlowSpec, set_patch_types, write_case, write_inlets
 from .programs import call
 
 CHECKED = "mesh_check.json"  # in the case: what checkMesh found
-FOREIGN = "this program did not write that: remove the folder"
 
 
 def prepare_case(spec: FlowSpec, msh: Path, folder: Path) -> CheckMesh:
     """Write the case, convert ``msh`` and check it. Does nothing but read the result when it was done before.
 
-    Raises MeshError naming the checks that failed, FoamError when OpenFOAM is not installed or cannot read the mesh;
-    SceneError for a folder that holds code, or a link that leads out of it: the cache may have come from others.
+    Raises MeshError naming the checks that failed, FoamError when OpenFOAM is not installed or cannot read the mesh.
     """
     if re.search(r"[\s'\"]", str(folder.resolve())):
         raise FoamError(
             f"OpenFOAM cannot work below a folder with blanks or quotes in its name: {folder.resolve()}; "
             "set WAKEFLOW_CACHE to another folder"
         )
-    refuse_links(folder, str(folder), FOREIGN)
     write_case(spec, folder)
-    refuse_code(folder, str(folder), FOREIGN)  # now that system is whole, which an interruption may have left halved
     done = folder / CHECKED
     if done.exists():
         return load(CheckMesh, done)

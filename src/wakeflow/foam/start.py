@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.files import atomic_write
-from ..core.foam_code import refuse_code
 from .case import FlowSpec
 from .polymesh import read_polymesh
-from .prepare import FOREIGN
 from .read import CaseFields, loop_of
 
 Array = NDArray[np.float64]
@@ -38,11 +36,10 @@ def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
     A half domain is mirrored about x = 0 first. A source written from the template may have another speed, size or
     direction: lengths scale with the first body's width, U with the inlet speed, p with its square, turbulent fields by
     their units; a field that it lacks keeps its inlet value, as boundaries do. Linear between cell centres, the nearest
-    cell's value outside them. Raises SceneError for a source that holds code, as one in a cache from others may.
+    cell's value outside them. Nothing but numbers is taken from the source, which may have come from others.
     """
     if source is None:
         return
-    refuse_code(source, str(source), FOREIGN)
     fields = CaseFields(source)
     moment = fields.folder((loop_of(source) or {"times": ["latest"]})["times"][0])
     given = fields.parameters

@@ -14,7 +14,8 @@ from .. import tracking
 from ..core.errors import ProgramError
 from ..core.process import call_in_child, cores
 from ..core.quantities import duration
-from ..core.sources import kernel_folder, kernel_root
+from ..core.sources import kernel_folder
+from ..core.user_folder import kernel_root
 from ..planning.machine_rates import note_compiled, to_compile
 from ..planning.stages import OWN, StageKey
 from .cache import StageCache, StageTime

@@ -15,7 +15,8 @@ from pathlib import Path
 
 from ..core.errors import SceneError
 from ..core.files import read_json, write_json
-from ..core.sources import kernel_folder, kernel_root
+from ..core.sources import kernel_folder
+from ..core.user_folder import kernel_root
 from .cost import COMPILE, PROGRAM
 from .plan import Plan
 from .stages import OWN, StageCost, StageKey

@@ -22,12 +22,10 @@ from proofs.tracker.curves import as_spheres
 from proofs.tracker.flights import REFERENCE, WANTED, FlownKind
 from proofs.tracker.foam import CLOUD, FoamInterpolant, interpolant, write_cloud, write_gravity, write_properties
 from proofs.tracker.rk4 import KNOWN_FORCES
-from wakeflow.core.foam_code import refuse_code
 from wakeflow.core.record import JsonTable
 from wakeflow.field import FlowField
 from wakeflow.foam.case import write_parameters
 from wakeflow.foam.polymesh import read_polymesh
-from wakeflow.foam.prepare import FOREIGN
 from wakeflow.foam.programs import call
 from wakeflow.foam.read import time_folders
 from wakeflow.foam.solver import last_state, states
@@ -85,7 +83,6 @@ class SolvedCase:
 
     def copy(self, folder: Path, span: float) -> Path:
         """A case in ``folder`` that goes on for ``span`` (s) on one rank, and its first time folder."""
-        refuse_code(self.folder, str(self.folder), FOREIGN)
         shutil.rmtree(folder, ignore_errors=True)
         for name in ("constant", "system", self.state.name):
             shutil.copytree(self.folder / name, folder / name)

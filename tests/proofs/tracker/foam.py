@@ -19,13 +19,12 @@ from numpy.typing import NDArray
 
 from proofs.tracker.rk4 import Ends
 from wakeflow.core.errors import FoamError
-from wakeflow.core.foam_code import refuse_code
 from wakeflow.core.process import run_program
 from wakeflow.core.record import JsonTable
 from wakeflow.field import FlowField
 from wakeflow.foam.case import INSTALL, FlowSpec, environment
 from wakeflow.foam.polymesh import FoamMesh, read_polymesh
-from wakeflow.foam.prepare import FOREIGN, prepare_case
+from wakeflow.foam.prepare import prepare_case
 from wakeflow.foam.reconstruction import PlaneMesh
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.meshing import MeshSpec, build_mesh
@@ -284,7 +283,6 @@ def fly_parcels(
     that it tracks at a time; ``folder`` is made anew. Raises FoamError when OpenFOAM fails or a granule begins outside
     the mesh.
     """
-    refuse_code(foam.case, str(foam.case), FOREIGN)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     for name in ("constant", "system", "0"):
