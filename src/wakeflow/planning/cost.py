@@ -344,7 +344,7 @@ MOMENTUM = Stage("momentum", _code("pipeline.gathered_force"), FLIGHTS, Scaling.
 SLAB_MOMENTUM = Stage(
     "slab-momentum", _code("pipeline.gathered_force"), "slab", Scaling.AIR, "air loading", _gathering_in_slab
 )
-DEVELOPING = Stage("early-airflow", _code("foam.airflow"), "airflow", Scaling.AIR, "airflow", _developing)
+DEVELOPING = Stage("early-airflow", (), "airflow", Scaling.AIR, "airflow", _developing)
 LOADED = Stage("loaded-airflow", _code("foam.airflow"), "airflow", Scaling.AIR, "air loading", _loading)
 COMPILE = Stage("compile", work="compile", scaling=Scaling.ONCE, heading="compilation")
 # In the order in which they are usually done. Those without a cost are part of another, or of few runs.

@@ -48,8 +48,8 @@ class Scaling(Enum):
 @dataclass(frozen=True)
 class StageCost:
     """What a stage is expected to take: its ``name`` as a run's listener hears it, ``seconds`` each of the ``times``
-    that it is done, and ``when``: first, at the same time on another core (meanwhile), in the answer's own airflow, at
-    the same time as that (beside), or after it;
+    that it is done, and ``when``: meanwhile, on another core from the begin on; first, what the answer's own airflow
+    waits for; in that airflow; on another core at the same time; or after it;
     ``memory`` (bytes) that the run holds in it at most, with the program that the stage starts.
     """
 

@@ -48,7 +48,7 @@ def explain(problem: ValidationError, data: Mapping[str, object]) -> Iterator[st
         if error["type"].startswith("union_tag"):
             kinds = list(picture_tables())
             given = error.get("ctx", {}).get("tag")
-            near = GONE.get(given) or did_you_mean(given, kinds)
+            near = GONE.get(str(given)) or did_you_mean(given, kinds)
             hint = "missing" if given is None else f"{given!r} is unknown{near}"
             yield f"{key}.kind: {hint} (known: {', '.join(kinds)})"
         elif error["type"] == "extra_forbidden":
