@@ -16,11 +16,11 @@ from threading import Lock
 from typing import Any
 
 from ..core.errors import SceneError
-from ..core.files import read_json, write_json
+from ..core.files import atomic_write, read_json, write_json
 from ..core.process import check_cancelled
 from ..core.record import column
 from ..core.sources import code_key
-from ..core.store import Store
+from ..core.store import MANIFEST, Store
 from ..planning.stages import OWN, AirLabel, StageKey, stages
 
 
@@ -82,10 +82,16 @@ class StageCache:
         check_cancelled()
         self.listener(StageKey(self.label, stage), text)
 
-    def make(self, stage: str, key: str, work: Callable[[Path], Any]) -> Path:
-        """The folder of a stage, from the cache or by ``work(folder)``; the seconds it took to compute are noted."""
+    def make(self, stage: str, key: str, work: Callable[[Path], Any], begun: Path | None = None) -> Path:
+        """The folder of a stage, from the cache or by ``work(folder)``; the seconds it took to compute are noted. It
+        goes on from the files, and the seconds, of a finished stage that has ``begun`` it.
+        """
 
         def timed(part: Path) -> None:
+            for path in () if begun is None else sorted(begun.iterdir()):
+                if path.name != MANIFEST and not (part / path.name).exists():
+                    with atomic_write(part / path.name, "wb") as stream:
+                        stream.write(path.read_bytes())
             spent, started = part / SECONDS, time.monotonic()
             before = _spent_before(spent)
             try:
