@@ -29,6 +29,7 @@ from wakeflow.answer.shares import (
     BudgetRow,
     BudgetTotal,
 )
+from wakeflow.budget.budget import NOTICEABLE, gain_by_replicates
 from wakeflow.budget.comparison import MAX_FACTOR, AmongOthers, Comparison, compared, differences
 from wakeflow.budget.mesh import Grid, difference_noise, mesh_error, shedding_noise
 from wakeflow.budget.model import MODEL
@@ -44,6 +45,7 @@ from wakeflow.pipeline.landings import Landings, Tracked
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.slab import CollisionRerun
 from wakeflow.pipeline.track_stage import PerturbedRerun
+from wakeflow.planning.collisions import CollisionPlan
 from wakeflow.planning.cost import flown_again
 from wakeflow.planning.lock_in import SHARES_MOVED
 from wakeflow.planning.make import make_plan
@@ -54,6 +56,35 @@ from wakeflow.planning.wake import Wake
 from wakeflow.runs.refine import unreached_lines
 from wakeflow.runs.settings import expected_half, expected_part, expected_seconds
 from wakeflow.scene import Scene
+
+
+@pytest.mark.parametrize("others", [0.0, 0.3, 1.0, 2.0, 2.5, 3.3, 5.0, 10.0])
+def test_how_many_replicates_fly_hardly_depends_on_the_seed(others: float) -> None:
+    """Over 20 seeds of three fractions in four bins: the most over the median. ``others``: all other errors of a share
+    over the standard deviation of a replicate's; where they are large the fewest are enough, without them all fly.
+    """
+    slab, flown = CollisionPlan(0.03, {}, {}, 16, 4, 1.0, 1.0, 1000, 60.0, 1e6), []
+    for seed in range(20):
+        apart = np.random.default_rng(seed).standard_normal((3, 4, 16))
+        apart -= apart.mean(axis=1, keepdims=True)
+        number = slab.fewest
+        while number < slab.replicates:
+            half = student(number - 1) * apart[..., :number].std(axis=-1, ddof=1) / np.sqrt(number)
+            parts = {
+                str(i): {str(j): [_part("sampling", half[i, j]), _part("mesh", others)] for j in range(4)}
+                for i in range(3)
+            }
+            if gain_by_replicates(parts, number) < NOTICEABLE:
+                break
+            number = slab.after(number)
+        flown.append(number)
+    assert max(flown) <= 1.5 * np.median(flown)
+    assert others > 0.3 or min(flown) == 16
+    assert others < 10.0 or max(flown) == 4
+
+
+def _part(source: str, error: float) -> BudgetPart:
+    return BudgetPart(source, error, 0.0, MEASURED)
 
 
 class CoarserSteps(Source[Tracked]):

@@ -62,22 +62,20 @@ def test_a_run_that_ends_by_the_rule_covers_the_mean_nine_times_in_ten() -> None
     assert min(hits.values()) >= 0.88 * 60, hits
 
 
-@pytest.mark.parametrize(("noise", "most"), [(0.005, 1.5), (0.01, 1.5), (0.03, 3.0), (0.05, 3.0)])
-def test_how_far_where_a_run_ends_depends_on_the_seed(noise: float, most: float) -> None:
-    """Over 20 seeds, latest over median. Where the accuracy, not the fewest periods, ends a run, the interval of a few
-    batches decides, and that varies by chance: there the bound of 1.5 is not met.
-    """
+@pytest.mark.parametrize("noise", [0.005, 0.01, 0.03, 0.05])
+@pytest.mark.parametrize("memory", [0.0, 0.3])
+def test_how_far_where_a_run_ends_depends_on_the_seed(memory: float, noise: float) -> None:
+    """Over 20 seeds, latest over median: where the fewest periods end a run, and where the accuracy does."""
     ends = []
     for seed in range(20):
-        rows, stopping = record(seed, 300, memory=0.3 if noise > 0.01 else 0.0, noise=noise), Stopping(0.03)
+        rows, stopping = record(seed, 300, memory=memory, noise=noise), Stopping(0.03)
         ends.append(next(n for n in range(8, 300) if stopping.look(rows[: n * STEPS])))
-    assert max(ends) <= most * np.median(ends)
+    assert max(ends) <= 1.5 * np.median(ends)
 
 
-def test_a_broadband_wake_needs_fewer_periods_where_its_intervals_are_far_narrower_than_asked() -> None:
+def test_the_fewer_periods_a_wake_has_the_narrower_its_intervals_must_be() -> None:
     found = evaluate(record(1, 60, memory=0.0, noise=0.03), 0.05)
-    assert found.verdict == "broadband"
-    cases = {(0.5, 8): True, (0.5, 7): False, (0.6, 8): False, (0.6, 11): False, (1.0, 12): True, (1.1, 30): False}
+    cases = {(0.4, 6): True, (0.41, 6): False, (0.49, 20): True, (0.51, 20): False, (0.9, 45): True, (1.0, 300): False}
     for (excess, periods), stands in cases.items():
         assert replace(found, excess=excess, periods=periods).stands is stands
 

@@ -408,6 +408,22 @@ def test_it_goes_on_where_it_stopped_and_all_fly_with_the_step_that_the_first_ha
             np.testing.assert_array_equal(one.landings[name].position, other.landings[name].position)
 
 
+def test_more_replicates_go_on_from_those_that_were_enough_before() -> None:
+    """The first are the same ones, and the time of all is counted."""
+    plan = pipeline(DENSE).plan
+    stages = Pipeline(fed(DENSE), replace(plan, crowd=replace(plan.crowd, replicates=6)))
+    few = stages.crowd()
+    before = stages.seconds["slab"].seconds
+    more = stages.crowd(beside=few)
+    assert (few.replicates, more.replicates) == (4, 6)
+    assert stages.seconds["slab"].seconds > before
+    for number in range(4):
+        name = f"replicate-{number}.npz"
+        assert (few.folder / name).read_bytes() == (more.folder / name).read_bytes()
+    for landing in more.landings.values():
+        assert set(landing.replicate) == set(range(6))
+
+
 def test_a_first_replicate_that_fails_before_its_step_is_known_says_why(tmp_path: Path) -> None:
     scene = fed(DENSE)
     flight = SlabFlight(scene, make_plan(scene, force={COLLISIONS: True}), Realisations(None), 1.5e-3, 0.2, 0.3, 1e-3)

@@ -1,6 +1,7 @@
 """Whether granules meet: the estimate of their meetings, what the plan decides by it, and the slab that it asks for."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -252,7 +253,15 @@ def test_a_count_that_a_scene_gives_is_flown_as_it_is(draft: Scene) -> None:
     few, many = (
         plan_collisions(draft.replace({"collisions.count": count}), known, 0.01) for count in (100_000, 1_000_000)
     )
+    assert many.fewest == many.replicates
     assert many.replicates * many.operation == pytest.approx(10.0 * few.replicates * few.operation, rel=1e-9)
+
+
+def test_replicates_grow_by_half_up_to_those_of_the_plan(draft: Scene) -> None:
+    slab = replace(plan_collisions(draft, laws(draft), 0.01), replicates=16)
+    assert slab.fewest == 4
+    assert [slab.after(flown) for flown in (4, 6, 8, 12, 14)] == [6, 8, 12, 16, 16]
+    assert plan_collisions(draft, laws(draft), 0.01, paired=True).fewest == 8
 
 
 IDLE = 30.0  # how many times what it bounds a bound may be

@@ -21,7 +21,7 @@ class CollisionSummary:
     """The slab of hard spheres that the shares with collisions come from."""
 
     depth: float = column("m", "of the slab across the picture, periodic")
-    replicates: int = column("1", "independent runs of the slab")
+    replicates: int = column("1", "independent runs of the slab that flew, of those of the plan")
     start_up: float = column("s", "dropped at the beginning of each")
     granules: dict[str, int] = column("1", "granules, or tracers, of each fraction that landed and count")
     tracers: dict[str, float] = column("1", "share of each fraction's mass, its finest granules, that flew as tracers")

@@ -53,8 +53,7 @@ def _flown(
     request = Request(None, result.options.rung, result.options.force, result.options.target_error)
     scene = Scene.parse(result.scene)
     pipeline, poured = stages_of(scene.replace(dict(changes)) if changes else scene, request, workers, listener)
-    flights = Flights(pipeline, pipeline.tracks(), pipeline.crowd())
-    fly_again(flights)
+    flights = fly_again(Flights(pipeline, pipeline.tracks(), pipeline.crowd()))
     return flights, OneRun(scene, pipeline, poured, result.folder, result.options, redraw=False, report=True)
 
 

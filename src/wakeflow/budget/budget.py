@@ -5,24 +5,59 @@ The sources are registered objects, a file each or a family; their parts make on
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from ..answer.draws import SAMPLING
 from ..answer.joint import JointAnswer
 from ..answer.shares import LEFT_OUT, BudgetPart, BudgetRow, BudgetTotal
 from ..core.graded import Notice, less_sure
+from ..core.number import student
 from ..pipeline.pipeline import Pipeline
 from ..planning.terms import TYPICAL
 from .source import Flights, FractionResults, in_order
-from .total import in_ensemble, total_of
+from .total import Parts, in_ensemble, total_of
 
+NOTICEABLE = 0.05  # of the error of a fraction's shares, that twice as many replicates of the slab take off
 ONLY_STEPS = "of the tracker's steps alone: where 95 % of the granules land with finer ones"
 
 
-def fly_again(flights: Flights) -> None:
-    """Run what every source flies again, or read it from the cache."""
+def fly_again(flights: Flights) -> Flights:
+    """Run what every source flies again, or read it from the cache; then the slab, as far as more of its replicates
+    make the shares noticeably better known. Returns the flights with these.
+    """
     for source in in_order():
         flights.of(source)
+    most, slab = flights.pipeline.plan.crowd, flights.crowd
+    while most is not None and slab is not None and slab.replicates < most.replicates:
+        parts = {name: _parts(one) for name, one in _results(flights, flights.ensemble).items()}
+        groups = 1 + max(int(one.replicate.max()) for one in slab.landings.values())
+        gain = gain_by_replicates(parts, groups)
+        enough = gain < NOTICEABLE
+        said = f"{slab.replicates} of {most.replicates} replicates; twice as many would lower the shares' errors by "
+        flights.pipeline.cache.tell("slab", f"{said}{100 * gain:.1f} %{': enough' if enough else ''}")
+        if enough:
+            break
+        slab = flights.pipeline.crowd(beside=slab)
+        flights = replace(flights, crowd=slab)
+    return flights
+
+
+def gain_by_replicates(parts: Parts, groups: int) -> float:
+    """By which part twice as many replicates than ``groups`` would lower the errors of shares, of which the ``parts``
+    of each bin of each fraction are known: the root of their squares over a fraction's bins, in the mean over the
+    fractions. Student's t falls with the sampling error itself.
+    """
+    falls = student(2 * groups - 1) / student(groups - 1) / math.sqrt(2.0)
+    gains = []
+    for places in parts.values():
+        every = [one for found in places.values() for one in found]
+        sampled = math.hypot(*(one.error or 0.0 for one in every if one.source == SAMPLING))
+        others = math.hypot(*(one.error or 0.0 for one in every if one.source != SAMPLING))
+        now = math.hypot(sampled, others)
+        gains.append(1.0 - math.hypot(falls * sampled, others) / now if now else 0.0)
+    return sum(gains) / len(gains)
 
 
 def flights_ahead(pipeline: Pipeline) -> list[Callable[[], object]]:
@@ -39,7 +74,7 @@ def make_budget(flights: Flights) -> tuple[JointAnswer, tuple[BudgetRow, ...]]:
     term has a note and a kind: left-out (small enough for the accuracy asked for) or not-computed.
     """
     pipeline, joint = flights.pipeline, flights.ensemble
-    results = {name: FractionResults(name, flights.landings[name], joint.own, flights) for name in joint.fractions}
+    results = _results(flights, joint)
     parts = {name: _parts(fraction) for name, fraction in results.items()}
     joint = in_ensemble(joint, parts, results)
     spent = sum(stage.seconds for stage in pipeline.seconds.values())
@@ -49,6 +84,10 @@ def make_budget(flights: Flights) -> tuple[JointAnswer, tuple[BudgetRow, ...]]:
         for place, found in places.items()
     ]
     return joint, (*rows, *(_landing_row(fraction) for fraction in results.values()))
+
+
+def _results(flights: Flights, joint: JointAnswer) -> dict[str, FractionResults]:
+    return {name: FractionResults(name, flights.landings[name], joint.own, flights) for name in joint.fractions}
 
 
 def _parts(fraction: FractionResults) -> dict[str, tuple[BudgetPart, ...]]:

@@ -77,8 +77,8 @@ def coefficients_of(spec: FlowSpec, rows: Array, loop: JsonTable | None, since: 
     number = None if found.frequency is None else found.frequency.times(spec.convective_time)
     made_of = RunStatistics(found.periods, found.begin, spec.accuracy, found.excess)
     note = (
-        f"the airflow's intervals are up to {found.excess:.1f} times as wide as asked after "
-        f"{rows[-1, 0] / spec.convective_time:.0f} widths of travel, where the run was ended"
+        f"the airflow's intervals are up to {found.excess:.1f} times as wide as asked, from {found.periods} periods, "
+        f"after {rows[-1, 0] / spec.convective_time:.0f} widths of travel, where the run was ended"
     )
     said = [] if found.stands else [note]
     return Coefficients(found.cd, found.cl_rms, found.cp_base, number, made_of, said)

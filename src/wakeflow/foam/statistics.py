@@ -1,10 +1,11 @@
 """What a history of drag, lift and base pressure says so far: means with 95 % intervals, and whether they suffice.
 
 The signals are cut into whole shedding periods (from one rise of the lift through its mean to the next). The start-up
-ends where each quantity first crosses its mean over the later half of the periods (Fishman's rule of crossing the mean,
-"Concepts and Methods in Discrete Event Digital Simulation", 1973) and half as many periods again. The intervals are
-those of non-overlapping batch means (Student's t), widened by sqrt((1 + r)/(1 - r)) for the correlation r of
-neighbouring batches (as for an AR(1) sequence) and by what a significant drift would still change.
+ends where each quantity first comes as near to its mean over the later half of the periods as these are wont to be
+(after Fishman's rule of crossing the mean, "Concepts and Methods in Discrete Event Digital Simulation", 1973) and half
+as many periods again. The intervals are those of a first-order autoregressive sequence with a value a period: Student's
+t, widened by sqrt((1 + r)/(1 - r)) for the correlation r of neighbours, and by what a significant drift would still
+change. Few periods tell little of r: it counts with USUAL, as if so many periods more (WEIGHT) had shown that.
 """
 
 from __future__ import annotations
@@ -20,21 +21,19 @@ from .history import upward_crossings
 Array = NDArray[np.float64]
 # Chosen by trials on records of known statistics (tests/foam/test_statistics.py) where no source is given.
 MIN_PERIODS = 6  # whole periods after the start-up
-MIN_PERIODS_TO_STOP = {
-    "periodic": MIN_PERIODS,
-    "broadband": 12,
-}  # before a run may end: a few unequal periods look alike by chance
-SOONER = 8  # the same for a broadband wake whose intervals are SURE: nothing but their number would be lacking
-BATCHES = 8  # at most about twice as many: fewer but longer batches of a longer run are less correlated
+PIECES = 32  # of a wake without a rhythm
+BATCHES = 8  # parts that a drift is looked for in, at most about twice as many
+USUAL, WEIGHT = 0.1, 20  # correlation of neighbouring periods before any is seen, and periods that it counts for
+FEW = 20  # periods whose intervals may be twice as wide as they seem; see `Statistics.stands`
 MARGIN = 1.5  # of the periods up to the crossing: what is left of the start-up there goes too
 DRIFTING = 3.0  # t statistic of a slope over the batches that a stationary signal seldom reaches (2 % at 8 batches)
-SHARED = -0.4  # periods share their ends: what one is longer by, its neighbour is shorter; not trusted beyond this
+SHARED = -0.6  # periods share their ends: what one is longer by, its neighbour is shorter; not trusted beyond this
 OFTEN = 1.15  # looked at often, a spread that is small by chance ends the run: wider by what that costs in trials
-SURE = 0.5  # of the width asked: so narrow that one look at a periodic wake is enough, fewer periods of another one
+SURE = 0.4  # of the width asked: so narrow that the fewest periods are enough
 RESOLVED = 0.05  # of the half-width asked: no interval is narrower, slower changes than the run lasted go unseen
 MIN_DRAG = 0.1  # Cd, and as a share of Cd the lift's rms: smaller ones are measured against this (see `wanted`)
 MIN_PRESSURE = 0.5  # base pressure coefficient: the same
-STRONGEST = 0.8  # correlation of neighbouring batches, at most: a stronger one cannot be estimated from few batches
+STRONGEST = 0.8  # correlation of neighbouring periods, at most: a stronger one cannot be estimated from few
 NO_SLOWING = 0.9  # ratio of successive thirds' changes with which a drift that does not slow down is extrapolated
 SHORTEST = 0.1  # of the mean period: the lower end of its interval is no lower
 FAINT = 0.01  # of the drag: lift below it has no rhythm of its own
@@ -68,9 +67,11 @@ class Statistics:
 
     @property
     def stands(self) -> bool:
-        """Whether every interval is as narrow as asked, over enough periods to trust it."""
-        fewest = MIN_PERIODS_TO_STOP[self.verdict]
-        return self.excess <= 1.0 and self.periods >= (min(fewest, SOONER) if self.excess <= SURE else fewest)
+        """Whether every interval is as narrow as asked, or the narrower the fewer periods show it: the spread of few is
+        often small by chance. That also keeps the run's end from following that chance: of n periods it asks for
+        intervals that fall far faster than as 1/sqrt(n).
+        """
+        return self.excess <= max(SURE, 1.0 / (1.0 + (FEW / self.periods) ** 3))
 
 
 def evaluate(rows: Array, accuracy: float) -> Statistics | None:
@@ -135,8 +136,8 @@ def cycles(rows: Array) -> Array:
 
 
 def _pieces(rows: Array) -> Array:
-    """A wake without a rhythm, cut into 4 BATCHES equal pieces."""
-    return _means(rows, np.linspace(rows[0, 0], rows[-1, 0], 4 * BATCHES + 1)) if len(rows) > 1 else np.zeros((0, 6))
+    """A wake without a rhythm, cut into equal PIECES."""
+    return _means(rows, np.linspace(rows[0, 0], rows[-1, 0], PIECES + 1)) if len(rows) > 1 else np.zeros((0, 6))
 
 
 def _means(rows: Array, cuts: Array) -> Array:
@@ -161,38 +162,38 @@ def start_up_of(table: Array) -> int:
     half = count // 2
     last = 0
     for signal in (table[:, 1], table[:, 2], table[:, 4], table[:, 5]):
-        side = np.sign(signal - signal[half:].mean())
-        crossed = np.flatnonzero(side[1:] != side[0])
-        last = max(last, int(crossed[0]) + 1 if len(crossed) else 0)
+        late = signal[half:]
+        last = max(last, int(np.argmax(np.abs(signal - late.mean()) <= late.std())))
     return max(min(int(np.ceil(MARGIN * min(last, half))), count - MIN_PERIODS), 0)
 
 
 def _interval(values: Array) -> Number:
     """Mean of a sequence, one value a period, and its 95 % interval."""
-    size = max(len(values) // BATCHES, 1)
-    count = len(values) // size
-    batches = values[len(values) - count * size :].reshape(count, size).mean(axis=1)
-    mean = float(batches.mean())
-    off = batches - mean
-    spread = float(np.sqrt((off**2).sum() / (count - 1) / count))
-    if spread == 0:
+    mean, count = float(values.mean()), len(values)
+    off = values - mean
+    square = float((off**2).sum())
+    if square == 0:
         return Number(mean, mean, mean)
-    correlation = float(np.clip((off[1:] * off[:-1]).sum() / (off**2).sum() + 1 / count, SHARED, STRONGEST))
-    half = OFTEN * student(count - 1) * spread * np.sqrt((1 + correlation) / (1 - correlation))
-    half += _drift(values, batches)
+    seen = (off[1:] * off[:-1]).sum() / square + 1 / count  # its mean is less by that
+    correlation = float(np.clip((count * seen + WEIGHT * USUAL) / (count + WEIGHT), SHARED, STRONGEST))
+    spread = np.sqrt(square / (count - 1) / count * (1 + correlation) / (1 - correlation))
+    half = OFTEN * student(count - 1) * spread + _drift(values)
     return Number(mean, float(mean - half), float(mean + half))
 
 
-def _drift(values: Array, batches: Array) -> float:
+def _drift(values: Array) -> float:
     """What a drift may still change: nothing unless the slope over the batches is significant.
 
     From the means a, b, c of three thirds: a geometric approach, c - b = q (b - a), ends at c + (c - b) q/(1 - q); an
     approach that does not slow down counts with q = NO_SLOWING.
     """
-    order = np.arange(len(batches)) - 0.5 * (len(batches) - 1)
+    size = max(len(values) // BATCHES, 1)
+    count = len(values) // size
+    batches = values[len(values) - count * size :].reshape(count, size).mean(axis=1)
+    order = np.arange(count) - 0.5 * (count - 1)
     slope = (order * batches).sum() / (order**2).sum()
     rest = batches - batches.mean() - slope * order
-    error = np.sqrt((rest**2).sum() / (len(batches) - 2) / (order**2).sum())
+    error = np.sqrt((rest**2).sum() / (count - 2) / (order**2).sum())
     if abs(slope) <= DRIFTING * error:
         return 0.0
     a, b, c = (float(part.mean()) for part in np.array_split(values, 3))
@@ -242,15 +243,11 @@ def is_still(rows: Array, scale: float, *, swings: bool = False) -> bool:
 
 
 class Stopping:
-    """Whether a growing record may end: two looks in a row, the second at least 10 % (and two periods) later, found all
-    intervals as narrow as asked. One look would end too often on a spread that is small by chance; at a periodic wake
-    whose intervals are half as wide as asked one is enough.
-    """
+    """Whether a growing record may end: every tenth of it (and two periods at least) it is looked at."""
 
     def __init__(self, accuracy: float) -> None:
         self.accuracy = accuracy
         self.next = 0.0
-        self.stood = False
 
     def look(self, rows: Array) -> bool:
         """Look at the record so far; cheap between two looks."""
@@ -260,7 +257,4 @@ class Stopping:
         found = evaluate(rows, self.accuracy)
         period = (found.period if found else None) or 0.0
         self.next = now + max(LATER * (now - first), 2 * period)
-        stands = found is not None and found.stands
-        self.stood, before = stands, self.stood
-        sure = found is not None and found.verdict == "periodic" and found.excess < SURE
-        return stands and (before or sure)
+        return found is not None and found.stands

@@ -16,11 +16,11 @@ from threading import Lock
 from typing import Any
 
 from ..core.errors import SceneError
-from ..core.files import read_json, write_json
+from ..core.files import atomic_write, read_json, write_json
 from ..core.process import check_cancelled
 from ..core.record import column
 from ..core.sources import code_key
-from ..core.store import Store
+from ..core.store import MANIFEST, Store
 from ..planning.stages import OWN, AirLabel, StageKey, stages
 
 
@@ -99,10 +99,16 @@ class StageCache:
         check_cancelled()
         self.listener(StageKey(self.label, stage), text)
 
-    def make(self, stage: str, key: str, work: Callable[[Path], Any]) -> Path:
-        """The folder of a stage, from the cache or by ``work(folder)``; the seconds it took to compute are noted."""
+    def make(self, stage: str, key: str, work: Callable[[Path], Any], begun: Path | None = None) -> Path:
+        """The folder of a stage, from the cache or by ``work(folder)``; the seconds it took to compute are noted. It
+        goes on from the files, and the seconds, of a finished stage that has ``begun`` it.
+        """
 
         def timed(part: Path) -> None:
+            for path in () if begun is None else sorted(begun.iterdir()):
+                if path.name != MANIFEST and not (part / path.name).exists():
+                    with atomic_write(part / path.name, "wb") as stream:
+                        stream.write(path.read_bytes())
             spent, started = part / SECONDS, time.monotonic()
             before = _spent_before(spent)
             try:
@@ -114,7 +120,8 @@ class StageCache:
             stage, key, timed, on_wait=lambda: self.tell(stage, "being computed beside this; waiting for it")
         )
         seconds = json.loads((folder / SECONDS).read_text())
-        self.seconds.note(StageKey(self.label, stage), key, seconds, cached=cached)
+        counted = 0.0 if begun is None else _spent_before(begun / SECONDS)
+        self.seconds.note(StageKey(self.label, stage), key, seconds - counted, cached=cached)
         self.tell(stage, f"done ({'from the cache' if cached else f'{seconds:.1f} s'})")
         return folder
 

@@ -239,14 +239,14 @@ class Pipeline:
         """Everything the slab depends on; None where the plan has none."""
         return None if self.plan.crowd is None else self._collision_stage.key
 
-    def crowd(self, rerun: CollisionRerun | None = None) -> SlabFound | None:
-        """The landings of granules that meet each other, of some replicates under a ``companion``'s change; None where
-        the plan has no slab.
+    def crowd(self, rerun: CollisionRerun | None = None, beside: SlabFound | None = None) -> SlabFound | None:
+        """The landings of granules that meet each other, of more replicates than ``beside``, of some under a
+        ``companion``'s change; None where the plan has no slab.
         """
         if self.plan.crowd is None:
             return None
         self.compilation.finish_slab(self.cache)
-        return self._collision_stage.fly(rerun)
+        return self._collision_stage.fly(rerun, beside)
 
     def shown(self, picture: Picture) -> dict[str, list[Columns]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""

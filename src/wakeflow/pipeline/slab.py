@@ -69,7 +69,8 @@ class CollisionRerun:
 class SlabFound:
     """What a slab of ``depth`` (m) found after the ``start_up`` (s) that was dropped: ``landings`` by fraction of the
     granules that came in steady operation, in so many ``replicates``; the step of its ``clock`` and what it was chosen
-    by (errors in body widths); in how many replicates the feed ``jammed``; ``steps`` of granules in all.
+    by (errors in body widths); in how many replicates the feed ``jammed``; ``steps`` of granules in all; the ``folder``
+    that keeps them.
     """
 
     landings: Mapping[str, Landings]
@@ -79,6 +80,7 @@ class SlabFound:
     replicates: int
     depth: float
     start_up: float
+    folder: Path
 
 
 @dataclass
@@ -118,16 +120,25 @@ class CollisionStage:
             stage.workers, partial(stage.cache.tell, name),
         )  # fmt: skip
 
-    def fly(self, rerun: CollisionRerun | None = None) -> SlabFound:
-        """The slab; under a ``companion``'s change some of its replicates."""
+    @property
+    def fewest(self) -> int:
+        """Replicates that fly in any case: all, where each flies in an airflow of its own."""
+        return self.crowd.fewest if len(self.tracks.airs) == 1 else self.crowd.replicates
+
+    def fly(self, rerun: CollisionRerun | None = None, beside: SlabFound | None = None) -> SlabFound:
+        """The fewest replicates of the slab, or more ``beside`` those; under a ``companion``'s change some of them."""
         change = rerun or CollisionRerun("slab")
-        replicates = self.crowd.replicates if rerun is None else max(MIN_REPLICATES, self.crowd.replicates // 4)
+        if rerun is not None:
+            replicates = max(MIN_REPLICATES, self.crowd.replicates // 4)
+        else:
+            replicates = self.fewest if beside is None else self.crowd.after(beside.replicates)
         step = None if rerun is None else change.step * self.fly().clock.step
         flight = self.flight(change.name, self.crowd.depth, step)
         flight = replace(flight, scene=change.applied(flight.scene), part=change.depth)
         changed = change.step, change.depth, change.restitution, change.friction
         key = content_key(self.key, flight.depth, replicates, *changed)
-        folder = self.tracks.cache.make(change.name, key, partial(flight.fly_all, replicates=replicates))
+        work, begun = partial(flight.fly_all, replicates=replicates), None if beside is None else beside.folder
+        folder = self.tracks.cache.make(change.name, key, work, begun)
         return flight.found(folder, replicates)
 
 
@@ -259,7 +270,7 @@ class SlabFlight:
             weight = own["weight"]
             own["weight"] = weight * (weight.sum() / (weight @ weight))
             landed[name] = Landings(**own)
-        return SlabFound(landed, clock, jammed, flown, replicates, self.part * self.depth, self.start_up)
+        return SlabFound(landed, clock, jammed, flown, replicates, self.part * self.depth, self.start_up, folder)
 
     def record(self, points: int) -> tuple[SlabFeed, tracking.Tracks]:
         """The first replicate's feed over ``operation``, no whole periods, in the first realisation of the airflow, and

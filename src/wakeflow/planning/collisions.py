@@ -49,12 +49,17 @@ class CollisionPlan:
         "1", "share of each fraction's mass, its finest granules, that fly as tracers"
     )
     in_flight: Mapping[str, float] = column("1", "granules of each fraction that are simulated one by one, at a time")
-    replicates: int = column("1", "independent runs of the slab")
+    replicates: int = column("1", "independent runs of the slab, at most")
+    fewest: int = column("1", "that fly at least; more as long as they make the shares noticeably better known")
     start_up: float = column("s", "of each, estimated; dropped")
     operation: float = column("s", "of each, that counts; at least")
     count: int = column("1", "tracers of a fraction that count, over all replicates")
-    seconds: float = column("s", "run time expected, on two cores")
+    seconds: float = column("s", "run time expected of all replicates, on two cores")
     memory: float = column("bytes", "memory expected")
+
+    def after(self, flown: int) -> int:
+        """How many replicates fly where so many are not enough: half as many more."""
+        return min(self.replicates, flown + 2 * max(1, flown // 4))
 
 
 def why_no_collisions(scene: Scene, *, asked: bool = False) -> str | None:
@@ -91,8 +96,8 @@ def plan_collisions(
 
     Its steady operation is long enough for the fraction of most mass: a share of a half from n independent granules is
     known to 0.98 / sqrt(n) with 95 %. No more of them are asked for than the scene's feed.count, and for no more steps
-    than a run can afford; a collisions.count that the scene gives is flown as it is. Raises SceneError where
-    :func:`too_many_to_collide` says why none can be flown.
+    than a run can afford. A collisions.count that the scene gives is flown as it is, in all of its replicates. Raises
+    SceneError where :func:`too_many_to_collide` says why none can be flown.
     """
     if (obstacle := too_many_to_collide(scene, laws)) is not None:
         raise SceneError(f"collisions: {obstacle}")
@@ -109,7 +114,8 @@ def plan_collisions(
     lasting = operation + 2.0 * start_up
     seconds = (sum(in_flight.values()) + CLOCK) * replicates * lasting / STEP / STEPS_A_SECOND / CORES
     memory = BYTES_A_GRANULE * sum(rates.values()) * lasting * CORES
-    return CollisionPlan(depth, tracers, in_flight, replicates, start_up, operation, count, seconds, memory)
+    least = fewest if scene.collisions.count is None else replicates
+    return CollisionPlan(depth, tracers, in_flight, replicates, least, start_up, operation, count, seconds, memory)
 
 
 def _depth(scene: Scene, stays: Mapping[str, float]) -> float:
@@ -198,9 +204,14 @@ def collision_lines(crowd: CollisionPlan) -> Iterator[str]:
         f"collisions: a slab {1e3 * crowd.depth:.3g} mm deep, periodic across the picture, fed at the true rate: "
         f"{real or 'no granules'} in flight at a time{beside}"
     )
+    least, number, seconds = "", f"{crowd.replicates}", f"{crowd.seconds:.0f}"
+    if crowd.fewest < crowd.replicates:
+        least = ", as many as make the shares noticeably better known"
+        number = f"{crowd.fewest} to {number}"
+        seconds = f"{crowd.seconds * crowd.fewest / crowd.replicates:.0f} to {seconds}"
     yield (
-        f"of the slab {crowd.replicates} replicates, each {crowd.start_up:.2g} s to start up and "
-        f"{crowd.operation:.2g} s counted; about {crowd.seconds:.0f} s on two cores, "
+        f"of the slab {number} replicates{least}, each {crowd.start_up:.2g} s to start up and "
+        f"{crowd.operation:.2g} s counted; about {seconds} s on two cores, "
         f"{crowd.memory / 1e6:.0f} MB; the answer is the one with "
         "collisions, the one without is next to it"
     )

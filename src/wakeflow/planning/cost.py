@@ -215,8 +215,8 @@ def flown_again(work: Workload, name: str, times: float, label: AirLabel = OWN, 
 
 def slab_again(work: Workload, name: str, part: float) -> Iterator[StageCost]:
     """The cost of a stage that takes this part of the slab's time, where there is one."""
-    for cost in _in_slab(work):
-        yield StageCost(StageKey(OWN, name), part * cost.seconds, "after")
+    if work.crowd is not None:
+        yield StageCost(StageKey(OWN, name), part * _slab_seconds(work, work.crowd), "after")
 
 
 def _pouring(work: Workload) -> Iterator[StageCost]:
@@ -310,11 +310,18 @@ def _flying(work: Workload) -> Iterator[StageCost]:
 
 
 def _in_slab(work: Workload) -> Iterator[StageCost]:
+    """As many replicates as lie in the middle between the fewest and all."""
     if work.crowd is not None:
-        slower = SLAB_IN_KNOWN_AIR if work.airflow.kind == "analytic" else 1.0
-        if work.airflow.stepping == "time-resolved":
-            slower *= 1.0 + AIR_IN_TIME / (sum(work.crowd.in_flight.values()) + CLOCK)
-        yield StageCost(StageKey(OWN, "slab"), work.crowd.seconds * slower, "after")
+        flown = 0.5 * (work.crowd.fewest / work.crowd.replicates + 1.0)
+        yield StageCost(StageKey(OWN, "slab"), flown * _slab_seconds(work, work.crowd), "after")
+
+
+def _slab_seconds(work: Workload, crowd: CollisionPlan) -> float:
+    """Of all replicates."""
+    slower = SLAB_IN_KNOWN_AIR if work.airflow.kind == "analytic" else 1.0
+    if work.airflow.stepping == "time-resolved":
+        slower *= 1.0 + AIR_IN_TIME / (sum(crowd.in_flight.values()) + CLOCK)
+    return crowd.seconds * slower
 
 
 def _residing(work: Workload) -> Iterator[StageCost]:

@@ -59,8 +59,7 @@ class OneRun:
             mesh, airflow = self._air()
             tracked = None if until in ("funnel", "mesh", "airflow") else self.pipeline.tracks()
             if tracked is not None and until is None:
-                flown = Flights(self.pipeline, tracked, self.pipeline.crowd())
-                fly_again(flown)
+                flown = fly_again(Flights(self.pipeline, tracked, self.pipeline.crowd()))
         if tracked is not None and airflow is not None:
             airflow = self._flown(airflow)
         flights = None if tracked is None else self._flights(tracked)

@@ -5,7 +5,10 @@ takes, each in a cache of its own: *new* is what is expected of a machine on whi
 expected once the scenes of the rows above have.
 
 cost_by_seed: Processor seconds of each stage of the shipped scenes over ten seeds of their feeds, the largest over the
-median. The seeds of a scene share a cache, and a first run, which solves what no seed changes, does not count.
+median. The seeds of a scene share a cache, and a first run, which solves what no seed changes, does not count. What
+each run took is kept beside `--cache`: a study that is called again goes on with the next run (of one that was
+interrupted what its stages had left counts). `--quick` has the settings of a quick answer; `--unloaded` leaves out the
+granules' force on the air, which solves the airflow anew for every seed.
 
 sweep_speed: Two workers against one, where OpenFOAM bounds (airflows) and where tracking does (tracks), 100 feeds over
 5 airflows, and airflows solved on from a neighbour's. Every sweep has an empty cache, but for the compiled tracker.
@@ -38,7 +41,10 @@ import numpy as np
 
 import wakeflow as wf
 from support import CASES, shipped
+from wakeflow.core.files import read_json, write_json
 from wakeflow.core.process import cores
+from wakeflow.core.sources import code_key
+from wakeflow.core.store import content_key
 from wakeflow.foam.case import FlowSpec, write_parameters
 from wakeflow.foam.history import Tail
 from wakeflow.foam.programs import call, scatter
@@ -180,7 +186,7 @@ SEED_COLUMNS = {
 }  # fmt: skip
 
 
-def stage_seconds(scene: wf.Scene, out: Path, rung: str | None) -> dict[str, float]:
+def stage_seconds(scene: wf.Scene, out: Path, how: Mapping[str, Any]) -> dict[str, float]:
     """Processor seconds (this process and those it started) by stage that a run computes, and of the run (``whole``):
     from the end of one stage to that of the next, so that what runs beside a stage counts to the one that ends first.
     """
@@ -193,17 +199,25 @@ def stage_seconds(scene: wf.Scene, out: Path, rung: str | None) -> dict[str, flo
             if not text.startswith(FROM_CACHE):
                 spent[stage] = spent.get(stage, 0.0) + clock[1] - before
 
-    wf.run(scene, out, rung=rung, listener=hear)
+    wf.run(scene, out, listener=hear, report=False, **how)
     return {**spent, "whole": time.process_time() + solver_seconds() - clock[0]}
 
 
-def seed_rows(name: str, seeds: int, scratch: Path, rung: str | None, count: int | None) -> Iterator[Row]:
-    """A row a stage of one scene, the dearest first; a first run does not count, which loads what is imported."""
-    changes = {} if count is None else {"feed.count": count}
-    runs = [
-        stage_seconds(shipped(name, {**changes, "feed.seed": seed}), scratch / f"{name}-{seed}", rung)
-        for seed in range(seeds + 1)
-    ][1:]
+def seed_rows(name: str, seeds: int, kept: Path, how: Mapping[str, Any], count: int | None) -> Iterator[Row]:
+    """A row a stage of one scene, the dearest first; what each run took is ``kept`` in a folder. Before the first that
+    is made now one runs that does not count, which loads what is imported and solves what no seed changes.
+    """
+    runs, warm = list[dict[str, float]](), False
+    for seed in range(1, seeds + 1):
+        scene = shipped(name, {"feed.seed": seed, **({} if count is None else {"feed.count": count})})
+        path = kept / f"{content_key(repr(scene.tables()), repr(how), code_key('wakeflow.runs.one_run'))}.json"
+        if not path.exists():
+            with TemporaryDirectory(prefix="wakeflow-") as out:
+                if not warm:
+                    stage_seconds(scene.replace({"feed.seed": 0}), Path(out, "first"), how)
+                write_json(path, stage_seconds(scene, Path(out, "run"), how))
+            warm = True
+        runs.append(read_json(path))
     by_stage = {stage: [run[stage] for run in runs if stage in run] for run in runs for stage in run}
     for stage, spent in sorted(by_stage.items(), key=lambda one: -max(one[1])):
         median, largest = float(np.median(spent)), max(spent)
@@ -214,14 +228,25 @@ def seed_rows(name: str, seeds: int, scratch: Path, rung: str | None, count: int
 
 
 def cost_by_seed(
-    *scenes: str, seeds: int = 10, rung: str | None = None, count: int | None = None, cache: Path | None = None
+    *scenes: str,
+    seeds: int = 10,
+    rung: str | None = None,
+    count: int | None = None,
+    cache: Path | None = None,
+    quick: bool = False,
+    unloaded: bool = False,
 ) -> list[Row]:
     """Processor seconds of each stage over seeds; ``cache``: that of airflows that are there, else an empty one."""
     compile_tracker()
     compile_slab()
-    with TemporaryDirectory(prefix="wakeflow-") as folder, one_cache(cache or Path(folder, "cache")):
-        rows = (row for name in scenes or SCENES for row in seed_rows(name, seeds, Path(folder), rung, count))
-        return show(SEED_COLUMNS, rows)
+    how = {"rung": rung, "quick": quick, "force": {"air-loading": False} if unloaded else None}
+    with TemporaryDirectory(prefix="wakeflow-") as folder:
+        stages = cache or Path(folder, "cache")
+        kept = stages.with_name(f"{stages.name}-cost-by-seed")
+        kept.mkdir(parents=True, exist_ok=True)
+        with one_cache(stages):
+            rows = (row for name in scenes or SCENES for row in seed_rows(name, seeds, kept, how, count))
+            return show(SEED_COLUMNS, rows)
 
 
 # -- sweep_speed -------------------------------------------------------------------------------------------------------
