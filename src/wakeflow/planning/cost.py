@@ -92,7 +92,7 @@ def _edges(scene: Scene, airflow: AirflowPlan, grid: int) -> float:
 
 
 # -- What a plan will cost ---------------------------------------------------------------------------------------------
-STARTED = 2.5  # s: importing and planning
+STARTED = 2.0  # s: importing and planning
 REPORT = 6.0  # s: the errors put together, figures, tables and the field's files
 SECONDS_A_GRANULE = 120e-6  # s of both cores past a body: one flight with drag and weight; dispersion doubles it
 IN_KNOWN_AIR = 120e-6  # s of both cores: the same in air that is known without triangles
