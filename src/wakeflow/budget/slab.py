@@ -170,7 +170,7 @@ def shows(changed: SlabFound, own: SlabFound, bins: int) -> bool:
     """
     for name, landings in own.landings.items():
         share, other = ((one.tally(bins).sum(axis=(0, 2)) / one.size) for one in (landings, changed.landings[name]))
-        both = 0.5 * (share + other)
+        both = np.clip(0.5 * (share + other), 0.0, 1.0)  # sums of weights may pass 1 by a rounding
         error = np.sqrt(both * (1.0 - both) * (1.0 / landings.size + 1.0 / changed.landings[name].size))
         if np.any(np.abs(share - other) > SURE * error):
             return True
