@@ -21,13 +21,13 @@ from scipy.spatial import cKDTree
 from support import AIR, RHOMBUS, ROOT, WIDTH, kept_airflow, rhombus_spec, working_in
 from wakeflow.core.errors import FoamError, MeshError, SceneError
 from wakeflow.core.files import case_template
-from wakeflow.core.process import run_program
 from wakeflow.foam.airflow import solve_airflow
-from wakeflow.foam.case import FlowSpec, environment, set_patch_types, write_case, write_parameters
+from wakeflow.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
 from wakeflow.foam.history import Tail, kind_of, upward_crossings
 from wakeflow.foam.mesh_motion import MeshMotion
 from wakeflow.foam.polymesh import read_polymesh
 from wakeflow.foam.prepare import prepare_case
+from wakeflow.foam.programs import call
 from wakeflow.foam.read import CaseFields, read_flow, time_folders
 from wakeflow.foam.solver import drop_after, last_state, states
 from wakeflow.foam.start import start_from
@@ -545,8 +545,7 @@ class TestReading:
         write_case(rhombus_flow.spec, tmp_path)
         control = tmp_path / "system" / "controlDict"
         control.write_text(control.read_text().replace("writeFormat         binary", "writeFormat ascii"))
-        command = ["gmshToFoam", str(rhombus_flow.folder / "mesh.msh")]
-        run_program(command, cwd=tmp_path, log=tmp_path / "log", env=environment())
+        call(tmp_path, ["gmshToFoam", str(rhombus_flow.folder / "mesh.msh")])
         set_patch_types(tmp_path, walls="slip")
         ascii_, binary = read_polymesh(tmp_path).plane, read_polymesh(rhombus_flow.case).plane
         np.testing.assert_allclose(ascii_.points, binary.points, atol=1e-9)

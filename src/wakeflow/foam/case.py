@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 import shutil
 from collections.abc import Mapping
@@ -163,11 +162,6 @@ def axis_points(spec: FlowSpec) -> tuple[float, float, float]:
             met += [y0, y1] if x0 == x1 else [y0 + (middle - x0) * (y1 - y0) / (x1 - x0)]
     along = spec.along * np.array(met)
     return middle, float(along.min()), float(along.max())
-
-
-def environment() -> dict[str, str]:
-    """The environment every OpenFOAM program of Debian's package needs: nothing to source."""
-    return {**os.environ, "WM_PROJECT_DIR": "/usr/share/openfoam", "OMP_NUM_THREADS": "1", "FOAM_SIGFPE": "true"}
 
 
 def write_case(spec: FlowSpec, folder: Path) -> None:
