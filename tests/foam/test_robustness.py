@@ -119,7 +119,9 @@ def test_an_openfoam_that_takes_no_checksums_gets_a_function_that_does(
     bin_.mkdir()
     kernels.mkdir()
     program = bin_ / "simpleFoam"
-    program.write_text(f"#!/bin/sh\ncase $LD_PRELOAD in */openfoam-digest*.so) exit 0;; esac\necho '{DIGEST}'\nexit 1\n")
+    program.write_text(
+        f"#!/bin/sh\ncase $LD_PRELOAD in */openfoam-digest*.so) exit 0;; esac\necho '{DIGEST}'\nexit 1\n"
+    )
     program.chmod(0o755)
     monkeypatch.setattr(programs, "kernel_root", lambda: kernels)
     path = os.environ["PATH"]

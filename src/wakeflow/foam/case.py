@@ -23,7 +23,7 @@ from .polymesh import read_polymesh
 
 PARAMETERS, INLETS, FORCES = Path("system", "parameters"), Path("system", "inlets"), Path("system", "forces")
 MODELS = "turbulence-models"  # in the template: a folder a model, its files go over those of the template's own
-INSTALL = "run: sh cases/setup.sh (or, as root, apt-get install openfoam)"
+INSTALL = "as root: apt-get install --no-install-recommends openfoam"
 LONGEST_STEP = 0.05  # convective times: about 100 steps a shedding period where the Courant number allows more
 WAKE_PROBES = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # projected widths behind the first body: a steady run's velocities
 

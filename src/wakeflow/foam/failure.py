@@ -36,7 +36,7 @@ class Cause(Enum):
     KILLED = ("killed", False, "by hand, or by the system when memory ran out; the same command goes on from there")
     CRASHED = ("crashed", False, "")
     STOPPED = ("stopped", False, "")
-    NO_DIGEST = ("no digest", False, "this OpenFOAM runs once there is a C compiler: apt-get install tcc")
+    NO_DIGEST = ("no digest", False, "this OpenFOAM needs a C compiler: apt-get install tcc")
     MISSING = ("missing", False, "")
 
     def __init__(self, word: str, numerical: bool, advice: str) -> None:
