@@ -1,9 +1,11 @@
 """The doctor: tries what a run does, names the command for what fails, survives what crashes."""
 
 import io
+import re
 import shutil
 import sys
 import tomllib
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -30,7 +32,7 @@ def test_this_machine_does_in_small_what_a_run_does() -> None:
     ):
         assert found[name].ok, found[name]
         assert (found[name].version or "").startswith(told)
-    assert {"a picture in 3D", "setpriv", "cores", "memory", "disk", "cache"} < {*found}
+    assert {*doctor.TRIALS, "cores", "memory", "disk", "cache"} < {*found}
     for finding in found.values():
         assert finding.ok == (finding.mend == "") or finding.optional, finding
         assert finding.needed_for
@@ -75,21 +77,16 @@ def test_a_missing_package_and_one_too_old() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("said", "mend"),
-    [
-        ("OSError: libXcursor.so.1: cannot open shared object file: No such file or directory", "install libxcursor1 "),
-        ("ModuleNotFoundError: No module named 'gmsh'", "-m pip install --force-reinstall gmsh"),
-    ],
-)
-def test_a_mesh_that_fails_names_what_gmsh_lacks(said: str, mend: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mesh_that_fails_names_what_gmsh_links_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = "OSError: libXcursor.so.1: cannot open shared object file: No such file or directory"
+
     def fail(*_: object, **__: object) -> None:
         raise MeshError("python failed with exit code 1; log: x", tail=f"Traceback\n{said}\n", ended="failed")
 
     monkeypatch.setattr("wakeflow.meshing.spec.call_in_child", fail)
-    for found in (doctor._mesh(), doctor._airflow()):
+    for found in map(doctor._tried, ("a mesh", "an airflow")):
         assert (found.ok, found.version) == (False, said)
-        assert mend in found.mend
+        assert re.match(r"apt-get install .*libxcursor1 .*# or.* -m pip install --force-reinstall gmsh", found.mend)
 
 
 @pytest.mark.openfoam
@@ -119,19 +116,20 @@ def test_an_airflow_that_fails_names_what_mends_it(
         (tmp_path / "simpleFoam").chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr("wakeflow.foam.programs.kernel_root", lambda: tmp_path)
-    found = doctor._airflow()
+    found = doctor._tried("an airflow")
     assert (found.ok, found.version) == (False, told)
     assert found.mend.endswith(mend)
 
 
 def test_what_kills_the_interpreter_is_survived(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "_RENDER", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
-    monkeypatch.setattr(doctor, "_PICTURE", "import no_such_library")
-    found = doctor._picture_in_3d()
+    for name, code in (("a picture in 3D", "import os; os.abort()"), ("a picture", "import no_such_library")):
+        said = partial(doctor._says, [sys.executable, "-c", code])
+        monkeypatch.setitem(doctor.TRIALS, name, doctor.TRIALS[name]._replace(work=said))
+    found = doctor._tried("a picture in 3D")
     assert (found.ok, found.optional) == (False, True)
-    assert "failed with exit code -11" in (found.version or "")
+    assert "failed with exit code -6" in (found.version or "")
     assert "libegl1" in found.mend
-    found = doctor._picture()
+    found = doctor._tried("a picture")
     assert (found.ok, found.version) == (False, "ModuleNotFoundError: No module named 'no_such_library'")
     assert found.mend.endswith("-m pip install --force-reinstall matplotlib")
 

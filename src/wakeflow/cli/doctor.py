@@ -12,17 +12,17 @@ import re
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import PackageNotFoundError, distributions, version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from .. import DISTRIBUTION
 from ..core.errors import MeshError, ProgramError
-from ..core.process import call_in_child, capture, cores, run_program
+from ..core.process import call_in_child, cores, run_program
 from ..core.sources import kernel_root
 from ..core.store import cache_root
 from ..funnel import engine
@@ -35,40 +35,31 @@ if TYPE_CHECKING:
 
 
 PIP = f"{sys.executable} -m pip install"
-OLDEST_PYTHON = (3, 11)
 MIN_MEMORY = 1e9  # bytes: OpenFOAM and the tracker on the shipped scenes stay below
 MIN_DISK = 0.5e9  # bytes: a time-resolved airflow with its snapshots
 PROBE = 60.0  # s: the first import on a slow disk takes long
-LIBRARIES = {  # shared library: Debian package; in the order in which Gmsh's wheel asks for them
-    "libGLU": "libglu1-mesa",
-    "libGL": "libgl1",
-    "libXrender": "libxrender1",
-    "libXcursor": "libxcursor1",
-    "libXft": "libxft2",
-    "libXinerama": "libxinerama1",
-    "libgomp": "libgomp1",
-    "libEGL": "libegl1",
-}
+LIBRARIES = "libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxinerama1 libgomp1"  # what Gmsh's wheel links to
+GMSH = f"apt-get install {LIBRARIES}    # or, where these are there: {PIP} --force-reinstall gmsh"
 TRIANGLE = MeshSpec(  # in a channel of some hundred cells
     bodies=(((-0.01, 0.0), (0.01, 0.0), (0.0, 0.02)),), names=("triangle",), width=0.1, top=0.08, bottom=-0.1,
     walls="slip", direction="down", half=False, h_body=0.005, h_corner=0.005, h_wake=0.008, h_far=0.01, growth=0.2,
     wake_length=0.04,
 )  # fmt: skip
-_PICTURE = """
+PICTURE = """
 import matplotlib; matplotlib.use("agg")
 from matplotlib import pyplot
 pyplot.plot([0, 1])
 pyplot.savefig("picture.png")
 print("Matplotlib", matplotlib.__version__)
 """
-_RENDER = """
+PICTURE_IN_3D = """
 import warnings; warnings.simplefilter("ignore")
 import pyvista
 plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
 plotter.add_mesh(pyvista.Sphere())
 picture = plotter.screenshot(return_img=True)
 assert picture.std() > 1.0, "the picture is empty"
-print("VTK", *pyvista.vtk_version_info)
+print("VTK", ".".join(map(str, pyvista.vtk_version_info)))
 """
 
 
@@ -92,12 +83,13 @@ def examine() -> list[Finding]:
     """Try everything a run needs, in seconds; the tracker, where it is not compiled yet, in a minute or two, and it
     stays compiled. Nothing else is left behind.
     """
-    looks: list[Callable[[], Finding]] = [_python]
-    looks += [partial(_package, asked, extra) for asked, extra in _required()]
-    looks += [_mesh, _airflow, _flight, _picture, _picture_in_3d]
-    looks += [_funnel, _setpriv, _cores, _memory, _disk, _cache]
+    looks: list[Callable[[], Finding]] = [partial(_package, asked, extra) for asked, extra in _required()]
+    looks += [partial(_tried, name) for name in TRIALS]
+    looks += [_memory, _disk, _cache]
     with ThreadPoolExecutor(4) as pool:  # most of the time goes into waiting for probes
-        return [pending.result() for pending in [pool.submit(look) for look in looks]]
+        found = [pending.result() for pending in [pool.submit(look) for look in looks]]
+    python = Finding("Python", platform.python_version(), True, "everything")
+    return [python, *found, Finding("cores", str(cores()), True, "tracking, sweeps")]
 
 
 def exit_code(findings: list[Finding]) -> int:
@@ -121,14 +113,7 @@ def table(findings: list[Finding]) -> Table:
     return screen_table(("", "what", "found", "needed for", "mend with"), rows, left=5)
 
 
-# -- Python ------------------------------------------------------------------------------------------------------------
-
-
-def _python() -> Finding:
-    enough = sys.version_info[:2] >= OLDEST_PYTHON
-    wanted = ".".join(map(str, OLDEST_PYTHON))
-    mend = "" if enough else f"apt-get install python3    # {wanted} or newer, and install wakeflow with that"
-    return Finding("Python", platform.python_version(), enough, "everything", mend)
+# -- Python's packages -------------------------------------------------------------------------------------------------
 
 
 def _required() -> Iterator[tuple[Requirement, str]]:
@@ -137,65 +122,46 @@ def _required() -> Iterator[tuple[Requirement, str]]:
     """
     from packaging.requirements import Requirement
 
-    try:
-        lines = requires(DISTRIBUTION) or []
-    except PackageNotFoundError:  # run from a source tree that was never installed
-        return
-    for asked in map(Requirement, lines):
+    installed = next(iter(distributions(name=DISTRIBUTION)), None)  # None: a source tree that never was
+    for asked in map(Requirement, (installed and installed.requires) or []):
         extra = re.search(r'extra == "(\w+)"', str(asked.marker))
         if extra is None or extra[1] != "test":
             yield asked, extra[1] if extra else ""
 
 
 def _package(asked: Requirement, extra: str = "") -> Finding:
-    use = f"the extra {extra}" if extra else "every run"
-    mend = f"{PIP} '{asked.name}{asked.specifier}'"
+    use, optional = (f"the extra {extra}", True) if extra else ("every run", False)
     try:
         found = version(asked.name)
+        if asked.specifier.contains(found, prereleases=True):
+            return Finding(asked.name, found, True, use, optional=optional)
+        told = f"{found} (needs {asked.specifier})"
     except PackageNotFoundError:
-        return Finding(asked.name, None, False, use, mend, optional=bool(extra))
-    if asked.specifier.contains(found, prereleases=True):
-        return Finding(asked.name, found, True, use, optional=bool(extra))
-    return Finding(asked.name, f"{found} (needs {asked.specifier})", False, use, mend, optional=bool(extra))
+        told = None
+    return Finding(asked.name, told, False, use, f"{PIP} '{asked.name}{asked.specifier}'", optional)
 
 
 # -- What a run does, in small -----------------------------------------------------------------------------------------
 
 
-def _tried(
-    name: str, use: str, work: Callable[[Path], str], mend: Callable[[ProgramError], str], *, optional: bool = False
-) -> Finding:
-    """What came of ``work`` in a folder of its own: the version that did it, or the last that was said."""
+def _tried(name: str) -> Finding:
+    """What came of a trial in a folder of its own. What says itself how to install what it needs is believed."""
+    trial = TRIALS[name]
     with tempfile.TemporaryDirectory(prefix="wakeflow-") as folder:
         try:
-            return Finding(name, work(Path(folder)), True, use, optional=optional)
+            return Finding(name, trial.work(Path(folder)), True, trial.use, optional=trial.optional)
         except ProgramError as problem:
-            said = problem.ended == "failed" and _last_line(problem.tail)
-            return Finding(name, said or str(problem).partition("; ")[0], False, use, mend(problem), optional)
+            said = _last_line(problem.tail) if problem.ended == "failed" else str(problem).partition("; ")[0]
+            cure = re.search(r"apt-get install .*", str(problem))
+            mend = GMSH if isinstance(problem, MeshError) else cure[0] if cure else trial.mend
+            return Finding(name, said or str(problem), False, trial.use, mend, trial.optional)
 
 
-def _mesh() -> Finding:
-    return _tried("a mesh", "airflow", _mesh_triangle, _mend_mesh)
-
-
-def _mesh_triangle(folder: Path) -> str:
+def _mesh(folder: Path) -> str:
     from ..meshing import build_mesh
 
     build_mesh(TRIANGLE, folder, timeout=PROBE)
     return f"Gmsh {version('gmsh')}"
-
-
-def _mend_mesh(problem: ProgramError) -> str:
-    """The command for ``OSError: libGLU.so.1: cannot open shared object file`` and for a package that is not there."""
-    missing = re.search(r"(lib\w+)\.so[\d.]*: cannot open shared object", problem.tail)
-    if missing and missing[1] in LIBRARIES:
-        one = LIBRARIES[missing[1]]
-        return f"apt-get install {one}    # and then: {' '.join(name for name in LIBRARIES.values() if name != one)}"
-    return f"{PIP} --force-reinstall gmsh"
-
-
-def _airflow() -> Finding:
-    return _tried("an airflow", "rungs with air", _solve, _mend_airflow)
 
 
 def _solve(folder: Path) -> str:
@@ -206,7 +172,7 @@ def _solve(folder: Path) -> str:
     from ..foam.solver import run_segment
     from ..foam.watch import Watch
 
-    _mesh_triangle(folder)
+    _mesh(folder)
     steady = FlowSpec(TRIANGLE, 1.0, 1.2, 1.8e-5, "kOmegaSST")
     for program, spec, step in (
         ("simpleFoam", steady, 1.0),
@@ -218,43 +184,16 @@ def _solve(folder: Path) -> str:
     return f"OpenFOAM {openfoam_version()}"
 
 
-def _mend_airflow(problem: ProgramError) -> str:
-    from ..foam.failure import AirflowFailure, Cause
-
-    cause = problem.cause if isinstance(problem, AirflowFailure) else None
-    if cause is Cause.NO_DIGEST:
-        return "apt-get install tcc"
-    if isinstance(problem, MeshError):
-        return _mend_mesh(problem)
-    return f"apt-get install --no-install-recommends {'' if cause is Cause.MISSING else '--reinstall '}openfoam"
+def _fly(folder: Path) -> str:
+    call_in_child("wakeflow.pipeline.compilation:compile_tracker", None, log=folder / "log")
+    return f"numba {version('numba')}, compiled in {kernel_root()}"
 
 
-def _flight() -> Finding:
-    """The tracker, compiled where it is not yet."""
-
-    def fly(folder: Path) -> str:
-        call_in_child("wakeflow.pipeline.compilation:compile_tracker", None, log=folder / "log")
-        return f"numba {version('numba')}, in {kernel_root()}"
-
-    return _tried("a flight", "landings", fly, lambda _: f"{PIP} --force-reinstall numba")
-
-
-def _picture() -> Finding:
-    draw, mend = partial(_python_says, _PICTURE), f"{PIP} --force-reinstall matplotlib"
-    return _tried("a picture", "reports", draw, lambda _: mend)
-
-
-def _picture_in_3d() -> Finding:
-    """VTK without OpenGL ends the interpreter instead of raising."""
-    use, mend = "3D pictures only", "apt-get install libegl1 libgl1 libgl1-mesa-dri libxrender1"
-    return _tried("a picture in 3D", use, partial(_python_says, _RENDER), lambda _: mend, optional=True)
-
-
-def _python_says(code: str, folder: Path) -> str:
-    """What ``code`` prints last, in an interpreter of its own."""
+def _says(command: Sequence[str], folder: Path) -> str:
+    """The last line that a ``command`` prints."""
     screen = {} if os.environ.get("DISPLAY") else {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"}
     log = folder / "log"  # without a screen VTK would look for an X server first
-    run_program([sys.executable, "-c", code], cwd=folder, log=log, env=screen | os.environ, timeout=PROBE)
+    run_program(command, cwd=folder, log=log, env=screen | os.environ, timeout=PROBE)
     return _last_line(log.read_text())
 
 
@@ -262,28 +201,35 @@ def _last_line(text: str) -> str:
     return text.strip().rpartition("\n")[2].strip()[:160]
 
 
-# -- other programs and the machine ------------------------------------------------------------------------------------
+class Trial(NamedTuple):
+    """What needs it, the call that does it in a folder and returns which version did, the command that mends it."""
+
+    use: str
+    work: Callable[[Path], str]
+    mend: str
+    optional: bool = False
 
 
-def _funnel() -> Finding:
-    use = "a scene's [funnel]"
-    try:
-        return Finding("liggghts", engine.liggghts_version(), True, use, optional=True)
-    except ProgramError:
-        return Finding("liggghts", None, False, use, engine.INSTALL, optional=True)
+TRIALS = {
+    "a mesh": Trial("airflow", _mesh, GMSH),
+    "an airflow": Trial("rungs with air", _solve, "apt-get install --reinstall openfoam"),
+    "a flight": Trial("landings", _fly, f"{PIP} --force-reinstall numba"),
+    "a picture": Trial(
+        "reports", partial(_says, [sys.executable, "-c", PICTURE]), f"{PIP} --force-reinstall matplotlib"
+    ),
+    "a picture in 3D": Trial(
+        "3D pictures only", partial(_says, [sys.executable, "-c", PICTURE_IN_3D]),
+        "apt-get install libegl1 libgl1 libgl1-mesa-dri libxrender1", optional=True,
+    ),
+    "liggghts": Trial("a scene's [funnel]", lambda _: engine.liggghts_version(), engine.INSTALL, optional=True),
+    "setpriv": Trial(
+        "ending solvers with a killed parent", partial(_says, ["setpriv", "--version"]), "apt-get install util-linux",
+        optional=True,
+    ),
+}  # fmt: skip
 
 
-def _setpriv() -> Finding:
-    where = shutil.which("setpriv")
-    use = "ending solvers with a killed parent"
-    if where is None:
-        return Finding("setpriv", None, False, use, "apt-get install util-linux", optional=True)
-    code, text = capture([where, "--version"])
-    return Finding("setpriv", text.split()[-1] if code == 0 and text.split() else None, code == 0, use, optional=True)
-
-
-def _cores() -> Finding:
-    return Finding("cores", str(cores()), True, "tracking, sweeps")
+# -- The machine -------------------------------------------------------------------------------------------------------
 
 
 def _memory() -> Finding:

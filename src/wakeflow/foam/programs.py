@@ -100,13 +100,9 @@ def environment() -> dict[str, str]:
     the user has not named another.
     """
     library, preloaded = digest_library(), os.environ.get("LD_PRELOAD", "")
-    return {
-        "WM_PROJECT_DIR": "/usr/share/openfoam",
-        **os.environ,
-        "OMP_NUM_THREADS": "1",
-        "FOAM_SIGFPE": "true",
-        **({"LD_PRELOAD": f"{library} {preloaded}".strip()} if library.exists() else {}),
-    }
+    lacking = {"LD_PRELOAD": f"{library} {preloaded}".strip()} if library.exists() else {}
+    fixed = {"OMP_NUM_THREADS": "1", "FOAM_SIGFPE": "true"}
+    return {"WM_PROJECT_DIR": "/usr/share/openfoam", **os.environ, **fixed, **lacking}
 
 
 def digest_library() -> Path:
@@ -122,6 +118,7 @@ def compile_digest() -> bool:
     compiler, library = shutil.which("cc"), digest_library()
     if compiler is None:
         return False
+    library.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         source, made = Path(folder, "digest.c"), Path(folder, library.name)
         source.write_text(DIGEST)
