@@ -1,5 +1,5 @@
 #!/bin/sh
-# Sets up what wakeflow needs on Debian 12: packages by apt, Python packages in .venv. Does only what is missing.
+# Sets up what wakeflow needs on Debian 12 or 13: packages by apt, Python packages in .venv. Does only what is missing.
 #   sh cases/setup.sh          to run scenes
 #   sh cases/setup.sh funnel   to run scenes with a [funnel] table as well
 #   sh cases/setup.sh test     to run the tests as well (with the funnel's)
@@ -9,8 +9,9 @@ root=$(cd "$(dirname "$0")/.." && pwd)
 extra=${1:-}
 venv=$root/.venv
 
-# OpenFOAM; what Gmsh's wheel links to; what VTK needs to draw without a screen.
-packages="openfoam python3 python3-venv ca-certificates
+# OpenFOAM, and the compiler of the function that Debian 13's lacks; what Gmsh's wheel links to; what VTK needs to draw
+# without a screen.
+packages="openfoam tcc python3 python3-venv ca-certificates
   libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxinerama1 libgomp1
   libegl1 libgl1-mesa-dri"
 

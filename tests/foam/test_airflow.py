@@ -21,13 +21,13 @@ from scipy.spatial import cKDTree
 from support import AIR, RHOMBUS, ROOT, WIDTH, kept_airflow, rhombus_spec, working_in
 from wakeflow.core.errors import FoamError, MeshError, SceneError
 from wakeflow.core.files import case_template
-from wakeflow.core.process import run_program
 from wakeflow.foam.airflow import solve_airflow
-from wakeflow.foam.case import FlowSpec, environment, set_patch_types, write_case, write_parameters
+from wakeflow.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
 from wakeflow.foam.history import Tail, kind_of, upward_crossings
 from wakeflow.foam.mesh_motion import MeshMotion
 from wakeflow.foam.polymesh import read_polymesh
 from wakeflow.foam.prepare import prepare_case
+from wakeflow.foam.programs import call
 from wakeflow.foam.read import CaseFields, read_flow, time_folders
 from wakeflow.foam.solver import drop_after, last_state, states
 from wakeflow.foam.start import start_from
@@ -478,7 +478,7 @@ def test_every_name_of_a_body_makes_a_wall(name: str, tmp_path: Path) -> None:
 
 def test_missing_openfoam_tells_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "/nonexistent")
-    with pytest.raises(FoamError, match=r"gmshToFoam.*not installed.*sh cases/setup\.sh"):
+    with pytest.raises(FoamError, match=r"gmshToFoam.*not installed.*apt-get install.* openfoam"):
         solve_airflow(rhombus_spec(), tmp_path / "mesh.msh", tmp_path / "case")
 
 
@@ -545,8 +545,7 @@ class TestReading:
         write_case(rhombus_flow.spec, tmp_path)
         control = tmp_path / "system" / "controlDict"
         control.write_text(control.read_text().replace("writeFormat         binary", "writeFormat ascii"))
-        command = ["gmshToFoam", str(rhombus_flow.folder / "mesh.msh")]
-        run_program(command, cwd=tmp_path, log=tmp_path / "log", env=environment())
+        call(tmp_path, ["gmshToFoam", str(rhombus_flow.folder / "mesh.msh")])
         set_patch_types(tmp_path, walls="slip")
         ascii_, binary = read_polymesh(tmp_path).plane, read_polymesh(rhombus_flow.case).plane
         np.testing.assert_allclose(ascii_.points, binary.points, atol=1e-9)

@@ -1,5 +1,6 @@
 """Failures are recognised and named; numerical ones climb the ladder; nonsense is refused; the robustness matrix."""
 
+import ctypes
 import errno
 import itertools
 import json
@@ -52,6 +53,7 @@ def solved() -> tuple[FlowSpec, Path, AirflowResult]:
 
 STACK = "#0  Foam::error::printStack(Foam::Ostream&)\n#1  Foam::sigFpe::sigHandler(int) at ??:?\n"
 FATAL = "\n\n--> FOAM FATAL ERROR: \n{}\n\n    From function void f()\n"
+DIGEST = '\n\n--> FOAM FATAL IO ERROR: \nerror in IOstream "sha1" for operation operator<<\n\nfile: sha1 at line 0.\n\n'
 IO = "\n\n--> FOAM FATAL IO ERROR: \ncannot find file\n\nfile: 0/p at line 0.\n\n"
 
 
@@ -65,6 +67,7 @@ IO = "\n\n--> FOAM FATAL IO ERROR: \ncannot find file\n\nfile: 0/p at line 0.\n\
         (1, FATAL.format("value nan is not allowed"), Cause.DIVERGED, "nan"),
         (1, FATAL.format("Unknown patch financial"), Cause.STOPPED, "Unknown patch"),  # "nan" within a word is none
         (1, IO, Cause.STOPPED, "cannot find file"),
+        (1, DIGEST, Cause.NO_DIGEST, "sha1"),
         (1, "[0] \n[0] \n[0] --> FOAM FATAL IO ERROR: \n[0] no such\n[0] \n[0] file", Cause.STOPPED, "no such"),
         (-signal.SIGXFSZ, "", Cause.DISK_FULL, "full"),
         (1, "write failed: No space left on device", Cause.DISK_FULL, "full"),
@@ -100,6 +103,41 @@ def test_a_program_that_says_nothing_for_long_is_ended(tmp_path: Path, monkeypat
     with pytest.raises(AirflowFailure, match=r"sleep logged nothing for 0 s; log: .*start the same command") as hung:
         programs.call(tmp_path, ["sleep", "30"])
     assert hung.value.cause is Cause.SILENT
+
+
+class Digest(ctypes.Structure):
+    """OpenFOAM's SHA1Digest."""
+
+    _fields_ = (("bytes", ctypes.c_ubyte * 20),)
+
+
+def test_an_openfoam_that_takes_no_checksums_gets_a_function_that_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As Debian 13's: it ends where it reads function objects until the function is preloaded, which is made once."""
+    bin_, kernels = tmp_path / "bin", tmp_path / "kernels"
+    bin_.mkdir()
+    kernels.mkdir()
+    program = bin_ / "simpleFoam"
+    program.write_text(
+        f"#!/bin/sh\ncase $LD_PRELOAD in */openfoam-digest*.so) exit 0;; esac\necho '{DIGEST}'\nexit 1\n"
+    )
+    program.chmod(0o755)
+    monkeypatch.setattr(programs, "kernel_root", lambda: kernels)
+    path = os.environ["PATH"]
+    monkeypatch.setenv("PATH", str(bin_))
+    with pytest.raises(AirflowFailure, match=r"sha1.*apt-get install tcc") as lacking:
+        programs.call(tmp_path, ["simpleFoam"])
+    assert lacking.value.cause is Cause.NO_DIGEST
+    (tmp_path / "log.simpleFoam").write_text("before\n")
+    monkeypatch.setenv("PATH", f"{bin_}:{path}")
+    for _ in range(2):
+        programs.call(tmp_path, ["simpleFoam"])
+        assert (tmp_path / "log.simpleFoam").read_text() == "before\n"  # a library that is none would be told of
+    (library,) = kernels.iterdir()
+    digest = ctypes.CDLL(str(library))._ZNK4Foam10dictionary6digestEv
+    digest.restype = Digest
+    assert bytes(digest(None).bytes) == bytes(20)
 
 
 def test_a_disk_that_is_full_for_this_process_is_named(tmp_path: Path) -> None:

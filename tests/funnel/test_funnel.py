@@ -196,7 +196,7 @@ def test_without_the_engine_one_line_says_what_to_install(
         assert main(["run", str(cases / "funnel.toml"), "--out", str(tmp_path), "--until", "funnel", "--quiet"]) == 3
         line = capsys.readouterr().err.splitlines()[0]
         assert "apt-get install --no-install-recommends liggghts" in line
-        finding = doctor._funnel()
+        finding = doctor._tried("liggghts")
         assert (finding.ok, finding.optional, finding.mend) == (False, True, engine.INSTALL)
     finally:
         engine.liggghts_version.cache_clear()

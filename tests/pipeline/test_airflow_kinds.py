@@ -18,11 +18,13 @@ from wakeflow.pipeline.airflow import Airflow
 from wakeflow.pipeline.airflow_kinds import AirflowKind, airflow_kinds
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
+from wakeflow.pipeline.solved_air import ROUGH, TimeResolvedAir
 from wakeflow.planning import make
 from wakeflow.planning.airflow import choose_airflow
 from wakeflow.planning.cost import typical_cells
 from wakeflow.planning.make import Planner, make_plan
 from wakeflow.planning.plan import Plan
+from wakeflow.planning.terms import LOADING
 from wakeflow.scene import Scene
 from wakeflow.scene.rungs import Rung, rungs
 
@@ -197,14 +199,29 @@ def test_every_grid_starts_from_one_draft_that_is_planned_once(rhombus: Scene, m
     assert planned == ["reference", "draft"]
 
 
-def test_a_wake_in_time_starts_from_the_next_coarser_one_and_the_coarsest_from_the_neighbours(rhombus: Scene) -> None:
-    """A steady one from the neighbour's steady one; where that has no wake in time, the own steady one is left."""
+def test_a_wake_in_time_starts_from_the_neighbours_or_the_next_coarser_one(rhombus: Scene) -> None:
+    """A steady one from the neighbour's steady one; where that has no wake in time, the own ones are left."""
     scenes = [rhombus.replace({"air.speed": speed}) for speed in (0.03, 0.033)]  # Re 100 and 110
-    near, steady = (Pipeline(scenes[0], make_plan(scenes[0], rung=rung, force=OFF)) for rung in ("reference", "draft"))
-    plan = make_plan(scenes[1], rung="reference", force=OFF)
-    for neighbour, first in ((None, None), (near, near.on_grid(2).kind), (steady, None)):
+    near, steady = (
+        Pipeline(scenes[0], make_plan(scenes[0], rung=rung, force=OFF | {LOADING: False}))
+        for rung in ("reference", "draft")
+    )
+    plan = make_plan(scenes[1], rung="reference", force=OFF | {LOADING: False})
+    for neighbour in (None, near, steady):
         own = Pipeline(scenes[1], plan, neighbour=neighbour)
         kinds = [own.on_grid(grid).kind for grid in range(3)]
-        assert all(one.nearest() is other for one, other in zip(kinds, (*kinds[1:], first), strict=True))
+        starts = [near.on_grid(grid).kind for grid in range(3)] if neighbour is near else [*kinds[1:], None]
+        assert all(one.nearest() is other for one, other in zip(kinds, starts, strict=True))
         drafts = own.draft, None if neighbour is None else neighbour.draft
         assert drafts[0].kind.nearest() is (None if drafts[1] is None else drafts[1].kind)
+
+
+def test_wakes_that_feel_the_granules_start_from_one_on_the_coarsest_grid(rhombus: Scene) -> None:
+    """Under the force that is known first: it neither waits for the passes nor starts from what feels more."""
+    own = Pipeline(rhombus, make_plan(rhombus))
+    early = own.kind.nearest()
+    assert isinstance(early, TimeResolvedAir)
+    assert own.on_grid(1).kind.nearest() is early
+    assert (early.grid, early.made_as, early.nearest()) == (1, "early-airflow", None)
+    assert early.plan.airflow.accuracy == ROUGH > own.plan.airflow.accuracy
+    assert early.steady().loading() is None

@@ -65,6 +65,6 @@ def test_the_wheel_runs_elsewhere_without_openfoam(tmp_path: Path) -> None:
     assert said("new", "vacuum", "my.toml")[0] == 0
     code, table = said("doctor")
     assert code == 3
-    assert "simpleFoam" in table
+    assert "openfoam" in table
     assert said("run", "my.toml", "--set", "feed.count=64")[0] == 0
     assert (tmp_path / "runs" / "my+feed.count=64" / "report.html").exists()

@@ -228,7 +228,7 @@ def test_missing_openfoam_is_code_3_with_the_cure(
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "cache"))
     monkeypatch.setenv("PATH", str(tmp_path))
     assert main(["run", str(cases / "rhombus.toml"), "--out", str(tmp_path / "out"), "--quiet"]) == 3
-    assert "cases/setup.sh" in capsys.readouterr().err
+    assert "apt-get install --no-install-recommends openfoam" in capsys.readouterr().err
     assert not (tmp_path / "out" / "result.json").exists()
 
 

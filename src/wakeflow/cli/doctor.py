@@ -1,4 +1,4 @@
-"""What is installed, at which version, and the command that mends what is not.
+"""Tries in small what a run does: which versions did it, and the command that mends what did not.
 
 Whatever can crash or hang an interpreter (Gmsh's shared libraries, VTK without OpenGL, OpenFOAM) is tried in a
 process of its own.
@@ -12,86 +12,54 @@ import re
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from importlib.metadata import PackageNotFoundError, distributions, version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from .. import DISTRIBUTION
-from ..core.errors import ProgramError
-from ..core.process import capture, cores
-from ..core.quantities import duration
+from ..core.errors import MeshError, ProgramError
+from ..core.process import call_in_child, cores, run_program
 from ..core.store import cache_root
 from ..core.user_folder import kernel_root
 from ..funnel import engine
-from ..planning.machine_rates import to_compile
+from ..meshing import MeshSpec
 from .screen import screen_table
 
 if TYPE_CHECKING:
-    from packaging.specifiers import SpecifierSet
+    from packaging.requirements import Requirement
     from rich.table import Table
 
 
-SETUP = "sh cases/setup.sh"
-OPTIONAL = {  # distribution: what it is for, and the extra that brings it
-    "ezdxf": ("a body's outline out of a DXF drawing", "dxf"),
-    "optuna": ("wakeflow search", "search"),
-    "pandas": ("tables as DataFrames", "notebook"),
-}
-FOAM_HOME = "/usr/share/openfoam"  # Debian's; its programs find their etc folder by WM_PROJECT_DIR only
-OLDEST_PYTHON = (3, 11)
+PIP = f"{sys.executable} -m pip install"
 MIN_MEMORY = 1e9  # bytes: OpenFOAM and the tracker on the shipped scenes stay below
 MIN_DISK = 0.5e9  # bytes: a time-resolved airflow with its snapshots
 PROBE = 60.0  # s: the first import on a slow disk takes long
-
-PACKAGES = {  # distribution: what it is for
-    "numpy": "arrays",
-    "scipy": "sparse matrices, statistics",
-    "meshio": "reading meshes",
-    "gmsh": "meshing",
-    "pyvista": "files for ParaView",
-    "numba": "the compiled tracker",
-    "foamlib": "reading OpenFOAM's fields",
-    "pydantic": "validating scenes",
-    "tomlkit": "writing scenes",
-    "cyclopts": "the command line",
-    "rich": "tables and progress",
-    "jinja2": "report.html",
-    "filelock": "the cache",
-    "matplotlib": "pictures",
-    "pillow": "moving pictures of the report",
-    "pint": "units in scenes",
-    "packaging": "comparing versions",
-    "threadpoolctl": "one thread of BLAS for each of the run's own",
-}
-PROGRAMS = {
-    "gmshToFoam": "mesh conversion",
-    "checkMesh": "mesh quality",
-    "simpleFoam": "steady airflow",
-    "pimpleFoam": "airflow in time",
-}
-LIBRARIES = {  # shared library: Debian package; in the order in which Gmsh's wheel asks for them
-    "libGLU": "libglu1-mesa",
-    "libGL": "libgl1",
-    "libXrender": "libxrender1",
-    "libXcursor": "libxcursor1",
-    "libXft": "libxft2",
-    "libXinerama": "libxinerama1",
-    "libgomp": "libgomp1",
-    "libEGL": "libegl1",
-}
-
-_GMSH = "import gmsh; print('version', gmsh.__version__)"
-_RENDER = """
+LIBRARIES = "libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxinerama1 libgomp1"  # what Gmsh's wheel links to
+GMSH = f"apt-get install {LIBRARIES}    # or, where these are there: {PIP} --force-reinstall gmsh"
+TRIANGLE = MeshSpec(  # in a channel of some hundred cells
+    bodies=(((-0.01, 0.0), (0.01, 0.0), (0.0, 0.02)),), names=("triangle",), width=0.1, top=0.08, bottom=-0.1,
+    walls="slip", direction="down", half=False, h_body=0.005, h_corner=0.005, h_wake=0.008, h_far=0.01, growth=0.2,
+    wake_length=0.04,
+)  # fmt: skip
+PICTURE = """
+import matplotlib; matplotlib.use("agg")
+from matplotlib import pyplot
+pyplot.plot([0, 1])
+pyplot.savefig("picture.png")
+print("Matplotlib", matplotlib.__version__)
+"""
+PICTURE_IN_3D = """
 import warnings; warnings.simplefilter("ignore")
 import pyvista
 plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
 plotter.add_mesh(pyvista.Sphere())
 picture = plotter.screenshot(return_img=True)
 assert picture.std() > 1.0, "the picture is empty"
-print("version", pyvista.vtk_version_info)
+print("VTK", ".".join(map(str, pyvista.vtk_version_info)))
 """
 
 
@@ -112,15 +80,16 @@ class Finding:
 
 
 def examine() -> list[Finding]:
-    """Look at everything a run needs; takes a few seconds and leaves nothing behind."""
-    looks: list[Callable[[], Finding]] = [_python]
-    looks += [partial(_package, name, use) for name, use in PACKAGES.items()]
-    looks += [partial(_extra, name, *what) for name, what in OPTIONAL.items()]
-    looks += [_gmsh_starts]
-    looks += [partial(_program, name, use) for name, use in PROGRAMS.items()]
-    looks += [_funnel, _setpriv, _graphics, _cores, _memory, _disk, _cache, _kernels]
+    """Try everything a run needs, in seconds; the tracker, where it is not compiled yet, in a minute or two, and it
+    stays compiled. Nothing else is left behind.
+    """
+    looks: list[Callable[[], Finding]] = [partial(_package, asked, extra) for asked, extra in _required()]
+    looks += [partial(_tried, name) for name in TRIALS]
+    looks += [_memory, _disk, _cache]
     with ThreadPoolExecutor(4) as pool:  # most of the time goes into waiting for probes
-        return [pending.result() for pending in [pool.submit(look) for look in looks]]
+        found = [pending.result() for pending in [pool.submit(look) for look in looks]]
+    python = Finding("Python", platform.python_version(), True, "everything")
+    return [python, *found, Finding("cores", str(cores()), True, "tracking, sweeps")]
 
 
 def exit_code(findings: list[Finding]) -> int:
@@ -144,133 +113,123 @@ def table(findings: list[Finding]) -> Table:
     return screen_table(("", "what", "found", "needed for", "mend with"), rows, left=5)
 
 
-# -- Python ------------------------------------------------------------------------------------------------------------
+# -- Python's packages -------------------------------------------------------------------------------------------------
 
 
-def _python() -> Finding:
-    enough = sys.version_info[:2] >= OLDEST_PYTHON
-    wanted = ".".join(map(str, OLDEST_PYTHON))
-    mend = "" if enough else f"PYTHON=/path/to/python{wanted} {SETUP}"
-    return Finding("Python", platform.python_version(), enough, "everything", mend)
-
-
-def _package(name: str, use: str) -> Finding:
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        found = version(name)
-    except PackageNotFoundError:
-        return Finding(name, None, False, use, SETUP)
-    wanted = _bounds().get(name)
-    if wanted is None or wanted.contains(found, prereleases=True):
-        return Finding(name, found, True, use)
-    return Finding(name, f"{found} (needs {wanted})", False, use, f"{sys.executable} -m pip install '{name}{wanted}'")
-
-
-def _extra(name: str, use: str, extra: str) -> Finding:
-    """A package of an extra, which one command needs."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return Finding(name, version(name), True, use, optional=True)
-    except PackageNotFoundError:
-        return Finding(name, None, False, use, f"{SETUP}    # or the extra {extra}", optional=True)
-
-
-def _bounds() -> dict[str, SpecifierSet]:
-    """Version bounds of the direct dependencies, from this package's own metadata."""
-    from importlib.metadata import PackageNotFoundError, requires
-
+def _required() -> Iterator[tuple[Requirement, str]]:
+    """The direct dependencies, from this package's own metadata, each with the extra that asks for it ("" for none);
+    those of the tests left out.
+    """
     from packaging.requirements import Requirement
 
+    installed = next(iter(distributions(name=DISTRIBUTION)), None)  # None: a source tree that never was
+    for asked in map(Requirement, (installed and installed.requires) or []):
+        extra = re.search(r'extra == "(\w+)"', str(asked.marker))
+        if extra is None or extra[1] != "test":
+            yield asked, extra[1] if extra else ""
+
+
+def _package(asked: Requirement, extra: str = "") -> Finding:
+    use, optional = (f"the extra {extra}", True) if extra else ("every run", False)
     try:
-        found = [Requirement(line) for line in requires(DISTRIBUTION) or []]
-    except PackageNotFoundError:  # run from a source tree that was never installed
-        return {}
-    return {one.name.lower(): one.specifier for one in found if one.marker is None}
+        found = version(asked.name)
+        if asked.specifier.contains(found, prereleases=True):
+            return Finding(asked.name, found, True, use, optional=optional)
+        told = f"{found} (needs {asked.specifier})"
+    except PackageNotFoundError:
+        told = None
+    return Finding(asked.name, told, False, use, f"{PIP} '{asked.name}{asked.specifier}'", optional)
 
 
-# -- outside programs and libraries ------------------------------------------------------------------------------------
+# -- What a run does, in small -----------------------------------------------------------------------------------------
 
 
-def _gmsh_starts() -> Finding:
-    code, text = capture([sys.executable, "-c", _GMSH], timeout=PROBE)
-    name, use = "Gmsh's libraries", "meshing"
-    if code == 0:
-        return Finding(name, _version_in(text), True, use)
-    return Finding(name, _last_line(text), False, use, _library_mend(text))
+def _tried(name: str) -> Finding:
+    """What came of a trial in a folder of its own. What says itself how to install what it needs is believed."""
+    trial = TRIALS[name]
+    with tempfile.TemporaryDirectory(prefix="wakeflow-") as folder:
+        try:
+            return Finding(name, trial.work(Path(folder)), True, trial.use, optional=trial.optional)
+        except ProgramError as problem:
+            said = _last_line(problem.tail) if problem.ended == "failed" else str(problem).partition("; ")[0]
+            cure = re.search(r"apt-get install .*", str(problem))
+            mend = GMSH if isinstance(problem, MeshError) else cure[0] if cure else trial.mend
+            return Finding(name, said or str(problem), False, trial.use, mend, trial.optional)
 
 
-def _program(name: str, use: str) -> Finding:
-    """A program prints its help text only when its libraries and its etc folder are found."""
-    where = shutil.which(name)
-    if where is None:
-        return Finding(name, None, False, use, f"{SETUP}    # or: apt-get install openfoam")
-    code, text = capture([where, "-help"], env={**os.environ, "WM_PROJECT_DIR": FOAM_HOME})
-    match = re.search(r"OpenFOAM-\s*\(?v?(\w+)\)?", text)
-    patch = re.search(r"patch=(\w+)", text)
-    version = (match[1] + (f".{patch[1]}" if patch else "")) if match else None
-    if code == 0 and version is not None:
-        return Finding(name, version, True, use)
-    return Finding(name, _last_line(text) or f"exit code {code}", False, use, "apt-get install --reinstall openfoam")
+def _mesh(folder: Path) -> str:
+    from ..meshing import build_mesh
+
+    build_mesh(TRIANGLE, folder, timeout=PROBE)
+    return f"Gmsh {version('gmsh')}"
 
 
-def _funnel() -> Finding:
-    use = "a scene's [funnel]"
-    try:
-        return Finding("liggghts", engine.liggghts_version(), True, use, optional=True)
-    except ProgramError:
-        return Finding("liggghts", None, False, use, engine.INSTALL, optional=True)
+def _solve(folder: Path) -> str:
+    """Two iterations and two time steps on the triangle's mesh, with all that a run measures on its way."""
+    from ..foam.case import FlowSpec
+    from ..foam.prepare import prepare_case
+    from ..foam.programs import openfoam_version
+    from ..foam.solver import run_segment
+    from ..foam.watch import Watch
+
+    _mesh(folder)
+    steady = FlowSpec(TRIANGLE, 1.0, 1.2, 1.8e-5, "kOmegaSST")
+    for program, spec, step in (
+        ("simpleFoam", steady, 1.0),
+        ("pimpleFoam", replace(steady, stepping="time-resolved"), 1e-4),
+    ):
+        case = folder / program
+        prepare_case(spec, folder / "mesh.msh", case)
+        run_segment(case, program, 2 * step, {"deltaT": step}, Watch(case, program, lambda _: None, expected=2 * step))
+    return f"OpenFOAM {openfoam_version()}"
 
 
-def _setpriv() -> Finding:
-    where = shutil.which("setpriv")
-    use = "ending solvers with a killed parent"
-    if where is None:
-        return Finding("setpriv", None, False, use, "apt-get install util-linux", optional=True)
-    code, text = capture([where, "--version"])
-    return Finding("setpriv", text.split()[-1] if code == 0 and text.split() else None, code == 0, use, optional=True)
+def _fly(folder: Path) -> str:
+    call_in_child("wakeflow.pipeline.compilation:compile_tracker", None, log=folder / "log")
+    return f"numba {version('numba')}, compiled in {kernel_root()}"
 
 
-def _graphics() -> Finding:
-    """VTK without OpenGL ends the interpreter instead of raising: a sphere is drawn in a process of its own."""
-    environment = dict(os.environ)
-    if not environment.get("DISPLAY"):
-        environment.setdefault(
-            "VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow"
-        )  # else VTK looks for an X server first
-    code, text = capture([sys.executable, "-c", _RENDER], env=environment, timeout=PROBE)
-    name, use = "VTK's OpenGL", "3D pictures only; maps, curves and files work without"
-    if code == 0:
-        return Finding(name, _version_in(text), True, use, optional=True)
-    reason = f"ended by signal {-code}" if code < -1 else _last_line(text)
-    packages = "libegl1 libgl1 libgl1-mesa-dri libxrender1"
-    return Finding(name, reason, False, use, f"apt-get install {packages}    # or: {SETUP}", optional=True)
+def _says(command: Sequence[str], folder: Path) -> str:
+    """The last line that a ``command`` prints."""
+    screen = {} if os.environ.get("DISPLAY") else {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"}
+    log = folder / "log"  # without a screen VTK would look for an X server first
+    run_program(command, cwd=folder, log=log, env=screen | os.environ, timeout=PROBE)
+    return _last_line(log.read_text())
 
 
-def _library_mend(text: str) -> str:
-    """The command for ``OSError: libGLU.so.1: cannot open shared object file`` and for a package that is not there."""
-    missing = re.search(r"(lib\w+)\.so[\d.]*: cannot open shared object", text)
-    if missing and missing[1] in LIBRARIES:
-        return f"apt-get install {LIBRARIES[missing[1]]}    # all of them: {SETUP}"
-    return SETUP
+def _last_line(text: str) -> str:
+    return text.strip().rpartition("\n")[2].strip()[:160]
 
 
-def _version_in(text: str) -> str | None:
-    match = re.search(r"version \(?([\d., ]+\d)", text)
-    return None if match is None else match[1].replace(", ", ".")
+class Trial(NamedTuple):
+    """What needs it, the call that does it in a folder and returns which version did, the command that mends it."""
+
+    use: str
+    work: Callable[[Path], str]
+    mend: str
+    optional: bool = False
 
 
-def _last_line(text: str) -> str | None:
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    return lines[-1][:160] if lines else None
+TRIALS = {
+    "a mesh": Trial("airflow", _mesh, GMSH),
+    "an airflow": Trial("rungs with air", _solve, "apt-get install --reinstall openfoam"),
+    "a flight": Trial("landings", _fly, f"{PIP} --force-reinstall numba"),
+    "a picture": Trial(
+        "reports", partial(_says, [sys.executable, "-c", PICTURE]), f"{PIP} --force-reinstall matplotlib"
+    ),
+    "a picture in 3D": Trial(
+        "3D pictures only", partial(_says, [sys.executable, "-c", PICTURE_IN_3D]),
+        "apt-get install libegl1 libgl1 libgl1-mesa-dri libxrender1", optional=True,
+    ),
+    "liggghts": Trial("a scene's [funnel]", lambda _: engine.liggghts_version(), engine.INSTALL, optional=True),
+    "setpriv": Trial(
+        "ending solvers with a killed parent", partial(_says, ["setpriv", "--version"]), "apt-get install util-linux",
+        optional=True,
+    ),
+}  # fmt: skip
 
 
-# -- the machine -------------------------------------------------------------------------------------------------------
-
-
-def _cores() -> Finding:
-    return Finding("cores", str(cores()), True, "tracking, sweeps")
+# -- The machine -------------------------------------------------------------------------------------------------------
 
 
 def _memory() -> Finding:
@@ -303,16 +262,6 @@ def _cache() -> Finding:
         mend = "export WAKEFLOW_CACHE=/a/folder/you/may/write"
         return Finding("cache", f"{folder}: {problem.strerror}", False, "finished stages", mend)
     return Finding("cache", f"{cache_root()} is writable", True, "finished stages")
-
-
-def _kernels() -> Finding:
-    """The tracker's kernels: set-up compiles them, else the first run does."""
-    seconds = to_compile()
-    use = "flights at once"
-    if not seconds:
-        return Finding("compiled tracker", f"in {kernel_root()}", True, use, optional=True)
-    use += f"; the first run compiles for about {duration(sum(seconds.values()))} of a core"
-    return Finding("compiled tracker", None, False, use, SETUP, optional=True)
 
 
 def _existing(path: Path) -> Path:

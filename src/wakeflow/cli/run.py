@@ -86,7 +86,7 @@ def schema() -> None:
 
 
 def doctor(*, as_json: AsJson = False) -> int:
-    """Say what is installed, at which version, and the command that mends what is not.
+    """Try in small what a run does; say which versions did it, and the command that mends what fails.
 
     Parameters
     ----------
@@ -99,7 +99,8 @@ def doctor(*, as_json: AsJson = False) -> int:
 
     from . import doctor as examiner
 
-    findings = examiner.examine()
+    with Console(stderr=True).status("trying what a run does; the tracker's first compilation takes a minute or two"):
+        findings = examiner.examine()
     if as_json:
         print(json.dumps([asdict(finding) for finding in findings], indent=2))
     else:

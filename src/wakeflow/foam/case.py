@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 import shutil
 from collections.abc import Mapping
@@ -24,7 +23,7 @@ from .polymesh import read_polymesh
 
 PARAMETERS, INLETS, FORCES = Path("system", "parameters"), Path("system", "inlets"), Path("system", "forces")
 MODELS = "turbulence-models"  # in the template: a folder a model, its files go over those of the template's own
-INSTALL = "run: sh cases/setup.sh (or, as root, apt-get install openfoam)"
+INSTALL = "as root: apt-get install --no-install-recommends openfoam"
 LONGEST_STEP = 0.05  # convective times: about 100 steps a shedding period where the Courant number allows more
 WAKE_PROBES = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # projected widths behind the first body: a steady run's velocities
 
@@ -163,11 +162,6 @@ def axis_points(spec: FlowSpec) -> tuple[float, float, float]:
             met += [y0, y1] if x0 == x1 else [y0 + (middle - x0) * (y1 - y0) / (x1 - x0)]
     along = spec.along * np.array(met)
     return middle, float(along.min()), float(along.max())
-
-
-def environment() -> dict[str, str]:
-    """The environment every OpenFOAM program of Debian's package needs: nothing to source."""
-    return {**os.environ, "WM_PROJECT_DIR": "/usr/share/openfoam", "OMP_NUM_THREADS": "1", "FOAM_SIGFPE": "true"}
 
 
 def write_case(spec: FlowSpec, folder: Path) -> None:

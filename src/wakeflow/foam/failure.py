@@ -36,6 +36,7 @@ class Cause(Enum):
     KILLED = ("killed", False, "by hand, or by the system when memory ran out; the same command goes on from there")
     CRASHED = ("crashed", False, "")
     STOPPED = ("stopped", False, "")
+    NO_DIGEST = ("no digest", False, "this OpenFOAM needs a C compiler: apt-get install tcc")
     MISSING = ("missing", False, "")
 
     def __init__(self, word: str, numerical: bool, advice: str) -> None:
@@ -68,7 +69,7 @@ def diagnose(code: int, text: str, folder: Path) -> tuple[Cause, str]:
     if said and re.search(NUMERICAL_FATALS, said, re.I):
         return Cause.DIVERGED, f"diverged: {said}"
     if said:
-        return Cause.STOPPED, f"stopped: {said}"
+        return Cause.NO_DIGEST if '"sha1"' in said else Cause.STOPPED, f"stopped: {said}"
     if ended in (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         return Cause.KILLED, f"was killed (signal {ended})"
     if ended:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import platform
 import re
 import shutil
+import tempfile
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 
 from ..core.errors import FoamError
 from ..core.process import Finished, capture, run_program, tail
-from .case import INSTALL, environment, read_parameters
+from ..core.user_folder import kernel_root
+from .case import INSTALL, read_parameters
 from .failure import AirflowFailure, Cause, diagnose, disk_is_full
 from .read import every_time
 
@@ -35,6 +39,7 @@ def call(
     log = folder / f"log.{program}"
     before = log.stat().st_size if log.exists() else 0
     words = [*launcher, *command]
+    mended = digest_library().exists()
 
     def idle(seconds: float) -> None:
         if seconds > SUSPICION and disk_is_full(folder):
@@ -51,7 +56,11 @@ def call(
         if not problem.ended:  # raised by on_line: it says why itself
             problem.command = problem.command or " ".join(words)
             raise
-        raise _diagnosed(problem, program, log, before, folder) from None
+        failure = _diagnosed(problem, program, log, before, folder)
+        if failure.cause is not Cause.NO_DIGEST or mended or not compile_digest():
+            raise failure from None
+    os.truncate(log, before)  # it failed before its first step, and is called as if for the first time
+    return call(folder, command, on_line, launcher=launcher)
 
 
 def _diagnosed(problem: FoamError, program: str, log: Path, before: int, folder: Path) -> AirflowFailure:
@@ -74,6 +83,51 @@ def _since(log: Path, start: int) -> str:
     with log.open("rb") as stream:
         stream.seek(max(start, log.stat().st_size - 200_000))
         return stream.read().decode(errors="replace")
+
+
+# -- What OpenFOAM's programs need around them -------------------------------------------------------------------------
+# Releases up to v2112 that gcc 12 or a later one compiled (Debian 13, Ubuntu 24.04) end where they take the checksum of
+# a function object's entries: 'error in IOstream "sha1"'. It says which entries were changed while a program runs; in
+# this program's cases none are (runTimeModifiable no), so that any constant serves.
+DIGEST = """
+struct digest { unsigned char bytes[20]; };
+struct digest _ZNK4Foam10dictionary6digestEv(const void *dictionary) { struct digest none = {{0}}; return none; }
+"""
+
+
+def environment() -> dict[str, str]:
+    """The environment of every OpenFOAM program; nothing is sourced. WM_PROJECT_DIR is that of Debian's package where
+    the user has not named another.
+    """
+    library, preloaded = digest_library(), os.environ.get("LD_PRELOAD", "")
+    lacking = {"LD_PRELOAD": f"{library} {preloaded}".strip()} if library.exists() else {}
+    fixed = {"OMP_NUM_THREADS": "1", "FOAM_SIGFPE": "true"}
+    return {"WM_PROJECT_DIR": "/usr/share/openfoam", **os.environ, **fixed, **lacking}
+
+
+def digest_library() -> Path:
+    """Where the shared library of ``DIGEST`` is, once a program has needed it on this machine."""
+    return kernel_root() / f"openfoam-digest-{platform.machine()}.so"
+
+
+def compile_digest() -> bool:
+    """Whether :func:`digest_library` could be compiled, which needs a C compiler of any kind and no header or library.
+
+    Raises FoamError where the compiler fails.
+    """
+    compiler, library = shutil.which("cc"), digest_library()
+    if compiler is None:
+        return False
+    library.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
+        source, made = Path(folder, "digest.c"), Path(folder, library.name)
+        source.write_text(DIGEST)
+        command = [compiler, "-shared", "-fPIC", "-nostdlib", "-o", str(made), str(source)]
+        code, said = capture(command)
+        if code != 0:
+            raise FoamError(f"{compiler} cannot compile what OpenFOAM lacks", command=" ".join(command), tail=said)
+        made.replace(library)
+    return True
 
 
 # -- MPI ---------------------------------------------------------------------------------------------------------------

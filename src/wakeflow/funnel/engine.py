@@ -26,7 +26,7 @@ from ..scene import Funnel
 # -- LIGGGHTS, the granular engine -------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 PROGRAM = "liggghts"
-INSTALL = "apt-get install --no-install-recommends liggghts    # or: sh cases/setup.sh funnel"
+INSTALL = "apt-get install --no-install-recommends liggghts"
 SCRIPTS = Path(__file__).parent
 
 

@@ -18,10 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofs.tracker.foam import write_file
-from wakeflow.core.errors import FoamError
-from wakeflow.core.process import run_program
 from wakeflow.field import FlowField
-from wakeflow.foam.case import INSTALL, environment
+from wakeflow.foam.programs import call
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.tracking import Collisions, Granules, track
 
@@ -114,8 +112,7 @@ def fly_foam_clouds(
         rows = "\n".join(f"({x:.12g} {y:.12g} {z:.12g})" for x, y, z in some)
         write_file(folder / "constant" / name, "vectorField", f"(\n{rows}\n)\n")
     for program in ("blockMesh", solver):
-        log = folder / f"log.{program}"
-        run_program([program], cwd=folder, log=log, env=environment(), error=FoamError, hint=INSTALL)
+        log = call(folder, [program]).log
     clock = [line.split()[2] for line in log.read_text().splitlines() if line.startswith("ExecutionTime = ")]
     return CloudFlight(_landings(folder, len(grains)), float(clock[-1]))
 

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from proofs.tracker.rk4 import Ends
 from wakeflow.core.errors import FoamError
-from wakeflow.core.process import run_program
 from wakeflow.core.record import JsonTable
 from wakeflow.field import FlowField
-from wakeflow.foam.case import INSTALL, FlowSpec, environment
+from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.polymesh import FoamMesh, read_polymesh
 from wakeflow.foam.prepare import prepare_case
+from wakeflow.foam.programs import call
 from wakeflow.foam.reconstruction import PlaneMesh
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.meshing import MeshSpec, build_mesh
@@ -289,8 +289,7 @@ def fly_parcels(
         shutil.copytree(foam.case / name, folder / name)
     _write_run(folder, grains, scheme, step, courant, until)
     write_cloud(foam, grains, folder / "0")
-    log = folder / f"log.{PROGRAM}"
-    run_program([PROGRAM], cwd=folder, log=log, env=environment(), error=FoamError, hint=INSTALL)
+    log = call(folder, [PROGRAM]).log
     clock = re.findall(r"^ExecutionTime = (\S+) s", log.read_text(), re.M)
     if not clock:
         raise FoamError(f"{PROGRAM} took no step; log: {log}", log=log)
