@@ -1,6 +1,5 @@
 """Failures are recognised and named; numerical ones climb the ladder; nonsense is refused; the robustness matrix."""
 
-import ctypes
 import errno
 import itertools
 import json
@@ -9,6 +8,7 @@ import re
 import shutil
 import signal
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict, replace
@@ -105,10 +105,14 @@ def test_a_program_that_says_nothing_for_long_is_ended(tmp_path: Path, monkeypat
     assert hung.value.cause is Cause.SILENT
 
 
+ASK_FOR_DIGEST = """
+import ctypes, sys
 class Digest(ctypes.Structure):
-    """OpenFOAM's SHA1Digest."""
-
     _fields_ = (("bytes", ctypes.c_ubyte * 20),)
+digest = ctypes.CDLL(None)._ZNK4Foam10dictionary6digestEv
+digest.restype = Digest
+sys.stdout.buffer.write(bytes(digest(None).bytes))
+"""
 
 
 def test_an_openfoam_that_takes_no_checksums_gets_a_function_that_does(
@@ -135,9 +139,10 @@ def test_an_openfoam_that_takes_no_checksums_gets_a_function_that_does(
         programs.call(tmp_path, ["simpleFoam"])
         assert (tmp_path / "log.simpleFoam").read_text() == "before\n"  # a library that is none would be told of
     (library,) = kernels.iterdir()
-    digest = ctypes.CDLL(str(library))._ZNK4Foam10dictionary6digestEv
-    digest.restype = Digest
-    assert bytes(digest(None).bytes) == bytes(20)
+    asked = [sys.executable, "-c", ASK_FOR_DIGEST]  # preloaded: glibc opens no library of tcc's later on
+    digest = subprocess.run(asked, env={**os.environ, "LD_PRELOAD": str(library)}, capture_output=True, check=True)
+    assert digest.stdout == bytes(20)
+    assert not digest.stderr
 
 
 def test_a_disk_that_is_full_for_this_process_is_named(tmp_path: Path) -> None:

@@ -144,14 +144,23 @@ def test_a_wake_at_rest_is_told_from_a_shedding_one() -> None:
     assert not is_still(rows, 1.0)
 
 
-def test_a_growing_history_is_read_on_and_a_restart_replaces_what_it_computes_again(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("head", "forces"),
+    [
+        ("# Time Cd Cs Cl\n", "{0:.9g} {1:.9g} 0 {2:.9g}\n"),
+        ("# Time\tCd\tCd(f)\tCd(r)\tCl\tCl(f)\tCl(r)\n", "{0:.9g} {1:.9g} 7 7 {2:.9g} 7 7\n"),  # v2206 and later
+    ],
+)
+def test_a_growing_history_is_read_on_and_a_restart_replaces_what_it_computes_again(
+    head: str, forces: str, tmp_path: Path
+) -> None:
     (tmp_path / "system").mkdir()
     (tmp_path / "system" / "parameters").write_text("inletSpeed  2;  // m/s\n")
     time = 0.1 * np.arange(1, 41)
 
     def write(start: str, upto: int, begin: int = 0, lag: int = 0) -> None:
         for what, name, line in (
-            ("forceCoefficients", "coefficient.dat", "{0:.9g} {1:.9g} 0 {2:.9g}\n"),
+            ("forceCoefficients", "coefficient.dat", forces),
             ("basePressure", "p", "  {0:.6g}   {3:.9g}\n"),
             ("inletPressure", "surfaceFieldValue.dat", "{0:.9g}\t{4:.9g}\n"),
         ):
@@ -159,7 +168,7 @@ def test_a_growing_history_is_read_on_and_a_restart_replaces_what_it_computes_ag
             rows = [line.format(t, 1 + t, t - 2, -3 * t, t) for t in time[begin:last]]
             path = tmp_path / "postProcessing" / what / start / name
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text("# a head\n" + "".join(rows) + "4.1 7")  # the last line is not whole yet
+            path.write_text(head + "".join(rows) + "4.1 7")  # the last line is not whole yet
 
     tail = Tail(tmp_path)
     assert len(tail.update()) == 0

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
-PIP = f"{sys.executable} -m pip install"
+PYTHON, PIP = (sys.executable, "-c"), f"{sys.executable} -m pip install"
 MIN_MEMORY = 1e9  # bytes: OpenFOAM and the tracker on the shipped scenes stay below
 MIN_DISK = 0.5e9  # bytes: a time-resolved airflow with its snapshots
 PROBE = 60.0  # s: the first import on a slow disk takes long
@@ -45,13 +45,8 @@ TRIANGLE = MeshSpec(  # in a channel of some hundred cells
     walls="slip", direction="down", half=False, h_body=0.005, h_corner=0.005, h_wake=0.008, h_far=0.01, growth=0.2,
     wake_length=0.04,
 )  # fmt: skip
-PICTURE = """
-import matplotlib; matplotlib.use("agg")
-from matplotlib import pyplot
-pyplot.plot([0, 1])
-pyplot.savefig("picture.png")
-print("Matplotlib", matplotlib.__version__)
-"""
+PICTURE = """from matplotlib import __version__, figure; drawn = figure.Figure(); drawn.subplots().plot([0, 1])
+drawn.savefig("picture.png"); print("Matplotlib", __version__)"""
 PICTURE_IN_3D = """
 import warnings; warnings.simplefilter("ignore")
 import pyvista
@@ -214,11 +209,9 @@ TRIALS = {
     "a mesh": Trial("airflow", _mesh, GMSH),
     "an airflow": Trial("rungs with air", _solve, "apt-get install --reinstall openfoam"),
     "a flight": Trial("landings", _fly, f"{PIP} --force-reinstall numba"),
-    "a picture": Trial(
-        "reports", partial(_says, [sys.executable, "-c", PICTURE]), f"{PIP} --force-reinstall matplotlib"
-    ),
+    "a picture": Trial("reports", partial(_says, [*PYTHON, PICTURE]), f"{PIP} --force-reinstall matplotlib"),
     "a picture in 3D": Trial(
-        "3D pictures only", partial(_says, [sys.executable, "-c", PICTURE_IN_3D]),
+        "3D pictures only", partial(_says, [*PYTHON, PICTURE_IN_3D]),
         "apt-get install libegl1 libgl1 libgl1-mesa-dri libxrender1", optional=True,
     ),
     "liggghts": Trial("a scene's [funnel]", lambda _: engine.liggghts_version(), engine.INSTALL, optional=True),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .case import read_parameters
 
 Array = NDArray[np.float64]
-CD, CL = 1, 3  # columns of coefficient.dat in OpenFOAM 1912: Time Cd Cs Cl ...
+CD, CL = 1, 3  # columns of coefficient.dat in OpenFOAM 1912: Time Cd Cs Cl ...; in others see _placed
 ABSENT = 1e100  # what OpenFOAM writes for a probe outside the mesh is larger
 WIGGLE = 0.5  # of the signal's rms: a rise through the mean counts once the signal was so far below. Chosen
 AGAIN = 0.5  # autocorrelation that a periodic signal reaches again after it was negative. Chosen
@@ -26,7 +26,8 @@ def read_table(case: Path, what: str, columns: tuple[int, ...] | None) -> Array:
     starts = sorted(folder.iterdir(), key=lambda path: float(path.name)) if folder.is_dir() else []
     for start in starts:
         for path in sorted((p for p in start.iterdir() if p.is_file()), key=lambda p: p.stat().st_mtime):
-            rows = _joined(rows, _parsed(path.read_text(), columns))
+            text = path.read_text()
+            rows = _joined(rows, _parsed(text, _placed(text, columns)))
     return rows
 
 
@@ -34,6 +35,12 @@ def read_vectors(case: Path, what: str) -> Array:
     """Rows (n, 1 + 3 c): time and the c vectors that velocity probes wrote; probes outside the mesh are left out."""
     table = read_table(case, what, None)
     return table[:, (np.abs(table) < ABSENT).all(axis=0)]
+
+
+def _placed(text: str, columns: tuple[int, ...] | None) -> tuple[int, ...] | None:
+    """``columns`` with CL where the table's head has Cl: behind the parts of Cd in openfoam.com's later releases."""
+    head = re.search(r"^# Time\s.*\sCl\s", text, re.M)
+    return columns and tuple(len(head[0].split()) - 2 if head and one == CL else one for one in columns)
 
 
 def _parsed(text: str, columns: tuple[int, ...] | None) -> Array:
@@ -102,6 +109,7 @@ class HistoryTable:
                 text = stream.read()
             text = text[: text.rfind(b"\n") + 1]
             self.at += len(text)
+            self.columns = _placed(text.decode(), self.columns)
             self.rows = _joined(self.rows, _parsed(text.decode(), self.columns))
         return self.rows
 

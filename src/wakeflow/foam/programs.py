@@ -101,8 +101,8 @@ def environment() -> dict[str, str]:
     """
     library, preloaded = digest_library(), os.environ.get("LD_PRELOAD", "")
     lacking = {"LD_PRELOAD": f"{library} {preloaded}".strip()} if library.exists() else {}
-    fixed = {"OMP_NUM_THREADS": "1", "FOAM_SIGFPE": "true"}
-    return {"WM_PROJECT_DIR": "/usr/share/openfoam", **os.environ, **fixed, **lacking}
+    fixed = {"OMP_NUM_THREADS": "1", "FOAM_SIGFPE": "true", **lacking}
+    return {"WM_PROJECT_DIR": "/usr/share/openfoam", **os.environ, **fixed}
 
 
 def digest_library() -> Path:
@@ -111,10 +111,7 @@ def digest_library() -> Path:
 
 
 def compile_digest() -> bool:
-    """Whether :func:`digest_library` could be compiled, which needs a C compiler of any kind and no header or library.
-
-    Raises FoamError where the compiler fails.
-    """
+    """Make :func:`digest_library`; whether there is a C compiler, without headers. Raises FoamError where it fails."""
     compiler, library = shutil.which("cc"), digest_library()
     if compiler is None:
         return False
