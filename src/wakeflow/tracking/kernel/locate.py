@@ -22,6 +22,14 @@ def barycentric(geometry, tri, k, x, y):
 
 
 @compiled
+def cell_size(geometry, tri):
+    """The side (m) of a square of twice the triangle's area."""
+    return 1.0 / math.sqrt(
+        abs(geometry[tri, at.B1X] * geometry[tri, at.B2Y] - geometry[tri, at.B1Y] * geometry[tri, at.B2X])
+    )
+
+
+@compiled
 def walk(geometry, neighbours, tri, x, y):
     """Triangle that holds the point, from ``tri`` across the edge it lies farthest beyond; also the last boundary code.
 

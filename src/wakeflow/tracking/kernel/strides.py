@@ -30,8 +30,8 @@ from .walls import clearance
 
 STRIDE_SHARE = 1.0  # of the tolerance for strides: the whole of it, since the judged error is that of Simpson's rule
 LOOKS = 4.0  # at the air in a stride: it may be as long as four times what changes in time ask for
-FIRST = 12.0  # triangles of the first stride tried; chosen by experiment
-GROWTH = 2.0  # of strides in a row
+FIRST = 6.0  # triangles of the first stride tried; chosen by experiment
+GROWTH = 4.0  # of strides in a row
 TRIES = 3  # lengths tried in a row
 AROUND = 1.01  # a path is longer than its chord by less than one in a hundred where it is nearly straight
 IN_A_ROW = 64  # strides from one interval of noise to the next
@@ -249,16 +249,14 @@ def stride(path, cell, least, most, state, ints, hold, affine, air, grain, table
     """
     t0, speed, known = state[at.T], math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2), state[at.H_STRIDE]
     clock = min(rules.until, state[at.T_NOISE], state[at.T_END] if air.smooth[at.KNOT_RATE] == 0.0 else math.inf)
-    asked = min(FIRST * cell if known == 0.0 else known, most)
+    asked = min(FIRST * cell if known == 0.0 else max(known, least), most)
     h = min(asked, clock - t0, LOOKS * rules.coarse)
     way = AROUND * h * speed
     free = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], AHEAD * way)
     if free <= way:
-        h = min(h, CLOSE * rules.length / speed)
-    refused = 0.0 < known < least
+        h = min(h, max(CLOSE * rules.length, free / AROUND) / speed)
+    refused = False
     if not (h >= least or h == state[at.T_NOISE] - t0 > 0.0):
-        if refused:
-            state[at.H_STRIDE] = least
         return 0.0, refused, (0.0, 0.0)
     horizon = _flight_left(state, grain, rules, speed)
     look = look_at(ints, affine, air, grain, ints[at.TRI], state[at.X], state[at.Y], t0)
