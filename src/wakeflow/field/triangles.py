@@ -160,6 +160,13 @@ class Triangles:
         start = np.searchsorted(cell[order], np.arange(side * side + 1))
         return start, owner[order], corner, pitch, side
 
+    @of_mesh
+    def first_by_cell(self) -> tuple[Index, Array, Array, int]:
+        """One triangle near to each cell of a regular grid, -1 for none; corner and pitch of the grid, cells a side."""
+        start, member, corner, pitch, side = self._grid
+        first: Index = np.where(start[1:] > start[:-1], np.append(member, -1)[start[:-1]], -1)
+        return first, corner, pitch, side
+
     def barycentric(self, triangle: Index, x: Array) -> Array:
         """Barycentric coordinates (n, 3) of points ``x`` (n, 2) in the given triangles (n,)."""
         offset = x - self.points[self.triangles[triangle, 0]]
