@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Value = TypeVar("Value")
 INSIDE = -1e-9  # smallest barycentric coordinate that still counts as inside a triangle
+PER_TRIANGLE = 2  # cells of the grid of nearest triangles
 
 
 def double_area(points: Array, triangles: Index) -> Array:
@@ -161,11 +162,16 @@ class Triangles:
         return start, owner[order], corner, pitch, side
 
     @of_mesh
-    def first_by_cell(self) -> tuple[Index, Array, Array, int]:
-        """One triangle near to each cell of a regular grid, -1 for none; corner and pitch of the grid, cells a side."""
-        start, member, corner, pitch, side = self._grid
-        first: Index = np.where(start[1:] > start[:-1], np.append(member, -1)[start[:-1]], -1)
-        return first, corner, pitch, side
+    def nearest_by_cell(self) -> tuple[Index, Array, Array, int]:
+        """The triangle whose centroid is nearest to the middle of each cell of a regular grid, row by row; corner and
+        pitch of the grid, cells a side.
+        """
+        corner, top = self.points.min(axis=0), self.points.max(axis=0)
+        side = max(1, int(np.sqrt(PER_TRIANGLE * len(self.triangles))))
+        pitch = (top - corner) / side
+        row, column = np.divmod(np.arange(side * side), side)
+        nearest = self._centres.query(corner + (np.stack([column, row], axis=1) + 0.5) * pitch)[1]
+        return nearest.astype(np.int64), corner, pitch, side
 
     def barycentric(self, triangle: Index, x: Array) -> Array:
         """Barycentric coordinates (n, 3) of points ``x`` (n, 2) in the given triangles (n,)."""

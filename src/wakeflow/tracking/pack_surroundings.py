@@ -253,8 +253,8 @@ def _places(field: FlowField, neighbours: Index) -> tuple[Index, Array]:
     around = [np.abs(np.maximum(start, end) - low) <= slack, np.abs(np.minimum(start, end) - high) <= slack]
     if not np.any(around, axis=(0, 2)).all():
         return np.zeros(0, dtype=np.int64), np.zeros(5)
-    first, corner, pitch, side = field.first_by_cell
-    return first, np.array([*corner, *(1.0 / pitch), side])
+    nearest, corner, pitch, side = field.nearest_by_cell
+    return nearest, np.array([*corner, *(1.0 / pitch), side])
 
 
 def _needs(forces: Sequence[str]) -> tuple[bool, bool]:

@@ -27,7 +27,7 @@ class PackedAir(NamedTuple):
     period: Array  # (1,) s; 0: does not repeat
     covered: Index  # (C, 4) triangle, its edge, previous and next covered edge along the boundary (-1: none)
     smooth: Array  # (3,) first knot, knots per s, number of knots; zeros: not smooth
-    grid: Index  # (cells,) a triangle near to each cell of a regular grid, row by row, -1: none; empty: no grid
+    grid: Index  # (cells,) the triangle nearest to each cell of a regular grid, row by row; empty: no grid
     places: Array  # (5,) the grid's first corner, cells per m, cells in a row
     swing: Array  # (4,) amplitude, angular frequency, phase of the mesh, in whose frame granules fly; zeros: at rest
 

@@ -9,7 +9,7 @@ from .jit import compiled
 
 INSIDE = -1e-12
 AROUND = 3  # covered edges on each side of the nearest one that are tried
-FAR = 3.0  # cells of the grid, from which on a point is looked for in its cell
+FAR = 1.0  # cells of the grid, from which on a point is looked for in its cell
 SELDOM = 32  # steps in the gap: then all triangles are looked at
 
 
@@ -58,11 +58,9 @@ def find(air, tri, x, y):
     far = abs(x - g[tri, at.CORNER_X]) * p[at.PER_X] + abs(y - g[tri, at.CORNER_Y]) * p[at.PER_Y] > FAR
     column, row = math.floor((x - p[at.GRID_X]) * p[at.PER_X]), math.floor((y - p[at.GRID_Y]) * p[at.PER_Y])
     if far and 0.0 <= column < p[at.IN_ROW] and 0.0 <= row < p[at.IN_ROW]:
-        near = air.grid[int(row * p[at.IN_ROW] + column)]
-        if near >= 0:
-            found, code = walk(g, air.neighbours, near, x, y)
-            if code == 0:
-                return found, code
+        found, code = walk(g, air.neighbours, air.grid[int(row * p[at.IN_ROW] + column)], x, y)
+        if code == 0:
+            return found, code
     return walk(g, air.neighbours, tri, x, y)
 
 
