@@ -241,16 +241,18 @@ def _first_met(path, h, end, state, ints, grain, walls, rules, free, way):
     """
     if free + clearance(walls, end[0], end[1], grain[at.RADIUS], way) > way:
         return -1.0
-    searched, never = CLOSE * rules.length + free, -1.0
+    searched, met = CLOSE * rules.length + free, -1.0
     if way > searched:
-        h = never = h * searched / way
+        h = met = h * searched / way
         end = along(path, h)
     found, _, _ = first_wall(path, h, end, state[at.T], grain[at.RADIUS], rules.skin, walls, ints)
-    if found < 0.0:
-        found, _ = first_line(path, h, end, state[at.T], walls, rules.skin)
-    if found >= 0.0:  # a confined step makes the contact
+    if found >= 0.0:
+        h = met = found
+        end = along(path, h)
+    crossed, _ = first_line(path, h, end, state[at.T], walls, rules.skin)
+    if found >= 0.0 or crossed >= 0.0:  # a confined step makes the contact
         ints[at.PATIENCE] = 1
-    return found if found >= 0.0 else never
+    return crossed if crossed >= 0.0 else met
 
 
 @compiled
