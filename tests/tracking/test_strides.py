@@ -115,6 +115,20 @@ def test_no_stride_passes_a_line_unseen(kind: str, size: str) -> None:
     assert np.all(found.position[~first, 1] > 0.3)  # blown out at the side, none below the line
 
 
+@pytest.mark.parametrize("size", SIZES)
+def test_a_stride_that_would_meet_a_wall_sees_the_line_before_it(size: str) -> None:
+    """A wall lies so near below the line that the stride across it meets the wall as well."""
+    field, one = air("steady"), grains(*SIZES[size])
+    one = one.replace(position=np.stack([np.linspace(0.3, 0.6, COUNT), np.linspace(0.35, 0.6, COUNT)], axis=1))
+    wall = Body(np.array([[0.0, 0.1], [1.0, 0.1], [1.0, 0.29], [0.0, 0.29]]))
+    line = np.array([[1.0, 0.3], [0.0, 0.3]])
+    found = flown(field, one, 0.1, lines=[line], bodies=[wall], gravity=(0.0, -300.0))
+    crossed = found.fate == Fate.BINNED
+    assert crossed.mean() > 0.5
+    np.testing.assert_array_equal(found.impacts, 0)
+    np.testing.assert_allclose(found.position[crossed, 1], 0.3)
+
+
 def test_the_air_that_is_kept_of_a_field_has_what_each_fraction_needs() -> None:
     """One flies without the pressure gradient, the next with it, in one field."""
     field, one = air("modes"), grains(*SIZES["chaff"])

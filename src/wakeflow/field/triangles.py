@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Value = TypeVar("Value")
 INSIDE = -1e-9  # smallest barycentric coordinate that still counts as inside a triangle
+PER_TRIANGLE = 2  # cells of the grid of nearest triangles
 
 
 def double_area(points: Array, triangles: Index) -> Array:
@@ -159,6 +160,18 @@ class Triangles:
         order = np.argsort(cell, kind="stable")
         start = np.searchsorted(cell[order], np.arange(side * side + 1))
         return start, owner[order], corner, pitch, side
+
+    @of_mesh
+    def nearest_by_cell(self) -> tuple[Index, Array, Array, int]:
+        """The triangle whose centroid is nearest to the middle of each cell of a regular grid, row by row; corner and
+        pitch of the grid, cells a side.
+        """
+        corner, top = self.points.min(axis=0), self.points.max(axis=0)
+        side = max(1, int(np.sqrt(PER_TRIANGLE * len(self.triangles))))
+        pitch = (top - corner) / side
+        row, column = np.divmod(np.arange(side * side), side)
+        nearest = self._centres.query(corner + (np.stack([column, row], axis=1) + 0.5) * pitch)[1]
+        return nearest.astype(np.int64), corner, pitch, side
 
     def barycentric(self, triangle: Index, x: Array) -> Array:
         """Barycentric coordinates (n, 3) of points ``x`` (n, 2) in the given triangles (n,)."""

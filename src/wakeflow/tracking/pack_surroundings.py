@@ -179,6 +179,7 @@ def pack_lines(lines: Sequence[object]) -> tuple[Array, Index]:
 # -- From a field to the plain arrays of the kernel --------------------------------------------------------------------
 NODES = 128  # of which splines are made at a time: they fit into a core's cache
 SIGNS = np.array([-1.0, 1.0, -1.0, 1.0, 1.0, 1.0])  # of the values in a mirror
+ROUND = 1e-9  # of the mesh's extent: so near to its box an edge is on it
 LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
 
 
@@ -201,7 +202,7 @@ def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forc
     """
     if field is None:
         empty = np.zeros((0, 3), dtype=np.int64)
-        nothing = (np.zeros(0), np.zeros(1), rows_of_ints([], 4), np.zeros(3), np.zeros(4))
+        nothing = (np.zeros(0), np.zeros(1), rows_of_ints([], 4), np.zeros(3), empty[:, 0], np.zeros(5), np.zeros(4))
         return PackedAir(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), *nothing)
     key = (*_needs(forces), reach, *(part.tobytes() for body in bodies for part in body.edges))
     kept = _kept(field)
@@ -236,8 +237,24 @@ def _packed(field: FlowField, kept: _Kept, bodies: Sequence[Body], reach: float,
         np.array([field.period or 0.0]),
         covered,
         smooth,
+        *_places(field, neighbours),
         np.array(swing or (0.0,) * 4, dtype=np.float64),
     )
+
+
+def _places(field: FlowField, neighbours: Index) -> tuple[Index, Array]:
+    """The grid of ``PackedAir``, and where it lies. There is none where an edge that no body covers lies elsewhere than
+    around all of the mesh: a granule that leaves by it has left, though triangles lie beyond.
+    """
+    triangle, edge = np.nonzero(neighbours == -1)
+    start, end = (field.points[field.triangles[triangle, (edge + step) % 3]] for step in (1, 2))
+    low, high = field.points.min(axis=0), field.points.max(axis=0)
+    slack = ROUND * (high - low)
+    around = [np.abs(np.maximum(start, end) - low) <= slack, np.abs(np.minimum(start, end) - high) <= slack]
+    if not np.any(around, axis=(0, 2)).all():
+        return np.zeros(0, dtype=np.int64), np.zeros(5)
+    nearest, corner, pitch, side = field.nearest_by_cell
+    return nearest, np.array([*corner, *(1.0 / pitch), side])
 
 
 def _needs(forces: Sequence[str]) -> tuple[bool, bool]:

@@ -27,6 +27,8 @@ class PackedAir(NamedTuple):
     period: Array  # (1,) s; 0: does not repeat
     covered: Index  # (C, 4) triangle, its edge, previous and next covered edge along the boundary (-1: none)
     smooth: Array  # (3,) first knot, knots per s, number of knots; zeros: not smooth
+    grid: Index  # (cells,) the triangle nearest to each cell of a regular grid, row by row; empty: no grid
+    places: Array  # (5,) the grid's first corner, cells per m, cells in a row
     swing: Array  # (4,) amplitude, angular frequency, phase of the mesh, in whose frame granules fly; zeros: at rest
 
 
@@ -212,6 +214,7 @@ CORNER_X, CORNER_Y = 0, 1  # geometry: first corner
 B0X, B0Y, B1X, B1Y, B2X, B2Y = range(2, 8)  # geometry: gradients of the barycentric coordinates; k's at B0X + 2 k
 NODE_U, NODE_V, NODE_PX, NODE_PY, NODE_RMS, NODE_LIFE = range(6)  # values: as listed in ``Air``
 COVER_TRI, COVER_EDGE, COVER_BEFORE, COVER_AFTER = range(4)  # covered
+GRID_X, GRID_Y, PER_X, PER_Y, IN_ROW = range(5)  # places
 KNOT_FIRST, KNOT_RATE, KNOT_COUNT = range(3)  # smooth
 SWING_X, SWING_Y, SWING_OMEGA, SWING_PHASE = range(4)  # swing, and the block SWING of the loaded air
 

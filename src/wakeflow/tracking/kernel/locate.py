@@ -9,6 +9,7 @@ from .jit import compiled
 
 INSIDE = -1e-12
 AROUND = 3  # covered edges on each side of the nearest one that are tried
+FAR = 1.0  # cells of the grid, from which on a point is looked for in its cell
 SELDOM = 32  # steps in the gap: then all triangles are looked at
 
 
@@ -19,6 +20,14 @@ def barycentric(geometry, tri, k, x, y):
         y - geometry[tri, at.CORNER_Y]
     )
     return value + 1.0 if k == 0 else value
+
+
+@compiled
+def cell_size(geometry, tri):
+    """The side (m) of a square of twice the triangle's area."""
+    return 1.0 / math.sqrt(
+        abs(geometry[tri, at.B1X] * geometry[tri, at.B2Y] - geometry[tri, at.B1Y] * geometry[tri, at.B2X])
+    )
 
 
 @compiled
@@ -40,6 +49,19 @@ def walk(geometry, neighbours, tri, x, y):
             return tri, onward
         tri = onward
     return tri, at.NOBODY + 1
+
+
+@compiled
+def find(air, tri, x, y):
+    """The same, from near to the point where that is far from ``tri``; on foot where that fails, as behind a body."""
+    p, g = air.places, air.geometry
+    far = abs(x - g[tri, at.CORNER_X]) * p[at.PER_X] + abs(y - g[tri, at.CORNER_Y]) * p[at.PER_Y] > FAR
+    column, row = math.floor((x - p[at.GRID_X]) * p[at.PER_X]), math.floor((y - p[at.GRID_Y]) * p[at.PER_Y])
+    if far and 0.0 <= column < p[at.IN_ROW] and 0.0 <= row < p[at.IN_ROW]:
+        found, code = walk(g, air.neighbours, air.grid[int(row * p[at.IN_ROW] + column)], x, y)
+        if code == 0:
+            return found, code
+    return walk(g, air.neighbours, tri, x, y)
 
 
 @compiled

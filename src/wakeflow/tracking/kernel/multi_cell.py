@@ -7,14 +7,18 @@ docs/kernel.md derives them and the numbers below.
 
 from __future__ import annotations
 
+import math
+
 from . import layout as at
-from .face_to_face import march, way_out
+from .face_to_face import march
 from .jit import inlined
+from .locate import cell_size
 from .strides import onward, stride
 
-MIN_STRIDE = 3.0  # triangles: a shorter stride is better marched, which takes one look a triangle and no more
-MAX_STRIDE = 60.0  # triangles: the way to the stages is made on foot
-DRAWN_STRIDE = 4.0  # triangles, of a granule whose path is drawn
+MIN_STRIDE = 1.0  # sizes of a triangle: a shorter stride is better marched, which takes one look a triangle and no more
+MIN_UNMARCHED = 0.25  # the same of a granule that does not march: a confined step goes no farther
+MAX_STRIDE = 60.0  # the same: a longer stride may look at nothing of what it passes
+DRAWN_STRIDE = 4.0  # the same, of a granule whose path is drawn
 MAX_PATIENCE = 4  # steps after a march that did not get far are confined, 1, 2, 4 ... 2^this in a row
 MAX_CONFINED = 3  # the same after a stride that was refused, of granules that do not march
 FIRST_MARCH = 4  # triangles of the first march after a stride, and of all of a granule whose path is drawn
@@ -39,8 +43,8 @@ def multi_cell_step(path, state, ints, hold, affine, air, grain, table, walls, r
         ints[at.PATIENCE] -= 1
         return 0
     marches = grain[at.EXTRA] == 0.0 and grain[at.FORGET] == 0.0 and air.swing[at.SWING_OMEGA] == 0.0
-    cell, _ = way_out(air.geometry, ints[at.TRI], state[at.X], state[at.Y], state[at.VX], state[at.VY], 0.0, 0.0, 0.0)
-    least, most = (MIN_STRIDE if marches else 1.0) * cell, (DRAWN_STRIDE if drawn else MAX_STRIDE) * cell
+    cell = cell_size(air.geometry, ints[at.TRI]) / math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2)
+    least, most = (MIN_STRIDE if marches else MIN_UNMARCHED) * cell, (DRAWN_STRIDE if drawn else MAX_STRIDE) * cell
     h, refused, slope = stride(path, cell, least, most, state, ints, hold, affine, air, grain, table, walls, rules)
     if h > 0.0:
         ints[at.FRESH] = ints[at.HOPS] = ints[at.STUCK] = ints[at.MARCHES_CUT] = ints[at.STRIDES_REFUSED] = 0

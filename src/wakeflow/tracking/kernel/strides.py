@@ -23,15 +23,15 @@ from .dispersion import renew_at
 from .forces import spin_in_curl
 from .history import begin_memory, bend_memory, recall, recall_line, remember, sampled
 from .jit import compiled, inlined
-from .locate import walk
+from .locate import barycentric, find
 from .nodes import BOOLE, carried, displaced, excess_in, look_at
 from .step import TRANSIENT
 from .walls import clearance
 
 STRIDE_SHARE = 1.0  # of the tolerance for strides: the whole of it, since the judged error is that of Simpson's rule
 LOOKS = 4.0  # at the air in a stride: it may be as long as four times what changes in time ask for
-FIRST = 12.0  # triangles of the first stride tried; chosen by experiment
-GROWTH = 2.0  # of strides in a row
+FIRST = 6.0  # sizes of a triangle: the first stride tried; chosen by experiment
+GROWTH = 4.0  # of strides in a row
 TRIES = 3  # lengths tried in a row
 AROUND = 1.01  # a path is longer than its chord by less than one in a hundred where it is nearly straight
 IN_A_ROW = 64  # strides from one interval of noise to the next
@@ -39,8 +39,12 @@ ROW_SHARE = 3.0  # times what such a stride's parabola differs by from a straigh
 SKEW = 4.0  # times B h: part of a slip that fades which is no straight line; the same
 HOPELESS = 4.0  # times the allowed error: a stride that would have more, did N bend as before, is not tried
 AHEAD = 10.0  # ways of strides for which a clearance is looked up
-CLOSE = 0.25  # of a body's length: a stride by a wall, nearly straight
-BEFORE_IT = 0.9  # of the way to a wall: the next stride that is tried
+CLOSE = 0.5  # of a body's length, and as much more as walls are away: a path so long is nearly straight
+BEFORE_IT = 1.0 - 1e-6  # of the way to a wall, where the stride ends: far from contact, and from where it began
+OPEN = -1  # code of an edge of the mesh that nothing covers
+OVER, AIMED = 0.5, 0.1  # barycentric distances beyond the mesh's edge: largest and aimed at of the end of a stride
+NEWTON = 4  # steps towards that edge; each squares the distance
+OFF_EDGE = 0.5  # of a stride: the least that its end on the mesh's edge may leave of it
 
 
 class Start(NamedTuple):
@@ -55,7 +59,7 @@ class Start(NamedTuple):
 class Stages(NamedTuple):
     """What the looks at the force in a stride find out."""
 
-    met: bool  # whether all lay in the mesh
+    left: float  # s, about when the path leaves the mesh, a little late; inf: it does not
     tri: int  # the triangle at the end
     fast: float  # m/s, the larger of the speeds at both ends
     curl: float  # 1/s, the mean vorticity that the granule saw
@@ -124,6 +128,31 @@ def _fades(path, h, now, vx, vy, sx, sy):
     return change * abs(1.0 / path[at.RATE] - 1.0 / now), gx, path[at.N1Y] + h * path[at.N2Y] - per * sy
 
 
+@compiled
+def _farthest(geometry, tri, x, y):
+    """The edge of a triangle that a point is farthest beyond, and its barycentric coordinate there."""
+    least, edge = barycentric(geometry, tri, 0, x, y), 0
+    for k in range(1, 3):
+        value = barycentric(geometry, tri, k, x, y)
+        if value < least:
+            least, edge = value, k
+    return least, edge
+
+
+@compiled
+def _left(path, s, geometry, tri, code, x, y):
+    """About when a path that is on (x, y) at time s leaves the mesh, of which ``tri`` is the last triangle; s where it
+    does not, or goes a little beyond an open edge: the air of the triangle is taken there.
+    """
+    if code != OPEN:
+        return s if code == 0 else 0.5 * s
+    beyond, edge = _farthest(geometry, tri, x, y)
+    if beyond >= -OVER:
+        return s
+    before = barycentric(geometry, tri, edge, path[at.START_X], path[at.START_Y])
+    return s * (before + AIMED) / (before - beyond) if before > 0.0 else 0.5 * s
+
+
 @inlined
 def _stages(path, h, start, state, ints, hold, affine, air, grain, table):
     """Look at the force in the middle of a stride h (s), at its end, at 1/4 and at 3/4."""
@@ -135,9 +164,10 @@ def _stages(path, h, start, state, ints, hold, affine, air, grain, table):
         s = h * (0.5 * stage if stage < 3 else 0.5 * stage - 1.25)
         p = phis(-rate * s)
         x, y, vx, vy = along_phis(path, s, p)
-        tri, code = walk(air.geometry, air.neighbours, tri if stage < 3 else half_way, x, y)
-        if code != 0:
-            return Stages(False, tri, fast, curl, ox, oy, nx, ny, past, bent, relaxed, gx, gy)
+        tri, code = find(air, tri if stage < 3 else half_way, x, y)
+        left = _left(path, s, air.geometry, tri, code, x, y)
+        if left < s:
+            return Stages(left, tri, fast, curl, ox, oy, nx, ny, past, bent, relaxed, gx, gy)
         half_way, last = (tri if stage == 1 else half_way), (tri if stage == 2 else last)
         ints[at.EVALUATIONS] += 1
         look = look_at(ints, affine, air, grain, tri, x, y, state[at.T] + s)
@@ -163,7 +193,7 @@ def _stages(path, h, start, state, ints, hold, affine, air, grain, table):
             ox, oy = nx, ny
         elif grain[at.FORGET] != 0.0:
             past, bent = _past(path, s, state, hold, grain, sx, sy)
-    return Stages(True, last, fast, curl, ox, oy, nx, ny, past, bent, relaxed, gx, gy)
+    return Stages(math.inf, last, fast, curl, ox, oy, nx, ny, past, bent, relaxed, gx, gy)
 
 
 @inlined
@@ -204,41 +234,86 @@ def _error(path, h, found, horizon, grain):
 
 
 @compiled
-def _first_met(path, h, end, state, ints, grain, walls, rules, way):
-    """When the granule first meets a wall or a line on a stride h (s) that goes ``way`` (m) at most; -1.0: never."""
-    if clearance(walls, end[0], end[1], grain[at.RADIUS], way) >= way:
+def _first_met(path, h, end, state, ints, grain, walls, rules, free, way):
+    """When the granule first meets a wall or a line on a stride h (s) that goes ``way`` (m) at most, with ``free`` room
+    (m) where it begins; -1.0: never. Of a path that is too long to be searched, which was not foretold, the end of what
+    is searched.
+    """
+    if free + clearance(walls, end[0], end[1], grain[at.RADIUS], way) > way:
         return -1.0
+    searched, met = CLOSE * rules.length + free, -1.0
+    if way > searched:
+        h = met = h * searched / way
+        end = along(path, h)
     found, _, _ = first_wall(path, h, end, state[at.T], grain[at.RADIUS], rules.skin, walls, ints)
-    if found < 0.0:
-        found, _ = first_line(path, h, end, state[at.T], walls, rules.skin)
-    return found
+    if found >= 0.0:
+        h = met = found
+        end = along(path, h)
+    crossed, _ = first_line(path, h, end, state[at.T], walls, rules.skin)
+    if found >= 0.0 or crossed >= 0.0:  # a confined step makes the contact
+        ints[at.PATIENCE] = 1
+    return crossed if crossed >= 0.0 else met
+
+
+@compiled
+def _on_edge(path, h, geometry, tri):
+    """When a path that ends a little beyond the mesh's edge, at time h (s), crosses it."""
+    x, y, vx, vy = along(path, h)
+    _, k = _farthest(geometry, tri, x, y)
+    bx, by, s = geometry[tri, at.B0X + 2 * k], geometry[tri, at.B0Y + 2 * k], h
+    for _ in range(NEWTON):
+        s -= barycentric(geometry, tri, k, x, y) / (bx * vx + by * vy)
+        x, y, vx, vy = along(path, s)
+    return s
 
 
 @inlined
-def _met(path, h, tri, end, state, ints, air, grain, walls, rules, free, way):
-    """The triangle at the end of a stride h (s), and when on it the granule first meets a wall, a line or the end of
-    the mesh (s; -1.0: never). There is ``free`` room (m) where it begins.
+def _end(path, h, tri, state, ints, air, grain, walls, rules, free, way):
+    """Where a stride h (s) ends: its time, triangle, place and velocity. That is on the mesh's edge where it goes
+    beyond it, and short of a wall or a line that is met before; a time that is not above zero: nowhere. There is
+    ``free`` room (m) where it begins.
     """
-    tri, code = walk(air.geometry, air.neighbours, tri, end[0], end[1])
-    if code != 0:
-        return tri, 0.5 * h
-    return tri, -1.0 if free > way else _first_met(path, h, end, state, ints, grain, walls, rules, way)
+    end, s = along(path, h), h
+    tri, code = find(air, tri, end[0], end[1])
+    if code == OPEN:
+        s = _on_edge(path, h, air.geometry, tri)
+        end = along(path, s)
+    if not (code == 0 or (code == OPEN and OFF_EDGE * h < s < h)):
+        return -1.0, tri, end
+    hit = -1.0 if free > way else _first_met(path, s, end, state, ints, grain, walls, rules, free, way)
+    if hit >= 0.0:
+        s = BEFORE_IT * hit
+        end = along(path, s)
+        tri, code = find(air, tri, end[0], end[1])
+        s = s if code == 0 else -1.0
+    return s, tri, end
 
 
 @inlined
 def _land(path, h, clock, found, state, ints, hold, air, grain, walls, rules, free, way):
-    """Make good the mean defect of the force, and arrive at the end of a stride h (s), unless something is met on it.
-    Returns when (s; -1.0: nothing is).
+    """Make good the mean defect of the force, and arrive at the end of a stride h (s). Returns when; a time that is not
+    above zero: the granule has not moved.
     """
-    cx, cy = BOOLE * (found.ox + found.mx), BOOLE * (found.oy + found.my)
-    path[at.N0X], path[at.N0Y] = path[at.N0X] + cx, path[at.N0Y] + cy
-    end = along(path, h)
-    tri, hit = _met(path, h, found.tri, end, state, ints, air, grain, walls, rules, free, way)
-    if hit < 0.0:
-        _arrive(path, h, clock, tri, end, found.curl, state, ints, hold, grain)
-    else:
-        path[at.N0X], path[at.N0Y] = path[at.N0X] - cx, path[at.N0Y] - cy
-    return hit
+    path[at.N0X] += BOOLE * (found.ox + found.mx)
+    path[at.N0Y] += BOOLE * (found.oy + found.my)
+    s, tri, end = _end(path, h, found.tri, state, ints, air, grain, walls, rules, free, way)
+    if s > 0.0:
+        _arrive(path, s, clock, tri, end, found.curl, state, ints, hold, grain)
+    return s
+
+
+@inlined
+def _room(h, speed, state, grain, walls, rules):
+    """How long (s) a stride of at most h may be so that what it meets is found, and the room (m) where it begins. The
+    room at both ends may add up to more than the way: then nothing is met.
+    """
+    way = AROUND * h * speed
+    free = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], way)
+    if free < way:
+        x, y = state[at.X] + h * state[at.VX], state[at.Y] + h * state[at.VY]
+        if free + clearance(walls, x, y, grain[at.RADIUS], way) <= way:
+            h = min(h, (CLOSE * rules.length + free) / speed)
+    return h, free
 
 
 @inlined
@@ -249,37 +324,30 @@ def stride(path, cell, least, most, state, ints, hold, affine, air, grain, table
     """
     t0, speed, known = state[at.T], math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2), state[at.H_STRIDE]
     clock = min(rules.until, state[at.T_NOISE], state[at.T_END] if air.smooth[at.KNOT_RATE] == 0.0 else math.inf)
-    asked = min(FIRST * cell if known == 0.0 else known, most)
-    h = min(asked, clock - t0, LOOKS * rules.coarse)
-    way = AROUND * h * speed
-    free = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], AHEAD * way)
-    if free <= way:
-        h = min(h, CLOSE * rules.length / speed)
-    refused = 0.0 < known < least
+    asked = min(FIRST * cell if known == 0.0 else max(known, least), most)
+    h, free = _room(min(asked, clock - t0, LOOKS * rules.coarse), speed, state, grain, walls, rules)
     if not (h >= least or h == state[at.T_NOISE] - t0 > 0.0):
-        if refused:
-            state[at.H_STRIDE] = least
-        return 0.0, refused, (0.0, 0.0)
-    horizon = _flight_left(state, grain, rules, speed)
+        return 0.0, False, (0.0, 0.0)
+    refused, horizon = False, _flight_left(state, grain, rules, speed)
     look = look_at(ints, affine, air, grain, ints[at.TRI], state[at.X], state[at.Y], t0)
     start = _begin(path, look, state, ints, hold, air, grain, table)
     for _ in range(TRIES):
         found = _stages(path, h, start, state, ints, hold, affine, air, grain, table)
-        way, shorter = AROUND * h * found.fast, 0.5
-        if found.met:
-            error = _error(path, h, found, horizon, grain)
-            allowed = STRIDE_SHARE * rules.allowance * math.sqrt(rules.extent * way)
-            if error <= allowed:
-                hit = _land(path, h, clock, found, state, ints, hold, air, grain, walls, rules, free, way)
-                if hit < 0.0:
-                    longer = h * min(GROWTH, 0.8 * math.sqrt(allowed / error)) if error > 0.0 else GROWTH * h
-                    state[at.H_STRIDE] = max(longer, known) if h < asked and not refused else longer
-                    return h, False, (found.gx, found.gy)
-                shorter = BEFORE_IT * hit / h
-            else:
-                shorter, refused = max(0.1, 0.7 * math.sqrt(allowed / error)) if math.isfinite(error) else 0.1, True
-                known = shorter * h
-        h *= shorter
+        if found.left < h:
+            h = found.left
+            if h < least:
+                break
+            continue
+        way = AROUND * h * found.fast
+        error = _error(path, h, found, horizon, grain)
+        allowed = STRIDE_SHARE * rules.allowance * math.sqrt(rules.extent * way)
+        if error <= allowed:
+            longer = h * min(GROWTH, 0.8 * math.sqrt(allowed / error)) if error > 0.0 else GROWTH * h
+            state[at.H_STRIDE] = max(longer, known) if h < asked and not refused else longer
+            h = _land(path, h, clock, found, state, ints, hold, air, grain, walls, rules, free, way)
+            return max(h, 0.0), False, (found.gx, found.gy)
+        h *= max(0.1, 0.7 * math.sqrt(allowed / error)) if math.isfinite(error) else 0.1
+        refused, known = True, h
         if h < least:
             break
     if refused:
@@ -345,7 +413,7 @@ def onward(path, before, slope, state, ints, hold, affine, air, grain, table, wa
         path[at.N1X], path[at.N1Y] = slope
         path[at.N2X] = path[at.N2Y] = 0.0
         x, y, _, _ = along_phis(path, h, p)
-        tri, code = walk(air.geometry, air.neighbours, ints[at.TRI], x, y)
+        tri, code = find(air, ints[at.TRI], x, y)
         if code != 0:
             return taken
         ints[at.EVALUATIONS] += 1
@@ -357,8 +425,8 @@ def onward(path, before, slope, state, ints, hold, affine, air, grain, table, wa
         way = AROUND * h * max(start.speed, math.sqrt(last[2] * last[2] + last[3] * last[3]))
         if free <= way:
             free = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], AHEAD * way)
-        tri, hit = _met(path, h, tri, last, state, ints, air, grain, walls, rules, free, way)
-        if hit >= 0.0:
+        s, tri, last = _end(path, h, tri, state, ints, air, grain, walls, rules, free, way)
+        if s != h:
             return taken
         free, before = free - way, h
         _arrive(path, h, clock, tri, last, 0.5 * (start.curl + curl), state, ints, hold, grain)
