@@ -153,9 +153,7 @@ def test_how_many_passes_a_force_takes_hardly_depends_on_the_seed(b: float, nois
     """Over 20 seeds, of air that hardly answers and of air that oversteps three times, by forces known as those of 2048
     granules are, and ten times worse.
     """
-    passes = [
-        len(_Answering(seed, b, noise).passes) - 1 for seed in range(20)
-    ]  # the last one settles, whatever it finds
+    passes = [len(_Answering(seed, b, noise).passes) - 1 for seed in range(20)]  # but the last, which every force has
     assert max(passes) <= min(4, 1.5 * np.median(passes))
 
 

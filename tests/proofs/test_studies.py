@@ -151,6 +151,22 @@ def test_air_loading() -> None:
     assert answers[1]["cd"] < answers[0]["cd"]
 
 
+@pytest.mark.openfoam
+def test_passes_that_do_not_settle_find_the_force_of_those_that_do() -> None:
+    """On a coarse mesh; a share of 512 granules moves by two of them where one is turned at an edge."""
+    settled, quick = study("settled_passes", "rhombus", "--seeds", 1, "--most", 200, "--mesh-scale", 3.0)
+    assert quick["iterations"] < settled["iterations"]
+    assert quick["cd_off"] < 0.5
+    assert quick["share_off"] < 1.0
+
+
+def test_a_wakes_end_covers_its_known_mean() -> None:
+    rows = study("wake_ends", "--seeds", 20)
+    decided = [row["covers"] for row in rows if row["spread"] > 0.01]
+    assert np.mean(decided) > 0.9
+    assert all(row["latest"] < 2.0 for row in rows)
+
+
 @pytest.mark.slow
 @pytest.mark.openfoam
 def test_shares_do_not_depend_on_the_intervals_of_noise() -> None:

@@ -19,12 +19,12 @@ from .watch import ProgressListener, Watch
 Array = NDArray[np.float64]
 # A steady run ends when over its last WINDOW iterations nothing that is measured moved by more than these. Chosen: well
 # below what meshes differ by (per cent), reached by sound meshes within some hundred iterations.
-MOST = 3000  # iterations
 WINDOW = 300  # iterations: several times as many as a change of pressure takes through the channel
 STANDSTILL = 2e-4  # range of Cd over its mean
 STILL_BASE = 1e-3  # range of the base pressure coefficient over its mean, or over 1 where that is smaller
 STILL_WAKE = 5e-3  # range of the velocities along the wake's axis over the inlet speed
 USABLE = 0.01  # range of Cd over its mean that still counts as steady after the last iteration allowed
+MOST = 3000  # iterations of a run that neither settles nor shows that it will not
 SEGMENT = 100  # iterations between two decisions: starting the solver anew costs as much as about twelve
 STATES_KEPT = 8  # of a run that does not settle. Chosen: phases of a swing, and a share of 16 replicates each
 ROUNDING = 1e-12  # of a range over its mean: none

@@ -69,17 +69,11 @@ class Pass:
         return off / max(whole, 1e-300)
 
 
-@dataclass(frozen=True)
-class _Early:
+class _Early(NamedTuple):
     """A ``force`` on the air as it is known first, and the ``key`` of the airflow that it was gathered in."""
 
     force: ForceDensity
     key: str
-
-    @property
-    def early(self) -> _Early:
-        """Itself."""
-        return self
 
 
 class _Way(NamedTuple):
@@ -318,6 +312,7 @@ class LoadedCase(AirLoading):
         """
         from ..foam import solve_airflow
         from ..foam.fallback_settings import schemes_in
+        from ..foam.steady import MOST
 
         assert isinstance(air, SolvedAir)
         spec, msh, before = air.solved_spec, air.mesh[1] / "mesh.msh", start / "case"
@@ -330,7 +325,7 @@ class LoadedCase(AirLoading):
                 part / "case",
                 start=before,
                 force=force,
-                **({} if most is None else {"most": most}),
+                most=most or MOST,
                 listener=lambda now: air.cache.tell("loaded-airflow", str(now)),
             )
 

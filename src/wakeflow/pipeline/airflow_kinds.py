@@ -95,13 +95,13 @@ class ForceOnAir(Protocol):
     def key(self) -> str:
         """Of the steady airflow under it."""
 
-    @property
-    def early(self) -> ForceOnAir:
-        """The same as it is known first."""
-
 
 class ForceOnCase(ForceOnAir, Protocol):
     """The same where OpenFOAM solves that."""
+
+    @property
+    def early(self) -> ForceOnAir:
+        """The same as it is known first."""
 
     def solution_on(self, air: CaseAir) -> tuple[str, Path]:
         """Key and folder of the steady ``air``, which does not feel it, under the force."""

@@ -137,9 +137,9 @@ class TimeResolvedAir(SolvedAir):
         if not self.plan.airflow.loaded:
             return self
         rough = replace(self.plan, airflow=replace(self.plan.airflow, accuracy=ROUGH))
-        steady, loading = (lambda: self.steady().bare), (lambda: known(self.loading()).early)
         return replace(
-            self, plan=rough, steady=steady, nearest=lambda: None, loading=loading, made_as="early-airflow"
+            self, plan=rough, steady=lambda: self.steady().bare, nearest=lambda: None,
+            loading=lambda: cast(ForceOnCase, self.loading()).early, made_as="early-airflow",
         )  # fmt: skip
 
     def start(self) -> Path:

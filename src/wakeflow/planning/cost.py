@@ -32,9 +32,8 @@ from .stages import FLIGHTS, OWN, AirLabel, Scaling, Stage, StageCost, StageKey,
 from .wake import MEMORY, SpanCost, cost_of
 
 # -- What an airflow will cost, before its mesh is made ----------------------------------------------------------------
-# Of solving on one core of 2020s hardware: s of a body at the usual mesh, and s however few its cells are, of programs
-# that start and of files
-SECONDS, STARTS = {"steady": 11.5, "time-resolved": 28.0}, {"steady": 1.0, "time-resolved": 9.0}
+SECONDS = {"steady": 11.5, "time-resolved": 28.0}  # of solving on 2020s hardware at the usual mesh, a body, one core
+AT_LEAST = {"steady": 1.0, "time-resolved": 9.0}  # s that come on top, of programs that start and of files
 DEVELOPED = 0.68  # times as long: a time-resolved solution that starts from a coarser grid's wake, not the steady one
 UNMIRRORED = 3.4  # times as long: a steady solution of the whole channel, which has more cells and settles late
 WORTH_IT = 60_000  # cells from which a second MPI rank pays
@@ -78,11 +77,11 @@ def solver_seconds(scene: Scene, airflow: AirflowPlan, grid: int = 0) -> tuple[f
     size = len(scene.body) / edges**3
     steady = airflow.stepping == "steady"
     half = airflow.half if steady else airflow.symmetric
-    start = STARTS["steady"] + SECONDS["steady"] * size * (1.0 if half else UNMIRRORED * edges)
+    start = AT_LEAST["steady"] + SECONDS["steady"] * size * (1.0 if half else UNMIRRORED * edges)
     if airflow.span is not None:
         return start, 0.0
     developed = airflow.scales[1:] if airflow.loaded else airflow.scales[grid + 1 :]
-    in_time = STARTS["time-resolved"] + (DEVELOPED if developed else 1.0) * SECONDS["time-resolved"] * size
+    in_time = AT_LEAST["time-resolved"] + (DEVELOPED if developed else 1.0) * SECONDS["time-resolved"] * size
     return (0.0, start) if steady else (start, in_time)
 
 
@@ -101,7 +100,7 @@ EACH_STAGE = 0.2  # s of a stage in which granules fly, however few they are
 MESHED = 0.5, 3.0e-4  # s of a mesh, and of each cell
 READ = {"steady": 0.4, "time-resolved": 1.6}  # s: the field of a solved airflow
 AGAIN_UNDER_FORCE = 0.6  # a solution under force over a first one
-ON_THE_WAY = 0.25  # the same where it leads only to the next pass
+LEADING_ON = 0.25  # the same where it leads only to the next pass
 RESIDENCE = 1.5  # s of both cores
 PROGRAM = 4e8  # bytes: the interpreter with its libraries
 IN_AIR = 1.8e8  # bytes: the kernels of a solved airflow and its field
@@ -300,7 +299,7 @@ def _loading(work: Workload) -> Iterator[StageCost]:
         if label.draft or work.airflow.stepping == "steady":
             first = solver_seconds(work.scene, work.airflow, number)[not label.draft]
             times = _passes(work) if number == 0 else 1
-            mean = (AGAIN_UNDER_FORCE + ON_THE_WAY * (times - 1)) / times
+            mean = (AGAIN_UNDER_FORCE + LEADING_ON * (times - 1)) / times
             when = solved if number == 0 else "beside"
             yield StageCost(StageKey(label, "loaded-airflow"), mean * first, when, times)
 

@@ -48,9 +48,9 @@ class Scaling(Enum):
 @dataclass(frozen=True)
 class StageCost:
     """What a stage is expected to take: its ``name`` as a run's listener hears it, ``seconds`` each of the ``times``
-    that it is done, and ``when``: meanwhile, on another core from the begin on; first, what the answer's own airflow
-    waits for; in that airflow; on another core at the same time; or after it;
-    ``memory`` (bytes) that the run holds in it at most, with the program that the stage starts.
+    that it is done, and ``when``: before the answer's own airflow on the run's core (first) or on another one
+    (meanwhile), in that airflow (answer), on another core at the same time, or after it; ``memory`` (bytes) that the
+    run holds in it at most, with the program that the stage starts.
     """
 
     ORDER: ClassVar[tuple[str, ...]] = ("meanwhile", "first", "answer", "beside", "after")

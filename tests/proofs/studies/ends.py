@@ -12,6 +12,9 @@ vibrating_air: What leaving the body's motion out of the air changes of the ship
 its shares: the same machine and granules in air that sees the body at rest and in air that sees it vibrate, at the
 scene's own frequency and at twice that of the shedding, where a wake locks, both with the scene's own a w / U. Each row
 is the mean over meshes of slightly different cells, with its standard error.
+
+wake_ends: When the rule ends records of a known mean that no choice of the rule has seen: periods, how far that depends
+on the seed, and how often the interval of Cd at the end covers.
 """
 
 from __future__ import annotations
@@ -28,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import wakeflow as wf
+from foam.test_statistics import STEPS, TRUTH, record
 from support import shipped
 from wakeflow.foam.case import FlowSpec
 from wakeflow.foam.history import CD, CL, read_table, upward_crossings
@@ -35,6 +39,7 @@ from wakeflow.foam.mesh_motion import MeshMotion
 from wakeflow.foam.read import CaseFields, time_folders
 from wakeflow.foam.solver import run_segment
 from wakeflow.foam.start import perturb, start_from
+from wakeflow.foam.statistics import Stopping, evaluate
 from wakeflow.foam.watch import Watch
 from wakeflow.laws.shape import shapes
 from wakeflow.meshing import build_mesh, ends, plan_mesh
@@ -322,3 +327,42 @@ def vibrating_air(*, meshes: int = 4, scale: float = 1.5, count: int = 4096, qui
     scene = shipped("rhombus", {"feed.count": QUICK_COUNT if quick else count})
     scales = QUICK_SCALES if quick else scale * (1.0 + 0.03 * (np.arange(meshes) - 0.5 * (meshes - 1)))
     return show(VIBRATING_COLUMNS, vibrating_rows(scene, scales, TIMES_FS[: 1 if quick else None]))
+
+
+# -- wake_ends ---------------------------------------------------------------------------------------------------------
+ENDS = {
+    "correlation from period to period": "{memory:g}", "spread from period to period, %": "{spread:g*100}",
+    "asked, %": "{asked:g*100}", "periods": "{periods:.0f}", "latest / median": "{latest:.2f}",
+    "of nine twenties in ten at most": "{most:.2f}", "covers, %": "{covers:.0f*100}",
+}  # fmt: skip
+RECORDS = (
+    (0.0, 0.005, 0.03), (0.0, 0.01, 0.03), (0.3, 0.01, 0.03), (0.0, 0.03, 0.03), (0.3, 0.03, 0.03), (0.6, 0.03, 0.03),
+    (0.0, 0.05, 0.03), (0.3, 0.05, 0.03), (-0.4, 0.06, 0.03), (0.6, 0.05, 0.04), (0.3, 0.1, 0.05),
+)  # fmt: skip
+UNSEEN, LONGEST, TOGETHER, TWENTIES = 5000, 300, 20, 200  # first seed; periods; seeds of which the latest counts; draws
+
+
+def _ended(memory: float, spread: float, asked: float, seed: int) -> tuple[int, bool]:
+    """Periods at which the rule ends a record, and whether the interval of Cd covers then."""
+    rows, stopping = record(seed, LONGEST, memory=memory, noise=spread), Stopping(asked)
+    end = next((count for count in range(8, LONGEST) if stopping.look(rows[: count * STEPS])), LONGEST)
+    found = evaluate(rows[: end * STEPS], asked)
+    return end, found is not None and found.cd.low <= TRUTH["cd"] <= found.cd.high
+
+
+def _ends(seeds: int) -> Iterator[Row]:
+    for memory, spread, asked in RECORDS:
+        found = [_ended(memory, spread, asked, UNSEEN + seed) for seed in range(seeds)]
+        ends, rng = np.array([end for end, _ in found]), np.random.default_rng(0)
+        drawn = [rng.choice(ends, min(TOGETHER, seeds), replace=False) for _ in range(TWENTIES)]
+        over = [twenty.max() / np.median(twenty) for twenty in drawn]
+        yield {
+            "memory": memory, "spread": spread, "asked": asked, "periods": float(np.median(ends)),
+            "latest": float(np.median(over)), "most": float(np.quantile(over, 0.9)),
+            "covers": float(np.mean([covers for _, covers in found])),
+        }  # fmt: skip
+
+
+def wake_ends(*, seeds: int = 160) -> list[Row]:
+    """When a wake in time ends whose drag has a known mean."""
+    return show(ENDS, _ends(seeds))

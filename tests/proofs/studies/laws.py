@@ -15,6 +15,8 @@ far landings move next to the bound of the plan that leaves the air out. docs/va
 
 air_loading: What the granules' force on the air does: pass by pass in the steady airflow, and in the answer's own next
 to one that does not feel them. docs/model.md.
+
+settled_passes: The force found in airflows that need not settle, next to that found where all do. docs/model.md.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -35,9 +38,11 @@ from wakeflow.core.record import load
 from wakeflow.field import FlowField
 from wakeflow.foam.airflow_result import AirflowResult
 from wakeflow.foam.momentum_source import SOURCE
+from wakeflow.foam.steady import MOST
 from wakeflow.laws.best_estimate import NUMBER_OF, by_source, wakes
 from wakeflow.laws.best_estimate import best_estimate as estimated
 from wakeflow.laws.material import materials
+from wakeflow.pipeline import air_loading as air_loading_stage
 from wakeflow.pipeline.air_loading import AirLoading
 from wakeflow.pipeline.track_stage import PerturbedRerun
 
@@ -284,3 +289,37 @@ def tables(scene: wf.Scene, **options: Any) -> tuple[list[Row], list[Row]]:
 def air_loading(scene: Path = CASES / "rhombus.toml") -> None:
     """What the granules' force on the air does."""
     tables(wf.Scene.load(scene))
+
+
+# -- settled_passes ----------------------------------------------------------------------------------------------------
+SETTLED = {
+    "scene": "{scene}", "seed": "{seed}", "iterations of a pass on the way, at most": "{most}",
+    "of all passes": "{iterations}", "force, N/m": "{force:.4f}", "Cd": "{cd:.4f}", "Cd off, %": "{cd_off:.2f}",
+    "share off, points": "{share_off:.2f}",
+}  # fmt: skip
+
+
+def _settled(name: str, changes: Mapping[str, Any], seeds: int, most: tuple[int, ...]) -> Iterator[Row]:
+    for seed in range(seeds):
+        scene, first = shipped(name, {**changes, "feed.seed": seed}), None
+        for allowed in (MOST, *most):
+            with patch.object(air_loading_stage, "ON_THE_WAY", allowed):
+                last, *others = reversed(Pipeline(scene, wf.plan(scene)).loading.passes)
+            cases = [one.folder / "case" for one in (last, *others)]
+            cd = load(AirflowResult, cases[0] / "airflow.json").cd.value
+            first = first or (cd, last.gathered.shares)
+            off = [np.subtract(last.gathered.shares[one], shares) for one, shares in first[1].items()]
+            yield {
+                "scene": name, "seed": seed, "most": allowed, "force": last.force.total[1], "cd": cd,
+                "iterations": sum(load(AirflowResult, case / "airflow.json").steps for case in cases),
+                "cd_off": 100 * abs(cd / first[0] - 1.0), "share_off": 100 * float(np.abs(off).max()),
+            }  # fmt: skip
+
+
+def settled_passes(
+    *scenes: str, seeds: int = 2, most: tuple[int, ...] = (300, 200, 100), mesh_scale: float | None = None
+) -> list[Row]:
+    """Passes of the granules' force in airflows that take ``most`` iterations, next to those where all settle."""
+    changes = {} if mesh_scale is None else {"numerics.mesh_scale": mesh_scale}
+    named = scenes or ("rhombus", "wheat-straw-dust")
+    return show(SETTLED, (row for name in named for row in _settled(name, changes, seeds, most)))

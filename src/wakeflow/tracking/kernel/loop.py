@@ -21,11 +21,11 @@ from .history import begin_memory, remember
 from .jit import entry, inlined, merged
 from .locate import reproject
 from .multi_cell import multi_cell_step
+from .step import PROGRESS
 from .step_control import HOP_LIMIT, confined_step, cross_edge, hop, leaves, longest_step, relocate
 from .track_start import begin_track, store_point
 from .walls import constrain, grasp, inside
 
-PROGRESS = 1e-8  # of the step tried: less is none
 PRESSED = 1e-8  # of the square of the speed that a body's length of the pull gives: slower is at rest in a corner
 
 

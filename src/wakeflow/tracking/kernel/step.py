@@ -24,6 +24,7 @@ from .walls import constrain
 
 TRANSIENT = 4.0  # drag times; (z / (z + 4))^3 of a transient counts in z of them: third order if short, all if long
 STRAIGHT = 1e-3  # of the drag time: up to there a path is taken for a parabola
+PROGRESS = 1e-8  # of the step tried: less is none
 OVERSHOOT = 1.1  # of the estimated time to leave a triangle: the exit is then found inside the step
 # The next estimate of that time over the last one, at least and at most; chosen: the mean velocity that it is made of
 # belongs to the last estimate, and says little about a time ten times as long or short

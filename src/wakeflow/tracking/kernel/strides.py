@@ -25,7 +25,7 @@ from .history import begin_memory, bend_memory, recall, recall_line, remember, s
 from .jit import compiled, inlined
 from .locate import barycentric, find
 from .nodes import BOOLE, carried, displaced, excess_in, look_at
-from .step import TRANSIENT
+from .step import PROGRESS, TRANSIENT
 from .walls import clearance
 
 STRIDE_SHARE = 1.0  # of the tolerance for strides: the whole of it, since the judged error is that of Simpson's rule
@@ -281,7 +281,9 @@ def _end(path, h, tri, state, ints, air, grain, walls, rules, free, way):
     if not (code == 0 or (code == OPEN and OFF_EDGE * h < s < h)):
         return -1.0, tri, end
     hit = -1.0 if free > way else _first_met(path, s, end, state, ints, grain, walls, rules, free, way)
-    if hit >= 0.0:
+    if 0.0 <= hit <= PROGRESS * h:  # it is at the wall: a confined step makes the contact
+        return -1.0, tri, end
+    if hit > 0.0:
         s = BEFORE_IT * hit
         end = along(path, s)
         tri, code = find(air, tri, end[0], end[1])
