@@ -164,7 +164,7 @@ def test_a_wakes_end_covers_its_known_mean() -> None:
     rows = study("wake_ends", "--seeds", 20)
     decided = [row["covers"] for row in rows if row["spread"] > 0.01]
     assert np.mean(decided) > 0.9
-    assert all(row["latest"] < 2.0 for row in rows)
+    assert all(row["latest"] < 1.8 for row in rows if row["memory"] < 0.5)
 
 
 @pytest.mark.slow

@@ -1,5 +1,8 @@
 """Strides over many triangles fly every force, and the same noise as steps that stay inside a triangle."""
 
+import os
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -147,3 +150,42 @@ def test_the_air_of_a_mirror_image_is_the_original_s_with_other_signs(kind: str)
     anew = flown(field.reflected(), mirrored, 1e-4, "dispersion")
     flown(field, one, 1e-4, "dispersion")  # so that there is one to copy
     np.testing.assert_array_equal(flown(field.image, mirrored, 1e-4, "dispersion").position, anew.position)
+
+
+AT_A_WALL = """
+import numpy as np
+from wakeflow.tracking import Body
+from wakeflow.tracking.driver import _rules
+from wakeflow.tracking.kernel import layout as at
+from wakeflow.tracking.kernel.strides import _end
+from wakeflow.tracking.pack_surroundings import pack_air, pack_lines, pack_walls
+from tracking.test_strides import air
+
+field, h, radius = air("steady"), 1e-3, 2e-5
+bodies = [Body(np.array([[0.5, 0.4], [0.4, 0.5], [0.3, 0.4], [0.4, 0.3]]))]
+walls, packed = pack_walls(bodies, pack_lines([])), pack_air(field, bodies, 1e-6, ("drag",))
+rules = _rules(field, packed, bodies, walls, 1.0, 1e-2, 0.1, 0, True)
+grain = np.zeros(at.CONSTANTS)
+grain[at.RADIUS] = radius
+for gap in (1e-16, 1e-12, 1e-6, 1e-4):
+    path, state, ints = np.zeros(at.PATH), np.zeros(at.FLOATS), np.zeros(at.INTS, dtype=np.int64)
+    place = np.array([0.45, 0.45]) + (radius + gap) * np.sqrt(0.5)
+    path[[at.START_X, at.START_Y]], path[[at.START_VX, at.START_VY]] = place, -np.sqrt(0.5)
+    ints[at.GAP] = -1
+    s, _, end = _end(path, h, int(field.locate(place)[0]), state, ints, packed, grain, walls, rules, gap, h)
+    print(s, ints[at.PATIENCE], *end[:2])
+"""
+
+
+def test_a_stride_that_begins_at_a_wall_moves_nothing_and_leaves_the_contact_to_a_confined_step() -> None:
+    """Else it went a way that no number can hold, was taken for progress, and a granule did so a million times."""
+    env = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    run = subprocess.run([sys.executable, "-c", AT_A_WALL], env=env, capture_output=True, text=True, check=True)
+    for gap, row in zip((1e-16, 1e-12, 1e-6, 1e-4), run.stdout.splitlines(), strict=True):
+        s, patience, x, y = (float(part) for part in row.split())
+        assert patience == 1
+        if gap > 1e-11:  # of which a stride of 1 mm goes more than a 1e-8
+            assert s == pytest.approx(gap, rel=1e-3)
+            assert (x + y - 0.9) * np.sqrt(0.5) > 2e-5
+        else:
+            assert s < 0.0
