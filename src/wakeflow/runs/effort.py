@@ -1,12 +1,13 @@
 """How long a run may take: a quick answer, or the best one that a time allows.
 
-An effort is a set of coarse settings of a scene. The quickest is computed first, and is an answer of its own, with its
-interval. Then the finest whose expected time fits into what is left is tried under a deadline: where the expectation
-was wrong, what was found before stays.
+An effort is a set of coarse settings of a scene. The finest is computed that is expected to end early enough for the
+quickest to be computed in its place: where the expectation was wrong, it is given up at that time. Where the quickest
+alone fits, it comes first, and what it leaves is spent in the same way.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -22,18 +23,19 @@ from ..core.record import JsonTable
 from ..core.store import FinishedStages, NotFinished, cache_root
 from ..pipeline.cache import Listener
 from ..pipeline.pipeline import Pipeline
-from ..planning.cost import REPORT, STARTED, wall_seconds
+from ..planning.cost import REPORT, STARTED, begins, wall_seconds
 from ..planning.machine_rates import on_this_machine
 from ..planning.make import make_plan
 from ..planning.plan import Plan
-from ..planning.stages import StageKey
+from ..planning.stages import StageCost, StageKey
 from ..planning.terms import LOADING
 from ..scene import Scene
 from ..scene.changes import flat
 
 STAGE = "budget"  # as the listener hears of it
 SOLVED = ("steady", "time-resolved")
-OVERTIME = 1.15  # of a budget: where a round that took longer than expected is given up
+OVERTIME = 1.15  # of a budget: where a round is given up that has another's answer behind it
+LATEST = 1.25  # of a budget: when the answer is there in any case
 # Of a whole channel, whose air takes several times as long as half of one: times a mesh's edges, up to the coarsest
 # that a scene may ask for, and a part of the granules of a quick answer; chosen
 WHOLE_CHANNEL, COARSEST, FEWER = 4.0 / 3.0, 4.0, 2
@@ -136,8 +138,22 @@ def seconds_of(given: float | str) -> float:
 
 def expected(scene: Scene, plan: Plan) -> float:
     """Seconds that a plan of ``scene`` is expected to take on this machine, with the airflows that are in the cache."""
-    left, there = on_this_machine(plan, cache_root())[0], solved_before(scene, plan)
-    return wall_seconds([one for one in left if one.name not in there], cores())
+    return wall_seconds(_left(scene, plan), cores())
+
+
+def beginnings(scene: Scene, plan: Plan) -> dict[str, float]:
+    """When the stages that wait for one another are expected to begin, from the answer's airflow on: s after the start
+    of the same run.
+    """
+    left = _left(scene, plan)
+    dated = zip(left, begins(left, cores()), strict=True)
+    return {one.name: begun for one, begun in dated if one.when in ("answer", "after")}
+
+
+def _left(scene: Scene, plan: Plan) -> list[StageCost]:
+    """What is left to do of a plan."""
+    there = solved_before(scene, plan)
+    return [one for one in on_this_machine(plan, cache_root())[0] if one.name not in there]
 
 
 def solved_before(scene: Scene, plan: Plan) -> frozenset[str]:
@@ -184,17 +200,22 @@ class Within:
         for the quickest.
         """
         rounds = list(self._rounds())
-        quickest = expected(rounds[0][0], rounds[0][2])
+        times = [expected(scene, plan) for scene, _, plan, _ in rounds]
+        while times[1:] and times[1] <= times[0]:  # its airflow is in the cache
+            times, rounds = times[1:], rounds[1:]
+        quickest = times[0]
         if quickest > OVERTIME * self.budget:
             least = duration(quickest)
             raise SceneError(f"budget = {duration(self.budget)}: the quickest answer takes about {least}; give more")
-        done = self._computed(*rounds[0][:2], rounds[0][3], deadline=None)
-        assert done is not None
-        tried = 1
-        while (found := self._next(rounds, tried)) is not None:
+        straight = self._finest(rounds, 1, LATEST * self.budget - quickest)
+        done = None if straight is None else self._computed(*rounds[straight], latest=LATEST, instead=quickest)
+        tried = 1 if done is None or straight is None else straight + 1
+        if done is None:
+            done = self._computed(*rounds[0])
+            assert done is not None
+        while (found := self._finest(rounds, tried, self.left + STARTED)) is not None:
             tried = found + 1
-            scene, request, _, effort = rounds[found]
-            ended = self._computed(scene, request, effort, deadline=self.began + OVERTIME * self.budget - REPORT)
+            ended = self._computed(*rounds[found], latest=OVERTIME - REPORT / self.budget)
             if ended is None:
                 break
             done = ended
@@ -211,22 +232,34 @@ class Within:
                 seen.append(what)
                 yield scene, request, plan, effort
 
-    def _next(self, rounds: list[tuple[Scene, Request, Plan, Effort]], tried: int) -> int | None:
-        """The finest round from ``tried`` on that is expected to fit; None where none is."""
-        able = [place for place in range(tried, len(rounds)) if self._fits(*rounds[place])]
-        return max(able, default=None)
-
-    def _fits(self, scene: Scene, request: Request, plan: Plan, effort: Effort) -> bool:
-        del request, effort
-        return expected(scene, plan) - STARTED <= SURELY * self.left
+    def _finest(self, rounds: list[tuple[Scene, Request, Plan, Effort]], tried: int, seconds: float) -> int | None:
+        """The finest round from ``tried`` on that is expected to take no longer than that; None where none is."""
+        fits = [i for i in range(tried, len(rounds)) if expected(rounds[i][0], rounds[i][2]) <= SURELY * seconds]
+        return max(fits, default=None)
 
     def _computed(
-        self, scene: Scene, request: Request, effort: Effort, deadline: float | None
+        self,
+        scene: Scene,
+        request: Request,
+        plan: Plan,
+        effort: Effort,
+        *,
+        latest: float = math.inf,
+        instead: float = 0.0,
     ) -> tuple[Scene, Request] | None:
-        """A round that ended; None where its time was up."""
+        """A round that ended; None where it was given up, so that the answer is there at the ``latest`` (times the
+        budget): when what is left of it takes too long, and another ``instead``, which is expected to take so many
+        seconds, can only just be computed. How much slower than expected this machine is, the stages tell when they
+        begin.
+        """
+        begun, slower, left = self.clock(), 1.0, math.inf
+        due, whole = (beginnings(scene, plan), expected(scene, plan)) if instead else ({}, 0.0)
 
         def listener(stage: str, text: str) -> None:
-            if deadline is not None and self.clock() > deadline:
+            nonlocal slower, left
+            if (at := due.pop(stage, None)) is not None:
+                slower, left = max(slower, (self.clock() - begun) / at), whole - at
+            if self.clock() > self.began + latest * self.budget - slower * min(instead, left):
                 raise OutOfTime
             self.listener(stage, text)
 
