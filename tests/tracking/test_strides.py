@@ -179,7 +179,7 @@ for gap in (1e-16, 1e-12, 1e-6, 1e-4):
 
 def test_a_stride_that_begins_at_a_wall_moves_nothing_and_leaves_the_contact_to_a_confined_step() -> None:
     """Else it went a way that no number can hold, was taken for progress, and a granule did so a million times."""
-    env = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    env = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
     run = subprocess.run([sys.executable, "-c", AT_A_WALL], env=env, capture_output=True, text=True, check=True)
     for gap, row in zip((1e-16, 1e-12, 1e-6, 1e-4), run.stdout.splitlines(), strict=True):
         s, patience, x, y = (float(part) for part in row.split())
