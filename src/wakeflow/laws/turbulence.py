@@ -1,8 +1,7 @@
 """Turbulence: the models that OpenFOAM solves, and the dispersion of a granule as a Langevin process.
 
 Each component of the fluctuation that the granule sees is rms = sqrt(2 k / 3) times a unit Ornstein-Uhlenbeck process
-of the integral time that :func:`crossing_times` shortens from :func:`lifetime`; :func:`langevin` steps it exactly,
-whatever the step.
+of the integral time that :func:`crossing_times` shortens from :func:`lifetime`; :func:`held` steps it.
 
 Scalar functions of the math module, since the tracker's kernel compiles them as they are; np.vectorize takes arrays.
 
@@ -54,34 +53,20 @@ def crossing_times(lifetime: float, slip: float, rms: float) -> tuple[float, flo
     return calm / max(math.sqrt(rms2 + b2), 1e-300), calm / max(math.sqrt(rms2 + 4.0 * b2), 1e-300)
 
 
-def langevin(z: float) -> tuple[float, float, float, float, float]:
-    """A unit Ornstein-Uhlenbeck process over z integral times, exactly: (decay, end, mean, shared, own), so that
+def held(z: float) -> tuple[float, float, float]:
+    """A unit process of integral time T that is held over steps of z T: (stays, fresh, size), so that from step to step
 
-        w(z)                     = decay w(0) + end xi1
-        mean of w over the step  = mean w(0) + shared xi1 + own xi2       xi1, xi2 independent standard normal
+        w' = stays w + fresh xi,      seen over the step: size w',      xi standard normal
 
-    Any z from 0 to infinity, to round-off. Uhlenbeck, G.E. & Ornstein, L.S. 1930, Phys. Rev. 36, 823; the joint law
-    after Gillespie, D.T. 1996, Phys. Rev. E 54, 2084: decay = exp(-z), end^2 = 1 - exp(-2 z), mean = (1 - exp(-z)) / z,
-    shared^2 = mean^2 tanh(z/2), own^2 = (2 z - 4 tanh(z/2)) / z^2.
+    stays = (2 - z) / (2 + z), fresh^2 = 1 - stays^2, size = 1 up to z = 2; beyond it w is drawn anew each time, and
+    size^2 = 2 / z. Whatever z, the integral of its autocorrelation is T, so that tracers spread by Taylor's 2 u'^2 T t
+    in the end; its autocorrelation, a straight line over each step, differs from the Ornstein-Uhlenbeck process'
+    exp(-t / T) by z^2 / 8 at most (z < 2). Taylor, G.I. 1921, Proc. London Math. Soc. 20, 196.
     """
-    z = max(z, 1e-300)
-    x = 0.5 * z
-    if x < 0.25:  # one exponential makes all, since a slab draws at every other step; no cancellation either way
-        lost = -math.expm1(-z)
-        decay = 1.0 - lost
-    else:
-        decay = math.exp(-z)
-        lost = 1.0 - decay
-    t = lost / (2.0 - lost)
-    mean = lost / z
-    if x < 1.0:  # x - tanh x without cancellation: Lambert's continued fraction of tanh down to 19, as one quotient
-        y = x * x
-        over = 654729075.0 + y * (91891800.0 + y * (2837835.0 + y * (25740.0 + y * 55.0)))
-        under = 218243025.0 + y * (16081065.0 + y * (289575.0 + y * (1430.0 + y)))
-        own = math.sqrt(x * under / (over + y * under))
-    else:
-        own = math.sqrt((1.0 - t / x) / x)
-    return decay, math.sqrt(lost * (2.0 - lost)), mean, mean * math.sqrt(t), own
+    if z >= 2.0:
+        return 0.0, 1.0, math.sqrt(2.0 / z)
+    per = 1.0 / (2.0 + z)
+    return (2.0 - z) * per, math.sqrt(8.0 * z) * per, 1.0
 
 
 def brownian_diffusivity(

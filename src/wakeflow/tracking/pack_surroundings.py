@@ -181,6 +181,9 @@ NODES = 128  # of which splines are made at a time: they fit into a core's cache
 SIGNS = np.array([-1.0, 1.0, -1.0, 1.0, 1.0, 1.0])  # of the values in a mirror
 ROUND = 1e-9  # of the mesh's extent: so near to its box an edge is on it
 LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
+# Chosen by experiment, see docs/model.md: a tenth of them, which an interval of noise lasts, keeps tracers well mixed
+STEEP, REACH = 2.0, 1.0
+LEAST = 1e-30  # 1/s, m/s and s: in place of zero, where nothing is steep or nothing moves
 
 
 @dataclass
@@ -189,7 +192,7 @@ class _Kept:
 
     lock: Lock = field(default_factory=Lock)
     air: dict[tuple[object, ...], PackedAir] = field(default_factory=dict)
-    values: dict[tuple[bool, bool], tuple[Array, Array]] = field(default_factory=dict)
+    values: dict[tuple[bool, bool], tuple[Array, Array, Array]] = field(default_factory=dict)
 
 
 _KEPT: WeakKeyDictionary[FlowField, _Kept] = WeakKeyDictionary()
@@ -203,7 +206,7 @@ def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forc
     if field is None:
         empty = np.zeros((0, 3), dtype=np.int64)
         nothing = (np.zeros(0), np.zeros(1), rows_of_ints([], 4), np.zeros(3), empty[:, 0], np.zeros(5), np.zeros(4))
-        return PackedAir(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), *nothing)
+        return PackedAir(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), *nothing, np.zeros(0))
     key = (*_needs(forces), reach, *(part.tobytes() for body in bodies for part in body.edges))
     kept = _kept(field)
     with kept.lock:
@@ -224,7 +227,7 @@ def _packed(field: FlowField, kept: _Kept, bodies: Sequence[Body], reach: float,
     needs = _needs(forces)
     if needs not in kept.values:
         kept.values[needs] = _interpolant(field, forces, swing)
-    values, smooth = kept.values[needs]
+    values, smooth, even = kept.values[needs]
     neighbours = field.neighbours.copy()
     covered = _covered(field, neighbours, bodies, reach)
     times = np.zeros(1) if field.times is None or smooth[1] != 0.0 else field.times
@@ -239,6 +242,7 @@ def _packed(field: FlowField, kept: _Kept, bodies: Sequence[Body], reach: float,
         smooth,
         *_places(field, neighbours),
         np.array(swing or (0.0,) * 4, dtype=np.float64),
+        even,
     )
 
 
@@ -287,16 +291,56 @@ def eddy_life(field: FlowField) -> float:
     return float(np.median(lives))
 
 
-def _interpolant(field: FlowField, forces: Sequence[str], swing: MeshOscillation | None) -> tuple[Array, Array]:
-    """Values at the nodes and the knots in time; those of a mirror image are the original's but for their signs."""
+def _interpolant(field: FlowField, forces: Sequence[str], swing: MeshOscillation | None) -> tuple[Array, Array, Array]:
+    """Values at the nodes, the knots in time, and how even the eddies are; those of a mirror image are the original's
+    but for their signs.
+    """
     original = None if field.original is None else field.original()
     if original is not None:
         there = _kept(original).values.get(_needs(forces))
         if there is not None:
-            return there[0] * SIGNS[: there[0].shape[-1]], there[1]
+            return there[0] * SIGNS[: there[0].shape[-1]], *there[1:]
     if swing is None and field.coefficients is None:
-        return _values(field, forces), np.zeros(3)
-    return _smooth(field, forces, swing)
+        values, smooth = _values(field, forces), np.zeros(3)
+    else:
+        values, smooth = _smooth(field, forces, swing)
+    if not _needed("turbulence", forces):
+        return values, smooth, np.zeros(0)
+    nodes = values if smooth[1] == 0.0 else np.swapaxes(values, 0, 1)
+    return values, smooth, evenness(field, nodes[..., at.NODE_RMS], nodes[..., at.NODE_LIFE])
+
+
+def evenness(field: FlowField, rms: Array, life: Array) -> Array:
+    """For how long (N,) s eddies stay what they are about each node, from their deviation m/s and lifetime s at the
+    nodes (T, N).
+
+    In the triangles at it for their lifetime (not for less than a fluctuation as large as the deviation s takes through
+    one: the mesh tells nothing finer), or ``STEEP`` / |grad s|, the time in which it meets an s that is e times as
+    large, if that is less: FLEXPART's limit of a step (Pisso, I. et al. 2019, Geosci. Model Dev. 12, 4955). And nowhere
+    longer than elsewhere and the time to get there along the mesh's edges, ``REACH`` times as fast as s: an interval of
+    noise is drawn before anything is known of where it leads. Means over the time.
+    """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import dijkstra
+
+    corners, count = field.triangles, len(field.points)
+    slope = np.zeros(len(corners))
+    for deviation in rms:
+        slope += np.linalg.norm(np.einsum("mkd,mk->md", field.gradients, deviation[corners]), axis=1) / len(rms)
+    own, mean = np.full(count, LONGEST_LIFE), rms.mean(axis=0)
+    across = 1.0 / np.linalg.norm(field.gradients, axis=2).max(axis=1)
+    lives = np.maximum(life.mean(axis=0)[corners].mean(axis=1), across / np.maximum(mean[corners].max(axis=1), LEAST))
+    inside = np.minimum(lives, STEEP / np.maximum(slope, LEAST))
+    np.minimum.at(own, corners, inside[:, None])
+    here, there = corners.ravel(), np.roll(corners, 1, axis=1).ravel()
+    away = np.linalg.norm(field.points[there] - field.points[here], axis=1)
+    way = away / np.maximum(REACH * np.maximum(mean[here], mean[there]), LEAST)
+    # the shortest way, either way along each side, from a place from which each node is as far as its own time
+    rows = np.concatenate([here, there, np.full(count, count)])
+    columns, weights = np.concatenate([there, here, np.arange(count)]), np.concatenate([way, way, own])
+    _, once = np.unique(rows * (count + 1) + columns, return_index=True)
+    graph = csr_array((np.maximum(weights[once], LEAST), (rows[once], columns[once])), shape=(count + 1, count + 1))
+    return np.ascontiguousarray(dijkstra(graph, indices=count)[:count])
 
 
 def _values(field: FlowField, forces: Sequence[str]) -> Array:
