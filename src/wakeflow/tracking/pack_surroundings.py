@@ -23,6 +23,7 @@ from .bodies import Body
 from .frame import mesh_motion_of, relative
 from .kernel import layout as at
 from .kernel.layout import PackedAir, Walls
+from .near_walls import LONGEST_LIFE, eddies, hold_off
 
 # -- From bodies and lines to the plain arrays of the kernel -----------------------------------------------------------
 Array = NDArray[np.float64]
@@ -180,7 +181,6 @@ def pack_lines(lines: Sequence[object]) -> tuple[Array, Index]:
 NODES = 128  # of which splines are made at a time: they fit into a core's cache
 SIGNS = np.array([-1.0, 1.0, -1.0, 1.0, 1.0, 1.0])  # of the values in a mirror
 ROUND = 1e-9  # of the mesh's extent: so near to its box an edge is on it
-LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
 # Chosen by experiment, see docs/model.md: a tenth of them, which an interval of noise lasts, keeps tracers well mixed
 STEEP, REACH = 2.0, 1.0
 LEAST = 1e-30  # 1/s, m/s and s: in place of zero, where nothing is steep or nothing moves
@@ -276,19 +276,13 @@ def _width(forces: Sequence[str]) -> int:
     return 6 if _needed("turbulence", forces) else (4 if _needed("pressure", forces) else 2)
 
 
-def _eddies(k: Array, dissipation: Array) -> tuple[Array, Array]:
-    """Deviation m/s and lifetime s of the eddies (.., N)."""
-    k = np.maximum(k, 0.0)
-    return np.sqrt(2.0 / 3.0 * k), np.minimum(lifetime(k, np.maximum(dissipation, 0.0)), LONGEST_LIFE)
-
-
 def eddy_life(field: FlowField) -> float:
     """Lifetime (s) of the eddies in a turbulent ``field``: the median over the nodes, at the mean of k and of its
     dissipation, or of the first snapshot's.
     """
     k, dissipation = (known(part) for part in (field.k, field.dissipation))
-    lives = _eddies(*(part if field.times is None else part[0] for part in (k, dissipation)))[1]
-    return float(np.median(lives))
+    lives = lifetime(*(np.maximum(part if field.times is None else part[0], 0.0) for part in (k, dissipation)))
+    return float(np.median(np.minimum(lives, LONGEST_LIFE)))
 
 
 def _interpolant(field: FlowField, forces: Sequence[str], swing: MeshOscillation | None) -> tuple[Array, Array, Array]:
@@ -348,10 +342,11 @@ def _values(field: FlowField, forces: Sequence[str]) -> Array:
     lead = field.velocity.shape[:-1]
     values = np.zeros((*lead, _width(forces)))
     values[..., :2] = field.velocity
+    hold_off(field, values[..., :2])
     if _needed("pressure", forces):
         values[..., 2:4] = field.pressure_gradient
     if _needed("turbulence", forces):
-        values[..., 4], values[..., 5] = _eddies(known(field.k), known(field.dissipation))
+        values[..., 4], values[..., 5] = eddies(field, known(field.k), known(field.dissipation))
     return values if field.times is not None else values[None]
 
 
@@ -373,17 +368,18 @@ def _smooth(field: FlowField, forces: Sequence[str], swing: MeshOscillation | No
     shares = field.coefficients[around]
     values = np.zeros((count, len(around), _width(forces)))
     vectors = [field.velocity, *([field.pressure_gradient] if _needed("pressure", forces) else [])]
-    eddies: tuple[Array, ...] = ()
+    stirred: tuple[Array, ...] = ()
     if _needed("turbulence", forces):
-        eddies = _eddies(field.at_knots("k"), field.at_knots("dissipation"))
+        stirred = eddies(field, field.at_knots("k"), field.at_knots("dissipation"))
     for low in range(0, count, NODES):
         part = slice(low, low + NODES)
         for place, parts in enumerate(vectors):
             assert parts is not None
             drawn = (shares @ parts[:, part].reshape(len(parts), -1)).reshape(len(around), -1, 2)
             values[part, :, 2 * place : 2 * place + 2] = np.swapaxes(drawn, 0, 1)
-        for place, scalar in enumerate(eddies, 4):
+        for place, scalar in enumerate(stirred, 4):
             values[part, :, place] = scalar[around, part].T
+    hold_off(field, np.swapaxes(values, 0, 1)[..., :2])
     return values, np.array([field.times[0], knots / known(field.period), knots])
 
 
