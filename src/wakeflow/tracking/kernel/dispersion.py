@@ -28,7 +28,9 @@ _normals = compiled(normal_pair)
 LONGEST = 5.0
 MIN_INTERVALS = 64  # of a flight
 EARLY = 1e-6  # of a beat: round-off
-PASSAGE = 0.02  # of the time air or granule need for a body's length: an interval of Brownian motion, least of eddies'
+PASSAGE = 0.02  # of the time air or granule need for a body's length: an interval of Brownian motion
+# Of that: the least interval of eddies, but for where these are uneven; and of those that are briefer since it slips
+BRIEFEST, CROSSED = 0.05, 0.25
 
 
 @compiled
@@ -47,8 +49,8 @@ def _on_beat(span, rest, beat):
 
 
 @compiled
-def _eddies(state, ints, grain, table, rules, seen, least, rest, beat):
-    """Renew the fluctuation for an interval, and return its length; ``least`` is the shortest worth drawing.
+def _eddies(state, ints, grain, table, rules, seen, passage, rest, beat):
+    """Renew the fluctuation for an interval, and return its length; ``passage`` (s): see PASSAGE.
 
     The fluctuation over the deviation s = sqrt(2 k / 3) obeys  dw = (-w / T_i + grad s / (1 + St)) dt + sqrt(2 / T_i)
     dW, T_i along and across the slip: what keeps tracers well mixed (Thomson 1987, J. Fluid Mech. 180, 529; for
@@ -64,6 +66,7 @@ def _eddies(state, ints, grain, table, rules, seen, least, rest, beat):
     rate, brief = drag_rate(grain, table, slip * slip), min(along, across)
     stokes = life * rate
     drift = stokes / (1.0 + stokes) if stokes < 1e100 else 1.0  # 1 / (1 + St), St = 1 / (rate x lifetime)
+    least = max(BRIEFEST * passage, min(CROSSED * passage, rules.noise * life))
     span = max(rules.noise * min(brief + (1.0 / rate if rate > 0.0 else math.inf), LONGEST * brief), least)
     if drift > 0.0:
         span = min(span, rules.noise * even / drift)
@@ -123,7 +126,7 @@ def renew_in(state, ints, grain, table, rules, wind, seen, rest, beat):
     if speed > 0.0:
         span = min(span, PASSAGE * rules.length / speed)
     if grain[at.DISPERSION] != 0.0:
-        span = _eddies(state, ints, grain, table, rules, seen, 0.05 * span, rest, beat)
+        span = _eddies(state, ints, grain, table, rules, seen, span, rest, beat)
     else:
         span = _on_beat(span, rest, beat)
     if grain[at.DIFFUSIVITY] != 0.0:
