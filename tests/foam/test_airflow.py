@@ -138,7 +138,10 @@ class TestRhombus:
         outlet = light["points"][:, 1] < mesh.bottom + 1e-4
         assert light["pressure"][inlet].mean() - light["pressure"][outlet].mean() == pytest.approx(expected, abs=0.2)
         assert heavy["viscosity"] == pytest.approx(3 * AIR["viscosity"] / AIR["density"])
-        assert light["k"].min() > 0
+        x, y = light["points"].T
+        on_body = np.abs(np.abs(x) + np.abs(y) - WIDTH / 2) < 1e-9
+        assert np.all(light["k"][on_body] == 0.0)
+        assert light["k"][~on_body].min() > 0
         assert light["dissipation"].min() > 0
 
     def test_wall_pressure_is_that_whose_force_is_the_drag(self, rhombus_flow: Solved, tmp_path: Path) -> None:

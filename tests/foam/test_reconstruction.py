@@ -253,6 +253,16 @@ def test_nodes_on_the_wall_take_p_and_the_wall_function_leaves_no_gradient_in_th
     np.testing.assert_allclose(rise, 4 / 3 * energy(np.array([0.0, 1 / SIDE])))
 
 
+def test_eddies_vanish_on_a_no_slip_wall_whatever_its_wall_function_stores(case: Path) -> None:
+    """Off the wall k is linear, as given: neither the stored 9 nor the 0 of the wall is in the fits beside it."""
+    flow = read_flow(case)
+    y, k = flow["points"][:, 1], flow["k"]
+    assert k is not None
+    assert np.all(k[y < 1e-9] == 0.0)
+    inner = (y > 1e-9) & (y < 1.0 - 1e-9)
+    np.testing.assert_allclose(k[inner], energy(flow["points"])[inner], rtol=1e-9)
+
+
 def channel(count: int = 12) -> PlaneMesh:
     """The unit square as quadrilaterals: inlet above, outlet below, walls left and right."""
     side = np.linspace(0.0, 1.0, count + 1)

@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Callable, Iterator
-from decimal import Decimal, localcontext
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from wakeflow.laws.drag import drag_laws, relaxation_time, slip_correction
 from wakeflow.laws.lift import lift_coefficient, magnus_factor, spin_decay, spin_rate
 from wakeflow.laws.restitution import restitution_laws, restitution_table
 from wakeflow.laws.size import sizes
-from wakeflow.laws.turbulence import brownian_diffusivity, crossing_times, langevin, lifetime
+from wakeflow.laws.turbulence import brownian_diffusivity, crossing_times, held, lifetime
 from wakeflow.scene import Scene
 from wakeflow.tracking import Body, Fate, Granules, Motion, track
 
@@ -177,27 +176,26 @@ def intervals() -> Iterator[float]:
     yield from (1.999, 2.0, 2.001, 1e8, 1e12)
 
 
-def exact(z: float) -> tuple[float, ...]:
-    """The law's coefficients in 100 digits from the moments themselves; they cancel, which is what is tested."""
-    with localcontext() as context:
-        context.prec = 100
-        x = Decimal(z)
-        e = (-x).exp()
-        end = 1 - e * e
-        covariance = (1 - e) ** 2 / x
-        variance = (2 * x - 3 + 4 * e - e * e) / x**2
-        shared = covariance / end.sqrt()
-        return tuple(float(v) for v in (e, end.sqrt(), (1 - e) / x, shared, (variance - shared**2).sqrt()))
-
-
-def test_langevin_is_exact_to_round_off_for_any_interval() -> None:
+def test_a_fluctuation_that_is_held_has_unit_variance_and_the_integral_time() -> None:
+    """Of autocorrelations stays^n at whole steps, straight between them: size^2 z (1 + stays) / (1 - stays) / 2 = 1."""
     for z in intervals():
-        np.testing.assert_allclose(langevin(z), exact(z), rtol=5e-15 if z < 100 else 1e-12, atol=1e-300)
+        stays, fresh, size = held(z)
+        assert stays**2 + fresh**2 == pytest.approx(1.0, rel=1e-15)
+        less = 1.0 - stays if z > 0.1 else fresh**2 / (1.0 + stays)  # cancels
+        assert size**2 * z * (1.0 + stays) / less / 2.0 == pytest.approx(1.0, rel=1e-12)
 
 
-def test_langevin_at_its_ends() -> None:
-    np.testing.assert_allclose(langevin(0.0), (1.0, 0.0, 1.0, 0.0, 0.0), atol=1e-140)
-    assert langevin(math.inf) == (0.0, 1.0, 0.0, 0.0, 0.0)
+def test_it_forgets_as_the_ornstein_uhlenbeck_process_does() -> None:
+    for z in (0.05, 0.1, 0.5, 1.0, 1.9):
+        lag = np.linspace(0.0, 20.0 / z, 4001)
+        whole, part = np.floor(lag), lag - np.floor(lag)
+        found = held(z)[0] ** whole * (1.0 - part * (1.0 - held(z)[0]))
+        assert np.abs(found - np.exp(-z * lag)).max() < z * z / 8
+
+
+def test_a_held_fluctuation_at_its_ends() -> None:
+    assert held(0.0) == (1.0, 0.0, 1.0)
+    assert held(math.inf) == (0.0, 1.0, 0.0)
 
 
 # Brownian motion

@@ -14,6 +14,7 @@ import pytest
 from proofs.report import cell
 from proofs.studies import bounds, collisions, costs, flakes, laws, search_gain, target_error
 from proofs.studies.__main__ import app
+from proofs.studies.deposition import MESHES
 from support import CASES, ROOT, loaded_scene, shipped
 from wakeflow.laws.best_estimate import wakes
 from wakeflow.laws.collision import impact_models
@@ -74,6 +75,7 @@ def test_kernels_go_along_a_slope_as_the_material_says_and_a_ball_as_a_ball() ->
     ("words", "column", "found"),
     [
         (["best_estimate"], "{entry.name}", [entry.name for entry in wakes()]),
+        (["deposition", "--count", 4], "{mesh}", list(MESHES)),
         (["crowd_speed", 60], "{forces}", ["drag, gravity", "all four"]),
         (["injection_or_resolved", 64, CASES / "vacuum.toml"], "{fraction}", ["soft", "hard"]),
         pytest.param(

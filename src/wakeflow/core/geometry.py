@@ -121,10 +121,12 @@ def distance_to(points: Array, outline: Array) -> Array:
 
 
 def distance_to_edges(points: Array, start: Array, end: Array) -> Array:
-    """Distance (n,) m of points (n, 2) from the nearest of the edges between ``start`` and ``end`` (m, 2)."""
+    """Distance (n,) m of points (n, 2) from the nearest of the edges between ``start`` and ``end`` (m, 2), or of those
+    of its own (n, m, 2).
+    """
     along = end - start
     offset = points[:, None] - start
-    share = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
+    share = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=-1), 0.0, 1.0)
     return np.asarray(np.linalg.norm(offset - share[..., None] * along, axis=2).min(axis=1))
 
 

@@ -76,10 +76,13 @@ class FlowField(Triangles):
         coefficients: ArrayLike | None = None,
         motion: ArrayLike | None = None,
         truncation: ArrayLike | None = None,
+        walls: ArrayLike | None = None,
     ) -> FlowField:
         """A checked field; clockwise triangles are turned round. Shapes and units as in the class.
 
-        ``pressure_gradient`` (.., N, 2) Pa/m replaces the one recovered from ``pressure``. Raises SceneError for
+        ``pressure_gradient`` (.., N, 2) Pa/m replaces the one recovered from ``pressure``. ``walls`` (N,) tells which
+        nodes lie on no-slip walls: whatever ``k`` says, it is 0 there. Those on the boundary whose air rests while
+        other air moves are known without it. Raises SceneError for
         wrong shapes, NaN, indices out of range, degenerate triangles, times that do not increase, a period shorter
         than the time they span, or density and viscosity that are not positive.
         """
@@ -94,6 +97,8 @@ class FlowField(Triangles):
         scalars = {"pressure": pressure, "k": k, "dissipation": dissipation}
         nodal: dict[str, Any] = {name: checks.optional(name, values, lead) for name, values in scalars.items()}
         gradient = checks.optional("pressure_gradient", pressure_gradient, (*lead, 2))
+        if walls is not None and nodal["k"] is not None:
+            nodal["k"][..., checks.of_shape("walls", walls, (len(nodes),)) != 0.0] = 0.0
         lost = None if truncation is None else Truncation.from_array(checks.finite("truncation", truncation))
         field = cls(
             nodes, cells, speed, times=clock, period=None if period is None else float(period),

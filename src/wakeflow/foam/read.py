@@ -224,8 +224,8 @@ def read_flow(case_dir: Path | str, time: str | float = "latest", density: float
     "states" (:func:`late_states`, against iterations; their mean is then what "mean" gives).
     Pressure is OpenFOAM's kinematic p times ``density`` (kg/m3), in Pa, less 2k/3 where a k field and a linear
     eddy-viscosity model are present; at a no-slip wall k = 0, and it is p itself. Node values are second order up to
-    the walls, see :mod:`.reconstruction`; k and the dissipation rate stay within the range of their cells. Raises
-    FoamError for a case that is not one layer, decomposed only, or without the asked time.
+    the walls, see :mod:`.reconstruction`; k off such walls and the dissipation rate stay within the range of their
+    cells. Raises FoamError for a case that is not one layer, decomposed only, or without the asked time.
     """
     fields = CaseFields(Path(case_dir))
     loop = loop_of(fields.case)
@@ -326,7 +326,8 @@ def nodes_of(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> _No
     if shots[0].k is not None:
         at_rest = np.unique(plane.faces[wall])
         pressure[:, at_rest] += 2 / 3 * nodes.scalar(stack("k"), stack("k_faces"), outlet)[:, at_rest]
-        k = nodes.scalar(stack("k"), stack("k_faces"), inlet | wall, bounded=True)
+        k = nodes.scalar(stack("k"), stack("k_faces"), inlet & ~wall, bounded=True)
+        k[:, at_rest] = 0.0
     if shots[0].dissipation is not None:
         no_faces, none = np.zeros((len(shots), len(plane.faces))), np.zeros(len(plane.faces), dtype=bool)
         dissipation = nodes.scalar(stack("dissipation"), no_faces, none, bounded=True)

@@ -1,8 +1,7 @@
 """Turbulence: the models that OpenFOAM solves, and the dispersion of a granule as a Langevin process.
 
 Each component of the fluctuation that the granule sees is rms = sqrt(2 k / 3) times a unit Ornstein-Uhlenbeck process
-of the integral time that :func:`crossing_times` shortens from :func:`lifetime`; :func:`langevin` steps it exactly,
-whatever the step.
+of the integral time that :func:`crossing_times` shortens from :func:`lifetime`; :func:`held` steps it.
 
 Scalar functions of the math module, since the tracker's kernel compiles them as they are; np.vectorize takes arrays.
 
@@ -17,6 +16,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import numpy as np
+
 from ..core.registry import Registry
 from .constants import C_MU
 
@@ -29,6 +30,7 @@ LIFETIME = 1.0 / (0.5 + 0.75 * C0)  # 0.48, over k / dissipation
 # T.J. 2002, Flow Turbul. Combust. 68, 1, quoted), and 0.145 +- 0.01 as hollow glass beads spread in the grid turbulence
 # of Snyder, W.H. & Lumley, J.L. 1971, J. Fluid Mech. 48, 41 (points digitised by others, paper not read)
 LIFETIMES = (0.14, 0.5)
+SHORTEST, DAMPED = 4.5, 21.0  # Kolmogorov's times and lengths, beside walls
 EULERIAN = 0.8  # ratio of the Lagrangian to the Eulerian integral time, as in code_saturne
 BOLTZMANN = 1.380649e-23  # J/K, exact
 
@@ -40,6 +42,25 @@ def lifetime(k: Any, dissipation: Any) -> Any:
     J. & Minier, J.-P. 2006, Prog. Energy Combust. Sci. 32, 315. High turbulence Reynolds number. Takes arrays.
     """
     return LIFETIME * k / (dissipation + 1e-300)
+
+
+def shortest_life(dissipation: Any, viscosity: float) -> Any:
+    """Integral time (s) that eddies have at least beside a wall: 4.5 of Kolmogorov's times sqrt(nu / eps), dissipation
+    m2/s3, viscosity kinematic m2/s. The form is Durbin's (1991, Theor. Comput. Fluid Dyn. 3, 1); 4.5 makes 10 nu / u*^2
+    on the wall and 13 at y+ 10, as in Kallio, G.A. & Reeks, M.W. 1989, Int. J. Multiphase Flow 15, 433. Takes arrays.
+    """
+    return SHORTEST * (viscosity / (dissipation + 1e-300)) ** 0.5
+
+
+def damping(dissipation: Any, away: Any, viscosity: float) -> Any:
+    """Deviation across a wall over sqrt(2 k / 3), ``away`` (m) from it: 1 - exp(-y / (21 eta)), 0 on the wall, with
+    Kolmogorov's length eta = (nu^3 / eps)^(1/4); dissipation m2/s3, viscosity kinematic m2/s. Takes arrays.
+
+    21 is fitted to the profiles of channel flow by Dreeben, T.D. & Pope, S.B. 1997, Phys. Fluids 9, 2692 (quoted):
+    within 20 % from y+ 1 to 100. The measure is that of Abe, K., Kondoh, T. & Nagano, Y. 1994, Int. J. Heat Mass
+    Transfer 37, 139.
+    """
+    return -np.expm1(-away / DAMPED * (np.asarray(dissipation) / viscosity**3) ** 0.25)
 
 
 def crossing_times(lifetime: float, slip: float, rms: float) -> tuple[float, float]:
@@ -54,34 +75,20 @@ def crossing_times(lifetime: float, slip: float, rms: float) -> tuple[float, flo
     return calm / max(math.sqrt(rms2 + b2), 1e-300), calm / max(math.sqrt(rms2 + 4.0 * b2), 1e-300)
 
 
-def langevin(z: float) -> tuple[float, float, float, float, float]:
-    """A unit Ornstein-Uhlenbeck process over z integral times, exactly: (decay, end, mean, shared, own), so that
+def held(z: float) -> tuple[float, float, float]:
+    """A unit process of integral time T that is held over steps of z T: (stays, fresh, size), so that from step to step
 
-        w(z)                     = decay w(0) + end xi1
-        mean of w over the step  = mean w(0) + shared xi1 + own xi2       xi1, xi2 independent standard normal
+        w' = stays w + fresh xi,      seen over the step: size w',      xi standard normal
 
-    Any z from 0 to infinity, to round-off. Uhlenbeck, G.E. & Ornstein, L.S. 1930, Phys. Rev. 36, 823; the joint law
-    after Gillespie, D.T. 1996, Phys. Rev. E 54, 2084: decay = exp(-z), end^2 = 1 - exp(-2 z), mean = (1 - exp(-z)) / z,
-    shared^2 = mean^2 tanh(z/2), own^2 = (2 z - 4 tanh(z/2)) / z^2.
+    stays = (2 - z) / (2 + z), fresh^2 = 1 - stays^2, size = 1 up to z = 2; beyond it w is drawn anew each time, and
+    size^2 = 2 / z. Whatever z, the integral of its autocorrelation is T, so that tracers spread by Taylor's 2 u'^2 T t
+    in the end; its autocorrelation, a straight line over each step, differs from the Ornstein-Uhlenbeck process'
+    exp(-t / T) by z^2 / 8 at most (z < 2). Taylor, G.I. 1921, Proc. London Math. Soc. 20, 196.
     """
-    z = max(z, 1e-300)
-    x = 0.5 * z
-    if x < 0.25:  # one exponential makes all, since a slab draws at every other step; no cancellation either way
-        lost = -math.expm1(-z)
-        decay = 1.0 - lost
-    else:
-        decay = math.exp(-z)
-        lost = 1.0 - decay
-    t = lost / (2.0 - lost)
-    mean = lost / z
-    if x < 1.0:  # x - tanh x without cancellation: Lambert's continued fraction of tanh down to 19, as one quotient
-        y = x * x
-        over = 654729075.0 + y * (91891800.0 + y * (2837835.0 + y * (25740.0 + y * 55.0)))
-        under = 218243025.0 + y * (16081065.0 + y * (289575.0 + y * (1430.0 + y)))
-        own = math.sqrt(x * under / (over + y * under))
-    else:
-        own = math.sqrt((1.0 - t / x) / x)
-    return decay, math.sqrt(lost * (2.0 - lost)), mean, mean * math.sqrt(t), own
+    if z >= 2.0:
+        return 0.0, 1.0, math.sqrt(2.0 / z)
+    per = 1.0 / (2.0 + z)
+    return (2.0 - z) * per, math.sqrt(8.0 * z) * per, 1.0
 
 
 def brownian_diffusivity(

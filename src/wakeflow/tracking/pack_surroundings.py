@@ -23,6 +23,7 @@ from .bodies import Body
 from .frame import mesh_motion_of, relative
 from .kernel import layout as at
 from .kernel.layout import PackedAir, Walls
+from .near_walls import LONGEST_LIFE, eddies, hold_off
 
 # -- From bodies and lines to the plain arrays of the kernel -----------------------------------------------------------
 Array = NDArray[np.float64]
@@ -180,7 +181,9 @@ def pack_lines(lines: Sequence[object]) -> tuple[Array, Index]:
 NODES = 128  # of which splines are made at a time: they fit into a core's cache
 SIGNS = np.array([-1.0, 1.0, -1.0, 1.0, 1.0, 1.0])  # of the values in a mirror
 ROUND = 1e-9  # of the mesh's extent: so near to its box an edge is on it
-LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
+# Chosen by experiment, see docs/model.md: a tenth of them, which an interval of noise lasts, keeps tracers well mixed
+STEEP, REACH = 2.0, 1.0
+LEAST = 1e-30  # 1/s, m/s and s: in place of zero, where nothing is steep or nothing moves
 
 
 @dataclass
@@ -189,7 +192,7 @@ class _Kept:
 
     lock: Lock = field(default_factory=Lock)
     air: dict[tuple[object, ...], PackedAir] = field(default_factory=dict)
-    values: dict[tuple[bool, bool], tuple[Array, Array]] = field(default_factory=dict)
+    values: dict[tuple[bool, bool], tuple[Array, Array, Array]] = field(default_factory=dict)
 
 
 _KEPT: WeakKeyDictionary[FlowField, _Kept] = WeakKeyDictionary()
@@ -203,7 +206,7 @@ def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forc
     if field is None:
         empty = np.zeros((0, 3), dtype=np.int64)
         nothing = (np.zeros(0), np.zeros(1), rows_of_ints([], 4), np.zeros(3), empty[:, 0], np.zeros(5), np.zeros(4))
-        return PackedAir(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), *nothing)
+        return PackedAir(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), *nothing, np.zeros(0))
     key = (*_needs(forces), reach, *(part.tobytes() for body in bodies for part in body.edges))
     kept = _kept(field)
     with kept.lock:
@@ -224,7 +227,7 @@ def _packed(field: FlowField, kept: _Kept, bodies: Sequence[Body], reach: float,
     needs = _needs(forces)
     if needs not in kept.values:
         kept.values[needs] = _interpolant(field, forces, swing)
-    values, smooth = kept.values[needs]
+    values, smooth, even = kept.values[needs]
     neighbours = field.neighbours.copy()
     covered = _covered(field, neighbours, bodies, reach)
     times = np.zeros(1) if field.times is None or smooth[1] != 0.0 else field.times
@@ -239,6 +242,7 @@ def _packed(field: FlowField, kept: _Kept, bodies: Sequence[Body], reach: float,
         smooth,
         *_places(field, neighbours),
         np.array(swing or (0.0,) * 4, dtype=np.float64),
+        even,
     )
 
 
@@ -272,31 +276,65 @@ def _width(forces: Sequence[str]) -> int:
     return 6 if _needed("turbulence", forces) else (4 if _needed("pressure", forces) else 2)
 
 
-def _eddies(k: Array, dissipation: Array) -> tuple[Array, Array]:
-    """Deviation m/s and lifetime s of the eddies (.., N)."""
-    k = np.maximum(k, 0.0)
-    return np.sqrt(2.0 / 3.0 * k), np.minimum(lifetime(k, np.maximum(dissipation, 0.0)), LONGEST_LIFE)
-
-
 def eddy_life(field: FlowField) -> float:
     """Lifetime (s) of the eddies in a turbulent ``field``: the median over the nodes, at the mean of k and of its
     dissipation, or of the first snapshot's.
     """
     k, dissipation = (known(part) for part in (field.k, field.dissipation))
-    lives = _eddies(*(part if field.times is None else part[0] for part in (k, dissipation)))[1]
-    return float(np.median(lives))
+    lives = lifetime(*(np.maximum(part if field.times is None else part[0], 0.0) for part in (k, dissipation)))
+    return float(np.median(np.minimum(lives, LONGEST_LIFE)))
 
 
-def _interpolant(field: FlowField, forces: Sequence[str], swing: MeshOscillation | None) -> tuple[Array, Array]:
-    """Values at the nodes and the knots in time; those of a mirror image are the original's but for their signs."""
+def _interpolant(field: FlowField, forces: Sequence[str], swing: MeshOscillation | None) -> tuple[Array, Array, Array]:
+    """Values at the nodes, the knots in time, and how even the eddies are; those of a mirror image are the original's
+    but for their signs.
+    """
     original = None if field.original is None else field.original()
     if original is not None:
         there = _kept(original).values.get(_needs(forces))
         if there is not None:
-            return there[0] * SIGNS[: there[0].shape[-1]], there[1]
+            return there[0] * SIGNS[: there[0].shape[-1]], *there[1:]
     if swing is None and field.coefficients is None:
-        return _values(field, forces), np.zeros(3)
-    return _smooth(field, forces, swing)
+        values, smooth = _values(field, forces), np.zeros(3)
+    else:
+        values, smooth = _smooth(field, forces, swing)
+    if not _needed("turbulence", forces):
+        return values, smooth, np.zeros(0)
+    nodes = values if smooth[1] == 0.0 else np.swapaxes(values, 0, 1)
+    return values, smooth, evenness(field, nodes[..., at.NODE_RMS], nodes[..., at.NODE_LIFE])
+
+
+def evenness(field: FlowField, rms: Array, life: Array) -> Array:
+    """For how long (N,) s eddies stay what they are about each node, from their deviation m/s and lifetime s at the
+    nodes (T, N).
+
+    In the triangles at it for their lifetime (not for less than a fluctuation as large as the deviation s takes through
+    one: the mesh tells nothing finer), or ``STEEP`` / |grad s|, the time in which it meets an s that is e times as
+    large, if that is less: FLEXPART's limit of a step (Pisso, I. et al. 2019, Geosci. Model Dev. 12, 4955). And nowhere
+    longer than elsewhere and the time to get there along the mesh's edges, ``REACH`` times as fast as s: an interval of
+    noise is drawn before anything is known of where it leads. Means over the time.
+    """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import dijkstra
+
+    corners, count = field.triangles, len(field.points)
+    slope = np.zeros(len(corners))
+    for deviation in rms:
+        slope += np.linalg.norm(np.einsum("mkd,mk->md", field.gradients, deviation[corners]), axis=1) / len(rms)
+    own, mean = np.full(count, LONGEST_LIFE), rms.mean(axis=0)
+    across = 1.0 / np.linalg.norm(field.gradients, axis=2).max(axis=1)
+    lives = np.maximum(life.mean(axis=0)[corners].mean(axis=1), across / np.maximum(mean[corners].max(axis=1), LEAST))
+    inside = np.minimum(lives, STEEP / np.maximum(slope, LEAST))
+    np.minimum.at(own, corners, inside[:, None])
+    here, there = corners.ravel(), np.roll(corners, 1, axis=1).ravel()
+    away = np.linalg.norm(field.points[there] - field.points[here], axis=1)
+    way = away / np.maximum(REACH * np.maximum(mean[here], mean[there]), LEAST)
+    # the shortest way, either way along each side, from a place from which each node is as far as its own time
+    rows = np.concatenate([here, there, np.full(count, count)])
+    columns, weights = np.concatenate([there, here, np.arange(count)]), np.concatenate([way, way, own])
+    _, once = np.unique(rows * (count + 1) + columns, return_index=True)
+    graph = csr_array((np.maximum(weights[once], LEAST), (rows[once], columns[once])), shape=(count + 1, count + 1))
+    return np.ascontiguousarray(dijkstra(graph, indices=count)[:count])
 
 
 def _values(field: FlowField, forces: Sequence[str]) -> Array:
@@ -304,10 +342,11 @@ def _values(field: FlowField, forces: Sequence[str]) -> Array:
     lead = field.velocity.shape[:-1]
     values = np.zeros((*lead, _width(forces)))
     values[..., :2] = field.velocity
+    hold_off(field, values[..., :2])
     if _needed("pressure", forces):
         values[..., 2:4] = field.pressure_gradient
     if _needed("turbulence", forces):
-        values[..., 4], values[..., 5] = _eddies(known(field.k), known(field.dissipation))
+        values[..., 4], values[..., 5] = eddies(field, known(field.k), known(field.dissipation))
     return values if field.times is not None else values[None]
 
 
@@ -329,17 +368,18 @@ def _smooth(field: FlowField, forces: Sequence[str], swing: MeshOscillation | No
     shares = field.coefficients[around]
     values = np.zeros((count, len(around), _width(forces)))
     vectors = [field.velocity, *([field.pressure_gradient] if _needed("pressure", forces) else [])]
-    eddies: tuple[Array, ...] = ()
+    stirred: tuple[Array, ...] = ()
     if _needed("turbulence", forces):
-        eddies = _eddies(field.at_knots("k"), field.at_knots("dissipation"))
+        stirred = eddies(field, field.at_knots("k"), field.at_knots("dissipation"))
     for low in range(0, count, NODES):
         part = slice(low, low + NODES)
         for place, parts in enumerate(vectors):
             assert parts is not None
             drawn = (shares @ parts[:, part].reshape(len(parts), -1)).reshape(len(around), -1, 2)
             values[part, :, 2 * place : 2 * place + 2] = np.swapaxes(drawn, 0, 1)
-        for place, scalar in enumerate(eddies, 4):
+        for place, scalar in enumerate(stirred, 4):
             values[part, :, place] = scalar[around, part].T
+    hold_off(field, np.swapaxes(values, 0, 1)[..., :2])
     return values, np.array([field.times[0], knots / known(field.period), knots])
 
 

@@ -190,6 +190,56 @@ def spread_of_dust(t: float, tolerance: float) -> float:
     return float(np.mean(tracks.position**2) / (2 * diffusivity * t))
 
 
+# A strip of 1 m of still air, in its middle (or at its end) less than 2 cm over which rms or lifetime fall steeply
+FLAT, CALM, LIFE = 1.0, 0.1, 0.5  # m/s, m/s, s
+TURBULENCE: dict[str, tuple[list[float], list[float], list[float]]] = {  # heights (m), rms (m/s), lifetimes (s)
+    "rms 1 to 0.1 over 20 mm": ([0.0, 0.49, 0.51, 1.0], [FLAT, FLAT, CALM, CALM], [LIFE] * 4),
+    "rms 0.1 to 1 over 20 mm": ([0.0, 0.49, 0.51, 1.0], [CALM, CALM, FLAT, FLAT], [LIFE] * 4),
+    "rms 1 to 0.03 over 10 mm": ([0.0, 0.495, 0.505, 1.0], [FLAT, FLAT, 0.03, 0.03], [LIFE] * 4),
+    "lifetime 0.5 to 0.1 s over 10 mm": ([0.0, 0.495, 0.505, 1.0], [FLAT] * 4, [LIFE, LIFE, 0.1, 0.1]),
+    "both to 0 at a wall over 20 mm": ([0.0, 0.5, 0.98, 1.0], [FLAT, FLAT, FLAT, 0.0], [LIFE, LIFE, LIFE, 0.0]),
+}
+MIXED = 4 / np.sqrt(SWARM)  # of the share of a half, relative
+
+
+@number(
+    "well-mixed-strip", "share of tracers in the upper half of a strip that they filled evenly, over 1/2: eddies "
+    "gather none", "Thomson, D.J. 1987, J. Fluid Mech. 180, 529", "walls drag dispersion", tuple(TURBULENCE), 1 - MIXED,
+    1 + MIXED, np.ones(len(TURBULENCE)),
+)  # fmt: skip
+def well_mixed_strip(tolerance: float) -> Array:
+    found = []
+    for name in TURBULENCE:
+        tracks = mixed(name, 1e-7, max(tolerance, 1e-3), 10.0)
+        found.append(2.0 * np.mean(tracks.position[:, 1] > 0.5))
+    return np.array(found)
+
+
+def mixed(name: str, tau: float, tolerance: float, until: float, seed: int = 1) -> Tracks:
+    """Granules of relaxation time ``tau`` (s) that fill a strip of ``TURBULENCE`` evenly at rest, ``until`` (s)."""
+    heights, rms, lives = TURBULENCE[name]
+    low, high = heights[1:3]
+    rows = np.unique(np.concatenate([np.linspace(*ends, 25) for ends in ((0.0, low), (high, 1.0))]))
+    rows = np.unique(np.concatenate([rows, np.linspace(low, high, 5 if high - low < 0.1 else 25)]))
+    rows = rows[np.append(True, np.diff(rows) > 1e-9)]
+    places = np.stack(np.meshgrid(np.linspace(0.0, 1.0, 5), rows), axis=-1).reshape(-1, 2)
+    corner = (5 * np.arange(len(rows) - 1)[:, None] + np.arange(4)).ravel()
+    cells = np.concatenate(
+        [np.stack([corner, corner + 1, corner + 6], 1), np.stack([corner, corner + 6, corner + 5], 1)]
+    )
+    k = 1.5 * np.interp(places[:, 1], heights, rms) ** 2
+    dissipation = lifetime(k, np.maximum(np.interp(places[:, 1], heights, lives), 1e-9))
+    field = field_on((places, cells), np.zeros_like, k=k, dissipation=dissipation)
+    t, sides = 0.1, []
+    for a, b, c, d in ((-t, -t, 1 + t, 0.0), (-t, 1.0, 1 + t, 1 + t), (-t, 0.0, 0.0, 1.0), (1.0, 0.0, 1 + t, 1.0)):
+        sides.append(Body(np.array([[a, b], [c, b], [c, d], [a, d]]), restitution=1.0, friction=0.0))
+    start = np.random.default_rng(seed).uniform(1e-3, 1 - 1e-3, (SWARM, 2))
+    return track(
+        field, of_tau(np.full(SWARM, tau), start, np.zeros((SWARM, 2))), until=until, tolerance=tolerance, length=1.0,
+        forces=("drag", "dispersion"), drag="stokes", bodies=sides, seed=seed,
+    )  # fmt: skip
+
+
 def _still(half: float, k: float = 0.0, dissipation: float = 0.0) -> FlowField:
     """A box of calm mean air."""
     points, cells = box(2, (-half, -half), (half, half))

@@ -15,7 +15,7 @@ STUDIES = {  # module: its studies, each a function of its name, or of the name 
     "search_gain": ("search_gain",),
     "target_error": ("target_error",),
     "three_dimensions": ("three_dimensions",),
-    **{name: (name,) for name in ("intervals", "kernel_speed", "robustness", "share_error")},
+    **{name: (name,) for name in ("deposition", "intervals", "kernel_speed", "robustness", "share_error")},
 }
 
 app = App(name="studies", help="Studies of wakeflow.", version_flags=[], result_action="return_value")

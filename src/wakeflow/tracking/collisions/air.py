@@ -175,7 +175,7 @@ def stir(state, ints, grain, table, air, nodes, rules, clock):
     c0, c1, c2 = _corners(air, nodes, tri)
     now = nodes.now
     wind = max(abs(now[c0, at.NODE_U]), abs(now[c0, at.NODE_V]))
-    seen = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    seen = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if grain[at.DISPERSION] != 0.0:
         q0, q1, q2 = _shares(g, tri, state[at.X] - clock[of.OUT_X], state[at.Y] - clock[of.OUT_Y])
         q0, q1, q2 = min(1.0, max(0.0, q0)), min(1.0, max(0.0, q1)), min(1.0, max(0.0, q2))
@@ -187,6 +187,7 @@ def stir(state, ints, grain, table, air, nodes, rules, clock):
             q0 * r0 + q1 * r1 + q2 * r2,
             r0 * g[tri, at.B0X] + r1 * g[tri, at.B1X] + r2 * g[tri, at.B2X],
             r0 * g[tri, at.B0Y] + r1 * g[tri, at.B1Y] + r2 * g[tri, at.B2Y],
+            q0 * air.even[c0] + q1 * air.even[c1] + q2 * air.even[c2],
         )
     renew_in(state, ints, grain, table, rules, wind, seen, clock[of.UNTIL] - state[at.T], clock[of.STEP])
 

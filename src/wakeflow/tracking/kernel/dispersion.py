@@ -1,9 +1,10 @@
 """The air velocity that a granule sees beyond the mean field: eddies (a Langevin process) and molecules' kicks.
 
-Time is cut into intervals of noise. Over one, the fluctuation is its exact mean there: the deviation at the granule's
-place, linear in a triangle, times a mean drawn jointly with the value at the interval's end. So the air stays affine
-in a triangle, steps keep their order and may be cut anywhere, and what a tracer is displaced by has the exact variance
-for any length of the interval. Draws are numbered by seed, granule and interval: they depend on nothing else.
+Time is cut into intervals of noise. Over one, the fluctuation is held: the deviation at the granule's place, linear in
+a triangle, times a number drawn where the interval begins. So the air stays affine in a triangle, and steps keep their
+order and may be cut anywhere. How long an interval is depends on the place alone, and changes slowly from place to
+place (``pack_surroundings.evenness``): an interval that ended where its own number led, or leapt to other turbulence,
+would gather granules in calm air. Draws are numbered by seed, granule and interval: they depend on nothing else.
 """
 
 from __future__ import annotations
@@ -16,18 +17,20 @@ from . import layout as at
 from .air import mesh_velocity
 from .forces import drag_rate
 from .jit import compiled, inlined
-from .locate import on_edge
+from .locate import barycentric, on_edge
 from .nodes import look_at
 
 _crossing = compiled(turbulence.crossing_times)
-_langevin = compiled(turbulence.langevin)
+_held = compiled(turbulence.held)
 _normals = compiled(normal_pair)
 # An interval of noise is ``rules.noise`` of the time in which the fluctuation may carry the granule elsewhere: of the
 # eddies' lifetime as it sees them and its own response time, but at most of so many lifetimes
 LONGEST = 5.0
 MIN_INTERVALS = 64  # of a flight
 EARLY = 1e-6  # of a beat: round-off
-PASSAGE = 0.02  # of the time air or granule need for a body's length: an interval of Brownian motion, least of eddies'
+PASSAGE = 0.02  # of the time air or granule need for a body's length: an interval of Brownian motion
+# Of that: the least interval of eddies, but for where these are uneven; and of those that are briefer since it slips
+BRIEFEST, CROSSED = 0.05, 0.25
 
 
 @compiled
@@ -46,37 +49,43 @@ def _on_beat(span, rest, beat):
 
 
 @compiled
-def _eddies(state, ints, grain, table, rules, seen, least, rest, beat):
-    """Renew the fluctuation for an interval, and return its length; ``least`` is the shortest worth drawing.
+def _eddies(state, ints, grain, table, rules, seen, passage, rest, beat):
+    """Renew the fluctuation for an interval, and return its length; ``passage`` (s): see PASSAGE.
 
     The fluctuation over the deviation s = sqrt(2 k / 3) obeys  dw = (-w / T_i + grad s / (1 + St)) dt + sqrt(2 / T_i)
     dW, T_i along and across the slip: what keeps tracers well mixed (Thomson 1987, J. Fluid Mech. 180, 529; for
-    granules with inertia Bocksell & Loth 2006, Int. J. Multiphase Flow 32, 1234).
+    granules with inertia Bocksell & Loth 2006, Int. J. Multiphase Flow 32, 1234). Flight, half of the drift, renewal,
+    half of the drift, flight: second order, and tracers' flight in a lasting eddy is exact where s is linear.
     """
-    ux, uy, life, rms, sx, sy = seen
+    ux, uy, life, rms, sx, sy, even = seen
     # a tracer moves with the fluctuation that it has just seen: that is no slip
     ex, ey = ux + rms * state[at.MEAN_X] - state[at.VX], uy + rms * state[at.MEAN_Y] - state[at.VY]
     slip = math.sqrt(ex * ex + ey * ey)
     ex, ey = (ex / slip, ey / slip) if slip > 0.0 else (1.0, 0.0)
     along, across = _crossing(life, slip, rms)
     rate, brief = drag_rate(grain, table, slip * slip), min(along, across)
-    span = rules.noise * min(brief + (1.0 / rate if rate > 0.0 else math.inf), LONGEST * brief)
-    span = _on_beat(max(span, least), rest, beat)
     stokes = life * rate
     drift = stokes / (1.0 + stokes) if stokes < 1e100 else 1.0  # 1 / (1 + St), St = 1 / (rate x lifetime)
-    for side in range(2):
-        dx, dy = (ex, ey) if side == 0 else (-ey, ex)
-        time = along if side == 0 else across
-        decay, end, mean, shared, own = _langevin(span / max(time, 1e-300))
+    least = max(BRIEFEST * passage, min(CROSSED * passage, rules.noise * life))
+    span = max(rules.noise * min(brief + (1.0 / rate if rate > 0.0 else math.inf), LONGEST * brief), least)
+    if drift > 0.0:
+        span = min(span, rules.noise * even / drift)
+    born = ints[at.DRAWS] == 0
+    if born:  # the process is stationary, its first interval under way: a random part of it is left
+        state[at.SEEN_X], state[at.SEEN_Y] = random_normals(ints, rules)
         xi, eta = random_normals(ints, rules)
-        start = dx * state[at.SEEN_X] + dy * state[at.SEEN_Y]
-        lean = drift * time * (dx * sx + dy * sy)
-        last = lean + decay * (start - lean) + end * xi
-        middle = lean + mean * (start - lean) + shared * xi + own * eta
-        if side == 0:
-            px, py, mx, my = last * dx, last * dy, middle * dx, middle * dy
-        else:
-            px, py, mx, my = px + last * dx, py + last * dy, mx + middle * dx, my + middle * dy
+        span *= math.exp(-0.5 * (xi * xi + eta * eta))
+    span = _on_beat(span, rest, beat)
+    xi, eta = random_normals(ints, rules)
+    px = py = mx = my = 0.0
+    for side in range(2):
+        dx, dy, draw = (ex, ey, xi) if side == 0 else (-ey, ex, eta)
+        stays, fresh, size = _held(span / max(along if side == 0 else across, 1e-300))
+        w = dx * state[at.SEEN_X] + dy * state[at.SEEN_Y]
+        if not born:
+            lean = 0.5 * size * drift * span * (dx * sx + dy * sy)
+            w = stays * (w + lean) + fresh * draw + lean
+        px, py, mx, my = px + w * dx, py + w * dy, mx + size * w * dx, my + size * w * dy
     state[at.SEEN_X], state[at.SEEN_Y], state[at.MEAN_X], state[at.MEAN_Y] = px, py, mx, my
     return span
 
@@ -88,33 +97,36 @@ def renew(state, ints, affine, air, grain, table, rules):
     if ints[at.GAP] >= 0:
         tri = air.covered[ints[at.GAP], at.COVER_TRI]
         x, y, _ = on_edge(air, ints[at.GAP], x, y)
-    renew_at(look_at(ints, affine, air, grain, tri, x, y, state[at.T]), state, ints, air, grain, table, rules)
+    look = look_at(ints, affine, air, grain, tri, x, y, state[at.T])
+    renew_at(look, tri, x, y, state, ints, air, grain, table, rules)
 
 
 @inlined
-def renew_at(look, state, ints, air, grain, table, rules):
-    """The same in air that was looked at."""
-    ux, uy, wind = look.ux, look.uy, max(abs(look.ux), abs(look.uy))
+def renew_at(look, tri, x, y, state, ints, air, grain, table, rules):
+    """The same in air that was looked at there, in triangle ``tri``."""
+    ux, uy, wind, even = look.ux, look.uy, max(abs(look.ux), abs(look.uy)), 0.0
+    if grain[at.DISPERSION] != 0.0:
+        for k in range(3):
+            even += barycentric(air.geometry, tri, k, x, y) * air.even[air.corners[tri, k]]
     if air.swing[at.SWING_OMEGA] != 0.0:
         wx, wy, _, _ = mesh_velocity(air.swing, at.SWING_X, state[at.T])
         ux, uy = ux - wx, uy - wy
-    renew_in(state, ints, grain, table, rules, wind, (ux, uy, look.life, look.rms, look.sx, look.sy), 0.0, 0.0)
+    renew_in(state, ints, grain, table, rules, wind, (ux, uy, look.life, look.rms, look.sx, look.sy, even), 0.0, 0.0)
 
 
 @compiled
 def renew_in(state, ints, grain, table, rules, wind, seen, rest, beat):
     """The same where the air's speed is about ``wind`` (m/s); ``seen``: the air's mean velocity (m/s, seen from the
-    mesh), the eddies' lifetime (s), their deviation (m/s) and its gradient (1/s). For those that share a clock the
-    interval ends ``rest`` (s) from now, with a step, or whole steps (``beat``, s; 0: none) later.
+    mesh), the eddies' lifetime (s), their deviation (m/s) and its gradient (1/s), and how even they are (s). For those
+    that share a clock the interval ends ``rest`` (s) from now, with a step, or whole steps (``beat``, s; 0: none)
+    later.
     """
     speed = max(math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2), wind)
     span = (rules.until - state[at.BORN]) / MIN_INTERVALS
     if speed > 0.0:
         span = min(span, PASSAGE * rules.length / speed)
     if grain[at.DISPERSION] != 0.0:
-        if ints[at.DRAWS] == 0:  # the process is stationary at birth
-            state[at.SEEN_X], state[at.SEEN_Y] = random_normals(ints, rules)
-        span = _eddies(state, ints, grain, table, rules, seen, 0.05 * span, rest, beat)
+        span = _eddies(state, ints, grain, table, rules, seen, span, rest, beat)
     else:
         span = _on_beat(span, rest, beat)
     if grain[at.DIFFUSIVITY] != 0.0:

@@ -30,6 +30,7 @@ class PackedAir(NamedTuple):
     grid: Index  # (cells,) the triangle nearest to each cell of a regular grid, row by row; empty: no grid
     places: Array  # (5,) the grid's first corner, cells per m, cells in a row
     swing: Array  # (4,) amplitude, angular frequency, phase of the mesh, in whose frame granules fly; zeros: at rest
+    even: Array  # (N,) s, for how long eddies stay what they are about there, see ``evenness``; empty: none asked for
 
 
 class Walls(NamedTuple):
@@ -64,7 +65,7 @@ class Rules(NamedTuple):
     rest: float  # s, a granule held this long in a repeating field rests
     coarse: float  # s, a longer step between looks at a field that changes in time would miss how it does
     shaken: float  # m/s2, largest acceleration of the mesh
-    noise: float  # part of an eddy's lifetime and the response time over which a fluctuation's mean is drawn
+    noise: float  # part of an eddy's lifetime and the response time over which a fluctuation is held
     seed: int  # of the random streams
     march: int  # 1: several triangles in one go where that is worth it
     left: float  # m, box about all bodies in all their places
@@ -85,8 +86,8 @@ class Rules(NamedTuple):
     H_ERROR,  # s, the step that the last error allows
     HELD,  # s, for how long friction or a wedge has held it
     BORN,  # s
-    SEEN_X, SEEN_Y,  # fluctuation of the air it sees over the deviation there, at the end of the interval of noise
-    MEAN_X, MEAN_Y,  # and its mean over that interval
+    SEEN_X, SEEN_Y,  # the process of the fluctuation, of unit deviation
+    MEAN_X, MEAN_Y,  # fluctuation of the air it sees over the deviation there, held over the interval of noise
     KICK_X, KICK_Y,  # m/s, Brownian velocity of the interval of noise
     T_NOISE,  # s, when the interval of noise ends
     H_STRIDE,  # s, the stride to try next; 0: none was tried

@@ -402,7 +402,7 @@ def onward(path, before, slope, state, ints, hold, affine, air, grain, table, wa
     for taken in range(IN_A_ROW):
         if state[at.T] != state[at.T_NOISE] or not state[at.T] < end:
             return taken
-        renew_at(look, state, ints, air, grain, table, rules)
+        renew_at(look, ints[at.TRI], state[at.X], state[at.Y], state, ints, air, grain, table, rules)
         clock = min(end, state[at.T_NOISE])
         h = clock - state[at.T]
         start = _begin(path, look, state, ints, hold, air, grain, table)
