@@ -35,6 +35,7 @@ FACTORS = {
     ("g", "kg"): 1e-3, ("kg", "g"): 1e3,
     ("%", "1"): 1e-2, ("1", "%"): 1e2,
 }  # fmt: skip
+DEGREES = {"C": "degC", "F": "degF"}  # of temperature: to pint a coulomb and a farad
 NO_UNIT = re.compile(r"[^\w\s/*^().%‰°·⋅×⁻+-]")
 TWO_MEANINGS = {  # units that are one thing here and another there: what each may be, and how that is written
     "ton": "1000 kg (t) or 907 kg (short_ton)", "hundredweight": "50.8 kg or 45.4 kg (write kg)",
@@ -94,6 +95,8 @@ def converted(value: float, given: str, wanted: str) -> float:
     import pint
 
     registry = _registry()
+    if wanted == "K":
+        given = DEGREES.get(given, given)
     try:
         source, target = (_unit(one) for one in (given, wanted))
         if _kind(source) != _kind(target):  # one turn a period

@@ -19,6 +19,7 @@ from typing import Any, Literal
 
 from ..core.registry import Registry
 from .constants import C_MU
+from .gas import TEMPERATURE
 
 # -- Turbulent dispersion of a granule as a Langevin process of the fluid velocity seen --------------------------------
 C0 = 2.1  # of the simplified Langevin model, as in Minier & Peirano
@@ -85,7 +86,7 @@ def langevin(z: float) -> tuple[float, float, float, float, float]:
 
 
 def brownian_diffusivity(
-    diameter: Any, viscosity: float, temperature: float = 293.15, slip_correction: Any = 1.0
+    diameter: Any, viscosity: float, temperature: float = TEMPERATURE, slip_correction: Any = 1.0
 ) -> Any:
     """Diffusivity of a granule among the air's molecules (m2/s): k_B T Cc / (3 pi mu d).
 

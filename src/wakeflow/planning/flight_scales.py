@@ -65,6 +65,7 @@ def flights(
             intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(scene.shaking)),
             omega=omega, meetings=met.heavier, knock=met.knock, shedding=shedding,
             given=_given_by_drag(scene, times, density, slip),
+            temperature=air.temperature, mean_free_path=air.mean_free_path, gravity=scene.gravity,
         ))  # fmt: skip
     return scales
 
@@ -81,7 +82,7 @@ def _given_by_drag(scene: Scene, times: FallTimes, density: float, slip: float) 
     """
     if not scene.body:
         return float(-slip * np.expm1(-times.whole / times.tau))
-    weight = GRAVITY * (1.0 - scene.airstream.density / density)
+    weight = scene.gravity * (1.0 - scene.airstream.density / density)
     return float(times.arrival - scene.release[1] - weight * (times.whole - times.time))
 
 
@@ -93,8 +94,9 @@ def _granules(scene: Scene, fraction: Fraction, law: str, scale: float) -> Itera
     if speeds is not None and not scene.body and scene.air is not None:
         speeds = np.append(speeds, np.clip(NEARLY * scene.air.speed, speeds[0], speeds[-1]))
     for diameter in dict.fromkeys(fraction.diameters(np.array(SIZES)).tolist()):
+        slip = float(slip_correction(diameter, scene.airstream.mean_free_path))
         if speeds is None:
-            yield diameter, scale / float(slip_correction(diameter))
+            yield diameter, scale / slip
             continue
         for factor in drag_factor_for_terminal_velocity(diameter, density, speeds, *STANDARD_AIR, GRAVITY, law):
-            yield diameter, float(factor)
+            yield diameter, float(factor * slip_correction(diameter)) / slip

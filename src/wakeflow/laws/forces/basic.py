@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.errors import known
-from ..constants import GRAVITY
 from .record import AirProperties, Array, Bound, FlightScales, Force, Grains, Granule, Instant, Slots, Vector
 
 
@@ -31,7 +30,7 @@ GRAVITY_FORCE = Force(
 
 # -- Buoyancy ----------------------------------------------------------------------------------------------------------
 def _shift(flight: FlightScales) -> float:
-    return flight.slope * flight.widths(flight.steady(flight.ratio * GRAVITY, flight.whole))
+    return flight.slope * flight.widths(flight.steady(flight.ratio * flight.gravity, flight.whole))
 
 
 def _acceleration(grains: Grains, air: AirProperties | None, gravity: Array) -> Array:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from ...core.registry import Registry
 from ..constants import GRAVITY
+from ..gas import MEAN_FREE_PATH, TEMPERATURE
 
 # -- The scales of a granule's flight ----------------------------------------------------------------------------------
 # All chosen: round numbers with which the bounds hold for 95 % of the granules of cases/rhombus.toml, and are at most
@@ -69,6 +70,9 @@ class FlightScales:
     driven: float = 0.0  # m/s, largest change of the air's velocity by the drag of all granules
     calm: bool = False  # no body: the air neither turns nor changes its speed
     shedding: bool = False  # the airflow is resolved in time
+    temperature: float = TEMPERATURE  # K, of the air
+    mean_free_path: float = MEAN_FREE_PATH  # m, of the air; 0: no gas
+    gravity: float = GRAVITY  # m/s2
 
     @property
     def flow_acceleration(self) -> float:
@@ -83,7 +87,7 @@ class FlightScales:
     @property
     def typical_slip(self) -> float:
         """Slip (m/s) near the body: the arrival's, or for granules that follow the air what keeps them with it."""
-        return min(self.slip, self.tau * (self.flow_acceleration + GRAVITY))
+        return min(self.slip, self.tau * (self.flow_acceleration + self.gravity))
 
     @property
     def turned(self) -> float:
@@ -186,6 +190,14 @@ class AirProperties(Protocol):
     @property
     def viscosity(self) -> float:
         """Dynamic viscosity, Pa s."""
+
+    @property
+    def temperature(self) -> float:
+        """K"""
+
+    @property
+    def mean_free_path(self) -> float:
+        """Of its molecules, m; 0 in a liquid."""
 
 
 class Field(Protocol):
