@@ -89,7 +89,7 @@ LIGHTEST, HEAVIEST = 25.0, 23000.0  # kg/m3 of granules: foam beads, and no matt
 def magnitude_lines(scene: Scene) -> Iterator[Notice]:
     """A notice of each number of the air, the vibration and the granules that is beyond what machines have."""
     air, vibration = scene.air, scene.vibration
-    if air is not None and not AIRY[0] <= air.density <= AIRY[1]:
+    if air is not None and "density" in air.model_fields_set and not AIRY[0] <= air.density <= AIRY[1]:
         yield less_sure(f"air.density = {air.density:.4g} kg/m3, of air about 1.2: unit forgotten? Check air.density")
     if vibration is not None and (often := vibration.frequency or 0.0) > FASTEST:
         yield less_sure(f"{often:.4g} Hz is faster than machines shake; vibration.frequency = '{often:.4g} rpm'?")
