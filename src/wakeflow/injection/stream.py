@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from .. import tracking
 from ..core.errors import known
 from ..field import FlowField
+from ..laws.constants import GRAVITY
 from ..laws.flake import section
 from ..laws.restitution import Restitution, restitution_at
 from ..planning.collisions import MASS_LEVELS, CollisionPlan, number_rates
@@ -195,7 +196,9 @@ def _born(
     return grains.replace(position=np.where(comes, fallen, position), velocity=np.where(comes, speeds, velocity))
 
 
-def _apart(rng: np.random.Generator, grains: Granules, tracers: int, depth: float, gravity: float) -> Granules:
+def _apart(
+    rng: np.random.Generator, grains: Granules, tracers: int, depth: float, gravity: float = GRAVITY
+) -> Granules:
     """The granules of a slab of ``depth`` (m) where no two overlap when they are born, ``tracers`` (those of so high a
     fraction) with any. The later one of a pair that would is given another place, as often as it takes.
     """

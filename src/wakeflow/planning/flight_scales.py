@@ -44,7 +44,8 @@ def flights(
     air, fraction = scene.airstream, scene.fraction[name]
     density, phi = fraction.properties.density, fraction.sphericity or 1.0
     _, omega = scene.motion
-    upward, aside = air.rises, abs(float(scene.entry @ scene.plumb.across))
+    kept = bool(scene.body) and scene.collecting.keys() == scene.body.keys()
+    upward, aside = air.rises, 0.0 if kept else abs(float(scene.entry @ scene.plumb.across))
     scales = []
     for diameter, factor in _granules(scene, fraction, law, scale):
         fall = UniformFall(scene, air, diameter, density, law, phi, factor)
@@ -54,7 +55,7 @@ def flights(
         stays = 0.0
         if scene.body and upward and abs(fall.settling) < air.speed:  # it falls into the wake, and leaves with the air
             stays = REACH * scene.width / (RECIRCULATION * air.speed) / (1.0 + times.tau * air.speed / scene.width)
-        thrown = ejection_speed(scene, fraction, arrival) * arrival if scene.body else aside
+        thrown = ejection_speed(scene, fraction, arrival) * arrival if scene.body and not kept else aside
         scales.append(FlightScales(
             diameter=diameter, density=density, tau=times.tau, calm=not scene.body or air.still,
             arrival=arrival, thrown=thrown, slip=slip, settling=abs(fall.settling),
@@ -63,7 +64,7 @@ def flights(
             sideways_bins=_sideways_bins(scene),
             air_density=air.density, viscosity=air.viscosity, air_speed=air.speed, width=scene.width,
             intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(scene.shaking)),
-            omega=omega, meetings=met.heavier, knock=met.knock, shedding=shedding,
+            omega=omega, meetings=met.heavier, knock=met.knock, shedding=shedding, kept=kept,
             given=_given_by_drag(scene, times, density, slip),
             temperature=air.temperature, mean_free_path=air.mean_free_path, gravity=scene.gravity,
         ))  # fmt: skip

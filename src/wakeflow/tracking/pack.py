@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..field import FlowField, MeshOscillation
-from ..laws.drag import drag_laws, drag_table, slip_correction
+from ..laws.drag import drag_laws, drag_table
 from ..laws.flake import section
 from ..laws.forces import Force
 from ..laws.forces import forces as all_forces
@@ -87,8 +87,6 @@ def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[st
             pull += force.acceleration(grains, field, g)
     rows[:, [at.GX, at.GY]] = pull
     if field is not None:
-        if grains.drag_scale is None:
-            grains = grains.replace(drag_scale=1.0 / slip_correction(grains.diameter, field.mean_free_path))
         rows[:, at.REYNOLDS2] = (field.density * grains.diameter / field.viscosity) ** 2
         rows[:, at.VORTICITY] = field.density * grains.diameter**2 / field.viscosity
         _fill_by_air(rows, acting, grains, field)

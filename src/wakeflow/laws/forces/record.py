@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from ...core.registry import Registry
 from ..constants import GRAVITY
+from ..drag import slip_correction
 from ..gas import MEAN_FREE_PATH, TEMPERATURE
 
 # -- The scales of a granule's flight ----------------------------------------------------------------------------------
@@ -70,6 +71,7 @@ class FlightScales:
     driven: float = 0.0  # m/s, largest change of the air's velocity by the drag of all granules
     calm: bool = False  # no body: the air neither turns nor changes its speed
     shedding: bool = False  # the airflow is resolved in time
+    kept: bool = False  # what touches a body stays there
     temperature: float = TEMPERATURE  # K, of the air
     mean_free_path: float = MEAN_FREE_PATH  # m, of the air; 0: no gas
     gravity: float = GRAVITY  # m/s2
@@ -158,8 +160,8 @@ class Grains(Protocol):
         """kg/m3"""
 
     @property
-    def drag_scale(self) -> Array:
-        """Factor on the drag law, slip correction included."""
+    def drag_scale(self) -> Array | None:
+        """Factor on the drag law, slip correction included; None: that alone."""
 
     @property
     def inertia(self) -> Array:
@@ -198,6 +200,13 @@ class AirProperties(Protocol):
     @property
     def mean_free_path(self) -> float:
         """Of its molecules, m; 0 in a liquid."""
+
+
+def drag_scale(grains: Grains, air: AirProperties) -> Array:
+    """Factor on the drag law of ``grains`` in ``air``: their own, or 1 / Cc of their slip between its molecules."""
+    return (
+        1.0 / slip_correction(grains.diameter, air.mean_free_path) if grains.drag_scale is None else grains.drag_scale
+    )
 
 
 class Field(Protocol):
