@@ -119,7 +119,7 @@ def test_a_length_is_said_in_a_unit_that_a_person_would_choose() -> None:
         ]  # fmt: skip
     with speaking({"m": "mm"}):
         assert [say(x, "m") for x in (5e-6, 2e-5, 2.7, 12.0)] == ["5 um", "0.02 mm", "2700 mm", "12 m"]
-    assert say(3e-9, "m") == "0.003 um"
+    assert say(5e-4, "m") == "0.0005 m"  # where no unit is written, numbers are of the SI
 
 
 @pytest.mark.parametrize(

@@ -156,7 +156,7 @@ def say(value: float, unit: str, digits: int = 6) -> str:
     """
     wanted = spoken(unit) or unit
     shown = value if wanted == unit else converted(value, unit, wanted)
-    if wanted in LENGTHS and shown and not 0.01 <= abs(shown) < 1e4:
+    if spoken(unit) in LENGTHS and shown and not 0.01 <= abs(shown) < 1e4:
         wanted = next((one for one in LENGTHS if abs(value) >= converted(1.0, one, "m")), LENGTHS[-1])
         shown = converted(value, "m", wanted)
     rounded = float(f"{shown:.{digits}g}")  # 140, not 1.4e+02
