@@ -112,6 +112,23 @@ def test_numbers_are_said_in_the_users_unit() -> None:
     assert say(1.0, "rad") == "1 rad"
 
 
+def test_a_length_is_said_in_a_unit_that_a_person_would_choose() -> None:
+    with speaking({"m": "um"}):
+        assert [say(x, "m") for x in (2e-5, 0.0, 5e-3, 0.102, 2.7, -2.7)] == [
+            "20 um", "0 um", "5000 um", "102 mm", "2.7 m", "-2.7 m"
+        ]  # fmt: skip
+    with speaking({"m": "mm"}):
+        assert [say(x, "m") for x in (5e-6, 2e-5, 2.7, 12.0)] == ["5 um", "0.02 mm", "2700 mm", "12 m"]
+    assert say(5e-4, "m") == "0.0005 m"  # where no unit is written, numbers are of the SI
+
+
+@pytest.mark.parametrize(
+    ("text", "kelvin"), [("20 C", 293.15), ("68 F", 293.15), ("20 degC", 293.15), ("-5 C", 268.15)]
+)
+def test_a_temperature_may_be_in_degrees(text: str, kelvin: float) -> None:
+    assert quantity(text, "K", "20 degC") == pytest.approx(kelvin)
+
+
 def test_the_gravest_come_first_each_once_and_in_order() -> None:
     told = [information("a"), less_sure("b"), void("c"), less_sure("d"), less_sure("b")]
     assert [notice.text for notice in gravest_first(told)] == ["c", "b", "d", "a"]

@@ -172,7 +172,7 @@ def test_no_tilt_is_the_upright_channel_to_the_last_bit() -> None:
         one, other = (feedstock(scene, plan, name, 0.01).granules for scene in (given, without))
         assert one.position.tobytes() == other.position.tobytes()
         assert one.velocity.tobytes() == other.velocity.tobytes()
-    assert given.gravity == (0.0, -G)
+    assert given.plumb.gravity == (0.0, -G)
 
 
 def test_granules_of_a_slab_come_down_the_turned_curtain() -> None:

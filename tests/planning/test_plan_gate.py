@@ -34,6 +34,7 @@ from wakeflow.pipeline.landings import Landings, load_tracked
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.pipeline.realisations import Realisations
 from wakeflow.pipeline.tracks import Flight
+from wakeflow.planning.approach import approaches
 from wakeflow.planning.make import Planner, make_plan
 from wakeflow.planning.messages import magnitude_lines
 from wakeflow.planning.plan import Plan, whole_terms
@@ -189,6 +190,29 @@ def test_a_point_mass_has_no_spin_for_magnus_and_a_sphere_has(draft: Scene) -> N
     assert "magnus" in plan.fractions["wheat"].forces
     spin = feedstock(sphere, plan, "wheat", None).granules.spin
     assert 300.0 < np.median(np.abs(spin)) < 600.0  # it rolls off the slope: 5/7 of 1.1 m/s over 1.94 mm
+
+
+def test_nothing_spins_off_bodies_that_keep_what_touches_them(draft: Scene) -> None:
+    tables = draft.replace({"fraction.wheat.impact": "paper"}).tables()
+    found = []
+    for bins in ({}, {"body": {"on": next(iter(tables["body"]))}}):
+        scene = Scene.parse({**tables, "bin": {**tables["bin"], **bins}})
+        flights = approaches(scene, make_plan(scene).airflow)["wheat"].scales
+        assert all(one.kept == bool(bins) for one in flights)
+        found.append(max(bounds["magnus"].shift(one) for one in flights))
+    assert found[1] < 0.5 * found[0]
+
+
+def test_fine_drops_that_begin_by_speed_are_told_to_begin_in_air_that_parts(draft: Scene) -> None:
+    begun = {"feed.height": None, "feed.speed": 2.0, "feed.mode": "resolved"}
+    told = [
+        [line.text for line in make_plan(draft.replace({**begun, **more})).notices if "parts already" in line.text]
+        for more in ({}, {"air.direction": "up"}, {"feed.height": "0.2 m", "feed.speed": None})
+    ]
+    assert told[0]
+    assert all(line.startswith(("dust: begins", "chaff: begins")) for line in told[0])
+    assert not told[1]
+    assert not told[2]
 
 
 def test_spin_lift_acts_wherever_the_spin_is_known_unless_it_is_switched_off(draft: Scene) -> None:

@@ -338,7 +338,7 @@ def test_efficiencies_are_near_those_in_the_solved_airflow(name: str, within: fl
     how, size, count = plan.fractions[name], scene.fraction[name].properties.diameter, 200
     full = 0.5 * (scene.width + size)
     x = full * (np.arange(count) + 0.5) / count
-    grains = granules_of(scene.fraction[name], how, np.full(count, size))
+    grains = granules_of(scene, name, how, np.full(count, size))
     grains = grains.replace(position=np.stack([x, np.full(count, 0.125)], axis=1))
     body = Body(next(iter(scene.body.values())).outline(), capture=True)
     tracks = track(

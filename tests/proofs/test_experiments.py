@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofs.experiments import curtains, droplets, near_wake, suspension
+from proofs.experiments import curtains, droplets, grid, near_wake, suspension
 from proofs.experiments.rebound import MEASURED, centre_angle, landing, rebound, run_rebound
 from wakeflow.core.number import Number
 from wakeflow.verify.report import Report
@@ -62,6 +62,21 @@ def test_heavy_dust_that_stays_as_long_as_fine_dust_is_a_miss() -> None:
     stays = [Number(value, 0.9 * value, 1.1 * value) for value in (5.0, 5.2, 4.0, 3.6, 3.5, 3.7)]
     assert near_wake.missed(stays) == []
     assert len(near_wake.missed([*stays[:3], Number(5.5, 5.0, 6.0), *stays[4:]])) == 2
+
+
+def test_beads_behind_a_grid_ask_for_short_lived_eddies() -> None:
+    """As the closed form of a tracer has it: 4.2 cm2 at the last point with 0.14 k / eps, 9.4 with 0.48."""
+    found = grid.run_grid(count=1024)
+    assert found.missed == []
+    last = found.facts["rows"][-1]
+    assert last["shortest"] < last["measured"] < last["law"] < last["longest"]
+    assert grid.spread(0.14, 1024)[-1] == pytest.approx(4.2, rel=0.2)
+    assert grid.spread(0.48, 1024)[-1] == pytest.approx(9.4, rel=0.2)
+
+
+def test_beads_that_spread_as_with_long_lived_eddies_are_a_miss(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(grid, "LIFETIMES", (0.3, 0.5))
+    assert len(grid.run_grid(count=256).missed) >= 5
 
 
 def test_ideal_flow_is_langmuirs_cylinder() -> None:

@@ -1,5 +1,7 @@
 """The tracker in the air: exact where it can be, third order elsewhere, honest about its tolerance, and never lost."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -11,8 +13,11 @@ from proofs.tracker.reference import TrackingProblem, fly_reference
 from support import DENSITY, VISCOSITY, G, field_of, shaken_mesh, with_tau
 from wakeflow.core.errors import SceneError
 from wakeflow.field import FlowField
+from wakeflow.laws.drag import slip_correction
 from wakeflow.laws.shape import shapes
 from wakeflow.tracking import Body, Fate, Granules, Motion, Tracks, track
+from wakeflow.tracking.kernel import layout as at
+from wakeflow.tracking.pack import pack_granules
 
 
 def still(points: np.ndarray) -> np.ndarray:
@@ -33,15 +38,6 @@ def test_drag_scale_multiplies_the_drag() -> None:
     a = track(field, with_tau(0.1, [[0.0, 0.0]], [[1.0, 0.0]], drag_scale=2.0), until=0.2, drag="stokes")
     b = track(field, with_tau(0.05, [[0.0, 0.0]], [[1.0, 0.0]]), until=0.2, drag="stokes")
     np.testing.assert_allclose(a.position, b.position, atol=1e-14)
-
-
-def test_a_micrometre_of_dust_slips_between_the_molecules_of_the_air() -> None:
-    """It settles at Stokes' velocity times Cc, 1.166 at 1 um (Davies 1945), unless its drag is given."""
-    stokes = (1000.0 - DENSITY) * G * 1e-6**2 / (18 * VISCOSITY)
-    for scale, faster in ((None, 1.166), (1.0, 1.0)):
-        grains = Granules([[0.0, 0.0]], [[0.0, 0.0]], diameter=1e-6, density=1000.0, drag_scale=scale)
-        fallen = track(field_of(still), grains, until=10.0, drag="stokes", forces=("gravity", "drag", "buoyancy"))
-        assert fallen.velocity[0, 1] == pytest.approx(-faster * stokes, rel=1e-3)
 
 
 def test_sphericity_enters_granule_by_granule() -> None:
@@ -431,3 +427,54 @@ def test_what_a_moving_mesh_cannot_have_is_refused() -> None:
     body = Body(shapes["rhombus"](width=0.4, slope_angle=np.pi / 4), motion=Motion((0.0, 0.01), 5.0))
     with pytest.raises(SceneError, match="they must agree"):
         track(field, swarm(1), until=0.1, bodies=[body])
+
+
+@pytest.mark.parametrize(
+    ("air", "path"),
+    [
+        ({}, 0.066e-6),
+        ({"density": 998.2, "viscosity": 1.002e-3}, 0.0),
+        ({"viscosity": 1.8e-5}, 0.0),
+        ({"density": 0.24, "viscosity": 1.8e-5, "mean_free_path": 0.33e-6}, 0.33e-6),
+        ({"mean_free_path": 0.0}, 0.0),
+    ],
+)
+def test_fine_granules_slip_in_a_gas_alone(air: dict[str, float], path: float) -> None:
+    """Stokes' law over Cc in the gas's own path; exactly Stokes' law without one."""
+    points, cells = shaken_mesh(3, -1.0, 1.0)
+    field = FlowField.from_arrays(points, cells, np.zeros_like(points), **air)
+    diameter = np.array([0.1e-6, 1e-6, 10e-6])
+    stokes = 2500.0 * diameter**2 / (18.0 * field.viscosity)
+    tau = stokes * slip_correction(diameter, path) if path else stokes
+    grains = Granules(np.zeros((3, 2)), np.tile([0.1, 0.0], (3, 1)), diameter, 2500.0, time=-tau)
+    found = track(field, grains, until=0.0, forces=("drag",), drag="stokes", tolerance=1e-12)
+    assert field.mean_free_path == path
+    np.testing.assert_allclose(found.velocity[:, 0], 0.1 / np.e, rtol=1e-9)
+    again = track(field, grains[::-1], until=0.0, forces=("drag",), drag="stokes", tolerance=1e-12)
+    np.testing.assert_array_equal(again.velocity, found.velocity[::-1])
+
+
+def test_a_gas_is_kept_with_its_field(tmp_path: Path) -> None:
+    points, cells = shaken_mesh(3, -1.0, 1.0)
+    field = FlowField.from_arrays(points, cells, np.zeros_like(points), temperature=673.15, mean_free_path=1.8e-7)
+    field.save(tmp_path / "field.npz")
+    read = FlowField.load(tmp_path / "field.npz")
+    assert (read.temperature, read.mean_free_path) == (673.15, 1.8e-7)
+    with pytest.raises(SceneError, match="mean_free_path = -1"):
+        FlowField.from_arrays(points, cells, np.zeros_like(points), mean_free_path=-1.0)
+
+
+def test_brownian_motion_is_that_of_the_gas() -> None:
+    """D = k_B T Cc / (3 pi mu d): in air of 600 K and a longer path more by both."""
+    points, cells = shaken_mesh(3, -1.0, 1.0)
+    grains = Granules(np.zeros((1, 2)), np.zeros((1, 2)), 0.1e-6, 1000.0)
+    constants = [
+        pack_granules(
+            grains, FlowField.from_arrays(points, cells, np.zeros_like(points), **air), ("brownian",), (0.0, 0.0)
+        )[0, at.DIFFUSIVITY]
+        for air in ({}, {"temperature": 586.3}, {"mean_free_path": 0.0}, {"mean_free_path": 0.132e-6})
+    ]
+    slip = [float(slip_correction(0.1e-6, path)) for path in (0.066e-6, 0.066e-6, 0.0, 0.132e-6)]
+    expected = 1.380649e-23 * 293.15 / (3 * np.pi * 1.8e-5 * 0.1e-6) * np.array(slip) * (1.0, 2.0, 1.0, 1.0)
+    np.testing.assert_allclose(constants, expected, rtol=1e-12)
+    assert slip[2] == 1.0

@@ -35,6 +35,8 @@ FACTORS = {
     ("g", "kg"): 1e-3, ("kg", "g"): 1e3,
     ("%", "1"): 1e-2, ("1", "%"): 1e2,
 }  # fmt: skip
+LENGTHS = ("m", "mm", "um")
+DEGREES = {"C": "degC", "F": "degF"}  # of temperature: to pint a coulomb and a farad
 NO_UNIT = re.compile(r"[^\w\s/*^().%‰°·⋅×⁻+-]")
 TWO_MEANINGS = {  # units that are one thing here and another there: what each may be, and how that is written
     "ton": "1000 kg (t) or 907 kg (short_ton)", "hundredweight": "50.8 kg or 45.4 kg (write kg)",
@@ -94,6 +96,8 @@ def converted(value: float, given: str, wanted: str) -> float:
     import pint
 
     registry = _registry()
+    if wanted == "K":
+        given = DEGREES.get(given, given)
     try:
         source, target = (_unit(one) for one in (given, wanted))
         if _kind(source) != _kind(target):  # one turn a period
@@ -147,9 +151,14 @@ def spoken(unit: str) -> str | None:
 
 
 def say(value: float, unit: str, digits: int = 6) -> str:
-    """A number in ``unit`` (of the SI) with the unit that the user writes, such as "95 deg"."""
+    """A number in ``unit`` (of the SI) with the unit that the user writes, such as "95 deg"; of a length that is very
+    long or short in that, with another: 2.7 m in a scene whose sizes are in um.
+    """
     wanted = spoken(unit) or unit
     shown = value if wanted == unit else converted(value, unit, wanted)
+    if spoken(unit) in LENGTHS and shown and not 0.01 <= abs(shown) < 1e4:
+        wanted = next((one for one in LENGTHS if abs(value) >= converted(1.0, one, "m")), LENGTHS[-1])
+        shown = converted(value, "m", wanted)
     rounded = float(f"{shown:.{digits}g}")  # 140, not 1.4e+02
     return f"{rounded:g} {wanted}".removesuffix(" 1")
 

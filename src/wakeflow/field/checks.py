@@ -34,10 +34,10 @@ def points(values: ArrayLike) -> Array:
     return nodes
 
 
-def positive(name: str, value: float) -> float:
-    """A number that is positive and finite."""
-    if not (np.isfinite(value) and value > 0):
-        raise SceneError(f"{name} = {value:g} must be positive and finite")
+def positive(name: str, value: float, *, or_zero: bool = False) -> float:
+    """A number that is positive, or ``or_zero``, and finite."""
+    if not (np.isfinite(value) and (value > 0 or (or_zero and value == 0))):
+        raise SceneError(f"{name} = {value:g} must be positive{' or 0' if or_zero else ''} and finite")
     return float(value)
 
 

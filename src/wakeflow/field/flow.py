@@ -21,6 +21,8 @@ from ..core import sums
 from ..core.errors import SceneError, known
 from ..core.lazy import cached_property
 from ..core.tables import load_arrays, save_arrays
+from ..laws.gas import MEAN_FREE_PATH, PRESSURE, TEMPERATURE
+from ..laws.gas import mean_free_path as path_in_gas
 from . import checks
 from .mirror import MeshOscillation, mirrored, reflected
 from .modes import TimeAxis, Truncation, compress, design
@@ -29,6 +31,7 @@ from .triangles import Divergence, Triangles, divergence_of
 
 Array = NDArray[np.float64]
 POSITIVE = ("k", "dissipation")
+SCALARS = ("period", "density", "viscosity", "temperature", "mean_free_path")
 NODAL = ("velocity", "pressure", *POSITIVE, "given_gradient")  # the arrays with a value at every node
 MIN_TURBULENCE_RATIO = (
     0.05  # of their means: k and dissipation of a compressed field are no smaller. Chosen: a lifetime stays finite
@@ -41,9 +44,10 @@ class FlowField(Triangles):
 
     ``points`` (N, 2) m, ``triangles`` (M, 3) counter-clockwise, ``velocity`` (.., N, 2) m/s, ``pressure`` (.., N) Pa,
     ``k`` (.., N) m2/s2, ``dissipation`` (.., N) m2/s3, ``times`` (T,) s, ``density`` kg/m3, ``viscosity`` dynamic, Pa
-    s. Nodal arrays have a leading axis T when ``times`` is given: the snapshots; or R, when ``coefficients`` (T, R) is
-    given too: the mean and R - 1 modes, ``times`` being the splines' uniform knots, and ``truncation`` what was cut
-    off. ``motion``: the mesh swings as a rigid whole, ``points`` being its middle position; velocities are absolute.
+    s, ``temperature`` K, ``mean_free_path`` of the gas's molecules m, 0 in a liquid. Nodal arrays have a leading axis T
+    when ``times`` is given: the snapshots; or R, when ``coefficients`` (T, R) is given too: the mean and R - 1 modes,
+    ``times`` being the splines' uniform knots, and ``truncation`` what was cut off. ``motion``: the mesh swings as a
+    rigid whole, ``points`` being its middle position; velocities are absolute.
     """
 
     velocity: Array
@@ -58,6 +62,8 @@ class FlowField(Triangles):
     coefficients: Array | None = None
     motion: MeshOscillation | None = None
     truncation: Truncation | None = None
+    temperature: float = TEMPERATURE
+    mean_free_path: float = MEAN_FREE_PATH
 
     @classmethod
     def from_arrays(
@@ -70,29 +76,37 @@ class FlowField(Triangles):
         period: float | None = None,
         k: ArrayLike | None = None,
         dissipation: ArrayLike | None = None,
-        density: float = 1.2,
-        viscosity: float = 1.8e-5,
+        density: float | None = None,
+        viscosity: float | None = None,
         pressure_gradient: ArrayLike | None = None,
         coefficients: ArrayLike | None = None,
         motion: ArrayLike | None = None,
         truncation: ArrayLike | None = None,
         walls: ArrayLike | None = None,
+        temperature: float = TEMPERATURE,
+        mean_free_path: float | None = None,
     ) -> FlowField:
         """A checked field; clockwise triangles are turned round. Shapes and units as in the class.
 
         ``pressure_gradient`` (.., N, 2) Pa/m replaces the one recovered from ``pressure``. ``walls`` (N,) tells which
         nodes lie on no-slip walls: whatever ``k`` says, it is 0 there. Those on the boundary whose air rests while
-        other air moves are known without it. Raises SceneError for
-        wrong shapes, NaN, indices out of range, degenerate triangles, times that do not increase, a period shorter
-        than the time they span, or density and viscosity that are not positive.
+        other air moves are known without it. Density and viscosity are 1.2 and 1.8e-5 by default; ``mean_free_path``
+        is then that of air, and 0 where one of them is given, so that fine granules do not slip; ``wakeflow.laws.gas``
+        has that of other gases. Raises SceneError for wrong shapes, NaN, indices out of range, degenerate triangles,
+        times that do not increase, a period shorter than the time they span, density, viscosity and temperature that
+        are not positive, or a mean free path that is negative.
         """
         nodes = checks.points(points)
         cells = checks.cells(triangles, nodes)
         clock = checks.times(times, period)
         parts = None if coefficients is None else checks.coefficients(coefficients, clock, period)
         lead = (len(nodes),) if clock is None else ((clock if parts is None else parts.T).shape[0], len(nodes))
-        air: dict[str, Any] = {"density": checks.positive("density", density)}
-        air["viscosity"] = checks.positive("viscosity", viscosity)
+        if mean_free_path is None:
+            mean_free_path = MEAN_FREE_PATH if density is None and viscosity is None else 0.0
+        air: dict[str, Any] = {"density": checks.positive("density", 1.2 if density is None else density)}
+        air["viscosity"] = checks.positive("viscosity", 1.8e-5 if viscosity is None else viscosity)
+        air["temperature"] = checks.positive("temperature", temperature)
+        air["mean_free_path"] = checks.positive("mean_free_path", mean_free_path, or_zero=True)
         speed = checks.of_shape("velocity", velocity, (*lead, 2))
         scalars = {"pressure": pressure, "k": k, "dissipation": dissipation}
         nodal: dict[str, Any] = {name: checks.optional(name, values, lead) for name, values in scalars.items()}
@@ -107,14 +121,20 @@ class FlowField(Triangles):
         return field if motion is None else field.moving(*checks.motion(motion))
 
     @classmethod
-    def from_openfoam(cls, case_dir: Path | str, time: str | float = "latest", density: float = 1.2) -> FlowField:
+    def from_openfoam(
+        cls, case_dir: Path | str, time: str | float = "latest", density: float | None = None
+    ) -> FlowField:
         """Read an OpenFOAM case: one ``time`` ("latest" or s), "mean", or "all"; p becomes Pa with ``density`` (kg/m3).
 
-        Raises FoamError for a case that cannot be read, see :func:`wakeflow.foam.read_flow`.
+        Without a density it is that of air, 1.2, and the mean free path is that of a gas of the case's viscosity; with
+        one it is 0, as for :meth:`from_arrays`. Raises FoamError for a case that cannot be read, see
+        :func:`wakeflow.foam.read_flow`.
         """
         from ..foam.read import read_flow
 
-        return cls.from_arrays(**read_flow(Path(case_dir), time, density))
+        flow = read_flow(Path(case_dir), time, 1.2 if density is None else density)
+        path = path_in_gas(flow["density"], flow["viscosity"], TEMPERATURE, PRESSURE) if density is None else 0.0
+        return cls.from_arrays(**flow, mean_free_path=path)
 
     # -- values ----------------------------------------------------------------------------------------------------
 
@@ -292,7 +312,7 @@ class FlowField(Triangles):
             raise SceneError(f"{path}: is not a flow field written by wakeflow")
         sums.check(file.parent, file.name, AGAIN)
         try:
-            scalars = {n: float(content.pop(n)) for n in ("period", "density", "viscosity") if n in content}
+            scalars = {n: float(content.pop(n)) for n in SCALARS if n in content}
             gradient = content.pop("given_gradient", None)
             return cls.from_arrays(**content, pressure_gradient=gradient, **scalars)
         except (TypeError, IndexError, ValueError) as problem:

@@ -35,7 +35,7 @@ def compute(funnel: Funnel, make: Make, tell: Callable[[str], None]) -> FunnelSu
 
     asked = {name: getattr(funnel, name) for name in type(funnel).model_fields}
     asked |= {"density": funnel.bead_density, "restitution": funnel.bead_restitution, "friction": funnel.bead_friction}
-    asked |= {"count": funnel.beads, "mass": None, "material": None}
+    asked |= {"count": funnel.beads, "mass": None, "material": None, "gravity": funnel.gravity}
     if not funnel.amplitude:
         asked["frequency"] = None
     code = (code_key(*CODE), liggghts_version())

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from ..core.errors import ProgramError
 from ..core.files import atomic_write
 from ..core.process import capture, run_program, tail
-from ..laws.constants import GRAVITY
 from ..scene import Funnel
 
 # -- LIGGGHTS, the granular engine -------------------------------------------------------------------------------------
@@ -159,7 +158,7 @@ def cone_of(funnel: Funnel) -> Cone:
     slope = math.tan(funnel.half_angle)
     top = fill + funnel.high if funnel.width is None else (funnel.width - funnel.orifice) / (2 * slope)
     peak = BRIM_SPEED_RATIO * funnel.amplitude * 2 * math.pi * (funnel.frequency or 0.0)
-    brim = max(top, fill) + 5 * funnel.high + 2 * funnel.amplitude + peak**2 / (2 * GRAVITY)
+    brim = max(top, fill) + 5 * funnel.high + 2 * funnel.amplitude + peak**2 / (2 * funnel.gravity)
     return Cone(funnel.orifice / 2, slope, top, brim)
 
 

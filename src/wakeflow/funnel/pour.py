@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from ..core.errors import known
 from ..core.record import save
 from ..laws.collision import contact_time
-from ..laws.constants import GRAVITY
 from ..laws.streams import beverloo, cone_factor
 from ..scene import Funnel
 from .engine import (
@@ -81,7 +80,7 @@ def contact_settings(funnel: Funnel, steps: Steps) -> dict[str, float | int | st
         "fw": funnel.wall_friction,
         "fr": funnel.rolling_friction,
         "rolling": "epsd2" if funnel.rolling_friction > 0 else "off",
-        "g": GRAVITY,
+        "g": funnel.gravity,
         "dt": steps.dt,
         "skin": 0.25 * funnel.diameter,
     }
@@ -204,7 +203,7 @@ def _table(
     law = (
         None
         if math.isnan(filled)
-        else beverloo(funnel.orifice, funnel.diameter, filled * funnel.bead_density, gravity=GRAVITY)
+        else beverloo(funnel.orifice, funnel.diameter, filled * funnel.bead_density, gravity=funnel.gravity)
     )
     kept = np.unique(np.linspace(0, len(curve.time) - 1, min(len(curve.time), CURVE_POINTS)).astype(int))
     left = int(curve.beads[-1])

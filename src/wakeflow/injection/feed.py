@@ -26,12 +26,13 @@ from ..laws.collision import approach_speed, scattered_rebound
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from ..laws.forces import forces
+from ..laws.gas import MEAN_FREE_PATH
 from ..laws.restitution import restitution_at
 from ..laws.size import normal_quantile
 from ..planning.impaction import axis
 from ..planning.plan import REPLICATES, FractionPlan, Plan
 from ..planning.variation import GranuleVariation
-from ..scene import Fraction, Scene, Speeds
+from ..scene import Scene, Speeds
 from ..tracking import Granules
 from ..tracking.granules import toss_of
 from .birth import PLACED, TRAITS, blows_of, samples, traits_of, varied_granules
@@ -87,7 +88,7 @@ def arrival(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, spe
     uniform flow; in a vacuum in closed form.
     """
     if scene.air is None:
-        return np.sqrt(speed**2 + 2 * GRAVITY * np.maximum(drop, 0.0))
+        return np.sqrt(speed**2 + 2 * scene.gravity * np.maximum(drop, 0.0))
     outline = scene.first_outline
     reach = max((0.0 if outline is None else float(np.ptp(outline[:, 1]))) + scene.release[0], scene.width) + 1.0
     reach *= 2.0 ** max(
@@ -113,7 +114,7 @@ def arrival(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, spe
     level = np.array([(-1.0, 0.0), (1.0, 0.0)])
     tracks = tracking.track(
         column, still, until=1e3, tolerance=1e-6, length=scene.width, drag=plan.drag, lines=(level,),
-        forces=[force for force in plan.forces if forces[force].calm],
+        forces=[force for force in plan.forces if forces[force].calm], gravity=(0.0, -scene.gravity),
     )  # fmt: skip
     return np.where(tracks.line == 0, -tracks.velocity[:, 1], np.nan)
 
@@ -126,7 +127,7 @@ def fall_start(scene: Scene, radius: Array) -> tuple[Array, Array]:
     level = np.maximum(above, (1.0 + CLEARANCE) * radius)
     fall = scene.feed.speed or 0.0
     return scene.level + level, np.sqrt(
-        np.maximum(0.0, fall**2 - 2 * GRAVITY * level) if fall else np.zeros(radius.shape)
+        np.maximum(0.0, fall**2 - 2 * scene.gravity * level) if fall else np.zeros(radius.shape)
     )
 
 
@@ -162,19 +163,20 @@ def _lying(scene: Scene, outline: Array, x: Array, radius: Array) -> Array:
 
 
 def granules_of(
-    fraction: Fraction, plan: FractionPlan, diameter: Array, settling: Array | None = None, traits: Array | None = None
-) -> Granules:
-    """Granules of ``diameter`` (n,) m with the fraction's properties and drag, at rest at the origin; ``settling`` (n,)
-    m/s: each granule's own terminal velocity where it was measured; ``traits`` (n, 2) in the unit square, of its
-    restitution and friction, without which all have the middle ones.
+    scene: Scene, name: str, plan: FractionPlan, diameter: Array, settling: Array | None = None,
+    traits: Array | None = None,
+) -> Granules:  # fmt: skip
+    """Granules of ``diameter`` (n,) m with a fraction's properties and drag, at rest at the origin; ``settling`` (n,)
+    m/s: each granule's own terminal velocity where it was measured, in standard air; ``traits`` (n, 2) in the unit
+    square, of its restitution and friction, without which all have the middle ones.
     """
-    origin = np.zeros((len(diameter), 2))
-    properties = fraction.properties
-    if settling is None:
-        scale = plan.drag_scale / slip_correction(diameter)
-    else:
+    origin, fraction = np.zeros((len(diameter), 2)), scene.fraction[name]
+    properties, scale = fraction.properties, np.asarray(plan.drag_scale)
+    if settling is not None:
         law, air = plan.drag, (*STANDARD_AIR, GRAVITY)
         scale = drag_factor_for_terminal_velocity(diameter, properties.density, settling, *air, law)
+        scale = scale * slip_correction(diameter)
+    scale = scale / slip_correction(diameter, MEAN_FREE_PATH if scene.air is None else scene.air.mean_free_path)
     own = dict.fromkeys(("restitution", "friction"))
     if traits is not None:
         own = {"restitution": fraction.coefficients("restitution", traits[:, 0])}
@@ -258,7 +260,7 @@ def _born(
         traits = traits_of(name, feed.count, feed.seed, replicates, part)
     settling = fraction.settling(points[:, 4] if measured else traits[:, 2])
     diameter = fraction.diameters(points[:, 1])
-    return points, traits, replicate, granules_of(fraction, plan, diameter, settling, traits[:, :2])
+    return points, traits, replicate, granules_of(scene, name, plan, diameter, settling, traits[:, :2])
 
 
 def _pull(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, speed: Array, fall: Array) -> Array:
@@ -266,7 +268,7 @@ def _pull(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, speed
     if scene.vibration is None or not len(drop):
         return np.zeros(len(drop))
     if scene.air is None:
-        return np.full(len(drop), GRAVITY)
+        return np.full(len(drop), scene.gravity)
     way = max(float(np.linalg.norm(scene.vibration.displacement)), MIN_WAY * scene.width)
     later = arrival(scene, plan, grains, drop + way, speed)
     return np.nan_to_num((later**2 - fall**2) / (2 * way), nan=0.0)

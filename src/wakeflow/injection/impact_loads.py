@@ -140,7 +140,7 @@ def _sample(scene: Scene, name: str, plan: FractionPlan, outline: Array) -> _Str
     swing = 0.0 if scene.vibration is None else float(np.linalg.norm(scene.vibration.displacement))
     fraction, middles, parts = scene.fraction[name], _middles(SIZES), []
     settling = fraction.settling(np.roll(middles, 3))
-    grains = granules_of(fraction, plan, fraction.diameters(middles), settling)
+    grains = granules_of(scene, name, plan, fraction.diameters(middles), settling)
     lates = np.roll(middles[::-1], 3)
     for shift, late, diameter, factor in zip(middles, lates, grains.diameter, grains.drag_scale, strict=True):
         half = (np.arange(PLACES) + shift) / PLACES

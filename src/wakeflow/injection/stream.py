@@ -82,11 +82,12 @@ def slab_stream(
     granules = _joined([part.granules for part in parts])[order]
     fraction, mass = (np.concatenate([getattr(part, key) for part in parts])[order] for key in ("fraction", "mass"))
     tracers = tuple(len(scene.fraction) + i for i, name in enumerate(scene.fraction) if crowd.tracers[name] > 0.0)
-    granules = _apart(rng, granules.replace(depth=depth * rng.random(len(granules))), len(scene.fraction), depth)
+    granules = granules.replace(depth=depth * rng.random(len(granules)))
+    granules = _apart(rng, granules, len(scene.fraction), depth, scene.gravity)
     if part < 1.0:  # which has other neighbours across its ends
         kept = np.flatnonzero(granules.depth < part * depth)
         granules, fraction, mass = (
-            _apart(rng, granules[kept], len(scene.fraction), part * depth),
+            _apart(rng, granules[kept], len(scene.fraction), part * depth, scene.gravity),
             fraction[kept],
             mass[kept],
         )
@@ -109,7 +110,9 @@ def _fed(
     diameter = fraction.diameters(p[drawn])
     traits = rng.random((len(drawn), 3))
     settling = fraction.settling(traits[:, 2])
-    grains = varied_granules(granules_of(fraction, plan.fractions[name], diameter, settling, traits[:, :2]), variation)
+    grains = varied_granules(
+        granules_of(scene, name, plan.fractions[name], diameter, settling, traits[:, :2]), variation
+    )
     x = scene.feed.places(rng.random(len(drawn)))
     grains = _born(scene, plan, field, name, grains, x, int(rng.integers(2**62)))
     if len(p) > FALLS:
@@ -175,7 +178,7 @@ def _born(
     level, speed = fall_start(scene, 0.5 * grains.diameter)
     start = slab_top(scene, grains, x)
     if field is None or not len(x):
-        falls = -np.sqrt(speed**2 + 2.0 * GRAVITY * (level - start))
+        falls = -np.sqrt(speed**2 + 2.0 * scene.gravity * (level - start))
         velocity = np.stack([np.zeros(len(x)), falls], axis=1)
         return grains.replace(position=np.stack([x, start], axis=1), velocity=velocity)
     how = plan.fractions[name]
@@ -186,14 +189,16 @@ def _born(
     found = tracking.track(
         field, hung(scene, grains.replace(position=position, velocity=velocity, time=whole)), until=LONGEST,
         tolerance=TOLERANCE, length=scene.width, drag=how.drag, forces=how.forces, lines=(line,), seed=seed,
-        gravity=scene.gravity,
+        gravity=scene.plumb.gravity,
     )  # fmt: skip
     comes = (found.line == 0)[:, None]  # upward air does not let others come so far: they begin where the feed does
     fallen, speeds = plumb.seen(found.position), plumb.hung(found.velocity)
     return grains.replace(position=np.where(comes, fallen, position), velocity=np.where(comes, speeds, velocity))
 
 
-def _apart(rng: np.random.Generator, grains: Granules, tracers: int, depth: float) -> Granules:
+def _apart(
+    rng: np.random.Generator, grains: Granules, tracers: int, depth: float, gravity: float = GRAVITY
+) -> Granules:
     """The granules of a slab of ``depth`` (m) where no two overlap when they are born, ``tracers`` (those of so high a
     fraction) with any. The later one of a pair that would is given another place, as often as it takes.
     """
@@ -202,7 +207,7 @@ def _apart(rng: np.random.Generator, grains: Granules, tracers: int, depth: floa
         return grains
     x, z = grains.position[:, 0].copy(), known(grains.depth).copy()
     width = grains.diameter[solid] * section(grains.shape[solid], grains.flake[solid])[1]
-    speed = np.maximum(np.abs(grains.velocity[solid, 1]), np.sqrt(GRAVITY * width))
+    speed = np.maximum(np.abs(grains.velocity[solid, 1]), np.sqrt(gravity * width))
     ahead = float(speed.min()) * grains.time[solid]  # way that separates those born later, at least
     for _ in range(ROUNDS):
         later = _overlapping(np.stack([x[solid], ahead, z[solid]], axis=1), width, depth)

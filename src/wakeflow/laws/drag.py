@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.errors import SceneError
 from ..core.registry import Registry
 from .constants import GRAVITY
+from .gas import MEAN_FREE_PATH
 
 Array = NDArray[np.float64]
 TABLE_DECADES = (-8, 7)  # log10 Re at the table's ends; 1000, where two laws break, is a boundary between cells
 TABLE_CELLS = 96  # cells per decade
-MEAN_FREE_PATH = 0.066e-6  # of air at 20 C and 1 atm, m
 
 
 @dataclass(frozen=True)
@@ -153,12 +153,12 @@ def relaxation_time(diameter: ArrayLike, density: ArrayLike, viscosity: float) -
 
 def slip_correction(diameter: ArrayLike, mean_free_path: float = MEAN_FREE_PATH) -> Array:
     """Cunningham's Cc: drag is divided by it, since a small sphere slips between the gas's molecules; -> 1 for a large
-    one.
+    one, and 1 in a liquid, whose path is 0.
 
     Cc = 1 + (2 L / d) (1.257 + 0.4 exp(-0.55 d / L)), diameter and mean free path L in m: Davies, C.N. 1945, Proc.
     Phys. Soc. 57, 259; creeping flow, any d / L. In air of 20 C 1.17 at 1 um, 1.017 at 10 um.
     """
-    knudsen = 2.0 * mean_free_path / np.asarray(diameter, dtype=float)
+    knudsen = 2.0 * max(mean_free_path, 1e-300) / np.asarray(diameter, dtype=float)
     return 1.0 + knudsen * (1.257 + 0.4 * np.exp(-1.1 / knudsen))
 
 

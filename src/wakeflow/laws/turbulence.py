@@ -20,15 +20,18 @@ import numpy as np
 
 from ..core.registry import Registry
 from .constants import C_MU
+from .gas import TEMPERATURE
 
 # -- Turbulent dispersion of a granule as a Langevin process of the fluid velocity seen --------------------------------
-C0 = 2.1  # of the simplified Langevin model, as in Minier & Peirano
-LIFETIME = 1.0 / (0.5 + 0.75 * C0)  # 0.48, over k / dissipation
-# 95 % of the same in use and measured. Longest 0.5: an eddy that is held for k / dissipation (OpenFOAM's
-# stochasticDispersionRAS, read). Between: 0.32 by C0 = 3.5 (code_saturne 8, src/turb/cs_turbulence_model.cpp, read),
-# 0.27 by C0 = 5 (Reynolds, A.M. 2000, Agric. For. Meteorol. 104, 107, quoted). Shortest: 2 / 14 (Mito, Y. & Hanratty,
-# T.J. 2002, Flow Turbul. Combust. 68, 1, quoted), and 0.145 +- 0.01 as hollow glass beads spread in the grid turbulence
-# of Snyder, W.H. & Lumley, J.L. 1971, J. Fluid Mech. 48, 41 (points digitised by others, paper not read)
+C0 = 5.0  # of the simplified Langevin model; chosen: amid the numbers below
+LIFETIME = 1.0 / (0.5 + 0.75 * C0)  # 0.235, over k / dissipation; the geometric mean of the range below is 0.26
+# 95 % of the same, measured and in use. Longest: 0.5, an eddy that is held for k / dissipation (OpenFOAM's
+# stochasticDispersionRAS, read), and 0.48 by C0 = 2.1 of Minier & Peirano. 0.36 by C0 = 3.0 +- 0.5 as heat spreads in
+# grid turbulence (Du, S., Sawford, B.L., Wilson, J.D. & Wilson, D.J. 1995, Phys. Fluids 7, 3083, title read); 0.32 by
+# C0 = 3.5 (code_saturne 8, src/turb/cs_turbulence_model.cpp, read); 0.27 by 4 / (3 C0), C0 = 5 (Reynolds, A.M. 2000,
+# Agric. For. Meteorol. 104, 107, quoted). Shortest: 2 / 14 (Mito, Y. & Hanratty, T.J. 2002, Flow Turbul. Combust. 68,
+# 1, quoted), 0.15 of other programs' k-epsilon runs, and 0.14 to 0.17 as hollow glass beads spread in the grid
+# turbulence, of low Reynolds number, of Snyder, W.H. & Lumley, J.L. 1971, J. Fluid Mech. 48, 41 (digitised by others)
 LIFETIMES = (0.14, 0.5)
 SHORTEST, DAMPED = 4.5, 21.0  # Kolmogorov's times and lengths, beside walls
 EULERIAN = 0.8  # ratio of the Lagrangian to the Eulerian integral time, as in code_saturne
@@ -36,7 +39,7 @@ BOLTZMANN = 1.380649e-23  # J/K, exact
 
 
 def lifetime(k: Any, dissipation: Any) -> Any:
-    """Lagrangian integral time T_L (s) = k / dissipation / (1/2 + 3/4 C0), C0 = 2.1; 0 where k = 0.
+    """Lagrangian integral time T_L (s) = k / dissipation / (1/2 + 3/4 C0), C0 = 5; 0 where k = 0.
 
     k m2/s2, dissipation m2/s3. Pope, S.B. 1994, Annu. Rev. Fluid Mech. 26, 23; Peirano, E., Chibbaro, S., Pozorski,
     J. & Minier, J.-P. 2006, Prog. Energy Combust. Sci. 32, 315. High turbulence Reynolds number. Takes arrays.
@@ -92,7 +95,7 @@ def held(z: float) -> tuple[float, float, float]:
 
 
 def brownian_diffusivity(
-    diameter: Any, viscosity: float, temperature: float = 293.15, slip_correction: Any = 1.0
+    diameter: Any, viscosity: float, temperature: float = TEMPERATURE, slip_correction: Any = 1.0
 ) -> Any:
     """Diffusivity of a granule among the air's molecules (m2/s): k_B T Cc / (3 pi mu d).
 

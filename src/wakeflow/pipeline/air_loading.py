@@ -294,7 +294,7 @@ class LoadedCase(AirLoading):
         del force  # in the case
         case = known(made[1]) / "case"
         time = known(load(Airflow, case / "airflow.json").field_time)
-        return case_field(case, time, self.scene.airstream.density, half=self.steady.half)
+        return self.steady.in_gas(case_field(case, time, self.scene.airstream.density, half=self.steady.half))
 
     def solution_on(self, air: CaseAir) -> tuple[str, Path]:
         """Key and folder of the steady airflow under that force, on the grid of ``air``, which does not feel it."""

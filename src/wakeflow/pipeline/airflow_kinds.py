@@ -146,8 +146,14 @@ class AirflowKind(ABC):
 
     @cached_property
     def field(self) -> tuple[str, FlowField] | None:
-        """:meth:`make_field`, made once."""
-        return self.make_field()
+        """:meth:`make_field`, made once, in the scene's gas."""
+        made = self.make_field()
+        return None if made is None else (made[0], self.in_gas(made[1]))
+
+    def in_gas(self, field: FlowField) -> FlowField:
+        """A field with the temperature and the mean free path of the scene's air."""
+        air = self.scene.airstream
+        return field.with_values(temperature=air.temperature, mean_free_path=air.mean_free_path)
 
     def between(self, theta: float, strength: float) -> tuple[str, FlowField] | None:
         """Key and field with another wake, of ``theta`` and ``strength`` as in ``field.blended_wake``; the field itself
@@ -254,20 +260,22 @@ class CaseAir(AirflowKind):
         return key, self.cache.make("field", key, work)
 
     def make_field(self) -> tuple[str, FlowField]:
-        from ..field import FlowField
-
         key, folder = self._stored
-        return key, FlowField.load(folder / "field.npz")
+        return key, self._loaded(folder / "field.npz")
 
     @cached_property
     def realisations(self) -> Realisations:
         """The late states where the airflow does not settle, each as likely as the others; else the one field."""
-        from ..field import FlowField
-
         states = sorted(self._stored[1].glob("state-*.npz"))
         if not states:
             return super().realisations
-        return Realisations(FlowField.load(states[0]), tuple(partial(FlowField.load, path) for path in states[1:]))
+        first, *others = (partial(self._loaded, path) for path in states)
+        return Realisations(first(), tuple(others))
+
+    def _loaded(self, file: Path) -> FlowField:
+        from ..field import FlowField
+
+        return self.in_gas(FlowField.load(file))
 
     @cached_property
     def cycles(self) -> int:

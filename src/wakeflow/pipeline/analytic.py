@@ -66,7 +66,7 @@ def duct_field(scene: Scene, *, turbulent: bool) -> FlowField:
     velocity = np.stack([np.zeros(len(points)), sign * speed], axis=1)
     return FlowField.from_arrays(
         points, triangles, velocity, pressure, k=k, dissipation=dissipation, density=air.density,
-        viscosity=air.viscosity,
+        viscosity=air.viscosity, temperature=air.temperature, mean_free_path=air.mean_free_path,
     )  # fmt: skip
 
 
@@ -109,7 +109,7 @@ def jet_field(scene: Scene, force: ForceDensity) -> FlowField:
     )
     return FlowField.from_arrays(
         points, triangles, velocity, np.zeros(len(points)), k=k[:, 0], dissipation=dissipation[:, 0],
-        density=air.density, viscosity=air.viscosity,
+        density=air.density, viscosity=air.viscosity, temperature=air.temperature, mean_free_path=air.mean_free_path,
     )  # fmt: skip
 
 

@@ -56,8 +56,3 @@ def save_layers(case: Path, folder: Path, spec: FlowSpec, flown: Sequence[int]) 
         (arrays,) = read_layers(record, [layer], begin, spec.density)
         field = FlowField.from_arrays(**arrays)
         cross_faded(field, lead_of(spec, known(field.times))).save(layer_file(folder, number))
-
-
-def layer_field(folder: Path, number: int) -> FlowField:
-    """The field of one of the layers that :func:`save_layers` wrote."""
-    return FlowField.load(layer_file(folder, number))

@@ -184,7 +184,7 @@ class Gatherer:
         return self.scene.feed.mass_flow / self.scene.feed.depth * self.scene.mass_shares()[name]
 
     def _how(self, forces: Collection[str]) -> dict[str, Any]:
-        return {"air_density": self.air.density, "forces": forces, "gravity": self.scene.gravity}
+        return {"air_density": self.air.density, "forces": forces, "gravity": self.scene.plumb.gravity}
 
     def _both_images(self, density: Array, losses: Array, before: Array, *landed: Any) -> Gathered:
         force, above = ForceDensity(self.boxes, density), ForceDensity(self.boxes, before)

@@ -309,7 +309,7 @@ class SlabFlight:
             seed=seed_of(scene.feed.seed, "slab", number),
             bodies=bodies_and_walls(scene),
             lines=end_lines(scene),
-            gravity=scene.gravity,
+            gravity=scene.plumb.gravity,
             workers=1,
             record=record,
             collisions=tracking.Collisions(

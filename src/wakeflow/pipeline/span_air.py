@@ -57,19 +57,19 @@ class SpanAir(SolvedAir):
         return key, self.cache.make("field", key, work)
 
     def make_field(self) -> tuple[str, FlowField]:
-        from .case_field import layer_field
+        from .case_field import layer_file
 
         key, folder = self.layers
-        return key, layer_field(folder, 0)
+        return key, self._loaded(layer_file(folder, 0))
 
     @cached_property
     def realisations(self) -> Realisations:
         """The layers that are flown in, each read when it is."""
-        from .case_field import layer_field
+        from .case_field import layer_file
 
         folder, count = self.layers[1], len(known(self.measured.span).flown)
-        others = tuple(partial(layer_field, folder, number) for number in range(1, count))
-        return Realisations(layer_field(folder, 0), others, self.cycles)
+        first, *others = (partial(self._loaded, layer_file(folder, number)) for number in range(count))
+        return Realisations(first(), tuple(others), self.cycles)
 
     @cached_property
     def cycles(self) -> int:

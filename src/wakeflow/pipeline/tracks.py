@@ -20,7 +20,6 @@ from ..core.tables import AnyArray, Columns
 from ..field import FlowField
 from ..injection.feed import Feedstock, feedstock
 from ..injection.first_contact import motion_of
-from ..laws.constants import GRAVITY
 from ..planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
 from ..planning.variation import GranuleVariation
 from ..scene import Scene
@@ -207,7 +206,7 @@ class Flight:
             seed=seed_of(scene.feed.seed, name, stream),
             bodies=bodies_and_walls(scene),
             lines=end_lines(scene),
-            gravity=scene.gravity,
+            gravity=scene.plumb.gravity,
             record=record,
             workers=self.workers,
             progress=None if record else lambda done, total: self.tell(f"{name}: {done} of {total}"),
@@ -218,7 +217,7 @@ def slowest_pace(scene: Scene, plan: Plan, fractions: Iterable[str]) -> float:
     """A speed (m/s) at which the ``fractions`` come through the channel at least about: the air's; in air at rest the
     slowest terminal velocity, in a vacuum that of a free fall.
     """
-    fall = float(np.sqrt(GRAVITY * (scene.channel.top - scene.channel.bottom)))
+    fall = float(np.sqrt(scene.gravity * (scene.channel.top - scene.channel.bottom)))
     if scene.air is None:
         return fall
     if not scene.air.still:

@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from ..core.errors import known
 from ..core.geometry import edges, normals
-from ..laws.constants import GRAVITY
 from ..laws.flake import section
 from ..laws.forces import FlightScales
 from ..laws.restitution import restitution_at
@@ -154,7 +153,7 @@ def shifted(scene: Scene, met: Encounters, scales: Sequence[FlightScales]) -> fl
     """
     if scales:
         return max(bounds[COLLISIONS].shift(flight) for flight in scales)
-    fall = math.sqrt(2.0 * scene.drop / GRAVITY)
+    fall = math.sqrt(2.0 * scene.drop / scene.gravity)
     return min(1.0, met.heavier) * met.knock * fall / scene.width
 
 
@@ -235,11 +234,11 @@ def _slope(scene: Scene, fraction: Fraction, arrival: float, thrown: float) -> _
     if within <= 0.0:
         return None
     friction = fraction.properties.friction
-    pull = GRAVITY * math.cos(beta) * max(math.sin(beta) - friction * math.cos(beta), 0.0)
+    pull = scene.gravity * math.cos(beta) * max(math.sin(beta) - friction * math.cos(beta), 0.0)
     shaking = 0.0 if scene.vibration is None else float(np.linalg.norm(scene.vibration.speed)) / math.sqrt(2.0)
     bounce = float(restitution_at(fraction.properties.restitution, arrival * math.cos(beta)))
     hop = bounce * arrival * math.cos(beta)
-    high = 0.5 * hop**2 / (GRAVITY * math.cos(beta))
+    high = 0.5 * hop**2 / (scene.gravity * math.cos(beta))
     return _Slope(within, ends - within, thrown, pull, shaking * thrown / arrival, hop, high)
 
 
@@ -250,9 +249,9 @@ def _fall(scene: Scene, fraction: Fraction, law: str, scale: float, diameter: fl
     if down <= 0.0:
         return _Fall(np.zeros(1), np.zeros(1), np.array([scene.feed.fall_speed]))
     if scene.air is None:
-        whole = (math.sqrt(speed**2 + 2.0 * GRAVITY * down) - speed) / GRAVITY
+        whole = (math.sqrt(speed**2 + 2.0 * scene.gravity * down) - speed) / scene.gravity
         time = np.linspace(0.0, whole, STEPS)
-        return _Fall(time, speed * time + 0.5 * GRAVITY * time**2, speed + GRAVITY * time)
+        return _Fall(time, speed * time + 0.5 * scene.gravity * time**2, speed + scene.gravity * time)
     fall = UniformFall.of(scene, fraction, law, scale, diameter)
     if _sheltered(scene) and abs(fall.settling) > RECIRCULATION * scene.air.speed:
         fall = replace(fall, air=scene.air.model_copy(update={"speed": CALM * scene.air.speed}))
@@ -284,7 +283,7 @@ def _crossing(scene: Scene, thrown: float) -> float:
     without friction; twice the mean way to the curtain's edge, for those that bounce on the slope more than once. The
     first body parts the curtain: each further row of bodies is met by streams half as dense.
     """
-    pull = GRAVITY * 0.5 * math.sin(2.0 * slope_of(scene)[0])
+    pull = scene.gravity * 0.5 * math.sin(2.0 * slope_of(scene)[0])
     way = 0.5 * scene.feed.width
     root = math.sqrt(thrown**2 + 2.0 * pull * way)
     once = 2.0 * way / (root + thrown) if root + thrown > 0.0 else LONGEST

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..core.quantities import metres
 from ..core.record import column
-from ..laws.constants import GRAVITY
 from ..scene import Fraction, Scene
 from .uniform_fall import UniformFall
 
@@ -188,8 +187,8 @@ def _stay(scene: Scene, fraction: Fraction, law: str, scale: float) -> float:
     if scene.air is None:
         drop = scene.drop + (scene.release[0] if scene.body else 0.0)
         speed = scene.release[1]
-        free = (math.sqrt(speed**2 + 2.0 * GRAVITY * drop) - speed) / GRAVITY
-        return free + (math.sqrt(2.0 * scene.drop / GRAVITY) if scene.body else 0.0)
+        free = (math.sqrt(speed**2 + 2.0 * scene.gravity * drop) - speed) / scene.gravity
+        return free + (math.sqrt(2.0 * scene.drop / scene.gravity) if scene.body else 0.0)
     return UniformFall.of(scene, fraction, law, scale, fraction.properties.diameter).times().whole
 
 

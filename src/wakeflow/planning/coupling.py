@@ -18,7 +18,6 @@ from ..core.graded import Notice, less_sure, void
 from ..core.number import Most
 from ..core.record import column
 from ..laws.collision import impact
-from ..laws.constants import GRAVITY
 from ..laws.forces import FlightScales
 from ..scene import Scene
 from .collision_rates import Encounters, shifted, slope_of
@@ -210,11 +209,11 @@ def _layer(scene: Scene, speeds: Mapping[str, float]) -> _Layer | None:
         granule = scene.fraction[name].properties
         after = impact(beta, speeds[name], 0.0, granule.restitution, granule.friction, scene.fraction[name].inertia)
         along, out = float(after.tangential), float(after.normal)
-        pull = GRAVITY * (math.sin(beta) - granule.friction * math.cos(beta))
+        pull = scene.gravity * (math.sin(beta) - granule.friction * math.cos(beta))
         volume = on_slope * share / granule.density * _stay(along, pull, length) / length
         covered += SHADE * volume / granule.diameter
         solid += volume
-        bounce = 0.5 * out**2 / (GRAVITY * math.cos(beta))
+        bounce = 0.5 * out**2 / (scene.gravity * math.cos(beta))
         if bounce + granule.diameter > height:
             height, sizes = bounce + granule.diameter, bounce / granule.diameter + 1.0
     return _Layer(covered, height, sizes, solid / height)

@@ -44,7 +44,8 @@ def flights(
     air, fraction = scene.airstream, scene.fraction[name]
     density, phi = fraction.properties.density, fraction.sphericity or 1.0
     _, omega = scene.motion
-    upward, aside = air.rises, abs(float(scene.entry @ scene.plumb.across))
+    kept = bool(scene.body) and scene.collecting.keys() == scene.body.keys()
+    upward, aside = air.rises, 0.0 if kept else abs(float(scene.entry @ scene.plumb.across))
     scales = []
     for diameter, factor in _granules(scene, fraction, law, scale):
         fall = UniformFall(scene, air, diameter, density, law, phi, factor)
@@ -54,7 +55,7 @@ def flights(
         stays = 0.0
         if scene.body and upward and abs(fall.settling) < air.speed:  # it falls into the wake, and leaves with the air
             stays = REACH * scene.width / (RECIRCULATION * air.speed) / (1.0 + times.tau * air.speed / scene.width)
-        thrown = ejection_speed(scene, fraction, arrival) * arrival if scene.body else aside
+        thrown = ejection_speed(scene, fraction, arrival) * arrival if scene.body and not kept else aside
         scales.append(FlightScales(
             diameter=diameter, density=density, tau=times.tau, calm=not scene.body or air.still,
             arrival=arrival, thrown=thrown, slip=slip, settling=abs(fall.settling),
@@ -63,8 +64,9 @@ def flights(
             sideways_bins=_sideways_bins(scene),
             air_density=air.density, viscosity=air.viscosity, air_speed=air.speed, width=scene.width,
             intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(scene.shaking)),
-            omega=omega, meetings=met.heavier, knock=met.knock, shedding=shedding,
+            omega=omega, meetings=met.heavier, knock=met.knock, shedding=shedding, kept=kept,
             given=_given_by_drag(scene, times, density, slip),
+            temperature=air.temperature, mean_free_path=air.mean_free_path, gravity=scene.gravity,
         ))  # fmt: skip
     return scales
 
@@ -81,7 +83,7 @@ def _given_by_drag(scene: Scene, times: FallTimes, density: float, slip: float) 
     """
     if not scene.body:
         return float(-slip * np.expm1(-times.whole / times.tau))
-    weight = GRAVITY * (1.0 - scene.airstream.density / density)
+    weight = scene.gravity * (1.0 - scene.airstream.density / density)
     return float(times.arrival - scene.release[1] - weight * (times.whole - times.time))
 
 
@@ -93,8 +95,9 @@ def _granules(scene: Scene, fraction: Fraction, law: str, scale: float) -> Itera
     if speeds is not None and not scene.body and scene.air is not None:
         speeds = np.append(speeds, np.clip(NEARLY * scene.air.speed, speeds[0], speeds[-1]))
     for diameter in dict.fromkeys(fraction.diameters(np.array(SIZES)).tolist()):
+        slip = float(slip_correction(diameter, scene.airstream.mean_free_path))
         if speeds is None:
-            yield diameter, scale / float(slip_correction(diameter))
+            yield diameter, scale / slip
             continue
         for factor in drag_factor_for_terminal_velocity(diameter, density, speeds, *STANDARD_AIR, GRAVITY, law):
-            yield diameter, float(factor)
+            yield diameter, float(factor * slip_correction(diameter)) / slip

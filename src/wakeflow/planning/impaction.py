@@ -17,7 +17,6 @@ from ..core.errors import known
 from ..core.lazy import cached_property
 from ..core.record import column
 from ..laws.collision import approach_speed, collide
-from ..laws.constants import GRAVITY
 from ..laws.drag import drag_laws, relaxation_time, relaxed, slip_correction
 from ..laws.impaction import Front, Impaction, Met, approach, fronts
 from ..laws.restitution import restitution_at
@@ -88,7 +87,7 @@ def deflection(scene: Scene, name: str, law: str, scale: float) -> Deflection | 
     diameters, count = np.unique(fraction.diameters(share), return_counts=True)
     granule = _Kind(
         tuple(diameters.tolist()), fraction.properties.density, law, fraction.sphericity or 1.0, scale,
-        air.density, air.viscosity,
+        air.density, air.viscosity, air.mean_free_path, scene.gravity,
     )  # fmt: skip
     approached = _approached(front_of(scene), granule, *scene.release)
     weight = count / SIZES
@@ -116,10 +115,12 @@ class _Kind:
     scale: float
     air_density: float
     viscosity: float
+    mean_free_path: float
+    gravity: float
 
     @property
     def pull(self) -> float:
-        return GRAVITY * (1.0 - self.air_density / self.density)
+        return self.gravity * (1.0 - self.air_density / self.density)
 
     def relax(self, slip: Array) -> Array:
         """Relaxation times (n, m) s of the n sizes at slips (n, m) m/s."""
@@ -130,7 +131,7 @@ class _Kind:
     def _scales(self) -> tuple[Array, Array]:
         """Reynolds numbers (n, 1) at 1 m/s, and relaxation times (n, 1) s at no slip."""
         d = np.array(self.diameters)[:, None]
-        still = relaxation_time(d, self.density, self.viscosity) * slip_correction(d) / self.scale
+        still = relaxation_time(d, self.density, self.viscosity) * slip_correction(d, self.mean_free_path) / self.scale
         return self.air_density * d / self.viscosity, still
 
 
@@ -174,7 +175,7 @@ def _landing(scene: Scene, name: str, kind: _Kind, contacts: Met) -> Array:
     front, rim = front_of(scene), 0.5 * np.array(kind.diameters)[:, None]
     floor, air = scene.level - scene.channel.bottom, complex(scene.airstream.speed)
     z, v = contacts.z.copy(), _bounced(scene, name, rim, contacts.v, contacts.normal)
-    step = 2.0 * np.sqrt(2.0 * floor / GRAVITY) / FALL_STEPS
+    step = 2.0 * np.sqrt(2.0 * floor / scene.gravity) / FALL_STEPS
     for _ in range(FALL_STEPS):
         tau = kind.relax(np.abs(air - v))
         way, after = relaxed(v, air + kind.pull * tau, tau, step, np.exp(-step / tau))

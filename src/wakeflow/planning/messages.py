@@ -89,7 +89,7 @@ LIGHTEST, HEAVIEST = 25.0, 23000.0  # kg/m3 of granules: foam beads, and no matt
 def magnitude_lines(scene: Scene) -> Iterator[Notice]:
     """A notice of each number of the air, the vibration and the granules that is beyond what machines have."""
     air, vibration = scene.air, scene.vibration
-    if air is not None and not AIRY[0] <= air.density <= AIRY[1]:
+    if air is not None and "density" in air.model_fields_set and not AIRY[0] <= air.density <= AIRY[1]:
         yield less_sure(f"air.density = {air.density:.4g} kg/m3, of air about 1.2: unit forgotten? Check air.density")
     if vibration is not None and (often := vibration.frequency or 0.0) > FASTEST:
         yield less_sure(f"{often:.4g} Hz is faster than machines shake; vibration.frequency = '{often:.4g} rpm'?")
@@ -315,6 +315,7 @@ def warning_lines(
                 f"{name}: falls faster than a sphere of its size and density; check fraction.{name}.terminal_velocity"
             )
         yield from _injected_beyond(name, plan, target)
+        yield from _inside_the_parting_air(scene, name, plan)
     yield from lifting_notices(scene, fractions)
     yield from floor_notices(scene)
     yield from body_checks(scene)
@@ -340,6 +341,21 @@ def _beyond_the_top(scene: Scene) -> Iterator[Notice]:
             f"the feed begins at y = {1e3 * begin:.0f} mm, above channel.top = {1e3 * top:.0f} mm: down to there "
             "granules fall through uniform air; channel.top higher, or feed.height lower"
         )
+
+
+PARTED = 10.0  # Stokes number below which the air's parting, a width above the body, has turned granules; measured once
+
+
+def _inside_the_parting_air(scene: Scene, name: str, fraction: FractionPlan) -> Iterator[Notice]:
+    """One where granules that follow the air begin so near to the body that it has turned them already."""
+    blows = scene.air is not None and not (scene.air.still or scene.air.rises)
+    if scene.feed.speed is None or not blows or fraction.mode != "resolved" or fraction.stokes >= PARTED:
+        return
+    yield less_sure(
+        f"{name}: begins {metres(scene.release[0], 3)} above the body, where the air parts already (Stokes number "
+        f"{fraction.stokes:.2g}): more of it meets the body than would; feed.height of 20 body widths in place of "
+        "feed.speed begins above that"
+    )
 
 
 def _injected_beyond(name: str, fraction: FractionPlan, target: float) -> Iterator[Notice]:

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..laws.constants import GRAVITY
 from ..laws.drag import drag_laws, relaxed, slip_correction, terminal_velocity
 from ..laws.forces.record import REACH
 from ..scene import Air, Fraction, Scene
@@ -67,8 +66,9 @@ class UniformFall:
     @classmethod
     def of(cls, scene: Scene, fraction: Fraction, law: str, scale: float, diameter: float) -> UniformFall:
         """The fall of a granule of ``diameter`` (m), with the fraction's drag ``law`` times ``scale``."""
-        factor, phi = scale / float(slip_correction(diameter)), fraction.sphericity or 1.0
-        return cls(scene, scene.airstream, diameter, fraction.properties.density, law, phi, factor)
+        air, phi = scene.airstream, fraction.sphericity or 1.0
+        factor = scale / float(slip_correction(diameter, air.mean_free_path))
+        return cls(scene, air, diameter, fraction.properties.density, law, phi, factor)
 
     @property
     def along(self) -> float:
@@ -82,7 +82,7 @@ class UniformFall:
     @property
     def settling(self) -> float:
         """Terminal velocity (m/s), negative where it rises."""
-        law = (self.air.density, self.air.viscosity, GRAVITY, self.law, self.sphericity, self.scale)
+        law = (self.air.density, self.air.viscosity, self.scene.gravity, self.law, self.sphericity, self.scale)
         return float(terminal_velocity(self.diameter, self.density, *law))
 
     def tau(self, slip: Array) -> Array:
@@ -134,7 +134,7 @@ class UniformFall:
     @property
     def _granule(self) -> _Granule:
         own = self.diameter, self.density, self.law, self.sphericity, self.scale
-        return _Granule(*own, self.along, self.air.density, self.air.viscosity, self.across)
+        return _Granule(*own, self.along, self.air.density, self.air.viscosity, self.across, self.scene.gravity)
 
 
 class FallRoom(NamedTuple):
@@ -166,6 +166,7 @@ class _Granule(NamedTuple):
     air_density: float
     viscosity: float
     across: float
+    gravity: float
 
     def tau(self, slip: Array) -> Array:
         reynolds = self.air_density * slip * self.diameter / self.viscosity
@@ -176,11 +177,11 @@ class _Granule(NamedTuple):
 @lru_cache(maxsize=1024)  # a plan asks for the same falls for its forces, its estimate of collisions and the slab
 def _fall(granule: _Granule, speed: float, room: FallRoom) -> tuple[FallPoint, ...]:
     """Along gravity in real numbers; where the air blows across, that is the imaginary part."""
-    pull = GRAVITY * (1.0 - granule.air_density / granule.density)
+    pull = granule.gravity * (1.0 - granule.air_density / granule.density)
     air: Any = complex(granule.along, granule.across) if granule.across else granule.along
     least = min(room.down, room.up)
     passing = least / abs(air) if air != 0.0 else math.inf
-    step = STEP * min(math.sqrt(2.0 * least / GRAVITY), passing)
+    step = STEP * min(math.sqrt(2.0 * least / granule.gravity), passing)
     time, way, velocity = 0.0, air * 0.0, air * 0.0 + speed
     points: list[FallPoint] = []
     while not points or (len(points) < MAX_STEPS and room.holds(way)):
@@ -198,7 +199,7 @@ def fall_speeds(scene: Scene, name: str, law: str, factor: float, diameter: floa
     """
     _, speed = scene.release
     if scene.air is None:
-        return np.sqrt(speed**2 + 2.0 * GRAVITY * drop)
+        return np.sqrt(speed**2 + 2.0 * scene.gravity * drop)
     fraction = scene.fraction[name]
     phi, density = fraction.sphericity or 1.0, fraction.properties.density
     fall = UniformFall(scene, scene.air, diameter, density, law, phi, factor)

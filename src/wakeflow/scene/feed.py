@@ -9,9 +9,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ..core.errors import SceneError
-from ..laws.constants import GRAVITY
 from ..laws.profile import crowding, profiles
-from .table import AnyAngle, Array, Coordinate, Length, MassRate, Shorthand, Speed, Table, made_by
+from .table import AnyAngle, Array, Coordinate, Length, MassRate, Shorthand, Speed, Table, Weighed, made_by
 
 EVEN = 1e-9  # of the curtain's width: what is so near is the same
 PARTS = np.linspace(0.05, 0.45, 5)  # of the curtain's mass, at which its two sides are compared
@@ -39,7 +38,7 @@ def _one_word(value: object) -> object:
     return {"distribution": value} if isinstance(value, str) else value
 
 
-class Feed(Table):
+class Feed(Weighed):
     """[feed]: the falling curtain."""
 
     start: Literal["falling", "resting"] = Field(
@@ -107,7 +106,7 @@ class Feed(Table):
         """Fall speed (m/s) at the top of the body, or at level, by free fall without air: the paper's V0."""
         if self.speed is not None:
             return self.speed
-        return math.sqrt(2 * GRAVITY * (self.height or 0.0))
+        return math.sqrt(2 * self.gravity * (self.height or 0.0))
 
     @property
     def mass_flow(self) -> float:

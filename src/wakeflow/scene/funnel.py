@@ -9,18 +9,17 @@ from pydantic import Field, model_validator
 
 from ..core.errors import SceneError
 from ..core.quantities import metres
-from ..laws.constants import GRAVITY
 from ..laws.material import Material, materials
 from ..laws.restitution import restitution_at
 from ..laws.streams import beverloo
-from .table import Diameter, Frequency, Length, Mass, MassDensity, Modulus, SlopeAngle, Table
+from .table import Diameter, Frequency, Length, Mass, MassDensity, Modulus, SlopeAngle, Weighed
 
 LOOSE = 0.60  # packing of poured spheres (0.58 to 0.61), before it is measured in the bed
 MAX_BEADS = 50_000  # beads: hours
 USUAL = 0.5  # m/s of beads that meet in a funnel: where a material's restitution is taken
 
 
-class Funnel(Table):
+class Funnel(Weighed):
     """[funnel]: beads in a cone with an open outlet, after the paper's Figs. 8-10.
 
     The paper gives beads, mass, frequencies and Gamma, not the orifice, the cone's angle or the wall's friction: those
@@ -124,9 +123,9 @@ class Funnel(Table):
         """Amplitude (m) of the wall's motion amplitude sin(2 pi f t): Gamma g / omega^2; 0 at rest."""
         if self.frequency is None or self.gamma == 0:
             return 0.0
-        return self.gamma * GRAVITY / (2 * math.pi * self.frequency) ** 2
+        return self.gravity * self.gamma / (2 * math.pi * self.frequency) ** 2
 
     @property
     def expected_rate(self) -> float:
         """Mass flow (kg/s) by Beverloo's law for the poured bed at rest: the rate that a plan uses."""
-        return beverloo(self.orifice, self.diameter, LOOSE * self.bead_density, gravity=GRAVITY)
+        return beverloo(self.orifice, self.diameter, LOOSE * self.bead_density, gravity=self.gravity)

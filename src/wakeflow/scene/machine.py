@@ -14,23 +14,28 @@ from ..core.errors import SceneError, known
 from ..core.geometry import is_simple, rounded
 from ..core.quantities import metres, say
 from ..core.record import JsonTable
-from ..laws.constants import GRAVITY, STANDARD_AIR
+from ..laws.constants import GRAVITY
+from ..laws.gas import PRESSURE, TEMPERATURE, air_density, air_viscosity, mean_free_path
 from ..laws.shape import shapes
 from ..laws.vibration import Record, integrated
 from .table import (
     AnyAngle,
     Array,
     Coordinate,
+    FreePath,
     Frequency,
     Length,
     MassDensity,
     Name,
     Point,
     PositiveSpeed,
+    Pressure,
     SlopeAngle,
     Table,
+    Temperature,
     TiltAngle,
     Viscosity,
+    Weighed,
     WithUnit,
     made_by,
 )
@@ -128,8 +133,23 @@ class Air(Table):
     model_config = ConfigDict(json_schema_extra=_speed_or_case)
     speed: Annotated[float, Field(ge=0, le=100), WithUnit("m/s", "5 m/s")] = Field(description="0: air at rest")
     direction: Literal["down", "up"] = Field("down", description="to which the air blows")
-    density: MassDensity = STANDARD_AIR[0]
-    viscosity: Viscosity = STANDARD_AIR[1]
+    temperature: Temperature = TEMPERATURE
+    pressure: Pressure = Field(PRESSURE, description="absolute")
+    density: MassDensity = Field(
+        default_factory=lambda air: air_density(air["temperature"], air["pressure"]),
+        description="default: of air of that temperature and pressure",
+    )
+    viscosity: Viscosity = Field(
+        default_factory=lambda air: air_viscosity(air["temperature"]),
+        description="dynamic; default: of air of that temperature",
+    )
+    mean_free_path: FreePath = Field(
+        default_factory=lambda air: mean_free_path(
+            air["density"], air["viscosity"], air["temperature"], air["pressure"]
+        ),
+        description="of its molecules, between which fine granules slip; default: of a gas of that density, viscosity, "
+        "temperature and pressure, 0 for a liquid",
+    )
     turbulence: Annotated[float, Field(ge=0.0, le=0.5), WithUnit("1", "5 %")] = Field(
         0.05, description="inlet intensity, u'/U; 0 only where the air is laminar"
     )
@@ -188,7 +208,7 @@ class Samples(Table):
     acceleration: list[float] = Field(description="m/s2; its mean is taken off")
 
 
-class Vibration(Table):
+class Vibration(Weighed):
     """[vibration]: motion of the bodies along ``direction``: harmonic, displacement = amplitude sin(2 pi f t), or by
     measured samples of the acceleration.
     """
@@ -247,7 +267,7 @@ class Vibration(Table):
             return self.record.reach * self.along
         if self.amplitude is not None:
             return self.amplitude * self.along
-        return known(self.gamma) * GRAVITY / self.omega**2 * self.along
+        return known(self.gamma) * self.gravity / self.omega**2 * self.along
 
     @property
     def speed(self) -> Array:
@@ -258,8 +278,8 @@ class Vibration(Table):
     def strength(self) -> float:
         """Gamma: peak acceleration over g."""
         if self.samples is not None:
-            return self.record.peak_acceleration / GRAVITY
-        return float(np.linalg.norm(self.displacement)) * self.omega**2 / GRAVITY
+            return self.record.peak_acceleration / self.gravity
+        return float(np.linalg.norm(self.displacement)) * self.omega**2 / self.gravity
 
 
 # -- [bin.NAME]: the collectors ----------------------------------------------------------------------------------------

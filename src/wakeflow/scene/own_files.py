@@ -5,15 +5,18 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
+
+from pydantic import ValidationError
 
 from ..core.errors import SceneError, known
 from ..core.files import MAX_RECORD, read_packed, read_toml, read_whole
 from ..core.quantities import quantity
 from ..core.record import JsonMapping, JsonTable
-from ..laws.constants import STANDARD_AIR
 from ..laws.material import Material, materials, read_material
 from .drawing import with_drawings
+from .machine import Air
 from .own_path import own_path
 
 # -- Materials of the user's own ---------------------------------------------------------------------------------------
@@ -141,9 +144,10 @@ def _logo(given: str, base: Path) -> Path:
 def _of_case(air: JsonMapping, base: Path) -> JsonTable:
     case = find_case(air["case"], base)
     found = air_of(case)
-    nu, density = found.pop("nu", None), air.get("density", STANDARD_AIR[0])
-    if nu is not None and isinstance(density, int | float):
-        found["viscosity"] = nu * density
+    if (nu := found.pop("nu", None)) is not None:
+        given = {key: air[key] for key in ("temperature", "pressure", "density") if key in air}
+        with suppress(ValidationError):  # which the scene's own check says, naming the file
+            found["viscosity"] = nu * Air(speed=0.0, **given).density
     if "speed" not in found and "speed" not in air:
         raise SceneError(f"air.case = {air['case']!r}: its inlet is not one uniform velocity; give air.speed")
     return {**found, **air, "case": str(case)}

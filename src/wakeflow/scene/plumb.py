@@ -23,7 +23,7 @@ ALONG = 1e-9  # sine of the angle to a border below which a line never comes to 
 @dataclass(frozen=True)
 class Plumb:
     """Gravity turned by ``tilt`` (rad) from -y towards +x; ``pivot`` (m): the point about which the feed turns;
-    ``left``, ``right``, ``low``, ``high`` (m) of the channel.
+    ``left``, ``right``, ``low``, ``high`` (m) of the channel; ``strength`` of gravity (m/s2).
     """
 
     tilt: float
@@ -32,6 +32,7 @@ class Plumb:
     right: float
     low: float
     high: float
+    strength: float = GRAVITY
 
     @property
     def upright(self) -> bool:
@@ -51,7 +52,7 @@ class Plumb:
     @property
     def gravity(self) -> tuple[float, float]:
         """m/s2."""
-        return GRAVITY * float(self.down[0]), GRAVITY * float(self.down[1])
+        return self.strength * float(self.down[0]), self.strength * float(self.down[1])
 
     def turned(self, velocity: Array) -> Array:
         """Velocities (..., 2) of a feed that falls along -y, as they are in the channel."""

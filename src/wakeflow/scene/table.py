@@ -10,13 +10,22 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    PrivateAttr,
+    TypeAdapter,
+)
 from pydantic_core.core_schema import CoreSchema, no_info_before_validator_function
 
 from ..core.errors import SceneError
 from ..core.quantities import QUANTITY, quantity
 from ..core.record import JsonTable
 from ..core.registry import Registry
+from ..laws.constants import GRAVITY
 
 # -- What all tables of a scene share ----------------------------------------------------------------------------------
 Array = NDArray[np.float64]
@@ -26,6 +35,21 @@ class Table(BaseModel):
     """A table of a scene file: unknown keys and values of another type are refused, and nothing changes it later."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class Weighed(Table):
+    """A table whose numbers depend on gravity, which the scene tells it."""
+
+    _gravity: float = PrivateAttr(GRAVITY)
+
+    @property
+    def gravity(self) -> float:
+        """m/s2"""
+        return self._gravity
+
+    def weighed(self, gravity: float) -> None:
+        """Take the scene's ``gravity`` (m/s2)."""
+        self._gravity = gravity
 
 
 @dataclass(frozen=True)
@@ -101,6 +125,10 @@ ScatterAngle = Annotated[float, Field(ge=0, le=1), WithUnit("rad", "0.1 rad")]
 Speed = Annotated[float, Field(ge=0, le=100), WithUnit("m/s", "1.4 m/s")]
 PositiveSpeed = Annotated[float, Field(ge=1e-6, le=100), WithUnit("m/s", "5 m/s")]
 MassDensity = Annotated[float, Field(gt=0, le=3e4), WithUnit("kg/m^3", "1300 kg/m^3")]
+Temperature = Annotated[float, Field(ge=170, le=1900), WithUnit("K", "20 degC")]
+Pressure = Annotated[float, Field(ge=1e3, le=1e6), WithUnit("Pa", "1013 hPa")]
+FreePath = Annotated[float, Field(ge=0, lt=1e-2), WithUnit("m", "0.066 um")]
+Gravity = Annotated[float, Field(ge=0.01, le=1e4), WithUnit("m/s^2", "9.81 m/s^2")]
 Viscosity = Annotated[float, Field(ge=1e-7, le=1), WithUnit("Pa*s", "1.8e-5 Pa*s")]
 Frequency = Annotated[float, Field(gt=0, le=1e4), WithUnit("Hz", "30 Hz")]
 Duration = Annotated[float, Field(gt=0, lt=1e4), WithUnit("s", "0.2 s")]

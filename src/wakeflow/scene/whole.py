@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 
 from ..core.errors import SceneError, known
 from ..core.geometry import are_symmetric
@@ -20,7 +20,7 @@ from .measured import Tray
 from .pictures import AnyPicture
 from .plumb import Plumb
 from .rungs import rungs
-from .table import Array, Name, Table, WithUnit
+from .table import Array, Gravity, Name, Table, WithUnit
 from .ties import UncertaintyTable
 from .uncertainty import margins
 
@@ -147,6 +147,7 @@ class SceneTables(Table):
     )
     body: dict[Name, Body] = Field({}, description="without one the air is known, and nothing is solved")
     channel: Channel
+    gravity: Gravity = Field(GRAVITY, description="of a centrifuge, or another planet; its direction is channel.tilt")
     air: Air | None = None
     vibration: Vibration | None = None
     feed: Feed
@@ -166,6 +167,13 @@ class SceneTables(Table):
         [], description="what lay in the trays of the real machine, or the CSV file that says it; set beside the answer"
     )
     numerics: Numerics = Numerics()
+
+    @model_validator(mode="after")
+    def _weigh(self) -> Self:
+        for table in (self.feed, self.vibration, self.funnel):
+            if table is not None:
+                table.weighed(self.gravity)
+        return self
 
     @property
     def airstream(self) -> Air:
@@ -201,18 +209,13 @@ class SceneTables(Table):
         """Where down is, and how the feed hangs."""
         channel, half = self.channel, 0.5 * self.channel.width
         pivot = self.feed.position, self.level
-        return Plumb(channel.tilt, pivot, -half, half, channel.bottom, channel.top)
+        return Plumb(channel.tilt, pivot, -half, half, channel.bottom, channel.top, self.gravity)
 
     @property
     def drop(self) -> float:
         """How far (m) it is along gravity from :attr:`level` to the channel's end, its floor or a wall."""
         plumb = self.plumb
         return self.level - self.channel.bottom if plumb.upright else plumb.way(plumb.down)
-
-    @property
-    def gravity(self) -> tuple[float, float]:
-        """m/s2, in the channel's coordinates."""
-        return self.plumb.gravity
 
     @property
     def reynolds(self) -> float | None:
@@ -273,8 +276,8 @@ class SceneTables(Table):
             return 0.0, float(self.entry @ self.plumb.down)
         if feed.speed is None:
             return feed.height or 0.0, 0.0
-        above = min(feed.speed**2 / (2 * GRAVITY), self.width)
-        return above, math.sqrt(max(0.0, feed.speed**2 - 2 * GRAVITY * above))
+        above = min(feed.speed**2 / (2 * self.gravity), self.width)
+        return above, math.sqrt(max(0.0, feed.speed**2 - 2 * self.gravity * above))
 
     @property
     def entry(self) -> Array:

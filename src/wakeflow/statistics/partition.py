@@ -51,8 +51,9 @@ class _Fed(NamedTuple):
 
 
 def settling_velocities(
-    diameter: Array, density: float, drag: Array, law: str, sphericity: float, air: tuple[float, float]
-) -> Array:
+    diameter: Array, density: float, drag: Array, law: str, sphericity: float, air: tuple[float, float],
+    gravity: float = GRAVITY,
+) -> Array:  # fmt: skip
     """Terminal velocities (n,) m/s of granules of ``diameter`` (n,) m with the factors ``drag`` (n,) on their drag
     ``law``, in ``air`` of a density (kg/m3) and a viscosity (Pa s); nan of what does not sink.
 
@@ -61,7 +62,7 @@ def settling_velocities(
     rho, mu = air
     table = np.log(drag_laws[law].factor(REYNOLDS, np.full(REYNOLDS.shape, sphericity)) * REYNOLDS)
     with np.errstate(invalid="ignore", divide="ignore"):
-        weight = np.log(rho * (density - rho) * GRAVITY * diameter**3 / (18.0 * mu**2 * drag))
+        weight = np.log(rho * (density - rho) * gravity * diameter**3 / (18.0 * mu**2 * drag))
     return np.asarray(np.exp(np.interp(weight, table, np.log(REYNOLDS))) * mu / (rho * diameter))
 
 
@@ -95,7 +96,9 @@ def _fed(scene: Scene, plan: Plan, landings: Mapping[str, Landings]) -> _Fed:
         if landing.drag is not None:
             drag, density = landing.drag[kept].astype(float), fraction.properties.density
             shape = fraction.sphericity or 1.0
-            by["terminal velocity"].append(settling_velocities(diameter, density, drag, how.drag, shape, air))
+            by["terminal velocity"].append(
+                settling_velocities(diameter, density, drag, how.drag, shape, air, scene.gravity)
+            )
         columns = landing.bin[kept], landing.replicate[kept], np.full(len(mass), number)
         parts.append((shares[name] * mass / mass.sum(), *(column.astype(np.int64) for column in columns)))
     whole = [np.concatenate(column) for column in zip(*parts, strict=True)]

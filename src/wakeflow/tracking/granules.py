@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError
 from ..core.tables import AnyArray
-from ..laws.drag import slip_correction
 from ..laws.flake import SPREAD
 from ..laws.restitution import Restitution
 
@@ -72,7 +71,7 @@ class Granules:
 
     ``diameter`` that of the sphere of equal volume; ``spin`` rad/s, counter-clockwise positive; ``fraction`` index of
     the fraction; ``weight`` what a granule represents; ``drag_scale`` factor on the drag law (a calibrated terminal
-    velocity), None: 1 / Cc, the slip of the finest dust (``laws.drag.slip_correction``); ``restitution`` a number
+    velocity), None: 1 / Cc, the slip of the finest dust in the gas that it flies in; ``restitution`` a number
     each, or one :class:`~wakeflow.laws.restitution.Restitution` law of the normal approach speed for all;
     ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born;
     ``scatter`` rad, rms angle by which its shape turns the wall's normal at an impact (``laws.collision``);
@@ -123,8 +122,6 @@ class Granules:
     def _given(self, name: str) -> Any:
         """A property as it was given; where it was not, what that means, None: nothing."""
         given = getattr(self, name)
-        if given is None and name == "drag_scale":
-            return 1.0 / slip_correction(self.diameter)
         return np.inf if given is None and name == "inertia" else given
 
     def __len__(self) -> int:

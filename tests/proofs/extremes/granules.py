@@ -14,7 +14,9 @@ from proofs.problems.reference_all_terms import reference_end_states
 from support import without_slip
 from wakeflow.field import FlowField
 from wakeflow.laws.drag import slip_correction, terminal_velocity
+from wakeflow.laws.gas import MEAN_FREE_PATH
 from wakeflow.laws.turbulence import brownian_diffusivity
+from wakeflow.tracking import Granules
 from wakeflow.verify.extremes import Happened, add_row
 
 Array = NDArray[np.float64]
@@ -177,11 +179,11 @@ def _kicked_by_molecules() -> Happened:
     slips = float(slip_correction(diameter))
     diffusivity = brownian_diffusivity(diameter, VISCOSITY, slip_correction=slips)
     still = np.zeros((SWARM, 2))
-    grains = without_slip(still, still, diameter, 1000.0, drag_scale=1.0 / slips)
+    grains = Granules(still, still, diameter, 1000.0)
     spread = float(np.sqrt(2.0 * diffusivity * until))
     tracks, seconds = timed_flight(
-        uniform([0.0, 0.0]), grains, until=until, tolerance=1e-3, length=spread, forces=("drag", "brownian"),
-        drag="stokes",
+        uniform([0.0, 0.0]).with_values(mean_free_path=MEAN_FREE_PATH), grains, until=until, tolerance=1e-3,
+        length=spread, forces=("drag", "brownian"), drag="stokes",
     )  # fmt: skip
     return what_happened(tracks, seconds, abs(float(np.mean(tracks.position**2)) / spread**2 - 1.0))
 

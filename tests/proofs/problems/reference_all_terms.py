@@ -23,6 +23,7 @@ from wakeflow.laws.collision import collide
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.drag import TABLE_CELLS, TABLE_DECADES, drag_table
 from wakeflow.laws.forces import Granule, Instant, forces
+from wakeflow.laws.forces.record import drag_scale
 
 Array = NDArray[np.float64]
 MAX_PIECES = 20_000
@@ -105,7 +106,7 @@ class _Motion:
         self.granule = Granule(
             diameter=float(grains.diameter[i]),
             density=float(grains.density[i]),
-            drag_scale=float(grains.drag_scale[i]),
+            drag_scale=float(drag_scale(grains, field)[i]),
             inertia=float(grains.inertia[i]),
             drag_factor=scalar_drag(arguments.get("drag", "brown-lawler"), float(grains.sphericity[i])),
             air_density=field.density,

@@ -231,7 +231,7 @@ def in_the_airflow(scene: wf.Scene) -> Iterator[tuple[float, float, float]]:
         turned, size = deflection(scene, name, how.drag, how.drag_scale), scene.fraction[name].properties.diameter
         full = 0.5 * (scene.width + size)
         place = np.stack([full * (np.arange(PLACES) + 0.5) / PLACES, np.full(PLACES, top + scene.release[0])], axis=1)
-        grains = granules_of(scene.fraction[name], how, np.full(PLACES, size)).replace(position=place)
+        grains = granules_of(scene, name, how, np.full(PLACES, size)).replace(position=place)
         past = np.array([(-1.0, shoulder - full), (1.0, shoulder - full)])
         tracks = track(
             pipeline.field[1], grains, until=5.0, tolerance=1e-4, length=scene.width, drag=how.drag, bodies=(body,),

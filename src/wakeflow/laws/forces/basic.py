@@ -5,8 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.errors import known
-from ..constants import GRAVITY
-from .record import AirProperties, Array, Bound, FlightScales, Force, Grains, Granule, Instant, Slots, Vector
+from .record import (
+    AirProperties,
+    Array,
+    Bound,
+    FlightScales,
+    Force,
+    Grains,
+    Granule,
+    Instant,
+    Slots,
+    Vector,
+    drag_scale,
+)
 
 
 # -- Weight ------------------------------------------------------------------------------------------------------------
@@ -31,7 +42,7 @@ GRAVITY_FORCE = Force(
 
 # -- Buoyancy ----------------------------------------------------------------------------------------------------------
 def _shift(flight: FlightScales) -> float:
-    return flight.slope * flight.widths(flight.steady(flight.ratio * GRAVITY, flight.whole))
+    return flight.slope * flight.widths(flight.steady(flight.ratio * flight.gravity, flight.whole))
 
 
 def _acceleration(grains: Grains, air: AirProperties | None, gravity: Array) -> Array:
@@ -58,7 +69,7 @@ BUOYANCY = Force(
 # -- Drag --------------------------------------------------------------------------------------------------------------
 def _factors(grains: Grains, air: AirProperties) -> Slots:
     """STOKES (1/s): rate of Stokes drag, 18 mu / (rho_p d^2), times the factor on the law."""
-    return {"STOKES": grains.drag_scale * 18.0 * air.viscosity / (grains.density * grains.diameter**2)}
+    return {"STOKES": drag_scale(grains, air) * 18.0 * air.viscosity / (grains.density * grains.diameter**2)}
 
 
 def _drag_force_reference(now: Instant) -> Vector:

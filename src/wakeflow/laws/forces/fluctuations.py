@@ -47,15 +47,15 @@ DISPERSION = Force(
 
 # -- Brownian motion ---------------------------------------------------------------------------------------------------
 def _brownian_motion_shift(flight: FlightScales) -> float:
-    slips = float(slip_correction(flight.diameter))
-    diffusivity = brownian_diffusivity(flight.diameter, flight.viscosity, slip_correction=slips)
+    slips = float(slip_correction(flight.diameter, flight.mean_free_path))
+    diffusivity = brownian_diffusivity(flight.diameter, flight.viscosity, flight.temperature, slips)
     return flight.widths(TWO_SIGMA * math.sqrt(2.0 * diffusivity * flight.whole))
 
 
 def _brownian_motion_constants(grains: Grains, air: AirProperties) -> Slots:
     """DIFFUSIVITY (m2/s) among the air's molecules."""
-    slips = slip_correction(grains.diameter)
-    return {"DIFFUSIVITY": brownian_diffusivity(grains.diameter, air.viscosity, slip_correction=slips)}
+    slips = slip_correction(grains.diameter, air.mean_free_path)
+    return {"DIFFUSIVITY": brownian_diffusivity(grains.diameter, air.viscosity, air.temperature, slips)}
 
 
 BROWNIAN_MOTION = Force(

@@ -24,7 +24,7 @@ from functools import cache
 import numpy as np
 
 from ..drag import relaxation_time, terminal_velocity
-from .record import SIDEWAYS, AirProperties, Array, Bound, FlightScales, Force, Grains, Granule, Slots
+from .record import SIDEWAYS, AirProperties, Array, Bound, FlightScales, Force, Grains, Granule, Slots, drag_scale
 
 SLOWEST = 0.1  # of the typical slip: what the slip seldom falls below; chosen, and tried along recorded tracks
 NODES = 2001  # of the quadrature in time^(1/4): error below 1e-4
@@ -89,7 +89,7 @@ def _weights(late: Array) -> Array:
 
 
 def memories_of(
-    diameter: Array, density: Array, drag_scale: Array, air_density: float, viscosity: float
+    diameter: Array, density: Array, scale: Array, air_density: float, viscosity: float
 ) -> tuple[Array, Array]:
     """What granules (n,) remember of their slip: their own time (n,) s, over which MEMORIES are given, and the weight
     (n, COUNT) 1/s of each memory in the force per mass.
@@ -103,7 +103,7 @@ def memories_of(
     light granules): what the air did more than 150 such times ago is forgotten.
     """
     kinematic, radius = viscosity / air_density, 0.5 * diameter
-    speed = np.abs(terminal_velocity(diameter, density, air_density, viscosity, drag_scale=drag_scale))
+    speed = np.abs(terminal_velocity(diameter, density, air_density, viscosity, drag_scale=scale))
     reynolds = speed * diameter / kinematic
     viscous, stokes = radius**2 / kinematic, relaxation_time(diameter, density, viscosity)
     late = np.sqrt(math.pi / 16.0) * (reynolds / (0.75 + 0.105 * reynolds)) ** 1.5  # of t nu / a^2 in the kernel
@@ -116,13 +116,13 @@ def memories_of(
 
 def _factors(grains: Grains, air: AirProperties) -> Slots:
     """RECALL_0 .. RECALL_6 (1/s): the weight of each memory."""
-    _, weights = memories_of(grains.diameter, grains.density, grains.drag_scale, air.density, air.viscosity)
+    _, weights = memories_of(grains.diameter, grains.density, drag_scale(grains, air), air.density, air.viscosity)
     return {f"RECALL_{i}": weights[:, i] for i in range(COUNT)}
 
 
 def _constants(grains: Grains, air: AirProperties) -> Slots:
     """FORGET (1/s): one over the granule's own time."""
-    own, _ = memories_of(grains.diameter, grains.density, grains.drag_scale, air.density, air.viscosity)
+    own, _ = memories_of(grains.diameter, grains.density, drag_scale(grains, air), air.density, air.viscosity)
     return {"FORGET": 1.0 / own}
 
 

@@ -48,7 +48,8 @@ SHEAR_LIFT = Force(
 
 # -- Spin lift ---------------------------------------------------------------------------------------------------------
 def _shift(flight: FlightScales) -> float:
-    spin = (flight.thrown if flight.calm else flight.arrival) / (0.5 * flight.diameter)  # rolling off slope or wall
+    rolls = flight.thrown if flight.calm or flight.kept else flight.arrival
+    spin = rolls / (0.5 * flight.diameter)  # off a slope or a wall
     scale = flight.air_density * flight.diameter / flight.viscosity
     lift = 0.75 * flight.ratio * magnus_factor(scale * flight.typical_slip, scale * flight.diameter * spin)
     lasting = 1.0 / float(spin_rate(flight.diameter, flight.density, flight.viscosity))

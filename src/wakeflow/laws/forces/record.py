@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 
 from ...core.registry import Registry
 from ..constants import GRAVITY
+from ..drag import slip_correction
+from ..gas import MEAN_FREE_PATH, TEMPERATURE
 
 # -- The scales of a granule's flight ----------------------------------------------------------------------------------
 # All chosen: round numbers with which the bounds hold for 95 % of the granules of cases/rhombus.toml, and are at most
@@ -69,6 +71,10 @@ class FlightScales:
     driven: float = 0.0  # m/s, largest change of the air's velocity by the drag of all granules
     calm: bool = False  # no body: the air neither turns nor changes its speed
     shedding: bool = False  # the airflow is resolved in time
+    kept: bool = False  # what touches a body stays there
+    temperature: float = TEMPERATURE  # K, of the air
+    mean_free_path: float = MEAN_FREE_PATH  # m, of the air; 0: no gas
+    gravity: float = GRAVITY  # m/s2
 
     @property
     def flow_acceleration(self) -> float:
@@ -83,7 +89,7 @@ class FlightScales:
     @property
     def typical_slip(self) -> float:
         """Slip (m/s) near the body: the arrival's, or for granules that follow the air what keeps them with it."""
-        return min(self.slip, self.tau * (self.flow_acceleration + GRAVITY))
+        return min(self.slip, self.tau * (self.flow_acceleration + self.gravity))
 
     @property
     def turned(self) -> float:
@@ -154,8 +160,8 @@ class Grains(Protocol):
         """kg/m3"""
 
     @property
-    def drag_scale(self) -> Array:
-        """Factor on the drag law, slip correction included."""
+    def drag_scale(self) -> Array | None:
+        """Factor on the drag law, slip correction included; None: that alone."""
 
     @property
     def inertia(self) -> Array:
@@ -186,6 +192,21 @@ class AirProperties(Protocol):
     @property
     def viscosity(self) -> float:
         """Dynamic viscosity, Pa s."""
+
+    @property
+    def temperature(self) -> float:
+        """K"""
+
+    @property
+    def mean_free_path(self) -> float:
+        """Of its molecules, m; 0 in a liquid."""
+
+
+def drag_scale(grains: Grains, air: AirProperties) -> Array:
+    """Factor on the drag law of ``grains`` in ``air``: their own, or 1 / Cc of their slip between its molecules."""
+    return (
+        1.0 / slip_correction(grains.diameter, air.mean_free_path) if grains.drag_scale is None else grains.drag_scale
+    )
 
 
 class Field(Protocol):
