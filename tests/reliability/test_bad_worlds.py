@@ -283,8 +283,9 @@ WAYS = {
     "a callback of C code": "ctypes.CFUNCTYPE(None)(told)()",
     "an except of everything": "try: told()\n    except BaseException: pass",
     "neither": "told()",
-    "words of its own for it": "try: told()\n    except BaseException as lost: raise SystemError('an error is set') from lost",
-    "an error that is told": "try: told()\n    except BaseException as lost: raise ImportError('no such file') from lost",
+    "words of its own for it": "try: told()\n    except BaseException as lost: raise SystemError('is set') from lost",
+    "an error that is told": "try: told()\n    except BaseException as lost: raise ImportError('no file') from lost",
+    "a traceback that Cython prints": "try: told()\n    except BaseException: sys.excepthook(*sys.exc_info())",
 }
 
 

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from io import TextIOWrapper
-from types import FrameType
+from types import FrameType, TracebackType
 from typing import ClassVar, NoReturn
 
 from cyclopts import App, CycloptsError, UnusedCliTokensError
@@ -46,7 +46,7 @@ def _end(number: int, frame: FrameType | None) -> None:
     if number != signal.SIGINT:
         signal.signal(number, signal.SIG_IGN)  # once: what is told to end has its time to
     signal.signal(signal.SIGALRM, _again)
-    sys.unraisablehook = _unraised
+    sys.unraisablehook, sys.excepthook = _unraised, _uncaught
     _Ended.told = number
     raise _Ended
 
@@ -67,6 +67,12 @@ def _deafen() -> None:
 def _unraised(lost: sys.UnraisableHookArgs) -> None:
     if not isinstance(lost.exc_value, _Ended):
         sys.__unraisablehook__(lost)
+
+
+def _uncaught(kind: type[BaseException], lost: BaseException, trace: TracebackType | None) -> None:
+    """Cython prints what it loses as uncaught, too."""
+    if not isinstance(lost, _Ended):
+        sys.__excepthook__(kind, lost, trace)
 
 
 app = App(
