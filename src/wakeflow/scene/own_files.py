@@ -264,7 +264,8 @@ def find_case(given: str, base: Path) -> Path:
         raise SceneError(f"air.case = {given!r}: no OpenFOAM mesh (constant/polyMesh) in {case}")
     latest = _latest(case)
     if latest is None:
-        raise SceneError(f"air.case = {given!r}: no solved time in {case}; run its solver (and reconstructPar) first")
+        cure = "run its solver (and reconstructPar) first, or rename 0 to 1 if that is a solution"
+        raise SceneError(f"air.case = {given!r}: no solved time in {case}; {cure}")
     return case
 
 
@@ -289,7 +290,9 @@ def air_of(case: Path) -> JsonTable:
     """
     found: dict[str, object] = {}
     folder = known(_latest(case))
-    boundary = _text(folder / "U").rpartition("boundaryField")[2]
+    _, mark, boundary = _text(folder / "U").rpartition("boundaryField")
+    if not mark:
+        raise SceneError(f"air.case: {folder / 'U'} is cut short: it has no boundaryField; write that time anew")
     speeds = set()
     for entry in re.findall(r"\{([^{}]*)\}", boundary):
         value = re.search(rf"\bvalue\s+uniform\s*\(\s*({NUMBER})\s+({NUMBER})\s+({NUMBER})\s*\)", entry)
@@ -300,10 +303,12 @@ def air_of(case: Path) -> JsonTable:
     if len(speeds) == 1:
         speed = speeds.pop()
         found = {"speed": abs(speed), "direction": "up" if speed > 0 else "down"}
-    text = _text(case / "constant" / "transportProperties")
-    parameters = _text(case / "system" / "parameters")
-    for source in (text, parameters):
-        nu = re.search(rf"^\s*nu\s+(?:nu\s+)?(?:\[[^\]]*\]\s*)?({NUMBER})\s*;", source, re.M)
+    files = ("constant", "transportProperties"), ("constant", "physicalProperties"), ("system", "parameters")
+    for source in (_text(case.joinpath(*file)) for file in files):
+        source = re.sub(r"//[^\n]*|/\*.*?\*/", " ", source, flags=re.S)
+        name = re.search(r"^\s*nu\s+(?:nu\s+)?(?:\[[^\]]*\]\s*)?\$(\w+)\s*;", source, re.M)
+        key = re.escape(name[1]) if name else "nu"
+        nu = re.search(rf"^\s*{key}\s+(?:{key}\s+)?(?:\[[^\]]*\]\s*)?({NUMBER})\s*;", source, re.M)
         if nu and "nu" not in found:
             found["nu"] = float(nu[1])
     return found
