@@ -221,6 +221,16 @@ def cut(name: str) -> Callable[[Case], None]:
     return change
 
 
+def later_in_parts(case: Case) -> None:
+    (case.folder / "processor1" / "2").mkdir(parents=True)
+    (case.folder / "processor1" / "2" / "U").write_text("")
+
+
+def mesh_of_a_time(case: Case) -> None:
+    (case.folder / "1" / "polyMesh").mkdir()
+    (case.folder / "1" / "polyMesh" / "points.gz").write_bytes(b"")
+
+
 REFUSED: dict[str, tuple[Callable[[Case], None], str]] = {
     "another mesh": (of_another_mesh, r"1/p holds 3 values for 24 cells: it is of another mesh"),
     "a pressure in Pa": (in_pascal, r"1/p has dimensions \[1, -1, -2.*divide a pressure in Pa by the density"),
@@ -229,6 +239,8 @@ REFUSED: dict[str, tuple[Callable[[Case], None], str]] = {
     "no condition": (changed("1/p", "left {", "old {"), r"1/p has no condition for the patch left"),
     "half a field": (cut("1/U"), r"cannot read .*1/U"),
     "half the points": (cut(POINTS), r"polyMesh/points is cut short"),
+    "later times in parts": (later_in_parts, r"processor1 goes on to 2: run reconstructPar"),
+    "a mesh for a time": (mesh_of_a_time, r"1/polyMesh: the mesh changes in time"),
     "a solution in time 0": (in_time_zero, r"rename 0 to 1 if that is a solution"),
     "viscosity of another fluid": (changed(NU, "Newtonian", "CrossPowerLaw"), r"no nu of a Newtonian fluid"),
     "viscosity in Pa s": (changed(NU, "nu ", "nu [1 -1 -1 0 0 0 0] "), r"nu has dimensions \[1, -1, -1"),

@@ -89,10 +89,22 @@ class CaseFields:
         self.case = Path(case)
         if not time_folders(self.case) and (self.case / "processor0").is_dir():
             raise FoamError(f"{self.case} is decomposed: run reconstructPar in it first")
+        if not self.parameters:
+            self._check_what_lies_beside()
         self.mesh: FoamMesh = read_polymesh(self.case)
         plane = self.mesh.plane
         self.wall = plane.on(*(name for name, kind in self.mesh.types.items() if kind == "wall"))
         self.symmetry = plane.on(*(n for n, kind in self.mesh.types.items() if kind in ("symmetry", "symmetryPlane")))
+
+    def _check_what_lies_beside(self) -> None:
+        """Raise FoamError where a case of the user's holds later times in parts, or a mesh for each of its times."""
+        times = time_folders(self.case)
+        last = float(times[-1].name) if times else 0.0
+        for part in sorted(self.case.glob("processor*")):
+            if (later := time_folders(part)) and float(later[-1].name) > last:
+                raise FoamError(f"{part} goes on to {later[-1].name}: run reconstructPar, or remove it")
+        if moved := next((time for time in times if any((time / "polyMesh").glob("points*"))), None):
+            raise FoamError(f"{moved / 'polyMesh'}: the mesh changes in time; one that stays is needed")
 
     def folder(self, time: str | float) -> Path:
         """The time folder called or nearest to ``time``. Raises FoamError naming those that are there."""
