@@ -44,7 +44,7 @@ class Size(Table):
     """A size distribution by mass: ``distribution`` and its parameters."""
 
     distribution: str = Field(description="one of: " + ", ".join(sizes))
-    file: None = Field(None, description="a CSV file of a sieve analysis, instead of all other keys")
+    file: str | None = Field(None, description="a CSV file of a sieve analysis, instead of all other keys")
     diameter: Diameter | None = None
     low: Diameter | None = None
     high: Diameter | None = None

@@ -310,7 +310,7 @@ def _number(text: str, head: str, at: str) -> float | int | str:
     if head == "count" and (grouped := THOUSANDS.fullmatch(text)):
         raise SceneError(f"measured: {at}: count = {text!r}: write {text.replace(grouped[1], '')}")
     try:
-        value = float(text)
+        value = float(text.replace("_", " "))  # 1_000 is one of Python's alone
     except ValueError:
         raise SceneError(f"measured: {at}: {head} = {text!r} is no number; write one such as 10.2") from None
     if not isfinite(value):
