@@ -8,11 +8,14 @@ import inspect
 from collections.abc import Iterator
 from enum import Enum
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import wakeflow
 
 LIST = Path(__file__).with_name("contract.txt")
+PAGE = Path(__file__).parents[1] / "docs" / "python.md"
+GENERATED = "<!-- written by python tests/test_contract.py from here on -->\n"
 
 
 def commands() -> Iterator[str]:
@@ -64,9 +67,53 @@ def contract() -> list[str]:
     return sorted({*commands(), *scene_keys(), *names()})
 
 
+def signature(name: str, thing: Any) -> str:
+    """How it is called, in lines that a page holds."""
+    shown = inspect.signature(thing)
+    plain = shown.replace(
+        parameters=[one.replace(annotation=_plain(one.annotation)) for one in shown.parameters.values()],
+        return_annotation=_plain(shown.return_annotation),
+    )
+    return fill(f"{name}{plain}", 110, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+
+
+class _Text(str):
+    """An annotation that is shown as it is written."""
+
+    __repr__ = str.__str__
+
+
+def _plain(annotation: Any) -> Any:
+    return _Text(annotation) if isinstance(annotation, str) else annotation
+
+
+def signatures() -> str:
+    """The public names with their signatures and the first line of what they do, as Markdown."""
+    parts = []
+    for name in sorted(wakeflow.__all__, key=str.lower):
+        thing = getattr(wakeflow, name)
+        if inspect.isclass(thing) and issubclass(thing, Exception | Enum | wakeflow.Scene):
+            calls = [f"class {name}({thing.__mro__[1].__name__})"]
+        else:
+            calls = [signature(f"class {name}" if inspect.isclass(thing) else name, thing)]
+        if inspect.isclass(thing) and not issubclass(thing, Exception | Enum):
+            for key, member in sorted(vars(thing).items()):
+                call = getattr(member, "__func__", member)
+                if not key.startswith(("_", "model_")) and inspect.isfunction(call):
+                    calls.append(signature(f"{name}.{key}", call))
+        body = "\n".join(calls)
+        parts.append(f"### {name}\n\n```\n{body}\n```\n")
+    return "\n".join(parts)
+
+
+def test_the_page_of_signatures_is_what_there_is() -> None:
+    assert PAGE.read_text().partition(GENERATED)[2] == "\n" + signatures()
+
+
 def test_nothing_that_others_call_is_lost() -> None:
     assert not set(LIST.read_text().splitlines()) - set(contract())
 
 
 if __name__ == "__main__":
     LIST.write_text("\n".join(contract()) + "\n")
+    PAGE.write_text(f"{PAGE.read_text().partition(GENERATED)[0]}{GENERATED}\n{signatures()}")

@@ -23,7 +23,10 @@ from wakeflow.planning.stages import OTHER_MESHES, stages
 from wakeflow.planning.terms import bounds
 
 SOURCE = ROOT / "src" / "wakeflow"
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    *(ROOT / f"{name}.md" for name in ("README", "CHANGELOG", "CONTRIBUTING", "SECURITY")),
+    *sorted((ROOT / "docs").glob("*.md")),
+]
 TOP = {"src", "tests", "cases", "docs", "meshes", *wakeflow.LAYERS}  # a path begins with one of these
 EASE, WORDS = 73.0, 15.0  # of every page: Flesch's reading ease at least, words a sentence at most
 PRODUCED = ("runs/", "figures/", "cases/template/turbulence-models/")  # what a run writes, or an example would add

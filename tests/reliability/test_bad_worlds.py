@@ -283,6 +283,9 @@ WAYS = {
     "a callback of C code": "ctypes.CFUNCTYPE(None)(told)()",
     "an except of everything": "try: told()\n    except BaseException: pass",
     "neither": "told()",
+    "words of its own for it": "try: told()\n    except BaseException as lost: raise SystemError('is set') from lost",
+    "an error that is told": "try: told()\n    except BaseException as lost: raise ImportError('no file') from lost",
+    "a traceback that Cython prints": "try: told()\n    except BaseException: sys.excepthook(*sys.exc_info())",
 }
 
 
@@ -294,6 +297,31 @@ def test_an_interrupt_that_a_library_loses_comes_again(way: str, number: signal.
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=50, check=False)
     assert done.returncode == 128 + number
     assert done.stderr == "wakeflow: interrupted; what is finished is kept, the same command goes on\n"
+
+
+SLOW_END = """
+class Slow:
+    def __del__(self, kill=os.kill, me=os.getpid(), number=signal.SIGTERM, sleep=time.sleep):
+        kill(me, number)
+        sleep(0.3)
+
+signal.slow = Slow()  # goes when the interpreter ends, where no signal has a handler
+"""
+ENDS = {
+    "lost before": ("try: told()\n    except BaseException: pass\n    return 0", 0),
+    "lost before, then a word": ("try: told()\n    except BaseException: pass\n    raise ImportError('x')", 143),
+    "not before": ("return 0", 0),
+}
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_an_interrupt_as_the_program_ends_changes_nothing(end: str) -> None:
+    """The timer that brings a lost one again killed the process while Python took itself apart: -14, not 143."""
+    way, code = ENDS[end]
+    script = LOSES.format(signal="SIGTERM", way=way).replace("def work(", f"{SLOW_END}\ndef work(")
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=50, check=False)
+    assert done.returncode == code
+    assert "Traceback" not in done.stderr
 
 
 def test_a_run_started_with_nohup_outlives_its_terminal(cases: Path, tmp_path: Path, plain: dict[str, str]) -> None:

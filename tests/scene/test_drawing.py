@@ -83,12 +83,39 @@ def test_arcs_become_corners_near_them(drawn: Callable[..., Scene], draw: Callab
     assert len(body) < 200
 
 
-@pytest.mark.parametrize(("units", "keys", "metre"), [(6, {}, 1.0), (1, {}, 0.0254), (0, {"outline_unit": "cm"}, 0.01)])
+@pytest.mark.parametrize(
+    ("units", "keys", "metre"), [(6, {}, 1.0), (1, {}, 0.0254), (13, {}, 1e-6), (0, {"outline_unit": "cm"}, 0.01)]
+)
 def test_the_unit_is_the_drawings_or_as_given(
     drawn: Callable[..., Scene], units: int, keys: dict[str, str], metre: float
 ) -> None:
     small = [(0.04 * x / (40.0 * metre), 0.04 * y / (40.0 * metre)) for x, y in SQUARE]
     assert area(drawn(lambda space: space.add_lwpolyline(small, close=True), units, **keys)) == pytest.approx(1.6e-3)
+
+
+def with_a_frame(space: Modelspace) -> None:
+    """The square as a block on a layer of its own, and what hides nothing of it: a frame, hidden lines, a dimension."""
+    block = space.doc.blocks.new("HOOD")
+    block.add_lwpolyline(SQUARE, close=True)
+    for name, state in (("machine", ""), ("old", "off"), ("sketch", "freeze")):
+        layer = space.doc.layers.add(name)
+        getattr(layer, state or "on")()
+    space.add_blockref("HOOD", (40.0, 0.0), {"layer": "machine", "rotation": 90.0})
+    for layer in ("old", "sketch"):
+        space.add_circle((0.0, 0.0), 5.0, {"layer": layer})
+    space.add_line((0.0, 0.0), (9.0, 9.0), {"invisible": 1})
+
+
+def framed(space: Modelspace) -> None:
+    with_a_frame(space)
+    space.add_lwpolyline([(-500.0, -500.0), (500.0, -500.0), (500.0, 500.0), (-500.0, 500.0)], close=True)
+
+
+@pytest.mark.parametrize(("draw", "keys"), [(with_a_frame, {}), (framed, {"outline_layer": "Machine"})])
+def test_what_a_draughtsman_does_not_see_is_not_seen(
+    draw: Callable[[Modelspace], object], keys: dict[str, str], drawn: Callable[..., Scene]
+) -> None:
+    assert area(drawn(draw, **keys)) == pytest.approx(1.6e-3)
 
 
 def two(space: Modelspace) -> None:
@@ -107,7 +134,8 @@ def two(space: Modelspace) -> None:
         (two, 4, {}, "2 closed outlines and 0 lines that do not close; keep one"),
         (lambda space: space.add_lwpolyline(SQUARE), 4, {}, "0 closed outlines and 1 lines that do not close"),
         (lambda space: None, 4, {}, "no closed outline in it; draw one"),
-        (lambda space: space.add_blockref("*Paper_Space", (0, 0)), 4, {}, "hood.dxf': holds a INSERT; explode it"),
+        (lambda space: space.add_blockref("*Model_Space", (0, 0)), 4, {}, "holds blocks in each other, deeper than 16"),
+        (closed, 4, {"outline_layer": "hod"}, "outline_layer = 'hod' (it has 0, Defpoints)"),
         (closed, 4, {"shape": "prism"}, "is its shape; delete shape and points"),
         (closed, 4, {"outline": "none.dxf"}, "No such file"),
     ],

@@ -165,8 +165,8 @@ def _trays_of(measured: object) -> list[Tray]:
         return read_trays(measured)
     if isinstance(measured, Sequence) and measured and all(isinstance(one, Tray) for one in measured):
         return list(measured)
-    to_dict = getattr(measured, "to_dict", None)
-    columns = to_dict("list") if to_dict is not None else measured
+    heads = getattr(measured, "columns", None)
+    columns = measured if heads is None else {head: measured[head] for head in heads}  # type: ignore[index]
     if not isinstance(columns, Mapping):
         raise SceneError("measured: give a CSV file, columns by their names, or a frame of them")
     return trays_of_columns(columns)

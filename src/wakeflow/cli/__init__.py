@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from io import TextIOWrapper
-from types import FrameType
+from types import FrameType, TracebackType
 from typing import ClassVar, NoReturn
 
 from cyclopts import App, CycloptsError, UnusedCliTokensError
@@ -23,17 +23,17 @@ from . import batch, run, trays, view
 
 __all__ = ["app", "main"]
 
-INTERRUPTED = 130  # exit code, as a shell gives it for Ctrl-C
-
 
 AGAIN = 0.1  # s after which an interrupt that was lost comes again
+HEARD = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 
 
 class _Ended(KeyboardInterrupt):
     """A signal asked the program to end. Lost before it came to :func:`main`, as in what C code calls back, it comes
-    again.
+    again, until the program is at its end.
     """
 
+    told: ClassVar[int] = 0  # the signal, once one came
     awaited: ClassVar[bool] = True
 
     def __del__(self) -> None:
@@ -45,18 +45,34 @@ def _end(number: int, frame: FrameType | None) -> None:
     del frame
     if number != signal.SIGINT:
         signal.signal(number, signal.SIG_IGN)  # once: what is told to end has its time to
-    signal.signal(signal.SIGALRM, lambda *_: _raise(number))
-    sys.unraisablehook = _unraised
-    _raise(number)
+    signal.signal(signal.SIGALRM, _again)
+    sys.unraisablehook, sys.excepthook = _unraised, _uncaught
+    _Ended.told = number
+    raise _Ended
 
 
-def _raise(number: int) -> None:
-    raise _Ended(number)
+def _again(*_: object) -> None:
+    raise _Ended
+
+
+def _deafen() -> None:
+    """Let no signal interrupt the program's end: while Python takes itself apart none has a handler, and the timer of
+    one that was lost would kill it.
+    """
+    for number in (*HEARD, signal.SIGALRM):
+        signal.signal(number, signal.SIG_IGN)
+    _Ended.awaited = False
 
 
 def _unraised(lost: sys.UnraisableHookArgs) -> None:
     if not isinstance(lost.exc_value, _Ended):
         sys.__unraisablehook__(lost)
+
+
+def _uncaught(kind: type[BaseException], lost: BaseException, trace: TracebackType | None) -> None:
+    """Cython prints what it loses as uncaught, too."""
+    if not isinstance(lost, _Ended):
+        sys.__excepthook__(kind, lost, trace)
 
 
 app = App(
@@ -86,20 +102,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns the exit code: 0 done, 2 wrong input, 3 an outside program failed, 130 interrupted.
     """
-    if arguments is None:
-        _prepare()
     try:
-        code = app(arguments, exit_on_error=False, print_error=False)
+        if arguments is not None:
+            return _answer(arguments)
+        _prepare()
+        code = _answer(sys.argv[1:])
+        _deafen()
+        return code
+    except BaseException as problem:
+        if not isinstance(problem, KeyboardInterrupt) and not _Ended.told:
+            raise
+    if arguments is None:
+        _deafen()
+    _complain("interrupted; what is finished is kept, the same command goes on")
+    code = 128 + (_Ended.told or signal.SIGINT)  # as a shell gives it
+    return code if arguments is not None else _leave(code)
+
+
+def _answer(words: Sequence[str]) -> int:
+    """Do what a command line of these ``words`` asks; the exit code. Raises what is no answer to it."""
+    try:
+        code = app(words, exit_on_error=False, print_error=False)
     except BrokenPipeError:
         sys.stderr.close()  # the reader left; nothing more can be said
         return 0
     except (CycloptsError, WakeflowError, OSError, MemoryError, ImportError, RecursionError) as problem:
-        return _told(problem, sys.argv[1:] if arguments is None else arguments)
-    except KeyboardInterrupt as problem:
-        _Ended.awaited = False
-        _complain("interrupted; what is finished is kept, the same command goes on")
-        code = 128 + problem.args[0] if isinstance(problem, _Ended) else INTERRUPTED  # as a shell gives it
-        return code if arguments is not None else _leave(code)
+        if _Ended.told:  # a library's words for what came of it
+            raise
+        return _told(problem, words)
     return code if isinstance(code, int) else 0
 
 
@@ -146,7 +176,7 @@ def _prepare() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")
-    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
+    for number in HEARD:
         if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):  # nohup ignores the second
             signal.signal(number, _end)
 

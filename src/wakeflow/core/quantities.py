@@ -73,18 +73,35 @@ def quantity(text: str, unit: str, example: str) -> float:
             return converted(parts[0], parts[1], unit)
         except ValueError:
             pass
-    if _MARKED.search(text):
-        raise ValueError(f"a decimal point is written '.', and thousands without a mark: {_pointed(text)}")
     number = "a number" if unit == "1" else f"a number in {unit}"
-    raise ValueError(f"needs {number} or a string such as {example!r}")
+    needed = f"needs {number} or a string such as {example!r}"
+    if _MARKED.search(text):
+        cures = _pointed(text, unit, example) or needed
+        raise ValueError(f"a decimal point is written '.', and thousands without a mark: {cures}")
+    raise ValueError(needed)
 
 
-def _pointed(text: str) -> str:
-    """The text with a comma as a point and, where it may part thousands, without marks between digits."""
-    meant = [text.strip().replace(",", ".")] if text.count(",") == 1 else []
+def _pointed(text: str, unit: str, example: str) -> str:
+    """The text with a comma as a point and, where it may part thousands, without marks between digits: what of these is
+    a quantity.
+    """
+    plain, (before, comma, after) = text.strip(), text.strip().partition(",")
+    meant = [f"{before.replace('.', '')}.{after}"] if comma and "," not in after else []
     if not meant or re.search(r",[0-9]{3}(?![0-9])", text):
-        meant.append(_MARKED.sub("", text.strip()))
-    return " or ".join(repr(one) for one in meant)
+        meant.append(_MARKED.sub("", plain))
+    return " or ".join(filter(None, (_accepted(one, unit, example) for one in meant)))
+
+
+def _accepted(text: str, unit: str, example: str) -> str:
+    """How a scene file has the quantity of a text; empty where it is none."""
+    parts = split_quantity(text)
+    if parts is not None and not parts[1]:
+        return text if unit == "1" else ""
+    try:
+        quantity(text, unit, example)
+    except ValueError:
+        return ""
+    return repr(text)
 
 
 def converted(value: float, given: str, wanted: str) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.arrays import number, numbers, whole
 from ..core.errors import SceneError
 from .triangles import double_area
 
@@ -13,12 +14,9 @@ Index = NDArray[np.int64]
 FLAT = 1e-12  # area over the square of its longest edge below which a triangle has none: round-off
 
 
-def finite(name: str, values: ArrayLike) -> Array:
-    """A contiguous copy in double precision; every value is finite."""
-    try:
-        array = np.array(values, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        raise SceneError(f"{name}: not an array of numbers") from None
+def finite(name: str, values: ArrayLike, unit: str = "1") -> Array:
+    """A contiguous copy in double precision, in ``unit``; every value is finite."""
+    array = numbers(name, values, unit)
     bad = ~np.isfinite(array)
     if bad.any():
         first = tuple(int(i) for i in np.argwhere(bad)[0])
@@ -28,38 +26,38 @@ def finite(name: str, values: ArrayLike) -> Array:
 
 def points(values: ArrayLike) -> Array:
     """Points (N, 2) m, at least three."""
-    nodes = finite("points", values)
+    nodes = finite("points", values, "m")
     if nodes.ndim != 2 or nodes.shape[1] != 2 or len(nodes) < 3:
         raise SceneError(f"points: shape {nodes.shape}, expected (N, 2) with N of at least 3")
     return nodes
 
 
-def positive(name: str, value: float, *, or_zero: bool = False) -> float:
-    """A number that is positive, or ``or_zero``, and finite."""
-    if not (np.isfinite(value) and (value > 0 or (or_zero and value == 0))):
-        raise SceneError(f"{name} = {value:g} must be positive{' or 0' if or_zero else ''} and finite")
-    return float(value)
+def positive(name: str, value: float, unit: str = "1", *, or_zero: bool = False) -> float:
+    """A number in ``unit`` that is positive, or ``or_zero``, and finite."""
+    found = number(name, value, unit)
+    if not (np.isfinite(found) and (found > 0 or (or_zero and found == 0))):
+        raise SceneError(f"{name} = {found:g} must be positive{' or 0' if or_zero else ''} and finite")
+    return found
 
 
-def of_shape(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Numbers of exactly this shape."""
-    array = finite(name, values)
+def of_shape(name: str, values: ArrayLike, shape: tuple[int, ...], unit: str = "1") -> Array:
+    """Numbers in ``unit`` of exactly this shape."""
+    array = finite(name, values, unit)
     if array.shape != shape:
         raise SceneError(f"{name}: shape {array.shape}, expected {shape}")
     return array
 
 
-def optional(name: str, values: ArrayLike | None, shape: tuple[int, ...]) -> Array | None:
+def optional(name: str, values: ArrayLike | None, shape: tuple[int, ...], unit: str = "1") -> Array | None:
     """The same, or None."""
-    return None if values is None else of_shape(name, values, shape)
+    return None if values is None else of_shape(name, values, shape, unit)
 
 
 def cells(triangles: ArrayLike, nodes: Array) -> Index:
     """Triangles (M, 3) of numbers of the ``nodes`` (N, 2), each with an area; clockwise ones are turned round."""
-    cells = np.array(triangles)
-    if cells.ndim != 2 or cells.shape[1] != 3 or not len(cells) or not np.issubdtype(cells.dtype, np.integer):
-        raise SceneError(f"triangles: shape {cells.shape} of {cells.dtype}, expected (M, 3) of integers")
-    cells = cells.astype(np.int64)
+    cells = whole("triangles", triangles)
+    if cells.ndim != 2 or cells.shape[1] != 3 or not len(cells):
+        raise SceneError(f"triangles: shape {cells.shape}, expected (M, 3) of integers")
     if cells.min() < 0 or cells.max() >= len(nodes):
         raise SceneError(f"triangles: node {int(cells.max())} and {int(cells.min())}, allowed 0 to {len(nodes) - 1}")
     double = double_area(nodes, cells)
@@ -78,9 +76,9 @@ def times(values: ArrayLike | None, period: float | None) -> Array | None:
     """Increasing times (T,) s that span no more than the ``period`` (s); None without times, then without a period."""
     if values is None:
         if period is not None:
-            raise SceneError(f"period = {period:g} s needs the times of the snapshots")
+            raise SceneError(f"period = {period} s needs the times of the snapshots")
         return None
-    clock = finite("times", values)
+    clock = finite("times", values, "s")
     if clock.ndim != 1 or not len(clock):
         raise SceneError(f"times: shape {clock.shape}, expected (T,)")
     if np.any(np.diff(clock) <= 0):

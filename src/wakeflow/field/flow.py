@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core import sums
+from ..core.arrays import number, numbers
 from ..core.errors import SceneError, known
 from ..core.lazy import cached_property
 from ..core.tables import load_arrays, save_arrays
@@ -98,24 +99,25 @@ class FlowField(Triangles):
         """
         nodes = checks.points(points)
         cells = checks.cells(triangles, nodes)
+        period = None if period is None else number("period", period, "s")
         clock = checks.times(times, period)
         parts = None if coefficients is None else checks.coefficients(coefficients, clock, period)
         lead = (len(nodes),) if clock is None else ((clock if parts is None else parts.T).shape[0], len(nodes))
         if mean_free_path is None:
             mean_free_path = MEAN_FREE_PATH if density is None and viscosity is None else 0.0
-        air: dict[str, Any] = {"density": checks.positive("density", 1.2 if density is None else density)}
-        air["viscosity"] = checks.positive("viscosity", 1.8e-5 if viscosity is None else viscosity)
-        air["temperature"] = checks.positive("temperature", temperature)
-        air["mean_free_path"] = checks.positive("mean_free_path", mean_free_path, or_zero=True)
-        speed = checks.of_shape("velocity", velocity, (*lead, 2))
-        scalars = {"pressure": pressure, "k": k, "dissipation": dissipation}
-        nodal: dict[str, Any] = {name: checks.optional(name, values, lead) for name, values in scalars.items()}
-        gradient = checks.optional("pressure_gradient", pressure_gradient, (*lead, 2))
+        air: dict[str, Any] = {"density": checks.positive("density", 1.2 if density is None else density, "kg/m^3")}
+        air["viscosity"] = checks.positive("viscosity", 1.8e-5 if viscosity is None else viscosity, "Pa*s")
+        air["temperature"] = checks.positive("temperature", temperature, "K")
+        air["mean_free_path"] = checks.positive("mean_free_path", mean_free_path, "m", or_zero=True)
+        speed = checks.of_shape("velocity", velocity, (*lead, 2), "m/s")
+        scalars = (("pressure", pressure, "Pa"), ("k", k, "m^2/s^2"), ("dissipation", dissipation, "m^2/s^3"))
+        nodal: dict[str, Any] = {name: checks.optional(name, values, lead, unit) for name, values, unit in scalars}
+        gradient = checks.optional("pressure_gradient", pressure_gradient, (*lead, 2), "Pa/m")
         if walls is not None and nodal["k"] is not None:
             nodal["k"][..., checks.of_shape("walls", walls, (len(nodes),)) != 0.0] = 0.0
         lost = None if truncation is None else Truncation.from_array(checks.finite("truncation", truncation))
         field = cls(
-            nodes, cells, speed, times=clock, period=None if period is None else float(period),
+            nodes, cells, speed, times=clock, period=period,
             given_gradient=gradient, coefficients=parts, truncation=lost, **nodal, **air,
         )  # fmt: skip
         return field if motion is None else field.moving(*checks.motion(motion))
@@ -136,6 +138,10 @@ class FlowField(Triangles):
         path = path_in_gas(flow["density"], flow["viscosity"], TEMPERATURE, PRESSURE) if density is None else 0.0
         return cls.from_arrays(**flow, mean_free_path=path)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy and another process get: nothing that was made on first use, such as a weak reference."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+
     # -- values ----------------------------------------------------------------------------------------------------
 
     @cached_property
@@ -155,7 +161,7 @@ class FlowField(Triangles):
 
     def weights(self, t: float) -> Array:
         """The weight of each snapshot or part (R,) in the field at time ``t`` (s); a lone 1 when steady."""
-        return self.time_axis.weights(t)
+        return self.time_axis.weights(number("t", t, "s"))
 
     def polynomial(self, t: float) -> tuple[float, float, Array]:
         """The piece of time from ``t`` (s) on in which the field is a polynomial: its origin and end (s), and the
@@ -168,7 +174,7 @@ class FlowField(Triangles):
 
         The tracker's interpolant: linear in triangles, in time as the class says; in a moving mesh where it is then.
         """
-        points = np.atleast_2d(np.asarray(x, dtype=float))
+        points, t = np.atleast_2d(numbers("x", x, "m")), number("t", t, "s")
         if self.motion is not None:
             points = points - self.motion.displacement(t)
         triangle = self.locate(points)
@@ -244,8 +250,8 @@ class FlowField(Triangles):
         The points are those of the middle position; velocities stay what they are, absolute. A field in time must
         repeat after a whole number of swings, which is a SceneError otherwise.
         """
-        across, along = np.asarray(amplitude, dtype=float).tolist()
-        swing = MeshOscillation(across, along, float(omega), float(phase))
+        across, along = checks.of_shape("amplitude", amplitude, (2,), "m").tolist()
+        swing = MeshOscillation(across, along, number("omega", omega, "rad/s"), number("phase", phase, "rad"))
         swing.check(self.times is not None, self.period)
         return self.with_values(motion=swing)
 

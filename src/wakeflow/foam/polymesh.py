@@ -24,12 +24,13 @@ Index = NDArray[np.intp]
 class FoamMesh:
     """A one-layer OpenFOAM mesh seen as a plane mesh, cells in OpenFOAM's order.
 
-    ``types`` are the patches' types by name; ``slots`` (b,) is each boundary edge's place within its patch;
-    ``thickness`` (m).
+    ``types`` are the patches' types by name, ``groups`` the names under which fields may call several of them;
+    ``slots`` (b,) is each boundary edge's place within its patch; ``thickness`` (m).
     """
 
     plane: PlaneMesh
     types: dict[str, str]
+    groups: dict[str, tuple[str, ...]]
     slots: Index
     thickness: float
 
@@ -40,6 +41,7 @@ class Patch(NamedTuple):
     type: str
     size: int
     start: int
+    groups: tuple[str, ...]
 
 
 def read_polymesh(case: Path) -> FoamMesh:
@@ -104,7 +106,8 @@ def _flatten(
         patches=names,
     )
     types = {name: patches[name].type for name in names}
-    return FoamMesh(plane, types, np.array(slots, dtype=np.intp), float(np.ptp(points[:, 2])))
+    groups = {name: (*patches[name].groups, patches[name].type) for name in names}
+    return FoamMesh(plane, types, groups, np.array(slots, dtype=np.intp), float(np.ptp(points[:, 2])))
 
 
 def _cells(
@@ -136,8 +139,8 @@ def _cross(corner: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y)
 
 
-def _open(folder: Path, name: str) -> tuple[bytes, bool, str]:
-    """Contents after the header, whether they are binary, and the numpy type of a label."""
+def _open(folder: Path, name: str) -> tuple[bytes, bool, str, bytes]:
+    """Contents after the header, whether they are binary, the numpy type of a label, and the header."""
     path = folder / name
     raw = path.read_bytes() if path.exists() else read_packed(path.with_name(name + ".gz"))
     header = re.search(rb"FoamFile\s*\{(.*?)\}", raw, re.S)
@@ -145,7 +148,8 @@ def _open(folder: Path, name: str) -> tuple[bytes, bool, str]:
         raise FoamError(f"{path} has no FoamFile header")
     binary = re.search(rb"format\s+binary", header[1]) is not None
     label = "<i8" if b"label=64" in header[1] else "<i4"
-    return re.sub(rb"^(\s*//[^\n]*\n)*", b"", raw[header.end() :]), binary, label
+    body = re.sub(rb"^(\s*(//[^\n]*\n|/\*.*?\*/))*", b"", raw[header.end() :], flags=re.S)
+    return body if binary else re.sub(rb"//[^\n]*|/\*.*?\*/", b" ", body, flags=re.S), binary, label, header[1]
 
 
 LIST = re.compile(rb"\s*(\d+)\s*\(")
@@ -163,29 +167,39 @@ def _take(body: bytes, at: int, kind: str, width: int) -> tuple[NDArray[np.gener
 
 def _numbers(folder: Path, name: str, kind: str | None = None, width: int = 1) -> NDArray[np.generic]:
     """The numbers of a list, ``width`` in each entry: of a numpy ``kind``, by default labels."""
-    body, binary, label = _open(folder, name)
+    body, binary, label, header = _open(folder, name)
     if binary:
-        return _take(body, 0, kind or label, width)[0]
-    words = body[body.index(b"(") + 1 : body.rindex(b")")].translate(bytes.maketrans(b"()", b"  "))
-    return np.array(words.split(), dtype=kind or np.intp)
+        single = kind is not None and b"scalar=32" in header
+        return _take(body, 0, "<f4" if single else kind or label, width)[0]
+    words = body[body.find(b"(") + 1 : body.rfind(b")")].translate(bytes.maketrans(b"()", b"  ")).split()
+    told = LIST.match(body)
+    try:
+        if told is None or len(words) != int(told[1]) * width:
+            raise ValueError(f"{len(words)} numbers")
+        return np.array(words, dtype=kind or np.intp)
+    except ValueError as problem:
+        raise FoamError(f"{folder / name} is cut short or not in a known format ({problem})") from None
 
 
 def _faces(folder: Path) -> tuple[Index, Index]:
     """Offsets (f + 1,) and point numbers of all faces, one after the other."""
-    body, binary, label = _open(folder, "faces")
+    body, binary, label, _ = _open(folder, "faces")
     if binary:
         offsets, at = _take(body, 0, label, 1)
         return offsets.astype(np.intp), _take(body, at, label, 1)[0].astype(np.intp)
-    faces = re.findall(rb"(\d+)\(([^()]*)\)", body[body.index(b"(") + 1 :])
+    faces = re.findall(rb"(\d+)\s*\(([^()]*)\)", body[body.find(b"(") + 1 :])
     offsets = np.concatenate([[0], np.cumsum([int(count) for count, _ in faces])])
     return offsets.astype(np.intp), np.array(b" ".join(nodes for _, nodes in faces).split(), dtype=np.intp)
 
 
 def _boundary(folder: Path) -> dict[str, Patch]:
-    body, _, _ = _open(folder, "boundary")
+    body, _, _, _ = _open(folder, "boundary")
     text = re.sub(r"//[^\n]*|/\*.*?\*/", "", body.decode(), flags=re.S)
     patches = {}
     for name, entry in re.findall(r"([\w.:-]+)\s*\{([^{}]*)\}", text):
         values = dict(re.findall(r"(\w+)\s+([^;]+);", entry))
-        patches[name] = Patch(values["type"], int(values["nFaces"]), int(values["startFace"]))
+        patches[name] = Patch(
+            values["type"], int(values["nFaces"]), int(values["startFace"]),
+            tuple(re.findall(r"[A-Za-z]\w*", values.get("inGroups", "").removeprefix("List<word>"))),
+        )  # fmt: skip
     return patches

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypedDict
@@ -22,6 +24,10 @@ from .reconstruction import Reconstruction, triangulate
 
 # -- The fields of one OpenFOAM case -----------------------------------------------------------------------------------
 Array = NDArray[np.float64]
+DIMENSIONS = {  # kg, m, s of what an incompressible solver stores
+    "U": (0, 1, -1), "p": (0, 2, -2), "k": (0, 2, -2), "omega": (0, 0, -1), "epsilon": (0, 2, -3), "nut": (0, 2, -1),
+}  # fmt: skip
+NU = (0, 2, -1, 0, 0, 0, 0)
 NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?(e[+-]?[0-9]+)?", re.I)  # the name of a time folder
 
 
@@ -55,6 +61,27 @@ class Snapshot:
     dissipation: Array | None
 
 
+def _opened(path: Path) -> Any:
+    """A field's file, packed or not."""
+    from foamlib import FoamFieldFile
+
+    return FoamFieldFile(path if path.exists() else path.with_name(path.name + ".gz"))
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    """Raise FoamError, with the file's name, for what its reader makes of a file that is cut short or has macros."""
+    try:
+        yield
+    except FoamError:
+        raise
+    except (ValueError, LookupError, TypeError, AttributeError, EOFError, zlib.error) as problem:
+        why = str(problem) or type(problem).__name__
+        raise FoamError(f"cannot read {path}: {why}; write out its macros", log=path) from None
+    except OSError as problem:
+        raise FoamError(f"cannot read {path}: {problem.strerror or problem}", log=path) from None
+
+
 class CaseFields:
     """The fields of one case folder. Raises FoamError for a case that is three-dimensional or only decomposed."""
 
@@ -62,16 +89,28 @@ class CaseFields:
         self.case = Path(case)
         if not time_folders(self.case) and (self.case / "processor0").is_dir():
             raise FoamError(f"{self.case} is decomposed: run reconstructPar in it first")
+        if not self.parameters:
+            self._check_what_lies_beside()
         self.mesh: FoamMesh = read_polymesh(self.case)
         plane = self.mesh.plane
         self.wall = plane.on(*(name for name, kind in self.mesh.types.items() if kind == "wall"))
         self.symmetry = plane.on(*(n for n, kind in self.mesh.types.items() if kind in ("symmetry", "symmetryPlane")))
 
+    def _check_what_lies_beside(self) -> None:
+        """Raise FoamError where a case of the user's holds later times in parts, or a mesh for each of its times."""
+        times = time_folders(self.case)
+        last = float(times[-1].name) if times else 0.0
+        for part in sorted(self.case.glob("processor*")):
+            if (later := time_folders(part)) and float(later[-1].name) > last:
+                raise FoamError(f"{part} goes on to {later[-1].name}: run reconstructPar, or remove it")
+        if moved := next((time for time in times if any((time / "polyMesh").glob("points*"))), None):
+            raise FoamError(f"{moved / 'polyMesh'}: the mesh changes in time; one that stays is needed")
+
     def folder(self, time: str | float) -> Path:
         """The time folder called or nearest to ``time``. Raises FoamError naming those that are there."""
         folders = time_folders(self.case)
         if not folders:
-            raise FoamError(f"{self.case} holds no solved time: run its solver first")
+            raise FoamError(f"{self.case} holds no solved time: run its solver, or rename 0 to 1 if that is a solution")
         if time == "latest":
             return folders[-1]
         times = np.array([float(path.name) for path in folders])
@@ -92,46 +131,76 @@ class CaseFields:
 
         An edge of a patch without stored values takes its cell's value (zero gradient).
         """
-        from foamlib import FoamFieldFile
-
-        plane = self.mesh.plane
-        path = folder / name
-        data = FoamFieldFile(path if path.exists() else path.with_name(name + ".gz"))
-        count = len(plane.cells)
-        try:
-            cells = np.asarray(data.internal_field, dtype=float)
-            stored = {
-                patch: dict(data.boundary_field[patch]) for patch in plane.patches if patch in data.boundary_field
-            }
-        except (ValueError, KeyError, TypeError) as problem:
-            raise FoamError(f"cannot read {path}: {problem}") from None
-        vector = cells.shape[-1:] == (3,) and name != "p"
-        cells = np.broadcast_to(cells, (count, 3) if vector else (count,))
+        plane, path, count = self.mesh.plane, folder / name, len(self.mesh.plane.cells)
+        with _reading(path):
+            data = _opened(path)
+            cells, said = np.asarray(data.internal_field, dtype=float), data.get("dimensions")
+        if (
+            (known := DIMENSIONS.get(name.removesuffix("Mean")))
+            and said is not None
+            and tuple(said) != (*known, 0, 0, 0, 0)
+        ):
+            raise FoamError(
+                f"{path} has dimensions {list(map(int, said))}, not {[*known, 0, 0, 0, 0]}; an incompressible solver's "
+                "are needed: divide a pressure in Pa by the density", log=path,
+            )  # fmt: skip
+        vector = cells.ndim > 0 and cells.shape[-1:] == (3,) and name.removesuffix("Mean") == "U"
+        shape = (count, 3) if vector else (count,)
+        if cells.shape not in (shape, shape[1:]):
+            raise FoamError(f"{path} holds {len(cells)} values for {count} cells: it is of another mesh", log=path)
+        cells = np.broadcast_to(cells, shape)
+        stored = self.boundary(folder, name)
         if not np.isfinite(cells).all():
             raise FoamError(f"{path} holds values that are not finite: the solution has diverged", log=path)
         faces = cells[plane.owner].copy()
         for index, patch in enumerate(plane.patches):
-            entry = stored.get(patch, {})
+            entry = stored[patch]
             members = plane.patch == index
             if entry.get("type") == "noSlip":
                 faces[members] = 0.0
-            elif "value" in entry:
-                values = np.asarray(entry["value"], dtype=float)
+            elif "value" in entry and not (isinstance(entry["value"], str) and entry["value"] == "$internalField"):
+                with _reading(path):
+                    values = np.asarray(entry["value"], dtype=float)
                 listed = values.ndim > (1 if vector else 0)
+                if listed and len(values) != np.count_nonzero(members):
+                    raise FoamError(f"{path}: {patch} has {len(values)} values: it is of another mesh", log=path)
                 faces[members] = values[self.mesh.slots[members]] if listed else values
         return (cells[:, :2], faces[:, :2]) if vector else (cells, faces)
 
+    def boundary(self, folder: Path, name: str, *patches: str) -> dict[str, dict[str, Any]]:
+        """What a field's file says of the ``patches``, by default of all: under its name, else a group of it, else the
+        last pattern that it matches, as OpenFOAM reads it.
+
+        Raises FoamError where the file says nothing of a patch, or takes it from a macro or from another file.
+        """
+        found, path = {}, folder / name
+        with _reading(path):
+            said = {key: dict(entry) for key, entry in _opened(path).boundary_field.items()}
+        for patch in patches or self.mesh.plane.patches:
+            groups = [key for key in said if key in self.mesh.groups[patch]]
+            patterns = [key for key in said if key[:1] == '"' and re.fullmatch(key.strip('"'), patch)]
+            key = patch if patch in said else next(iter((*groups, *reversed(patterns))), None)
+            if key is None:
+                raise FoamError(f"{path} has no condition for the patch {patch}", log=path)
+            if other := [one for one in said[key] if one[:1] in "$#"]:
+                raise FoamError(f"{path}: {patch} has {other[0]}: write out what it represents", log=path)
+            found[patch] = said[key]
+        return found
+
     def boundary_flux(self, folder: Path, patch: str) -> Array:
         """Volume flux (m3/s) out of the air through the faces of one patch, from OpenFOAM's conserved phi."""
-        from foamlib import FoamFieldFile
-
-        entry = FoamFieldFile(folder / "phi").boundary_field[patch]
         count = int(np.count_nonzero(self.mesh.plane.on(patch)))
-        return np.broadcast_to(np.asarray(entry["value"], dtype=float), (count,))
+        with _reading(folder / "phi"):
+            values = np.asarray(self.boundary(folder, "phi", patch)[patch]["value"], dtype=float)
+            return np.broadcast_to(values, (count,))
 
     def snapshot(self, folder: Path, suffix: str = "") -> Snapshot:
         """All fields of one time folder; ``suffix`` "Mean" reads OpenFOAM's own averages (of U, p and k)."""
         plane = self.mesh.plane
+        for name in ("U", "p", "k"):
+            if not self.has(folder, name + suffix) and self.has(folder, name):
+                cure = f"add {name} to its fieldAverage" if suffix else "run the solver to its end"
+                raise FoamError(f"{folder} has no {name}{suffix}: {cure}, or take another time than the mean")
         velocity, at_faces = self.field(folder, "U" + suffix)
         sliding = self.slip(folder)
         across = (at_faces[sliding] * plane.normals[sliding]).sum(axis=1, keepdims=True)
@@ -149,11 +218,8 @@ class CaseFields:
 
     def slip(self, folder: Path) -> NDArray[np.bool_]:
         """Boundary edges (b,) that the air slides along: symmetry, and patches whose velocity is of type slip."""
-        from foamlib import FoamFieldFile
-
-        kinds = FoamFieldFile(folder / "U").boundary_field if (folder / "U").exists() else {}
-        names = [name for name in self.mesh.plane.patches if name in kinds and kinds[name].get("type") == "slip"]
-        return self.symmetry | self.mesh.plane.on(*names)
+        kinds = self.boundary(folder, "U")
+        return self.symmetry | self.mesh.plane.on(*(name for name in kinds if kinds[name].get("type") == "slip"))
 
     @cached_property
     def eddy_viscosity(self) -> bool:
@@ -181,17 +247,27 @@ class CaseFields:
         return read_parameters(self.case)
 
     def viscosity(self) -> float:
-        """Kinematic viscosity (m2/s) from the parameters or ``constant/transportProperties``."""
+        """Kinematic viscosity (m2/s) from the parameters, or from ``constant/transportProperties``, which OpenFOAM of
+        the Foundation calls ``physicalProperties`` from version 10 on.
+        """
         if "nu" in self.parameters:
             return float(self.parameters["nu"])
         from foamlib import FoamFile
 
-        path = self.case / "constant" / "transportProperties"
-        try:
-            value: Any = FoamFile(path)["nu"]
-        except (FileNotFoundError, KeyError):
-            raise FoamError(f"{path} gives no nu: a Newtonian fluid is needed") from None
-        return float(getattr(value, "value", value))
+        places = [self.case / "constant" / name for name in ("transportProperties", "physicalProperties")]
+        path = next((path for path in places if path.exists()), places[0])
+        with _reading(path):
+            said = FoamFile(path).as_dict() if path.exists() else {}
+            value: Any = said.get("nu")
+            if isinstance(value, str) and value.startswith("$"):
+                value = said.get(value[1:])
+            model = said.get("transportModel", said.get("viscosityModel", "Newtonian"))
+        if value is None or model not in ("Newtonian", "constant"):
+            raise FoamError(f"{path} gives no nu of a Newtonian fluid, which is needed")
+        with _reading(path):
+            if tuple(getattr(value, "dimensions", NU)) != NU:
+                raise FoamError(f"{path}: nu has dimensions {list(map(int, value.dimensions))}, not {list(NU)}")
+            return float(getattr(value, "value", value))
 
 
 # -- Read an OpenFOAM solution into arrays for ``FlowField.from_arrays`` -----------------------------------------------
@@ -337,8 +413,6 @@ def nodes_of(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> _No
 
 def _fixed(fields: CaseFields, folder: Path, name: str) -> NDArray[np.bool_]:
     """Boundary edges (b,) whose value of a field is prescribed."""
-    from foamlib import FoamFieldFile
-
-    kinds = FoamFieldFile(folder / name).boundary_field if (folder / name).exists() else {}
+    kinds = fields.boundary(folder, name)
     fixed = ("fixedValue", "noSlip", "movingWallVelocity", "uniformFixedValue", "timeVaryingMappedFixedValue")
-    return fields.mesh.plane.on(*(p for p in fields.mesh.plane.patches if p in kinds and kinds[p].get("type") in fixed))
+    return fields.mesh.plane.on(*(p for p in kinds if kinds[p].get("type") in fixed))

@@ -79,8 +79,8 @@ class PlaneMesh:
 
 
 def triangulate(points: Array, cells: Sequence[NDArray[np.int64]]) -> Index:
-    """Triangles (t, 3) of polygons: quadrilaterals along the diagonal that leaves the larger least angle, others as a
-    fan.
+    """Triangles (t, 3) of polygons, of all ways to cut each the one with the largest least angle: corners in the middle
+    of a side, as next to a finer cell, get a triangle with an area.
     """
     pieces = []
     sizes = np.array([len(cell) for cell in cells])
@@ -88,9 +88,33 @@ def triangulate(points: Array, cells: Sequence[NDArray[np.int64]]) -> Index:
         block = np.array([cell for cell in cells if len(cell) == size], dtype=np.intp)
         if size == 4:
             pieces.append(_split_quads(points, block))
+        elif size == 3:
+            pieces.append(block)
         else:
-            pieces += [block[:, [0, i, i + 1]] for i in range(1, size - 1)]
+            pieces.append(np.array([corners for polygon in block for corners in _cut(points, polygon)], dtype=np.intp))
     return np.ascontiguousarray(np.vstack(pieces))
+
+
+def _cut(points: Array, polygon: Index) -> list[Index]:
+    """The triangles of one polygon, of the cut with the largest least angle (Klincsek, G.T. 1980, Ann. Discrete Math.
+    9, 121)."""
+    size = len(polygon)
+    best: dict[tuple[int, int], tuple[float, int]] = {(i, i + 1): (np.inf, i) for i in range(size - 1)}
+    for gap in range(2, size):
+        for low in range(size - gap):
+            high, inside = low + gap, np.arange(low + 1, low + gap)
+            corners = np.stack([np.full(gap - 1, low), inside, np.full(gap - 1, high)], axis=1)
+            angles = _least_angle(points[polygon[corners]]).tolist()
+            cuts = zip(angles, inside.tolist(), strict=True)
+            best[low, high] = max((min(angle, best[low, m][0], best[m, high][0]), m) for angle, m in cuts)
+    found, waiting = [], [(0, size - 1)]
+    while waiting:
+        low, high = waiting.pop()
+        if high - low > 1:
+            middle = best[low, high][1]
+            found.append(polygon[[low, middle, high]])
+            waiting += [(low, middle), (middle, high)]
+    return found
 
 
 def _split_quads(points: Array, quads: Index) -> Index:

@@ -42,6 +42,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.arrays import numbers
 from ..core.errors import SceneError
 from ..core.registry import Registry
 from .flake import flung
@@ -188,23 +189,23 @@ def impact(
     >>> np.round(impact(np.pi / 4, 1.4, 0.3, 0.5, 0.3).velocity, 4)
     array([0.8925, 0.2575])
     """
-    approach = np.maximum((np.asarray(fall_speed) + np.asarray(body_speed)) * np.cos(slope_angle), 0.0)
-    at_approach = restitution_at(restitution, approach)
+    b, f = numbers("slope_angle", slope_angle, "rad"), numbers("friction", friction)
+    fall, body = numbers("fall_speed", fall_speed, "m/s"), numbers("body_speed", body_speed, "m/s")
+    k = numbers("inertia", np.inf if inertia is None else inertia)
+    arm = numbers("radius", 1.0 if radius is None else radius, "m")
+    e = restitution_at(restitution, np.maximum((fall + body) * np.cos(b), 0.0))
     for name, given, least, most in (
-        ("slope_angle (rad)", slope_angle, 0.0, STEEPEST),
-        ("restitution", at_approach, 0.0, 1.0),
-        ("friction", friction, 0.0, np.inf),
-        ("inertia", 1.0 if inertia is None else inertia, TINY, np.inf),
-        ("radius", 1.0 if radius is None else radius, TINY, np.inf),
+        ("slope_angle (rad)", b, 0.0, STEEPEST),
+        ("restitution", e, 0.0, 1.0),
+        ("friction", f, 0.0, np.inf),
+        ("inertia", k, TINY, np.inf),
+        ("radius", arm, TINY, np.inf),
     ):
-        if not np.all((np.asarray(given) >= least) & (np.asarray(given) <= most)):
-            raise SceneError(f"{name} = {given!r}: must be {'positive' if least > 0 else f'{least:g} to {most:g}'}")
-    arguments = (slope_angle, fall_speed, body_speed, at_approach, friction)
-    mobility = 0.0 if inertia is None else 1.0 / np.asarray(inertia, dtype=float)
-    arm = 1.0 if radius is None else np.asarray(radius, dtype=float)
-    b, fall, body, e, f, mobility, arm = np.broadcast_arrays(
-        *(np.asarray(a, dtype=float) for a in (*arguments, mobility, arm))
-    )
+        if not np.all((given >= least) & (given <= most)):
+            raise SceneError(
+                f"{name} = {given.tolist()}: must be {'positive' if least > 0 else f'{least:g} to {most:g}'}"
+            )
+    b, fall, body, e, f, mobility, arm = np.broadcast_arrays(b, fall, body, e, f, 1.0 / k, arm)
     nx, ny = np.sin(b), np.cos(b)
     vx, vy, spin, normal, along = collide(0.0, -fall, 0.0, nx, ny, 0.0, body, e, f, mobility, arm)
     hits = fall + body > 0.0

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.arrays import numbers
 from ..core.errors import SceneError
 from ..core.geometry import halved
 from ..core.registry import Registry
@@ -191,12 +192,16 @@ class Restitution:
         if missing or unknown:
             parts = [f"{word} {', '.join(names)}" for word, names in (("lacks", missing), ("has no", unknown)) if names]
             raise SceneError(f"restitution law {law!r} {' and '.join(parts)} (takes: {', '.join(wanted)})")
-        self.law, self.parameters = law, dict(parameters)
-        entry.value(np.ones(1), **parameters)
+        units = {"at": "m/s", "speeds": "m/s"}
+        self.law = law
+        self.parameters = {
+            key: numbers(f"restitution: {key}", one, units.get(key, "1")).tolist() for key, one in parameters.items()
+        }
+        entry.value(np.ones(1), **self.parameters)
 
     def __call__(self, speed: ArrayLike) -> Array:
         """e at normal approach speeds (m/s), of their shape."""
-        return restitution_laws[self.law].value(speed, **self.parameters)
+        return restitution_laws[self.law].value(numbers("speed", speed, "m/s"), **self.parameters)
 
     def __repr__(self) -> str:
         return f"Restitution({self.law!r}, {', '.join(f'{k}={v!r}' for k, v in self.parameters.items())})"
@@ -226,7 +231,7 @@ class Restitution:
 
 def restitution_at(restitution: ArrayLike | Restitution, approach: ArrayLike) -> Array:
     """e at normal ``approach`` speeds (m/s): a law's value there, or the numbers as they are."""
-    return restitution(approach) if isinstance(restitution, Restitution) else np.asarray(restitution, dtype=float)
+    return restitution(approach) if isinstance(restitution, Restitution) else numbers("restitution", restitution)
 
 
 def restitution_table(law: Restitution) -> Array:

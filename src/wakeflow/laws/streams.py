@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.arrays import numbers
 from ..core.errors import SceneError
 from .collision import approach_speed, collide, impact
 from .constants import GRAVITY
@@ -64,18 +65,17 @@ def layer(
     >>> float(now.mass_flow.round(4)), float(now.normal.round(4)), float(now.power.round(4))
     (0.024, 0.0433, 0.012)
     """
-    for name, given in (("density", density), ("area", area)):
-        if not np.all(np.asarray(given) >= 0.0):
-            raise SceneError(f"{name} = {given!r}: must not be negative")
-    hit = impact(slope_angle, fall_speed, body_speed, restitution, friction, inertia)
-    b, closing, flow = np.broadcast_arrays(
-        np.asarray(slope_angle, dtype=float),
-        np.maximum(np.asarray(fall_speed) + np.asarray(body_speed), 0.0),
-        np.asarray(density) * np.asarray(area),
-    )
+    slope, fall = numbers("slope_angle", slope_angle, "rad"), numbers("fall_speed", fall_speed, "m/s")
+    body, stream = numbers("body_speed", body_speed, "m/s"), numbers("density", density, "kg/m^3")
+    face = numbers("area", area, "m^2")
+    for name, given in (("density", stream), ("area", face)):
+        if not np.all(given >= 0.0):
+            raise SceneError(f"{name} = {given.tolist()}: must not be negative")
+    hit = impact(slope, fall, body, restitution, friction, inertia)
+    b, closing, flow = np.broadcast_arrays(slope, np.maximum(fall + body, 0.0), stream * face)
     flow = closing * np.cos(b) * flow
     normal, tangential = flow * hit.normal_impulse, -flow * hit.tangential_impulse
-    power = (normal * np.cos(b) + tangential * np.sin(b)) * np.asarray(body_speed)
+    power = (normal * np.cos(b) + tangential * np.sin(b)) * body
     return Layer(flow, normal, tangential, power, hit.velocity, hit.sticks)
 
 
@@ -95,11 +95,11 @@ class Layers:
 
         Free fall, without air: forces between the layers, if they met, would not move it.
         """
-        return _fallen(self.velocity, np.asarray(time, dtype=float), gravity)
+        return _fallen(self.velocity, numbers("time", time, "s"), gravity)
 
     def places(self, time: ArrayLike, gravity: float = GRAVITY) -> Array:
         """Where each layer is, (k, ..., 2) m: how far they have come apart."""
-        return _fallen(self.parts.velocity, np.asarray(time, dtype=float), gravity)
+        return _fallen(self.parts.velocity, numbers("time", time, "s"), gravity)
 
 
 def _fallen(velocity: Array, time: Array, gravity: float) -> Array:
@@ -129,7 +129,7 @@ def layers(
     if len({len(each) for each in properties}) != 1 or not len(density):
         counts = ", ".join(str(len(each)) for each in properties)
         raise SceneError(f"density, thickness, restitution, friction, inertia of {counts} layers; give one each")
-    shares = np.asarray(thickness, dtype=float)
+    shares, density = numbers("thickness", thickness, "m"), numbers("density", density, "kg/m^3")  # type: ignore[assignment]
     if not (np.all(shares >= 0.0) and shares.sum() > 0.0):
         raise SceneError(f"thickness = {thickness}: must not be negative, nor all zero")
     shares = shares / shares.sum()

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.arrays import numbers
 from ..core.errors import SceneError
 
 Array = NDArray[np.float64]
@@ -97,10 +98,7 @@ def integrated(time: ArrayLike, acceleration: ArrayLike) -> Record:
     velocity and displacement zero. Raises SceneError for fewer than four samples, more than MAX_SAMPLES, times that do
     not increase, values that are not finite, or an acceleration that does not change.
     """
-    try:
-        t, a = np.asarray(time, dtype=float), np.asarray(acceleration, dtype=float)
-    except (TypeError, ValueError):
-        raise SceneError("samples: time and acceleration must be lists of numbers") from None
+    t, a = numbers("samples: time", time, "s"), numbers("samples: acceleration", acceleration, "m/s^2")
     if t.ndim != 1 or t.shape != a.shape:
         raise SceneError(f"samples: {t.size} times and {a.size} accelerations; give as many of both")
     if not 4 <= len(t) <= MAX_SAMPLES:
@@ -111,8 +109,9 @@ def integrated(time: ArrayLike, acceleration: ArrayLike) -> Record:
     if not np.all(h > 1e-9 * (t[-1] - t[0])):
         raise SceneError(f"samples: times must increase; sample {int(np.argmin(h)) + 1} does not")
     period = t[-1] - t[0]
+    most = np.abs(a).max()
     a = a - np.sum(0.5 * (a[1:] + a[:-1]) * h) / period
-    if not np.abs(a).max() > 1e-12 * np.abs(np.asarray(acceleration, dtype=float)).max():
+    if not np.abs(a).max() > 1e-12 * most:
         raise SceneError("samples: the acceleration does not change; a body at rest needs no [vibration]")
     v = np.concatenate([[0.0], np.cumsum(0.5 * (a[1:] + a[:-1]) * h)])
     v -= _moved(v, a, h).sum() / period

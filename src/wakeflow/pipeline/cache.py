@@ -41,6 +41,10 @@ class StageTimes(dict[str, StageTime]):
         self._counted = set[tuple[str, str]]()
         self._lock = Lock()
 
+    def __reduce__(self) -> tuple[type, tuple[object]]:
+        """A copy and another process get what was counted: a lock is of one process."""
+        return dict, (dict(self),)
+
     def note(self, stage: str, key: str, seconds: float, *, cached: bool) -> None:
         """Count what a ``stage`` with a ``key`` took, once: two threads may ask for it."""
         with self._lock:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import logging
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,23 +14,29 @@ import numpy as np
 from ..core.errors import SceneError
 from ..core.files import read_whole
 from ..core.quantities import quantity
+from ..core.registry import did_you_mean
 from .own_path import own_path
 from .table import Array
 
 if TYPE_CHECKING:
+    from ezdxf.document import Drawing
     from ezdxf.entities.dxfentity import DXFEntity
 
 DRAWN = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")  # what an outline is drawn with
 SILENT = ("TEXT", "MTEXT", "DIMENSION", "POINT", "VIEWPORT", "LEADER", "MULTILEADER")  # what explains a drawing
-UNITS = {1: "inch", 2: "foot", 4: "mm", 5: "cm", 6: "m", 14: "dm"}  # of $INSUNITS; others are not a machine's
+UNITS = {  # of $INSUNITS; others are not a machine's
+    1: "inch", 2: "foot", 4: "mm", 5: "cm", 6: "m", 8: "uinch", 9: "thou", 10: "yard", 13: "um", 14: "dm",
+}  # fmt: skip
+DEEP = 16  # blocks in each other that are read; one in itself has no end
 ROUND = 2e-4  # of the outline's extent: how far the corners that stand for an arc leave it
 MEETS = 1e-4  # of the outline's extent: ends nearer than that are one corner
 
 
-def read_outline(file: str, base: Path, unit: object = None) -> list[list[float]]:
+def read_outline(file: str, base: Path, unit: object = None, layer: object = None) -> list[list[float]]:
     """Corners (m), in the drawing's own frame, of the one closed outline in the model space of a DXF ``file``, its path
-    relative to ``base``. ``unit`` of its numbers, such as "mm": by default the drawing's own ($INSUNITS). Arcs become
-    corners within 2e-4 of the extent; z, texts and dimensions do not count.
+    relative to ``base``, on one ``layer`` of it or on all; what is hidden, or on a layer that is off or frozen, is not
+    there, and blocks are what they hold. ``unit`` of its numbers, such as "mm": by default the drawing's own
+    ($INSUNITS). Arcs become corners within 2e-4 of the extent; z, texts and dimensions do not count.
 
     Raises SceneError, one line, where the file is no drawing, has no unit, or more or less than one closed outline.
     """
@@ -49,7 +55,7 @@ def read_outline(file: str, base: Path, unit: object = None) -> list[list[float]
     try:
         with np.errstate(all="ignore"):
             drawing = read(io.StringIO(text, newline=None))
-            found = _joined(_lines_of(drawing.modelspace(), say))
+            found = _joined(_lines_of(_seen(drawing, layer, say), say))
     except SceneError:
         raise
     except (DXFError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as problem:
@@ -57,6 +63,31 @@ def read_outline(file: str, base: Path, unit: object = None) -> list[list[float]
     scale = _metres(unit, drawing.units if "$INSUNITS" in text else 0, say)  # ezdxf takes metres where it is missing
     corners: list[list[float]] = (scale * _only(found, say)).tolist()
     return corners
+
+
+def _seen(drawing: Drawing, layer: object, say: str) -> Iterator[DXFEntity]:
+    """What a draughtsman sees of a drawing, on one ``layer`` of it where one is named; blocks as what they hold."""
+    from ezdxf.entities import Insert
+
+    hidden = {one.dxf.name.lower() for one in drawing.layers if one.is_off() or one.is_frozen()}
+    names = sorted({one.dxf.name for one in drawing.layers})
+    if layer is not None and str(layer).lower() not in map(str.lower, names):
+        raise SceneError(
+            f"{say}: outline_layer = {layer!r}{did_you_mean(str(layer), names)} (it has {', '.join(names)})"
+        )
+    waiting: list[tuple[DXFEntity, str, int]] = [(one, "0", 0) for one in reversed(list(drawing.modelspace()))]
+    while waiting:
+        one, block, depth = waiting.pop()
+        if depth > DEEP:
+            raise SceneError(f"{say}: holds blocks in each other, deeper than {DEEP}; explode them")
+        own = str(one.dxf.get("layer", "0")).lower()
+        own = block if own == "0" else own  # as the block that it is in lies
+        if own in hidden or one.dxf.get("invisible", 0):
+            continue
+        if isinstance(one, Insert):
+            waiting += [(i, own, depth + 1) for part in one.multi_insert() for i in part.virtual_entities()]
+        elif layer is None or own == str(layer).lower():
+            yield one
 
 
 def _metres(unit: object, coded: int, say: str) -> float:
@@ -167,8 +198,8 @@ def _drawn(name: str, table: object, base: Path) -> object:
     if table.get("shape", "polygon") != "polygon" or "points" in table:
         raise SceneError(f"body.{name}: outline = {file!r} is its shape; delete shape and points")
     try:
-        points = read_outline(file, base, table.get("outline_unit"))
+        points = read_outline(file, base, table.get("outline_unit"), table.get("outline_layer"))
     except SceneError as problem:
         raise SceneError(f"body.{name}: {problem}") from None
-    others = {key: value for key, value in table.items() if key not in ("outline", "outline_unit")}
+    others = {key: value for key, value in table.items() if key not in ("outline", "outline_unit", "outline_layer")}
     return {"shape": "polygon", **others, "points": points}

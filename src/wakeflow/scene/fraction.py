@@ -44,6 +44,7 @@ class Size(Table):
     """A size distribution by mass: ``distribution`` and its parameters."""
 
     distribution: str = Field(description="one of: " + ", ".join(sizes))
+    file: str | None = Field(None, description="a CSV file of a sieve analysis, instead of all other keys")
     diameter: Diameter | None = None
     low: Diameter | None = None
     high: Diameter | None = None
@@ -65,7 +66,9 @@ class Size(Table):
 
     def quantile(self, p: Array) -> Array:
         """Diameters (m) below which the mass fractions ``p`` lie."""
-        return made_by(sizes, self.distribution, p, **self.model_dump(exclude_none=True, exclude={"distribution"}))
+        return made_by(
+            sizes, self.distribution, p, **self.model_dump(exclude_none=True, exclude={"distribution", "file"})
+        )
 
 
 class Speeds(Table):

@@ -69,6 +69,7 @@ class Body(Table):
         alias="outline",
         description="instead of shape: a DXF file with one closed outline, in the body's own frame",
     )
+    outline_layer: str | None = Field(None, description="of the DXF file that the outline is on; default: all")
     outline_unit: str | None = Field(None, description="of the DXF file's numbers, such as mm; default: the file's own")
     rounding: Length | None = Field(
         None, description="radius of all edges; width and height are those of the sharp shape"

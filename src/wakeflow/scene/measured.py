@@ -7,7 +7,6 @@ lay there. An uncertainty is half of a 95 % interval, as everywhere.
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,11 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
+from ..core.arrays import plain
 from ..core.errors import SceneError
-from ..core.files import path_of, read_whole
+from ..core.files import path_of
 from ..core.number import Number
 from ..core.quantities import quantity, split_quantity
 from ..core.registry import did_you_mean
+from ..core.sheets import read_sheet
 from .own_path import own_path
 from .table import RESERVED_BIN, SHARE, Name, Table
 from .uncertainty import SIGMAS
@@ -48,7 +49,9 @@ class Tray(Table):
     share: Annotated[float, Field(ge=0, le=1), SHARE] | None = Field(
         None, description="of the fraction's mass, or of the whole feed's where the tray was not sorted"
     )
-    mass: Annotated[float, Field(ge=0, le=MOST)] | None = Field(None, description="in any unit, the same for all trays")
+    mass: Annotated[float, Field(ge=0, le=MOST)] | None = Field(
+        None, description="in any unit, the same for all trays, or with its unit"
+    )
     count: Annotated[int, Field(ge=0, le=int(MOST))] | None = Field(
         None, description="granules, of every tray of the fraction"
     )
@@ -203,27 +206,23 @@ def _of_fraction(trays: Sequence[Tray]) -> tuple[Array, Array]:
 
 # -- The file ----------------------------------------------------------------------------------------------------------
 def read_trays(path: Path | str) -> list[Tray]:
-    """The trays of a CSV file: a line a tray under the heads fraction, bin, uncertainty and share, mass or count, in
-    any order; cells are separated by commas, semicolons or tabs, lines that begin with # are notes.
+    """The trays of a CSV file, as :func:`~wakeflow.core.sheets.read_sheet` reads it: a line a tray under the heads
+    fraction, bin, uncertainty and share, mass or count, in any order; a last line that is their sum does not count.
 
     Raises SceneError, one line that names the line of the file, for what cannot be read.
     """
     file = path_of(path, "measured")
     try:
-        lines = read_whole(file).decode("utf-8-sig").splitlines()
+        sheet = read_sheet(file, whole="count")
     except SceneError as problem:
         raise SceneError(f"measured: {problem}") from None
-    except (OSError, UnicodeDecodeError) as problem:
-        why = problem.strerror if isinstance(problem, OSError) else "not a text file"
-        raise SceneError(f"measured: cannot read {file}: {why}") from None
-    rows = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and line.lstrip()[0] != "#"]
-    if not rows:
+    except OSError as problem:
+        raise SceneError(f"measured: cannot read {file}: {problem.strerror}") from None
+    if not sheet.heads:
         raise SceneError(f"measured: {file.name} is empty; its first line is {EXAMPLE}")
-    mark = next((mark for mark in (";", "\t", ",") if mark in rows[0][1]), ",")
-    (_, first), *others = ((f"{file.name}, line {n}", _cells(line, mark, f"{file.name}, line {n}")) for n, line in rows)
-    heads = [head.strip().lower() for head in first]
-    _check_heads(heads, file.name)
-    found = [_tray(heads, cells, at) for at, cells in others]
+    _check_heads(sheet.heads, file.name)
+    places = [[i for i, head in enumerate(sheet.heads) if head in names] for names in (("fraction", "bin"), AMOUNTS)]
+    found = _trays(sheet.heads, sheet.added_up(*places).rows)
     if not found:
         raise SceneError(f"measured: {file.name} holds no tray; write one a line: wheat,middle,0.12,0.02")
     return found
@@ -234,30 +233,24 @@ def trays_of_columns(columns: Mapping[Any, Any]) -> list[Tray]:
 
     Raises SceneError, one line that names the column or the row, for what cannot be read.
     """
-    heads, arrays = [str(head) for head in columns], [np.asarray(one, dtype=object) for one in columns.values()]
+    heads = [str(head) for head in columns]
+    arrays = [np.asarray(plain(f"measured: column {head}", one), dtype=object) for head, one in columns.items()]
     _check_heads(heads, "columns")
     for head, one in zip(heads, arrays, strict=True):
         if one.ndim != 1:
             raise SceneError(f"measured: column {head} needs a list of cells, one a tray")
         if len(one) != len(arrays[0]):
             raise SceneError(f"measured: columns differ: {heads[0]} has {len(arrays[0])} cells, {head} has {len(one)}")
-    rows = [[_text(cell) for cell in row] for row in zip(*arrays, strict=True)]
+    rows = [(f"row {i}", [_text(cell) for cell in row]) for i, row in enumerate(zip(*arrays, strict=True), 1)]
     if not rows:
         raise SceneError("measured: columns hold no tray; give one a row")
-    return [_tray(heads, row, f"row {number}") for number, row in enumerate(rows, 1)]
+    return _trays(heads, rows)
 
 
 def _text(cell: object) -> str:
     if isinstance(cell, str):
         return cell  # a fraction may be called nan
     return "" if str(cell) in NOTHING else str(cell)
-
-
-def _cells(line: str, mark: str, at: str) -> list[str]:
-    try:
-        return next(csv.reader([line], delimiter=mark))
-    except csv.Error as problem:
-        raise SceneError(f"measured: {at}: {problem}; a line is wheat,middle,0.12,0.02") from None
 
 
 def _check_heads(heads: Sequence[str], name: str) -> None:
@@ -273,6 +266,15 @@ def _check_heads(heads: Sequence[str], name: str) -> None:
         raise SceneError(f"measured: {name}: head {twice!r} is there twice; delete one of the columns")
 
 
+def _trays(heads: Sequence[str], rows: Sequence[tuple[str, Sequence[str]]]) -> list[Tray]:
+    """The trays of rows, all masses in kg or all in a unit that is not said."""
+    place = heads.index("mass") if "mass" in heads else len(heads)
+    weighed = [split_quantity(cells[place]) for _, cells in rows if place < len(cells)]
+    if len({bool(parts[1]) for parts in weighed if parts is not None}) > 1:
+        raise SceneError("measured: some masses have a unit; write it behind each, or in the head: mass (g)")
+    return [_tray(heads, cells, at) for at, cells in rows]
+
+
 def _tray(heads: Sequence[str], cells: Sequence[str], at: str) -> Tray:
     """The tray of one line or row. Raises SceneError that names it."""
     if len(cells) != len(heads):
@@ -280,6 +282,9 @@ def _tray(heads: Sequence[str], cells: Sequence[str], at: str) -> Tray:
     table: dict[str, Any] = {head: cell.strip() for head, cell in zip(heads, cells, strict=True) if cell.strip()}
     if not set(AMOUNTS) & set(table):
         raise SceneError(f"measured: {at}: is not filled in; give its share, mass or count, or delete the line")
+    weighed = split_quantity(table.get("mass", ""))
+    if weighed is not None and weighed[1] and (parts := split_quantity(table.get("uncertainty", ""))):
+        table["uncertainty"] += "" if parts[1] else f" {weighed[1]}"
     for head in ("share", "mass", "count", "uncertainty"):
         if head in table:
             table[head] = _number(table[head], head, at)
@@ -297,13 +302,17 @@ def _number(text: str, head: str, at: str) -> float | int | str:
     parts = split_quantity(text)
     if parts is not None and parts[1] == "%" and head in ("share", "uncertainty"):
         return text
+    if parts is not None and parts[1] and head in ("mass", "uncertainty"):
+        try:
+            return quantity(text, "kg", "10.2 g")
+        except ValueError as problem:
+            raise SceneError(f"measured: {at}: {head} = {text!r} {problem}") from None
     if head == "count" and (grouped := THOUSANDS.fullmatch(text)):
         raise SceneError(f"measured: {at}: count = {text!r}: write {text.replace(grouped[1], '')}")
     try:
-        value = float(text)
+        value = float(text.replace("_", " "))  # 1_000 is one of Python's alone
     except ValueError:
-        hint = f"; write a decimal point: {text.replace(',', '.')}" if "," in text else ""
-        raise SceneError(f"measured: {at}: {head} = {text!r} is no number{hint}") from None
+        raise SceneError(f"measured: {at}: {head} = {text!r} is no number; write one such as 10.2") from None
     if not isfinite(value):
         raise SceneError(f"measured: {at}: {head} = {text!r}: needs a finite number")
     if head == "count":

@@ -6,9 +6,9 @@ import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from itertools import takewhile
-from numbers import Real
 from typing import Any
 
+from ..core.arrays import as_written, number
 from ..core.errors import SceneError
 from ..core.files import check_tables
 from ..core.quantities import quantity
@@ -62,9 +62,7 @@ def share_in(value: float | str, name: str) -> float:
             return share_of(value)
         except ValueError as problem:
             raise SceneError(f"{name} = {problem}") from None
-    if isinstance(value, bool) or not isinstance(value, Real):
-        raise SceneError(f"{name} = {value!r}: a number such as 0.01, or '1 %'")
-    return float(value)
+    return number(name, value)
 
 
 def changed(data: JsonMapping, changes: JsonMapping, name: str = "scene") -> JsonTable:
@@ -98,14 +96,11 @@ def changed(data: JsonMapping, changes: JsonMapping, name: str = "scene") -> Jso
 def _plain(key: str, value: object) -> Any:
     """A value as plain JSON. Raises SceneError where it is none."""
     try:
-        return json.loads(json.dumps(value, default=_listed))
+        return json.loads(json.dumps(value, default=as_written))
+    except SceneError as problem:
+        raise SceneError(f"{key}: {problem}") from None
     except (TypeError, ValueError, RecursionError):
         raise SceneError(f"{key}: a value of {type(value).__name__} that no scene holds") from None
-
-
-def _listed(value: Any) -> object:
-    """An array or a number of numpy's as Python's own; else the value's text."""
-    return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
 def _merged(place: Sequence[str], before: Any, value: Any) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Mapping
 from contextlib import suppress
@@ -12,8 +11,9 @@ from pydantic import ValidationError
 
 from ..core.errors import SceneError, known
 from ..core.files import MAX_RECORD, read_packed, read_toml, read_whole
-from ..core.quantities import quantity
+from ..core.quantities import quantity, split_quantity
 from ..core.record import JsonMapping, JsonTable
+from ..core.sheets import Sheet, read_sheet
 from ..laws.material import Material, materials, read_material
 from .drawing import with_drawings
 from .machine import Air
@@ -116,16 +116,29 @@ def with_own_files(data: JsonMapping, base: Path) -> JsonMapping:
 
     Raises SceneError as :func:`read_samples`, :func:`find_case` and :func:`with_drawings` do.
     """
-    air, vibration, report, bodies = (data.get(key) for key in ("air", "vibration", "report", "body"))
+    keys = "air", "vibration", "report", "body", "fraction"
+    air, vibration, report, bodies, fractions = (data.get(key) for key in keys)
     if isinstance(bodies, Mapping):
         data = {**data, "body": with_drawings(bodies, base)}
     if isinstance(report, Mapping) and isinstance(report.get("logo"), str):
         data = {**data, "report": {**report, "logo": str(_logo(report["logo"], base))}}
     if isinstance(air, Mapping) and isinstance(air.get("case"), str):
         data = {**data, "air": _of_case(air, base)}
+    if isinstance(fractions, Mapping):
+        data = {**data, "fraction": {name: _sieved(name, table, base) for name, table in fractions.items()}}
     if isinstance(vibration, Mapping) and isinstance(vibration.get("samples"), str):
         data = {**data, "vibration": {**vibration, "samples": read_samples(vibration["samples"], base)}}
     return data
+
+
+def _sieved(name: object, table: object, base: Path) -> object:
+    """A fraction with the sieve analysis in place of its file. Raises SceneError as :func:`read_sieves` does."""
+    size = table.get("size") if isinstance(table, Mapping) else None
+    if not isinstance(size, Mapping) or not isinstance(file := size.get("file"), str):
+        return table
+    if set(size) - {"file", "distribution"} or size.get("distribution", "table") != "table":
+        raise SceneError(f"fraction.{name}.size.file = {file!r} says all of it; delete the other keys")
+    return {**table, "size": read_sieves(file, base, f"fraction.{name}.size.file")}  # type: ignore[dict-item]
 
 
 LOGOS = {".png": "image/png", ".svg": "image/svg+xml", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
@@ -153,42 +166,92 @@ def _of_case(air: JsonMapping, base: Path) -> JsonTable:
     return {**found, **air, "case": str(case)}
 
 
-FIGURES = re.compile(r"\s*[-+]?[.,]?[0-9]")  # no heading begins so
-
-
 # -- A file of measured vibration --------------------------------------------------------------------------------------
 def read_samples(given: str, base: Path) -> dict[str, list[float]]:
-    """Times (s) and accelerations (m/s2) of a CSV file, its path relative to ``base``: two numbers a line, separated by
-    commas, semicolons or tabs; lines before the first number and lines that begin with # are headings.
+    """Times (s) and accelerations (m/s2) of a CSV file, its path relative to ``base``: two numbers a line, as
+    :func:`~wakeflow.core.sheets.read_sheet` reads them; lines before the first number are headings, of which the last
+    may name other units, such as time (ms) and acceleration (g).
 
     Raises SceneError for a file that cannot be read, and for a line that is not two numbers, naming it.
     """
-    path = own_path(given, base, "vibration.samples")
-    try:
-        lines = read_whole(path).decode("utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as problem:
-        why = problem.strerror if isinstance(problem, OSError) else "not a text file"
-        raise SceneError(f"vibration.samples = {given!r}: cannot read {path}: {why}") from None
-    found: dict[str, list[float]] = {"time": [], "acceleration": []}
-    for number, line in enumerate(lines, 1):
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        separator = next((mark for mark in (";", "\t", ",") if mark in line), None)
+    path, found = own_path(given, base, "vibration.samples"), {"time": list[float](), "acceleration": list[float]()}
+    for at, cells in _sheet(path, f"vibration.samples = {given!r}", headed=False).rows:
         try:
-            cells = next(csv.reader([line], delimiter=separator)) if separator else line.split()
-            time, acceleration = map(float, cells)
-        except (ValueError, csv.Error):
-            if not found["time"] and not FIGURES.match(line):
-                continue
+            time, acceleration = cells
+            pair = _in("s", time), _in("m/s^2", re.sub(r"(?<=[0-9 ])g$", "standard_gravity", acceleration))
+        except ValueError:
             raise SceneError(
-                f"vibration.samples = {given!r}: line {number} of {path.name} is {line.strip()[:40]!r}; every line "
-                "needs two numbers with a decimal point, time in s and acceleration in m/s2; a note begins with #"
+                f"vibration.samples = {given!r}: {at} is {' '.join(cells)[:40]!r}; every line needs two numbers, time "
+                "in s and acceleration in m/s2; a note begins with #"
             ) from None
-        found["time"].append(time)
-        found["acceleration"].append(acceleration)
+        for values, value in zip(found.values(), pair, strict=True):
+            values.append(value)
     if not found["time"]:
         raise SceneError(f"vibration.samples = {given!r}: no line of two numbers (time in s, acceleration in m/s2)")
     return found
+
+
+def _sheet(path: Path, key: str, *, headed: bool = True) -> Sheet:
+    """The table in a file. Raises SceneError that begins with the ``key``."""
+    try:
+        return read_sheet(path, headed=headed)
+    except SceneError as problem:
+        raise SceneError(f"{key}: {problem}") from None
+    except OSError as problem:
+        raise SceneError(f"{key}: cannot read {path}: {problem.strerror}") from None
+
+
+def _in(unit: str, cell: str) -> float:
+    """A cell as a number in ``unit``, which it is in where it has none. Raises ValueError where it is none."""
+    parts = split_quantity(cell)
+    if parts is None:
+        raise ValueError(cell)
+    return quantity(cell, unit, f"1 {unit}") if parts[1] else parts[0]
+
+
+# -- A file of a sieve analysis ----------------------------------------------------------------------------------------
+OPENINGS = ("opening", "size", "diameter", "sieve", "mesh", "aperture", "maschenweite", "korngröße", "siebweite")
+PASSING = ("passing", "finer", "undersize", "durchgang", "siebdurchgang")
+RETAINED = ("retained", "mass", "weight", "oversize", "rückstand", "masse", "siebrückstand")
+SIEVES = "opening (mm);retained (g)"
+
+
+def read_sieves(given: str, base: Path, key: str) -> dict[str, object]:
+    """The size distribution of the sieve analysis in a CSV file: openings, with their unit, and of each the part of the
+    mass that is finer (passing) or what lay on it (retained), the pan with the size of the finest granule.
+
+    Raises SceneError, by the ``key``, for a file that cannot be read or says less.
+    """
+    say = f"{key} = {given!r}"
+    sheet = _sheet(own_path(given, base, key), say)
+    columns = {kind: [i for i, head in enumerate(sheet.heads) if head.split(" ")[0] in names]
+               for kind, names in (("opening", OPENINGS), ("passing", PASSING), ("retained", RETAINED))}  # fmt: skip
+    amounts = columns["passing"] + columns["retained"]
+    if len(columns["opening"]) != 1 or len(amounts) != 1:
+        raise SceneError(f"{say}: its heads are {', '.join(sheet.heads) or 'none'}; write {SIEVES}, or passing (%)")
+    place, amount = columns["opening"][0], amounts[0]
+    sheet = sheet.added_up([place], [amount])
+    rows = []
+    for at, cells in sheet.rows:
+        parts = split_quantity(cells[place]), split_quantity(cells[amount]) if len(cells) > amount else None
+        if parts[0] is None or parts[1] is None or not parts[0][1]:
+            raise SceneError(f"{say}: {at}: needs an opening with its unit and a number, under heads such as {SIEVES}")
+        try:
+            rows.append((_in("m", cells[place]), _in("1", cells[amount]) if columns["passing"] else parts[1][0]))
+        except ValueError as problem:
+            raise SceneError(f"{say}: {at}: {problem}") from None
+    rows.sort()
+    passing = [share for _, share in rows]
+    if columns["retained"]:
+        total = sum(passing)
+        if not rows or total <= 0.0 or min(passing) < 0.0:
+            raise SceneError(f"{say}: nothing lay on any sieve")
+        if rows[-1][1] > 0.0:
+            raise SceneError(f"{say}: {rows[-1][1]:g} lay on the widest sieve; add one that all passes, with 0 on it")
+        passing = [sum(passing[:i]) / total for i in range(len(rows) - 1)] + [1.0]
+    elif any(share > 1.0 for share in passing):
+        raise SceneError(f"{say}: passing beyond 1: write the head passing (%)")
+    return {"distribution": "table", "diameters": [d for d, _ in rows], "passing": passing}
 
 
 # -- What a user's own OpenFOAM case says of its air, read as text -----------------------------------------------------
@@ -205,7 +268,8 @@ def find_case(given: str, base: Path) -> Path:
         raise SceneError(f"air.case = {given!r}: no OpenFOAM mesh (constant/polyMesh) in {case}")
     latest = _latest(case)
     if latest is None:
-        raise SceneError(f"air.case = {given!r}: no solved time in {case}; run its solver (and reconstructPar) first")
+        cure = "run its solver (and reconstructPar) first, or rename 0 to 1 if that is a solution"
+        raise SceneError(f"air.case = {given!r}: no solved time in {case}; {cure}")
     return case
 
 
@@ -230,7 +294,9 @@ def air_of(case: Path) -> JsonTable:
     """
     found: dict[str, object] = {}
     folder = known(_latest(case))
-    boundary = _text(folder / "U").rpartition("boundaryField")[2]
+    _, mark, boundary = _text(folder / "U").rpartition("boundaryField")
+    if not mark:
+        raise SceneError(f"air.case: {folder / 'U'} is cut short: it has no boundaryField; write that time anew")
     speeds = set()
     for entry in re.findall(r"\{([^{}]*)\}", boundary):
         value = re.search(rf"\bvalue\s+uniform\s*\(\s*({NUMBER})\s+({NUMBER})\s+({NUMBER})\s*\)", entry)
@@ -241,10 +307,12 @@ def air_of(case: Path) -> JsonTable:
     if len(speeds) == 1:
         speed = speeds.pop()
         found = {"speed": abs(speed), "direction": "up" if speed > 0 else "down"}
-    text = _text(case / "constant" / "transportProperties")
-    parameters = _text(case / "system" / "parameters")
-    for source in (text, parameters):
-        nu = re.search(rf"^\s*nu\s+(?:nu\s+)?(?:\[[^\]]*\]\s*)?({NUMBER})\s*;", source, re.M)
+    files = ("constant", "transportProperties"), ("constant", "physicalProperties"), ("system", "parameters")
+    for source in (_text(case.joinpath(*file)) for file in files):
+        source = re.sub(r"//[^\n]*|/\*.*?\*/", " ", source, flags=re.S)
+        name = re.search(r"^\s*nu\s+(?:nu\s+)?(?:\[[^\]]*\]\s*)?\$(\w+)\s*;", source, re.M)
+        key = re.escape(name[1]) if name else "nu"
+        nu = re.search(rf"^\s*{key}\s+(?:{key}\s+)?(?:\[[^\]]*\]\s*)?({NUMBER})\s*;", source, re.M)
         if nu and "nu" not in found:
             found["nu"] = float(nu[1])
     return found

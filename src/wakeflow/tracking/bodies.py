@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.arrays import number, numbers
 from ..core.errors import SceneError
 from ..laws.vibration import Record, integrated
 
@@ -33,7 +34,7 @@ class Motion:
         """Motion by one period of measured acceleration (k,) m/s2 at times (k,) s along ``direction`` (2,), any length;
         ``phase`` rad of the period at t = 0. See :func:`wakeflow.laws.vibration.integrated`, also for what it raises.
         """
-        size = math.hypot(*direction)
+        size = math.hypot(*numbers("motion: direction", direction))
         if not (math.isfinite(size) and size > 0):
             raise SceneError(f"motion: direction {direction} must be finite and not zero")
         record = integrated(time, acceleration)
@@ -51,7 +52,7 @@ class Motion:
 
     def at(self, time: ArrayLike) -> tuple[Array, Array, Array]:
         """Displacement (..., 2) m, velocity m/s and acceleration m/s2 at times (...) s."""
-        t, along = np.asarray(time, dtype=float)[..., None], np.asarray(self.amplitude, dtype=float)
+        t, along = numbers("time", time, "s")[..., None], np.asarray(self.amplitude, dtype=float)
         if self.record is not None:
             moved = self.record.at(t + self.phase * self.record.period / (2 * np.pi))
             return (along * (moved[0] / self.record.reach), along * (moved[1] / self.record.reach),
@@ -61,9 +62,12 @@ class Motion:
         return along * s, along * (omega * c), along * (-(omega**2) * s)
 
     def __post_init__(self) -> None:
-        values = np.asarray(self.amplitude, dtype=float)
+        values = numbers("motion: amplitude", self.amplitude, "m")
+        for name, unit in (("frequency", "Hz"), ("phase", "rad")):
+            object.__setattr__(self, name, number(f"motion: {name}", getattr(self, name), unit))
         if values.shape != (2,) or not np.all(np.isfinite([*values, self.frequency, self.phase])):
             raise SceneError(f"motion: amplitude {self.amplitude} must be two finite numbers, as frequency and phase")
+        object.__setattr__(self, "amplitude", tuple(values.tolist()))
         if self.frequency < 0:
             raise SceneError(f"motion: frequency = {self.frequency:g} Hz must not be negative")
 
@@ -86,7 +90,7 @@ class Body:
     line: int = -1
 
     def __post_init__(self) -> None:
-        points = np.array(self.outline, dtype=float)
+        points = numbers("body: outline", self.outline, "m")
         least = 2 if self.open else 3
         if points.ndim != 2 or points.shape[1] != 2 or len(points) < least or not np.all(np.isfinite(points)):
             raise SceneError(f"body: outline of shape {points.shape}, expected at least {least} finite points (k, 2)")
@@ -101,7 +105,7 @@ class Body:
                 raise SceneError("body: the outline encloses no area")
             points = points if double > 0 else points[::-1].copy()
         for name, value, top in (("restitution", self.restitution, 1.0), ("friction", self.friction, np.inf)):
-            if value is not None and not 0 <= value <= top:
+            if value is not None and not 0 <= number(f"body: {name}", value) <= top:
                 raise SceneError(f"body: {name} = {value:g}, allowed 0 to {top:g}")
         object.__setattr__(self, "outline", points)
 

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arrays import number
 from ..core.errors import SceneError
-from ..core.process import cores
+from ..core.process import check_workers, cores
 from ..field import FlowField
 from ..laws.constants import GRAVITY
 from .bodies import Body, Motion
@@ -78,10 +79,11 @@ def track(
     unknown force or drag law, a force that needs what the field has not, or arguments out of range.
     """
     check_forces(forces, field)
-    solids = [body if isinstance(body, Body) else Body(np.asarray(body, dtype=float), motion=motion) for body in bodies]
-    if length is None:
-        length = float(np.ptp(solids[0].outline[:, 0])) if solids else 1.0
-    _check(record, length, tolerance, until, seed)
+    until, tolerance = number("until", until, "s"), number("tolerance", tolerance)
+    solids = [body if isinstance(body, Body) else Body(body, motion=motion) for body in bodies]
+    across = float(np.ptp(solids[0].outline[:, 0])) if solids else 1.0
+    length = across if length is None else number("length", length, "m")
+    _check(record, length, tolerance, until, seed, workers)
     swing, reach = mesh_motion_of(field), REACH * length
     walls = pack_walls(solids, pack_lines(lines), swing, grains.restitution)
     air = pack_air(field, solids, reach, forces)
@@ -98,8 +100,9 @@ def track(
     return found
 
 
-def _check(record: bool | int, length: float, tolerance: float, until: float, seed: int) -> None:
+def _check(record: bool | int, length: float, tolerance: float, until: float, seed: int, workers: int | None) -> None:
     """Raise SceneError for numbers that are out of range."""
+    check_workers(workers)
     if record is not True and not (record == 0 or 16 <= record <= MAX_STEPS):
         raise SceneError(f"record = {record}: True, or 16 to {MAX_STEPS} points")
     for name, value in (("length", length), ("tolerance", tolerance)):

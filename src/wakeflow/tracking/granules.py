@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.arrays import numbers, truths, whole
 from ..core.errors import SceneError
 from ..core.tables import AnyArray
 from ..laws.flake import SPREAD
@@ -33,14 +34,19 @@ ALLOWED: dict[str, tuple[str, Callable[[Array], Any]]] = {  # name: (what it may
     "shape": ("positive", lambda x: x > 0),
 }
 VECTORS = {"position": 2, "velocity": 2, "shape": 3, "arrival": 2}  # how many numbers each granule has
-KINDS: dict[str, type] = {"fraction": np.int64, "flake": bool}  # of what are no real numbers
+KINDS: dict[str, Callable[[str, ArrayLike], AnyArray]] = {"fraction": whole, "flake": truths}  # of no real numbers
+UNITS = {
+    "position": "m", "velocity": "m/s", "diameter": "m", "density": "kg/m^3", "spin": "rad/s", "time": "s",
+    "scatter": "rad", "capture_speed": "m/s", "depth": "m", "arrival": "m/s",
+}  # fmt: skip
 
 
 def _sound(name: str, values: ArrayLike, count: int) -> AnyArray:
     """The array of a property of ``count`` granules. Raises SceneError for values that it cannot have."""
     if name in KINDS:
-        return np.array(np.broadcast_to(np.asarray(values, dtype=KINDS[name]), (count,)))
-    array = _shaped(name, values, (count, VECTORS[name]) if name in VECTORS else (count,))
+        return _shaped(name, KINDS[name](f"granule {name}", values), (count,))
+    found = numbers(f"granule {name}", values, UNITS.get(name, "1"))
+    array = _shaped(name, found, (count, VECTORS[name]) if name in VECTORS else (count,))
     if name != "inertia":  # inf: a point mass
         _refuse(name, array, ~np.isfinite(array), "finite")
     if name in ALLOWED:
@@ -49,11 +55,11 @@ def _sound(name: str, values: ArrayLike, count: int) -> AnyArray:
     return array
 
 
-def _shaped(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+def _shaped(name: str, values: AnyArray, shape: tuple[int, ...]) -> AnyArray:
     try:
-        return np.array(np.broadcast_to(np.asarray(values, dtype=float), shape), order="C")
-    except (TypeError, ValueError):
-        raise SceneError(f"granule {name}: shape {np.shape(values)} does not fit {shape}") from None
+        return np.array(np.broadcast_to(values, shape), order="C")
+    except ValueError:
+        raise SceneError(f"granule {name}: shape {values.shape} does not fit {shape}") from None
 
 
 def _refuse(name: str, array: Array, bad: NDArray[np.bool_], allowed: str) -> None:
@@ -107,9 +113,10 @@ class Granules:
     arrival: Any = None
 
     def __post_init__(self) -> None:
-        shape = np.shape(self.position)
-        if len(shape) != 2 or shape[1] != 2:
-            raise SceneError(f"granule position: shape {shape}, expected (n, 2)")
+        position = numbers("granule position", self.position, "m")
+        if position.ndim != 2 or position.shape[1] != 2:
+            raise SceneError(f"granule position: shape {position.shape}, expected (n, 2)")
+        object.__setattr__(self, "position", position)
         self._check(PROPERTIES)
 
     def _check(self, names: Iterable[str]) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arrays import numbers
 from ..core.errors import SceneError
 from ..field import FlowField, MeshOscillation
 from ..laws.drag import drag_laws, drag_table
@@ -65,7 +66,7 @@ def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[st
     finite vector.
     """
     rows = np.zeros((len(grains), at.CONSTANTS))
-    g = np.asarray(gravity, dtype=float)
+    g = numbers("gravity", gravity, "m/s^2")
     if g.shape != (2,) or not np.all(np.isfinite(g)):
         raise SceneError(f"gravity = {gravity}, expected two finite numbers in m/s2")
     rows[:, at.RADIUS] = grains.diameter / 2

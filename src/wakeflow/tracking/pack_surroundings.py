@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arrays import numbers
 from ..core.errors import SceneError, known
 from ..core.geometry import distance_to_edges
 from ..field import FlowField, MeshOscillation
@@ -166,7 +167,7 @@ def pack_lines(lines: Sequence[object]) -> tuple[Array, Index]:
     """Segments (K, 4) of polylines and the polyline each belongs to."""
     segments, owner = [], []
     for number, line in enumerate(lines):
-        points = np.asarray(line, dtype=float)
+        points = numbers(f"line {number}", line, "m")  # type: ignore[arg-type]
         if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.all(np.isfinite(points)):
             raise SceneError(f"line {number}: shape {points.shape}, expected at least two finite points (k, 2)")
         for a, b in pairwise(points):

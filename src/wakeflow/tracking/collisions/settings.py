@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import number, numbers
 from ...core.errors import SceneError
 from ..granules import Granules
 from ..tracks import ClockStep
@@ -39,11 +40,15 @@ class Collisions:
     forces: Sequence[Collection[str]] = ()
 
     def __post_init__(self) -> None:
-        for name, value in (("depth", self.depth), ("step", self.step)):
-            if value is not None and not (np.isfinite(value) and value > 0):
+        for name, unit in (("depth", "m"), ("step", "s")):
+            if getattr(self, name) is None and name == "step":
+                continue
+            value = number(f"collisions: {name}", getattr(self, name), unit)
+            if not (np.isfinite(value) and value > 0):
                 raise SceneError(f"collisions: {name} = {value:g} must be positive and finite")
+            object.__setattr__(self, name, value)
         for name, top in (("restitution", 1.0), ("friction", np.inf), ("tangential_restitution", 1.0)):
-            values = np.asarray(getattr(self, name), dtype=float)
+            values = numbers(f"collisions: {name}", getattr(self, name))
             if values.ndim not in (0, 2) or (values.ndim == 2 and values.shape[0] != values.shape[1]):
                 raise SceneError(f"collisions: {name} of shape {values.shape}, expected a number or a table (k, k)")
             if not np.all((values >= 0) & (values <= top)):

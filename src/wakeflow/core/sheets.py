@@ -1,0 +1,163 @@
+"""Tables of numbers as an office writes them: CSV of any separator, mark and coding, units in heads or cells."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from .errors import SceneError
+from .files import read_whole
+from .quantities import split_quantity
+
+MARKS = (";", "\t", ",")  # that part cells, the first that is in the heads
+PARTED = re.compile(r"[-+]?[1-9][0-9]{0,2}([.,])[0-9]{3}(?:\1[0-9]{3})*")  # a decimal mark, or one of thousands
+DECIMAL = re.compile(r"([-+]?[0-9]*)([.,])([0-9]+(?:[eE][-+]?[0-9]+)?)")
+GROUPED = re.compile(r"[-+]?[1-9][0-9]{0,2}(?:[ .,'’_\u00a0\u202f][0-9]{3})+(?:[.,][0-9]+)?")
+QUANTITY = re.compile(r"([-+]?[0-9.,](?:[0-9.,'’_ \u00a0\u202f]*[0-9.,])?(?:[eE][-+]?[0-9]+)?)\s*([^0-9].*)?")
+HEAD = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]+?)\s*[)\]]")  # a name and its unit: mass (g)
+SUMS = [
+    "sum",
+    "sums",
+    "total",
+    "totals",
+    "summe",
+    "gesamt",
+    "insgesamt",
+    "gesamtsumme",
+    "somme",
+    "suma",
+    "razem",
+    "итого",
+    "всего",
+    "сумма",
+    "Σ",
+    "∑",
+]
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """The rows of a file: where each is, in words, and its cells without blanks around them; numbers with a decimal
+    point, and their unit behind them, from the cell or from the head of the column.
+    """
+
+    heads: Sequence[str]
+    rows: Sequence[tuple[str, list[str]]]
+
+    def added_up(self, labels: Sequence[int], amounts: Sequence[int]) -> Sheet:
+        """The sheet without a last row that is the sum of those before it in the columns ``amounts``, and is called so
+        in one of the columns ``labels``. Raises SceneError where it adds up to another number.
+        """
+        if len(self.rows) < 2 or not {self.rows[-1][1][one].rstrip(":").lower() for one in labels} & set(SUMS):
+            return self
+        *rows, (at, last) = self.rows
+        for column in amounts:
+            parts = [split_quantity(cells[column]) for _, cells in rows]
+            if (said := split_quantity(last[column])) is not None:
+                found = sum(part[0] for part in parts if part is not None)
+                if abs(found - said[0]) > 0.005 * abs(found):
+                    raise SceneError(f"{at}: {said[0]:g} is not the sum of the rows before it, {found:g}; delete it")
+        return Sheet(self.heads, rows)
+
+
+def read_sheet(path: Path, *, headed: bool = True, whole: str = "") -> Sheet:
+    """The table in a CSV file, its heads in small letters; without heads where it is not ``headed``, when lines before
+    the first of numbers are passed over; the head ``whole`` is that of counts. Empty rows and closing separators do not
+    count, lines that begin with # are notes, ``sep=;`` in the first line names the separator.
+
+    Raises SceneError, with the line, for what has two meanings: 1.234 where no other number says which mark parts
+    decimals. Raises OSError for a file that cannot be read.
+    """
+    lines = [
+        (number, line) for number, line in enumerate(_decoded(path).splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]  # fmt: skip
+    mark = None
+    if lines and (named := re.fullmatch(r"\s*\"?sep=(.|\\t)\"?\s*", lines[0][1], re.IGNORECASE)):
+        mark = named[1].replace("\\t", "\t")
+        del lines[0]
+    table = [(f"{path.name}, line {number}", cells) for number, cells in _cells(path.name, lines, mark, headed)]
+    table = [(at, cells) for at, cells in table if any(cells)]
+    if not table:
+        return Sheet((), ())
+    heads: list[str] = []
+    while table and (not heads if headed else not QUANTITY.fullmatch(table[0][1][0])):
+        heads = _without_end(table.pop(0)[1])
+    width = len(heads) if headed else 0
+    points = {found[2] for _, row in table for cell in row if (found := _decimal(cell))}
+    units = {i: found[2] for i, head in enumerate(heads) if (found := HEAD.fullmatch(head))}
+    names = [found[1].lower() if (found := HEAD.fullmatch(head)) else head.lower() for head in heads]
+    rows = []
+    for at, cells in table:
+        kept = _without_end(cells, width)
+        said = [f"{at}: {names[i]} =" if i < width else f"{at}:" for i in range(len(kept))]
+        rows.append((at, [_plain(cell, units.get(i, ""), points, said[i], whole) for i, cell in enumerate(kept)]))
+    return Sheet(names, rows)
+
+
+def _decoded(path: Path) -> str:
+    raw = read_whole(path)
+    wide = raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    try:
+        return raw.decode("utf-16" if wide else "utf-8-sig")
+    except UnicodeDecodeError:
+        pass
+    try:
+        text = raw.decode("cp1252")
+    except UnicodeDecodeError:
+        text = "\0"
+    if any(ord(one) < 32 and one not in "\t\r\n\f" for one in text):
+        raise SceneError(f"cannot read {path}: not a text file")
+    return text
+
+
+def _cells(name: str, lines: Sequence[tuple[int, str]], mark: str | None, headed: bool) -> list[tuple[int, list[str]]]:
+    found = []
+    for number, line in lines:
+        if mark is None or not headed:  # a table without heads tells it line by line
+            own = next((one for one in MARKS if one in line), None)
+            mark = own if mark is None and headed else mark
+        parting = mark if headed or mark is not None else own
+        try:
+            cells = next(csv.reader([line], delimiter=parting)) if parting else line.split() if not headed else [line]
+        except csv.Error as problem:
+            raise SceneError(f"{name}, line {number}: {problem}; part cells by commas or semicolons") from None
+        found.append((number, [cell.strip().strip("\u00a0") for cell in cells]))
+    return found
+
+
+def _without_end(cells: list[str], least: int = 0) -> list[str]:
+    """The cells up to the last that holds anything, ``least`` at least."""
+    while len(cells) > least and not cells[-1]:
+        cells = cells[:-1]
+    return cells
+
+
+def _decimal(cell: str) -> re.Match[str] | None:
+    """The number of a cell whose mark can only be a decimal one."""
+    found = QUANTITY.fullmatch(cell)
+    parted = None if found is None else DECIMAL.fullmatch(found[1])
+    return None if parted is None or PARTED.fullmatch(parted[0]) else parted
+
+
+def _plain(cell: str, unit: str, points: set[str], at: str, whole: str) -> str:
+    """A cell with its number as a program reads it, and its unit."""
+    found = QUANTITY.fullmatch(cell)
+    if found is None:
+        return cell
+    number, own = found[1], found[2] or unit
+    parted = PARTED.fullmatch(number)
+    counts = at.endswith(f": {whole} =")
+    if GROUPED.fullmatch(number) and not (parted and points == {parted[1]} and not counts):
+        plain = re.sub(r"[ .,'’_\u00a0\u202f](?=[0-9]{3}(?![0-9]))", "", number)
+        other = (
+            f" or {number.replace(',', '.')}0"
+            if parted and not counts and len(re.findall(r"[.,]", number)) == 1
+            else ""
+        )
+        raise SceneError(f"{at} {number!r} may have thousands parted; write {plain.replace(',', '.')}{other}")
+    return f"{number.replace(',', '.')} {own}".strip() if re.fullmatch(r"[^,]*,[^,]*", number) or own else cell
