@@ -122,7 +122,8 @@ def _told(problem: Exception, words: Sequence[str]) -> int:
         parted = unquoted(words) if isinstance(problem, UnusedCliTokensError) else None
         _complain(parted or str(problem).strip().splitlines()[-1])
     elif isinstance(problem, WakeflowError):
-        _complain(str(problem))
+        for line in getattr(problem, "mistakes", ()) or [str(problem)]:
+            _complain(line)
         if isinstance(problem, ProgramError):
             _details(problem)
         return problem.exit_code
