@@ -7,13 +7,16 @@ what it computed is found again by it and by runs.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
 from ..core import sums
 from ..core.errors import SceneError
 from ..core.files import path_of
+from ..planning.make import make_plan
 from ..scene import Scene
+from ..scene.whole import switched
 from .compute import Sweep, sweep
 from .variant import variants
 
@@ -44,6 +47,11 @@ def operating_map(
     rates = list(feed) if feed else [part * asked.feed.rate for part in AROUND]
     if min(len(speeds), len(rates)) < 2:
         raise SceneError("a map needs two air speeds and two feed rates at least")
+    grid = variants(asked, {SPEED: speeds, RATE: rates})
+    scenes = [one.scene for one in grid if one.scene is not None]
+    told = (make_plan(one, rung=how.get("rung"), force=switched(how.get("force"))).why_void for one in scenes)
+    if len(void := list(takewhile(bool, told))) == len(scenes) > 0:
+        raise SceneError(f"every answer of the map would be void: {void[0]}")
     from ..report.canvas import saved
     from ..report.many import draw_map, main_quantities
     from ..report.table_figures import of_worth
@@ -51,7 +59,7 @@ def operating_map(
     folder = path_of(out, "out")
     figure = folder / "figures" / FIGURE
     sums.refuse_foreign(folder, saved(figure), "map")
-    found = sweep(variants(asked, {SPEED: speeds, RATE: rates}), folder, figures=False, **how)
+    found = sweep(grid, folder, figures=False, **how)
     table = of_worth(found.table)
     if not table.done:
         raise SceneError("every answer is void, so that there is nothing to draw; the first: see the table's reasons")
