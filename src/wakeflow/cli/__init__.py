@@ -69,6 +69,7 @@ app = App(
 for _command in (*run.COMMANDS, *view.COMMANDS, *batch.COMMANDS, *trays.COMMANDS):
     app.command(_command)
 app.command(batch.operator_map, name="map")
+app.command(batch.capacity)
 
 
 def _version() -> str:

@@ -66,6 +66,13 @@ def show_sweep(found: Sweep) -> None:
     print_lines([f"results: {found.folder}"])
 
 
+def show_limits(met: Mapping[str, float | None], limits: Mapping[str, float]) -> None:
+    """Print up to which feed rate (kg/s) each limit is met."""
+    for name, rate in met.items():
+        until = "at none of these rates" if rate is None else f"up to {say(3600.0 * rate, 'kg/h', 4)}"
+        print_lines([f"{name} at most {100 * limits[name]:.4g} %: met {until}"])
+
+
 def show_table(table: ResultTable) -> None:
     """Print a row a scene: its inputs and the quantities that it is made for, with their 95 % intervals; where not
     all columns fit beside each other, in several tables.
