@@ -14,7 +14,7 @@ from wakeflow.answer.shares import MET, NOT_MET, OPEN, BudgetPart
 from wakeflow.budget import verdicts
 from wakeflow.budget.verdicts import verdicts_of
 from wakeflow.core.graded import Grade
-from wakeflow.report.words import verdict_lines
+from wakeflow.report.words import NO_VALUE, SUMMED, bins_in_words, percent, rate_words, verdict_lines
 
 
 def held_to(run: Result, limits: dict[str, dict[str, float]], **changed: object) -> Result:
@@ -92,3 +92,18 @@ def test_a_limit_moves_no_granule_and_a_plan_tells_of_one_that_is_finer_than_its
     assert len(told) == 1
     assert "numerics.target_error = '0.25 %'" in told[0]
     assert not any("limit." in line for line in wf.plan(shipped("vacuum", {"limit.loss.hard": "5 %"})).warnings)
+
+
+def test_loss_and_dirt_are_on_the_page_and_in_the_table_and_a_void_answer_shows_no_rate(small_run: Result) -> None:
+    assert small_run.landings is not None
+    page = (small_run.folder / "report.html").read_text()
+    assert "lost, kg/h" in page
+    assert "dirt (%)" in page
+    assert rate_words(small_run.landings.separation.lost["hard"]).removesuffix(" kg/h") in page
+    rows = {row.place: row for row in bins_in_words(small_run, small_run.landings.separation)}
+    assert [*rows][-SUMMED:] == ["recovery", "loss", "loss, kg/h"]
+    assert rows["near"].purities[-1] == ("dirt", percent(small_run.dirt("near")))
+    void = replace(small_run, grades=(Grade.VOID.value,), warnings=("the feed is too dense",))
+    told = [*bins_in_words(void, small_run.landings.separation)]
+    cells = [text for row in told for text in (row.flow, *(share for share, _ in row.shares))]
+    assert set(cells) <= {"void", "", NO_VALUE}
