@@ -2,6 +2,7 @@
 
 import doctest
 import re
+import tomllib
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,13 @@ import rhombi
 
 import wakeflow as wf
 from support import CASES, DOCS, ROOT
+from wakeflow.batch.designs import refuse_void
+from wakeflow.batch.task import read_search_file
+from wakeflow.batch.variant import read_sweep_file
+from wakeflow.scene.changes import flat
+from wakeflow.scene.schema import described
+from wakeflow.scene.uncertainty import with_uncertainty_table
+from wakeflow.scene.whole import SceneTables
 
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SMALL = {  # instead of the minutes of a page: a trickle of granules that neither meet nor load the air
@@ -47,6 +55,38 @@ def test_python_on_a_page_runs(code: str, tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.chdir(tmp_path)
     (tmp_path / "cases").symlink_to(CASES)
     exec(compile(code, "a page", "exec"), {"wf": wf})
+
+
+TOML = re.compile(r"^```toml\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+TABLES = [
+    pytest.param(text, id=f"{page.name}-{number}")
+    for page in [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+    for number, text in enumerate(TOML.findall(page.read_text()), 1)
+]
+
+
+@pytest.mark.parametrize("text", TABLES)
+def test_tables_on_a_page_are_what_the_program_takes(text: str, tmp_path: Path) -> None:
+    """A whole scene, search or sweep is read, and a search is none that could only end void; of a part of a scene its
+    keys are there; other tables are those of a material.
+    """
+    given = with_uncertainty_table(tomllib.loads(text))
+    for path in CASES.glob("*.toml"):
+        (tmp_path / path.name).write_text(path.read_text())
+    file = tmp_path / "page.toml"
+    file.write_text(text)
+    if "search" in given:
+        refuse_void(read_search_file(file))
+    elif "sweep" in given:
+        assert list(read_sweep_file(file))
+    elif {"channel", "feed", "fraction", "bin"} <= given.keys():
+        assert wf.Scene.load(file)
+    elif given.keys() & SceneTables.model_fields.keys():
+        keys = [key for key in flat(given) if not key.startswith("uncertainty.")]
+        unknown = [key for key in keys if not described(tuple(key.split(".")), given)]
+        assert not unknown
+    else:
+        assert all({"confidence", "source"} <= table.keys() for table in given.values())
 
 
 @pytest.mark.parametrize("name", WITH_EXAMPLES)

@@ -8,7 +8,7 @@
  1. Scene      what is asked: Scene.load(file), .replace({"air.speed": "7 m/s"}), .save(file)
  2. plan       what a scene needs, what is left out and by which bound, its cost: wf.plan(scene)
  3. run        the answer: wf.run(scene, out=folder, rung="draft"); a second time from the cache
- 4. Result     a run: Result.load(folder), .share(), .recovery(), .purity(), .frame(), .granules(), .plot.landing(axes)
+ 4. Result     a run: Result.load(folder), .share(), .recovery(), .loss(), .purity(), .dirt(), .frame(), .plot.tracks()
  5. chain      impacts and parabolas without the air, in memory: for a first search
  6. variants   a scene changed along axes: wf.variants(scene, {"air.speed": ["3 m/s", "4 m/s"]})
  7. sweep      many scenes, each stage once, one table: wf.sweep(variants), .frame(), .plot(quantity, over)

@@ -123,7 +123,8 @@ def test_every_table_of_shares_is_one(half: float) -> None:
 
 def test_a_number_is_the_middle_of_what_its_function_is_in_the_draws() -> None:
     own = made(sampling(), world(), bound(0.03)).own
-    for name in ("share.soft.near", "recovery.hard", "purity.near.soft", "purity.far.hard", "share.hard.elsewhere"):
+    for name in ("share.soft.near", "recovery.hard", "purity.near.soft", "purity.far.hard", "share.hard.elsewhere",
+                 "loss.soft", "dirt.far"):  # fmt: skip
         of = own.of_name(name)
         assert of is not None
         found, values = own.number(of), of(own.tables())[0]
@@ -162,6 +163,31 @@ def test_shares_purities_and_recoveries_of_one_draw_agree() -> None:
     assert complement.half == pytest.approx(own.share("soft", "near").half)
     flow = own.of_name("throughput.near")
     assert float(flow(own.value)) == pytest.approx(3600 * (0.25 * 0.6 + 0.75 * 0.3))
+
+
+def test_what_is_lost_and_what_is_dirt_is_what_recovery_and_purity_leave() -> None:
+    """In every draw; dirt is what has no target there too, and a bin that is nobody's target has none."""
+    joint = made(sampling(0.1), world())
+    tables = joint.own.tables()
+
+    def of(name: str, answer: JointAnswer = joint) -> np.ndarray:
+        found = answer.own.of_name(name)
+        assert found is not None
+        return found(tables)
+
+    np.testing.assert_allclose(of("loss.soft"), 1.0 - of("recovery.soft"), atol=1e-12)
+    np.testing.assert_allclose(of("lost.soft"), 900.0 * of("loss.soft"))
+    np.testing.assert_allclose(of("dirt.near"), 1.0 - of("purity.near.soft"), atol=1e-12)
+    told = joint.own.separation()
+    assert told.lost["hard"] == pytest.approx(tuple(2700.0 * one for one in told.loss["hard"]))
+    assert told.dirt["elsewhere"] is None
+    shared = replace(joint, targets={"soft": ("near", "far"), "hard": ("far",)})
+    np.testing.assert_allclose(of("loss.soft", shared), of("share.soft.elsewhere"))
+    np.testing.assert_allclose(of("dirt.far", shared), 0.0)
+    alone = replace(joint, targets={"soft": ("near",), "hard": ()})
+    np.testing.assert_allclose(of("dirt.near", alone), of("purity.near.hard"))
+    assert alone.own.of_name("loss.hard") is None
+    assert alone.own.of_name("dirt.far") is None
 
 
 def test_an_empty_bin_has_the_answers_own_purity_in_draws_that_have_none() -> None:

@@ -270,7 +270,7 @@ def test_a_map_shows_no_difference_that_the_intervals_hide(
     axes = drawn[0].axes[0]
     assert axes.collections[0].get_clim() == pytest.approx(ends)
     told = [text.get_text() for text in axes.texts]
-    assert told.count("0.1") == 2
+    assert (told.count("0.1"), told.count("unknown")) == ((0, 4) if high == 1.0 else (2, 0))
     assert told.count("0 to 100") == (4 if high == 1.0 else 0)
 
 
@@ -281,9 +281,9 @@ def test_a_map_is_grey_where_nothing_is_known_and_leaves_out_what_nowhere_is(dra
     many.draw_map(Path("unused"), table, ["recovery.dust", "purity.near.dust", "purity.far.dust"], *table.inputs)
     panels = [axes for axes in drawn[0].axes if axes.get_visible() and axes.texts]
     assert len(panels) == 2
-    for axes, told in zip(panels, ("0", "unknown"), strict=True):
+    for axes in panels:
         assert axes.collections[0].get_array().mask.all()  # type: ignore[union-attr]
-        assert told in [text.get_text() for text in axes.texts]
+        assert "unknown" in [text.get_text() for text in axes.texts]
     with pytest.raises(SceneError, match="nothing landed"):
         many.draw_map(Path("unused"), table, ["purity.far.dust"], *table.inputs)
 

@@ -44,3 +44,19 @@ def test_a_map_is_a_sweep_with_one_figure(tmp_path: Path) -> None:
     assert isinstance(found, wf.Sweep)
     assert len(found.table.done) == 4
     assert figure.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_capacity_curve_is_a_sweep_over_the_rate_with_one_figure(tmp_path: Path) -> None:
+    scene, here = shipped("vacuum", {"feed.count": 64, "feed.rate": "1 kg/hour"}), Here()
+    found, figure = operating.capacity(scene, tmp_path, feed=["0.5 kg/hour", "1 kg/hour"], scheduler=here)
+    assert len(found.table.done) == 2
+    assert {"loss.hard", "lost.hard", "dirt.near"} <= found.table.names.keys()
+    assert [one.by_name["lost.hard"].unit for one in found.table.done] == ["kg/h", "kg/h"]
+    assert (figure.name, figure.read_bytes()[:4]) == ("capacity.png", b"\x89PNG")
+    high = max(one.by_name["loss.hard"].high for one in found.table.done)
+    met = operating.met_up_to(found.table, {"loss.hard": high, "dirt.near": 1e-6})
+    assert met == {"loss.hard": pytest.approx(1.0 / 3600.0), "dirt.near": None}
+    with pytest.raises(SceneError, match=r"needs a feed\.rate"):
+        operating.capacity(shipped("vacuum"), tmp_path)
+    with pytest.raises(SceneError, match="two feed rates"):
+        operating.capacity(scene, tmp_path, feed=["1 kg/hour"])

@@ -11,8 +11,10 @@ import wakeflow as wf
 from support import CASES, Here, shipped
 from wakeflow.answer.table import TableQuantity
 from wakeflow.batch.axis import Axis, axis_of_text
-from wakeflow.batch.designs import affordable, explore, with_fan
+from wakeflow.batch.calibration import calibrate
+from wakeflow.batch.designs import affordable, explore, refuse_void, search, with_fan
 from wakeflow.batch.history import DesignPoint, Evaluation, History, at_random
+from wakeflow.batch.operating import operating_map
 from wakeflow.batch.task import Goal, QuantityLimit, SearchTask, read_search_file
 from wakeflow.cli.show_many import show_search
 from wakeflow.core.errors import SceneError
@@ -325,6 +327,27 @@ def test_where_the_levels_that_are_paid_for_are_void_the_finest_is_one_of_quick_
     assert "the answer is of quick settings" in said[0]
     with pytest.raises(SceneError, match=r"budget = 10 s: one design takes about .* of one core"):
         affordable(replace(task, budget=10.0), said.append)
+
+
+def test_what_a_plan_knows_to_be_void_is_refused_before_anything_is_computed(tmp_path: Path) -> None:
+    """A search whose finest level is void within all its bounds, a map of nothing else, a calibration; not a search of
+    which some designs are worth something.
+    """
+    alone = {"force.air-loading": "off", "force.collisions": "off", "numerics.rung": "draft"}
+    dense, goal = shipped("rhombus").replace(alone), (Goal("recovery.wheat"),)
+    with pytest.raises(
+        SceneError, match=r"finest level would be void, so that none is computed: the feed is too dense"
+    ):
+        search(SearchTask(dense, AXES, goal, 600.0), tmp_path / "search")
+    assert not (tmp_path / "search" / ".cache").exists()
+    refuse_void(SearchTask(dense, (axis_of_text("feed.rate=1:500:3 kg/hour"),), goal, 600.0))
+    with pytest.raises(SceneError, match=r"every answer of the map would be void: the feed is too dense"):
+        operating_map(dense, tmp_path / "map", air=[4.0, 5.0], feed=["400 kg/h", "500 kg/h"])
+    with pytest.raises(SceneError, match=r"calibrate: the answer would be void: the feed is too dense"):
+        calibrate(dense, {"fraction": ["wheat"], "bin": ["outer-left"], "share": [0.5], "uncertainty": [0.1]},
+                  tmp_path / "calibrated")  # fmt: skip
+    assert not (tmp_path / "map").exists()
+    assert not (tmp_path / "calibrated").exists()
 
 
 def test_a_search_keeps_its_budget_however_many_designs_are_asked_for_at_a_time() -> None:

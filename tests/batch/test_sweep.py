@@ -274,7 +274,8 @@ def test_the_table_holds_every_number_with_its_interval_unit_and_inputs(swept: A
     assert float(mine["recovery.wheat"]["high"]) == pytest.approx(recovery.high)
     assert {row["unit"] for key, row in mine.items() if key.startswith("throughput.")} == {"kg/h"}
     assert float(mine["seconds"]["value"]) > 0
-    assert {key.partition(".")[0] for key in mine} == {"share", "purity", "recovery", "throughput", "seconds"}
+    kinds = {"share", "purity", "recovery", "loss", "lost", "dirt", "throughput", "seconds"}
+    assert {key.partition(".")[0] for key in mine} == kinds
 
 
 def test_a_scene_that_fails_is_in_the_table_with_its_reason(swept: Any) -> None:

@@ -639,3 +639,27 @@ def _all_hold(which: str, count: int) -> None:
         (row["scene"], row["fraction"], row["term"]) for row in found if row["mean"] > gates.TYPICAL * row["bound"]
     }
     assert above <= ABOVE_HALF
+
+
+def test_a_doubted_material_is_doubted_only_in_what_the_scene_leaves_to_it() -> None:
+    """Each key that is given, or whose uncertainty is, goes from the notice, and with the last the notice goes."""
+    scene = shipped("rhombus", {"fraction.dust.material": "awns"})
+    own = {
+        "size": "1 mm", "density": 500.0, "terminal_velocity": "2.2 m/s", "restitution": 0.3, "friction": 0.4,
+        "rebound_scatter": 0.3,
+    }  # fmt: skip
+
+    def told(changes: dict[str, object]) -> str:
+        lines = [one for one in make_plan(scene.replace(changes)).warnings if "low confidence" in one]
+        return next((one for one in lines if one.startswith("dust: ")), "")
+
+    given: dict[str, object] = {}
+    for key, value in own.items():
+        before = told(given)
+        given[f"fraction.dust.{key}"] = value
+        assert f"fraction.dust.{key}" not in told(given)
+        assert before or key == "size"
+    assert told(given) == ""
+    del given["fraction.dust.friction"]
+    assert told(given).endswith("measure yours and set fraction.dust.friction")
+    assert told({**given, "uncertainty.fraction.dust.friction": 0.1}) == ""

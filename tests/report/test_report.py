@@ -39,7 +39,7 @@ from wakeflow.report.figures.flights import draw_residence, draw_tracks
 from wakeflow.report.figures.shares import draw_landing, draw_partition
 from wakeflow.report.html import live
 from wakeflow.report.html.live import live_data
-from wakeflow.report.words import in_three_dimensions, percent, purity
+from wakeflow.report.words import in_three_dimensions, part_words, percent
 from wakeflow.scene import Scene
 from wakeflow.scene.pictures import STANDARD_FIGURES
 
@@ -553,7 +553,7 @@ def test_a_bin_on_a_line_has_its_own_panel(rhombus: Scene, drawn: list[Any]) -> 
         (Number(0.0, 0.0, 0.004), "0 (0 to 0.4)"),
         (Number(0.756, 0.637, 0.875), "76 (64 to 88)"),
         (Number(0.25, 0.25, 0.25), "25.0 (25.0 to 25.0)"),
-        (Number(0.4406, 0.0, 1.0), "44 (0 to 100)"),  # a symmetric half would leave it
+        (Number(0.4406, 0.24, 0.73), "44 (24 to 73)"),
         (Number(0.5), "50.0"),
         (Number(math.inf), "–"),
         (None, "–"),
@@ -563,10 +563,13 @@ def test_digits_follow_the_interval(number: Number | None, text: str) -> None:
     assert percent(number) == text
 
 
-def test_a_purity_of_which_nothing_is_known_says_so() -> None:
-    assert purity(Number(0.21, 0.0, 0.5)) == "unknown (0 to 50)"
-    assert purity(Number(0.21, 0.1, 0.5)) == "21 (10 to 50)"
-    assert purity(Number(0.21, 0.0, 0.5), void=True) == "void"
+def test_a_percentage_of_which_nothing_is_known_says_so() -> None:
+    assert percent(Number(0.21, 0.0, 0.5)) == "unknown (0 to 50)"
+    assert percent(Number(0.74, 0.0, 1.0)) == "unknown (0 to 100)"
+    assert percent(Number(0.21, 0.1, 0.5)) == "21 (10 to 50)"
+    assert percent(Number(0.21, 0.0, 0.5), void=True) == "void"
+    assert part_words(Number(0.21, 0.0, 0.5)) == "an unknown part (0 to 50 %)"
+    assert part_words(Number(0.21, 0.1, 0.5)) == "21 (10 to 50) %"
 
 
 def _rows(path: Path) -> list[dict[str, str]]:

@@ -165,7 +165,7 @@ OFF_SCALE = [
     ),
     ({"feed.height": 100}, "write '100 mm', or '100 m' if that is meant"),
     ({"body.rhombus.at": [0, -90.0]}, "body.rhombus.at[2] = -90 m: unit forgotten?"),
-    ({"channel.width": 400, "channel.top": 200}, "channel.width = 400 m, channel.top = 200 m: unit forgotten?"),
+    ({"channel.width": 400, "channel.top": 200}, "or '400 m' if that is meant; and 1 more"),
 ]
 
 
@@ -181,8 +181,48 @@ def test_a_length_far_off_the_scale_is_asked_about(cases: Path, changes: dict, m
 def test_a_whole_scene_without_units_is_asked_about(cases: Path, tmp_path: Path) -> None:
     text = (cases / "prism.toml").read_text()
     (tmp_path / "bare.toml").write_text(re.sub(r'"(-?[0-9.]+) mm"', r"\1", text))
-    with pytest.raises(SceneError, match=r"channel.width = 200 m, .* and 8 more: unit forgotten\?"):
+    with pytest.raises(SceneError, match=r"channel.width = 200 m: unit forgotten\?.*; and \d+ more") as caught:
         Scene.load(tmp_path / "bare.toml")
+    assert len([one for one in caught.value.mistakes if "unit forgotten" in one]) == len(caught.value.mistakes) > 9
+
+
+def test_all_mistakes_of_a_scene_are_told_at_once_each_in_a_line(cases: Path, capsys: Any, tmp_path: Path) -> None:
+    """What has no unit, what is no number, no key and no material; what does not fit only once all else is right."""
+    wrong = {
+        "channel.width": 400, "air.speed": "5,5 m/s", "feed.rate": "800 kg", "feed.count": 1,
+        "fraction.wheat.material": "wheet", "fraction.dust.mass_share": 3, "numerics.mesh_scale": 9,
+    }  # fmt: skip
+    with pytest.raises(SceneError) as caught:
+        Scene.load(cases / "rhombus.toml", wrong)
+    told = caught.value.mistakes
+    keys = [key.removesuffix(".material") for key in wrong]
+    assert all(sum(f"rhombus.toml: {key}" in one for one in told) == 1 for key in keys)
+    assert len(told) == len(wrong)
+    assert str(caught.value).startswith("rhombus.toml: channel.width = 400 m: unit forgotten?")
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).endswith(" more")
+    text = (cases / "rhombus.toml").read_text().replace('rate = "500', 'rate = "5,00').replace("count = ", "cuont = ")
+    (tmp_path / "wrong.toml").write_text(f"{text}\n[limit]\nloss.wheat = 4\n[numericss]\n")
+    assert main(["plan", str(tmp_path / "wrong.toml")]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert all(line.startswith("wakeflow: wrong.toml: ") for line in lines)
+    assert len(lines) > 2
+    with pytest.raises(SceneError) as caught:
+        Scene.load(cases / "rhombus.toml", {"bin": {f"n{i}": {"too": "0 mm"} for i in range(100)}})
+    assert len(caught.value.mistakes) == 41
+    assert re.search(r"and \d+ more$", caught.value.mistakes[-1])
+
+
+def test_a_rate_by_depth_is_that_of_the_whole_depth(rhombus: Scene) -> None:
+    for rate, depth, total in (("800 kg/h/m", "300 mm", 240.0), ("0.8 t/h/m", 0.3, 240.0), ("800 kg/h/m", 1.0, 800.0),
+                               ("800 kg/h", "300 mm", 800.0), ("2.4 t/(h*m)", "0.1 m", 240.0)):  # fmt: skip
+        found = rhombus.replace({"feed.rate": rate, "feed.depth": depth}).feed
+        assert 3600 * found.mass_flow == pytest.approx(total)
+    with pytest.raises(SceneError, match=r"feed.rate = '800 kg/m': needs a number in kg/s"):
+        rhombus.replace({"feed.rate": "800 kg/m"})
+    with pytest.raises(SceneError, match=r"feed.depth = '300': needs") as caught:
+        rhombus.replace({"feed.rate": "800 kg/h/m", "feed.depth": "300"})
+    assert len(caught.value.mistakes) == 1
 
 
 def test_a_length_with_its_unit_is_believed_and_stays_so(cases: Path, tmp_path: Path) -> None:

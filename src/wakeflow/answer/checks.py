@@ -90,7 +90,12 @@ def _in_shares(part: Separation, name: str) -> Iterator[str]:
         total = sum(share.value for share in places.values())
         if abs(total - 1.0) > ROUNDED:
             yield f"{name}.fractions.{fraction}: its shares sum to {total:.6g}, not to 1"
-    parts = [*part.recovery.items(), *((k, one) for k, row in part.purity.items() for one in (row or {}).values())]
+    parts = [
+        *part.recovery.items(),
+        *part.loss.items(),
+        *part.dirt.items(),
+        *((k, one) for k, row in part.purity.items() for one in (row or {}).values()),
+    ]
     for key, found in parts:
         if found is not None and not -ROUNDED <= found.value <= 1.0 + ROUNDED:
             yield f"{name}: {found.value:.6g} of {key} is no share, 0 to 1"

@@ -164,13 +164,13 @@ class Bins:
         found = of(self.tables(used))
         return np.where(np.isfinite(found), found, of(self.value))
 
-    def number(self, of: Of, *, value: float | None = None) -> Number:
+    def number(self, of: Of, *, value: float | None = None, whole: float = 1.0) -> Number:
         """A function ``of`` tables with its 95 % interval: the one maker of intervals. ``value``: where it is known
-        better than from the cells.
+        better than from the cells. ``whole``: what it is a part of, in its unit.
         """
-        own = float(of(self.value)) if value is None else value
-        found = middle(self.values(of), own, WHOLE)
-        computed = middle(self.values(of, self.joint.computing), own, WHOLE)
+        own, bounds = float(of(self.value)) if value is None else value, (0.0, whole)
+        found = middle(self.values(of), own, bounds)
+        computed = middle(self.values(of, self.joint.computing), own, bounds)
         return replace(found, numerical=computed.half if self.joint.computing else None)
 
     def share(self, fraction: str, place: str, value: float | None = None) -> Number:
@@ -181,9 +181,15 @@ class Bins:
         """The share of a fraction in any of ``places``."""
         return partial(_share, self.joint.fractions.index(fraction), [self.names.index(one) for one in places])
 
-    def of_purity(self, place: str, fraction: str) -> Of:
-        """The share of a bin's mass that is of a fraction."""
-        return partial(_purity, self.joint.mass, self.joint.fractions.index(fraction), self.names.index(place))
+    def of_purity(self, place: str, *fractions: str) -> Of:
+        """The share of a bin's mass that is of some fractions."""
+        chosen = [self.joint.fractions.index(one) for one in fractions]
+        return partial(_purity, self.joint.mass, chosen, self.names.index(place))
+
+    @cached_property
+    def flows(self) -> dict[str, float]:
+        """kg/h of each fraction in the feed."""
+        return dict(zip(self.joint.fractions, (HOUR * self.joint.flow * self.joint.mass).tolist(), strict=True))
 
     def separation(self) -> Separation:
         """Every number with its interval, and the throughput (kg/h) of every bin."""
@@ -194,29 +200,39 @@ class Bins:
             {name: {place: self.share(name, place) for place in places} for name in joint.fractions},
             {place: {name: self.number(self.of_purity(place, name)) for name in joint.fractions} if held[place] > 0.0
              else None for place in places},
-            {name: self.number(self.of_share(name, joint.targets[name])) if joint.targets[name] else None
-             for name in joint.fractions},
+            {name: self._named(f"recovery.{name}") for name in joint.fractions},
             {place: HOUR * joint.flow * mass for place, mass in held.items()},
+            loss={name: self._named(f"loss.{name}") for name in joint.fractions},
+            lost={name: self._named(f"lost.{name}", flow) for name, flow in self.flows.items()},
+            dirt={place: self._named(f"dirt.{place}") if held[place] > 0.0 else None for place in places},
         )  # fmt: skip
 
+    def _named(self, name: str, whole: float = 1.0) -> Number | None:
+        of = self.of_name(name)
+        return None if of is None else self.number(of, whole=whole)
+
     def of_name(self, name: str) -> Of | None:
-        """The number called share.FRACTION.BIN, purity.BIN.FRACTION, recovery.FRACTION or throughput.BIN (kg/h); None
-        of another.
+        """The number called share.FRACTION.BIN, purity.BIN.FRACTION, recovery.FRACTION, loss.FRACTION, dirt.BIN,
+        lost.FRACTION or throughput.BIN (kg/h); None of another, and of what has no target.
         """
         kind, *rest = name.split(".")
-        fraction = rest[1] if kind == "purity" and len(rest) == 2 else rest[0] if rest else ""
-        place = rest[0] if kind in ("purity", "throughput") and rest else rest[1] if len(rest) == 2 else None
-        known = place in self.names if kind in ("purity", "throughput", "share") else True
-        if not known or (kind != "throughput" and fraction not in self.joint.fractions):
-            return None
-        if kind == "share":
-            return self.of_share(fraction, [str(place)])
-        if kind == "purity":
-            return self.of_purity(str(place), fraction)
-        if kind == "throughput":
-            return partial(_throughput, HOUR * self.joint.flow * self.joint.mass, self.names.index(str(place)))
-        targets = self.joint.targets.get(fraction) or ()
-        return self.of_share(fraction, targets) if kind == "recovery" and targets else None
+        fractions, targets = self.joint.fractions, self.joint.targets
+        match kind, rest:
+            case "share", [fraction, place] if fraction in fractions and place in self.names:
+                return self.of_share(fraction, [place])
+            case "purity", [place, fraction] if fraction in fractions and place in self.names:
+                return self.of_purity(place, fraction)
+            case "recovery", [fraction] if targets.get(fraction):
+                return self.of_share(fraction, targets[fraction])
+            case "loss" | "lost", [fraction] if targets.get(fraction):
+                beside = [place for place in self.names if place not in targets[fraction]]
+                of = self.of_share(fraction, beside)
+                return of if kind == "loss" else partial(_times, self.flows[fraction], of)
+            case "dirt", [place] if place in self.names and any(place in one for one in targets.values()):
+                return self.of_purity(place, *(one for one in fractions if place not in targets[one]))
+            case "throughput", [place] if place in self.names:
+                return partial(_throughput, HOUR * self.joint.flow * self.joint.mass, self.names.index(place))
+        return None
 
     # -- what inputs do ------------------------------------------------------------------------------------------------
     @cached_property
@@ -347,11 +363,15 @@ def _share(fraction: int, places: Sequence[int], table: Array) -> Array:
     return np.asarray(table[..., fraction, list(places)].sum(axis=-1))
 
 
-def _purity(mass: Array, fraction: int, place: int, table: Array) -> Array:
+def _purity(mass: Array, fractions: Sequence[int], place: int, table: Array) -> Array:
     here = mass * table[..., place]
     total = here.sum(axis=-1)
     empty = np.full(np.shape(total), np.nan)
-    return np.asarray(np.divide(here[..., fraction], total, out=empty, where=total > 0.0))
+    return np.asarray(np.divide(here[..., list(fractions)].sum(axis=-1), total, out=empty, where=total > 0.0))
+
+
+def _times(factor: float, of: Of, table: Array) -> Array:
+    return factor * of(table)
 
 
 def _throughput(flow: Array, place: int, table: Array) -> Array:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from ..core.errors import known as required
 from ..core.number import Number
+from ..core.quantities import say, speaking
 from .result import Result
 from .shares import InputPart, LandingResults
 
@@ -106,3 +107,12 @@ def target_number(landings: LandingResults, name: str) -> Number | None:
     if kind == "recovery":
         return landings.separation.recovery.get(of[0])
     return (landings.separation.purity.get(of[0]) or {}).get(of[1])
+
+
+def measured_words(bought: Purchase) -> str:
+    """``"the restitution of wheat to +- 0.03 (a drop test)"``."""
+    parts = bought.key.split(".")
+    what = f"the {parts[2]} of {parts[1]}" if parts[0] == "fraction" else bought.key
+    with speaking({"m": "mm", "rad": "deg"}):
+        half = say(bought.half, bought.unit, 2)
+    return f"{what.replace('_', ' ')} to +- {half} ({bought.method.how})"

@@ -15,7 +15,8 @@ from ..core.errors import SceneError
 from ..core.files import MAX_RECORD, check_tables, path_of, read_json, write_json
 from ..core.graded import GRADES, Grade
 from ..core.lazy import cached_property
-from ..core.number import Number
+from ..core.number import VOID as VOID
+from ..core.number import percent
 from ..core.quantities import quantity
 from ..core.record import JsonTable, column, columns, from_json, to_json
 from ..core.registry import Registry, did_you_mean
@@ -33,7 +34,7 @@ from .cells import Ends
 from .checks import are_granules, mistakes_in
 from .joint import JointAnswer
 from .provenance import Provenance, Refinement
-from .shares import SHARE_UNIT, BudgetRow, LandingResults, Separation, WithShares
+from .shares import SHARE_UNIT, BudgetRow, LandingResults, Separation, Verdict, WithShares
 
 SCHEMA = 3
 FILE = "result.json"
@@ -41,7 +42,6 @@ CHECKSUM = "sha256"  # key of result.json: of all that is beside it there
 GRANULES = "granules.npz"
 JOINT = "joint.npz"  # the ensemble from which every interval is taken
 ENDS = ("from", "to")  # of a bin
-VOID = "void"  # the caveat of an answer that is worth nothing
 
 
 @dataclass(frozen=True)
@@ -123,6 +123,7 @@ class Result(WithShares):
     mesh: MeshReport | None = column("", "the mesh; left out without air", absent=True, default=None)
     flights: FlightResults | None = column("", "left out of a run that ends before the tracks", flat=True)
     landings: LandingResults | None = column("", "left out of a run that ends before the shares", flat=True)
+    limits: tuple[Verdict, ...] = column("", "of every limit of the scene, whether it is kept", default=())
     warnings: tuple[str, ...] = column("", "what a user must know, the gravest first")
     grades: tuple[str, ...] = column("", GRADES)
     seconds: dict[str, StageTime] = column("", "every stage by name, with the label of its airflow before it")
@@ -301,7 +302,9 @@ class Result(WithShares):
         if self.landings is None:
             return f"<Result {self.folder}: ended after {self.options.until}>"
         shares = self.landings.separation
-        told = [_in_percent(name, one) for name, one in shares.recovery.items() if one is not None and not self.void]
+        told = [
+            f"{name} {percent(one)} %" for name, one in shares.recovery.items() if one is not None and not self.void
+        ]
         flaw = f"; {self.caveat}" if self.caveat else ""
         if self.void:
             return f"<Result {self.folder}: {VOID}>"
@@ -339,11 +342,6 @@ def _length(key: str, value: object) -> float:
     except ValueError as problem:
         raise SceneError(f"{key} = {value!r}: {problem}") from None
     raise SceneError(f"{key} = {value!r}: needs a number in m or a string such as '90 mm'")
-
-
-def _in_percent(name: str, one: Number) -> str:
-    ends = f" ({100 * one.low:.1f} to {100 * one.high:.1f})" if one.known else ""
-    return f"{name} {100 * one.value:.1f}{ends} %"
 
 
 accessors: Registry[Callable[[Result], Any]] = Registry("view of a result", home="wakeflow.report.views")

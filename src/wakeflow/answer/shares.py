@@ -109,6 +109,14 @@ class Separation:
     purity: dict[str, dict[str, Number] | None] = column("1", "share of each fraction in a bin's mass; null if empty")
     recovery: dict[str, Number | None] = column("1", "share of each fraction in its targets; null without a target")
     throughput: dict[str, float] = column("kg/h", "of all fractions into each bin")
+    loss: dict[str, Number | None] = column(
+        "1", "share of each fraction outside its targets, elsewhere too; null without a target", default=dict
+    )
+    lost: dict[str, Number | None] = column("kg/h", "the same as a rate", default=dict)
+    dirt: dict[str, Number | None] = column(
+        "1", "share of a bin's mass that is of fractions whose target it is not; null where it is nobody's target, or "
+        "empty", default=dict,
+    )  # fmt: skip
     cut: tuple[PartitionCurve, ...] = column("", "which granules go into each product", default=())
 
     def share(self, fraction: str, place: str) -> Number:
@@ -118,14 +126,24 @@ class Separation:
         """
         return _known("bin", _known("fraction", self.fractions, fraction), place)
 
-    def recovered(self, fraction: str) -> Number:
-        """Share of a fraction that lands in its targets, by mass, with its 95 % interval: (value, low, high).
+    def of_target(self, kind: str, fraction: str) -> Number:
+        """The ``recovery`` of a fraction, its ``loss``, or what is ``lost`` of it (kg/h), with its 95 % interval.
 
         Raises SceneError, naming the nearest, for a fraction that there is not, and for one without a target.
         """
-        found = _known("fraction", self.recovery, fraction)
+        found: Number | None = _known("fraction", getattr(self, kind), fraction)
         if found is None:
             raise SceneError(f"{fraction} has no target to be recovered in: give fraction.{fraction}.target, a bin")
+        return found
+
+    def dirt_in(self, place: str) -> Number:
+        """Share of a bin's mass that is of fractions whose target it is not, with its 95 % interval.
+
+        Raises SceneError for a bin that there is not, naming the nearest, and for one that is nobody's target or empty.
+        """
+        found = _known("bin", self.dirt, place)
+        if found is None:
+            raise SceneError(f"no dirt in {place}: it is no fraction's target, or nothing lands there")
         return found
 
     def part_of(self, place: str, fraction: str) -> Number:
@@ -152,8 +170,18 @@ class WithShares:
         return self._shares.share(fraction, place)
 
     def recovery(self, fraction: str) -> Number:
-        """As :meth:`Separation.recovered`; raises SceneError also where there are no shares."""
-        return self._shares.recovered(fraction)
+        """Share of a fraction in its targets, as :meth:`Separation.of_target`; raises SceneError also where there are
+        no shares.
+        """
+        return self._shares.of_target("recovery", fraction)
+
+    def loss(self, fraction: str) -> Number:
+        """Share of a fraction outside its targets, as :meth:`recovery`."""
+        return self._shares.of_target("loss", fraction)
+
+    def dirt(self, place: str) -> Number:
+        """As :meth:`Separation.dirt_in`; raises SceneError also where there are no shares."""
+        return self._shares.dirt_in(place)
 
     def purity(self, place: str, fraction: str) -> Number:
         """As :meth:`Separation.part_of`; raises SceneError also where there are no shares."""
@@ -331,6 +359,20 @@ class LandingResults:
         "first", absent=True, default=None,
     )  # fmt: skip
     joint: JointRecord | None = column("", "of the ensemble in joint.npz", absent=True, default=None)
+
+
+MET, NOT_MET, OPEN = "met", "not met", "open"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What an answer says of one limit of its scene."""
+
+    limit: str = column("", "what is limited: loss.FRACTION or dirt.BIN")
+    most: float = column("1", "the limit")
+    value: Number | None = column("1", "what the answer says of it; null where nothing lands in the bin")
+    verdict: str = column("", "met: the whole interval is below the limit; not met: above; open: neither is known")
+    decides: str = column("", "of an open one: what would decide; empty of the others")
 
 
 WEIGHTY, MAX_NAMED = 0.1, 3  # part of the variance from which an unknown is named, and how many are

@@ -32,7 +32,7 @@ from .shares import Separation
 # -- The numbers of a result as one flat list --------------------------------------------------------------------------
 SECONDS = "seconds"
 RENAMED = {"fractions": "share"}  # as the rows of the budget are called
-PARTS = ("share.", "purity.", "recovery.")
+PARTS = ("share.", "purity.", "recovery.", "loss.", "dirt.")
 THROUGHPUT = "throughput."
 
 
@@ -53,7 +53,8 @@ def is_part(name: str) -> bool:
 
 
 def quantities_of(result: Result) -> tuple[TableQuantity, ...]:
-    """Shares (share.FRACTION.BIN), purity.BIN.FRACTION, recovery.FRACTION, throughput.BIN; the airflow's and the
+    """Shares (share.FRACTION.BIN), purity.BIN.FRACTION, recovery.FRACTION, loss.FRACTION, lost.FRACTION, dirt.BIN,
+    throughput.BIN; the airflow's and the
     funnel's numbers (airflow.cd, ...); seconds, the run time of all stages when they were computed.
     """
     errors = {row.quantity: row.total.error for row in result.budget}
@@ -75,11 +76,10 @@ def quantities_of(result: Result) -> tuple[TableQuantity, ...]:
 
 def _throughput(result: Result, one: TableQuantity) -> TableQuantity:
     """A throughput (kg/h) with its interval: that of the part of the whole feed."""
-    own, feed = result.joint.own, HOUR * result.joint.flow
-    of = own.of_name(one.name)
-    if of is None or feed <= 0.0:
+    own, of = result.joint.own, result.joint.own.of_name(one.name)
+    if of is None:
         return one
-    found = own.number(lambda tables: of(tables) / feed).times(feed)
+    found = own.number(of, whole=HOUR * result.joint.flow)
     return replace(one, low=found.low, high=found.high)
 
 
@@ -89,7 +89,13 @@ def names_for(scene: Scene) -> list[str]:
     landed = [
         *(f"{RENAMED['fractions']}.{fraction}.{place}" for fraction in scene.fraction for place in bins),
         *(f"purity.{place}.{fraction}" for place in bins for fraction in scene.fraction),
-        *(f"recovery.{name}" for name, fraction in scene.fraction.items() if fraction.targets),
+        *(
+            f"{kind}.{name}"
+            for kind in ("recovery", "loss", "lost")
+            for name, fraction in scene.fraction.items()
+            if fraction.targets
+        ),
+        *(f"dirt.{place}" for place in scene.products),
         *(f"throughput.{place}" for place in bins),
     ]
     found = [*landed, *(f"without_collisions.{name}" for name in landed), SECONDS]

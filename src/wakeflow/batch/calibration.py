@@ -30,13 +30,14 @@ from ..core.record import to_json
 from ..core.store import cache_in_use, cache_root, content_key
 from ..core.tables import CellTable
 from ..pipeline.cache import Listener
+from ..planning.make import make_plan
 from ..runs import run
 from ..runs.progress import as_listener
 from ..runs.stages import one_thread_of_blas
 from ..scene import Scene
 from ..scene.measured import Measured, Tray, read_trays, trays_of_columns
 from ..scene.overrides import share_in
-from ..scene.whole import States
+from ..scene.whole import States, switched
 from .calibrated_materials import materials_text
 from .calibration_match import Matched, matched
 from .calibration_update import DISCREPANCY, Updated, half_of, left_by
@@ -147,6 +148,8 @@ def calibrate(
     found = Measured.of(trays)
     found.weights([(f, b) for f in asked.fraction for b in (*asked.bin, "elsewhere")], asked.mass_shares())
     heard, planned = as_listener(listener, planned)
+    if why := make_plan(asked, rung=rung, force=switched(force)).why_void:
+        raise SceneError(f"calibrate: the answer would be void: {why}")
     if out is not None:
         _claim(path_of(out, "out"))
     result = run(scene, out, rung=rung, force=force, workers=workers, listener=heard, planned=planned, report=False)

@@ -18,7 +18,6 @@ from ..answer.result import VOID, Result
 from ..answer.table import Entry, TableQuantity
 from ..core.errors import SceneError
 from ..core.files import made_folder, path_of
-from ..core.graded import Grade
 from ..core.process import check_workers, cores
 from ..core.quantities import duration
 from ..core.record import JsonMapping, JsonTable
@@ -168,6 +167,7 @@ def search(
     check_workers(workers)
     folder, (listener, _) = made_folder(path_of(out, "out")), as_listener(listener)
     asked, price = affordable(asked, partial(listener, "search"))
+    refuse_void(asked)
     with executor_on(scheduler, workers or cores(), folder) as executor:
         scenes = _Scenes(asked, folder, partial(sweep, scheduler=executor, listener=listener))
         history = explore(asked, scenes.evaluate, tell=partial(listener, "search"), price=price)
@@ -203,7 +203,7 @@ def affordable(task: SearchTask, tell: Callable[[str], None]) -> tuple[SearchTas
         f"done the budget of {duration(task.budget)} does not pay for the finest {len(levels) - kept} of {len(levels)} "
         f"levels, where a design takes about {duration(prices[-1])}: the answer is of "
     )
-    if kept and not _void(_at(task, levels[kept - 1])):
+    if kept and not make_plan(_at(task, levels[kept - 1])).why_void:
         tell(f"{told}level {kept}")
         return replace(task, levels=levels[:kept]), prices.__getitem__
     quick = {**levels[-1], **quick_keys(_at(task, levels[-1]))}
@@ -227,9 +227,28 @@ def _at(task: SearchTask, level: JsonMapping) -> Scene:
     return task.scene.replace(level)
 
 
-def _void(scene: Scene) -> bool:
-    """Whether the plan says that an answer will be worth nothing."""
-    return any(notice.grade is Grade.VOID for notice in make_plan(scene).notices)
+def refuse_void(task: SearchTask) -> None:
+    """Raise SceneError where plans say that the finest level's answer is void of the scene as it is, and wherever keys
+    are at an end of their bounds, each alone and all together: no design could be recommended.
+    """
+    finest, lows, highs = _at(task, task.levels[-1]), dict[str, Any](), dict[str, Any]()
+    tried: list[dict[str, Any]] = [{}, lows, highs]
+    for axis in task.within:
+        ends = [axis.changes(axis.at(place)) for place in (0.0, 1.0)]
+        lows.update(ends[0])
+        highs.update(ends[1])
+        tried += ends
+    told = ""
+    for changes in tried:
+        try:
+            why = make_plan(finest.replace(changes)).why_void
+        except SceneError:  # no scene, as some designs within the bounds
+            continue
+        if not why:
+            return
+        told = told or why
+    if told:
+        raise SceneError(f"search: every answer of the finest level would be void, so that none is computed: {told}")
 
 
 def _expected_price(scene: Scene) -> float:

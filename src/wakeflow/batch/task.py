@@ -87,7 +87,8 @@ def read_search_file(
     path: Path | str, fixed: Mapping[str, object] | None = None, budget: str | float | None = None
 ) -> SearchTask:
     """The search of a file with a [search] table: docs/search.md. ``fixed``: keys of the scene that are the same in all
-    designs at all levels, those to be searched too; ``budget``: instead of the file's own.
+    designs at all levels, those to be searched too; ``budget``: instead of the file's own. The scene's own [limit]
+    holds too, where [search.where] does not say another.
 
     Raises SceneError where the file is no search, and where it names quantities or keys that its scene does not have.
     """
@@ -96,12 +97,15 @@ def read_search_file(
         goals = [Goal(name, sign) for key, sign in DIRECTIONS.items() for name in _names(file.table, key)]
         if not goals:
             raise SceneError("search.maximise or search.minimise: name at least one quantity, such as 'recovery.wheat'")
+        scene = Scene.load(file.scene, {**flat(file.inside("set")), **held})
+        where = {name: _limit(name, ends) for name, ends in file.inside("where").items()}
+        own = {name: QuantityLimit(name, most=most) for name, most in scene.limit.asked.items()}
         task = SearchTask(
-            Scene.load(file.scene, {**flat(file.inside("set")), **held}),
+            scene,
             tuple(_within(file, held)),
             tuple(goals),
             _seconds(file.table.get("budget") if budget is None else budget),
-            tuple(_limit(name, ends) for name, ends in file.inside("where").items()),
+            tuple({**own, **where}.values()),
             _levels(file.table.get("level", [{}]), held),
             file.whole_number("seed") or 0,
             file.whole_number("at_a_time", least=1) or AT_A_TIME,

@@ -85,6 +85,7 @@ app = App(
 for _command in (*run.COMMANDS, *view.COMMANDS, *batch.COMMANDS, *trays.COMMANDS):
     app.command(_command)
 app.command(batch.operator_map, name="map")
+app.command(batch.capacity)
 
 
 def _version() -> str:
@@ -152,7 +153,8 @@ def _told(problem: Exception, words: Sequence[str]) -> int:
         parted = unquoted(words) if isinstance(problem, UnusedCliTokensError) else None
         _complain(parted or str(problem).strip().splitlines()[-1])
     elif isinstance(problem, WakeflowError):
-        _complain(str(problem))
+        for line in getattr(problem, "mistakes", ()) or [str(problem)]:
+            _complain(line)
         if isinstance(problem, ProgramError):
             _details(problem)
         return problem.exit_code

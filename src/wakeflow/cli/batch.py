@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -32,6 +34,7 @@ from .options import (
 )  # fmt: skip
 
 if TYPE_CHECKING:
+    from ..batch.compute import Sweep
     from ..scene import Scene
 
 SOME_FAILED = 1  # exit code of a sweep with scenes that failed
@@ -110,7 +113,7 @@ def operator_map(
     workers: Processes = None,
     quiet: Quiet = False,
 ) -> int:
-    """Draw recovery and purity of every target over the air's speed and the feed rate, with their intervals.
+    """Draw recovery, purity, loss and dirt of every target over air speed and feed rate, with their intervals.
 
     Each air speed's airflow is solved once, and kept for the next map and the next run. --quick computes coarsely.
 
@@ -119,27 +122,74 @@ def operator_map(
     scene
         A scene file with an air.speed, a feed.rate and targets.
     """
-    from ..batch.axis import axis_of_text
     from ..batch.operating import operating_map
+
+    return _operated(partial(operating_map, air=_values("air.speed", air)), "map", scene, feed, out, settings, pace,
+                     workers, quiet)  # fmt: skip
+
+
+def capacity(
+    scene: Path,
+    *,
+    feed: Annotated[
+        str | None, Parameter(help="Feed rates: '200:800:4 kg/hour'; default a quarter to twice its own.")
+    ] = None,
+    out: Folder = None,
+    settings: Settings = (),
+    pace: Pace = PACE,
+    workers: Processes = None,
+    quiet: Quiet = False,
+) -> int:
+    """Draw the capacity curve: what is lost of every fraction and what dirt is left over the feed rate, with intervals.
+
+    The airflow is solved once, and kept. --quick computes coarsely.
+
+    Parameters
+    ----------
+    scene
+        A scene file with a feed.rate and targets.
+    """
+    from ..batch.operating import capacity as curve
+
+    return _operated(curve, "capacity", scene, feed, out, settings, pace, workers, quiet)
+
+
+def _operated(
+    made: Callable[..., tuple[Sweep, Path]],
+    name: str,
+    scene: Path,
+    feed: str | None,
+    out: Path | None,
+    settings: tuple[str, ...],
+    pace: Pace,
+    workers: int | None,
+    quiet: bool,
+) -> int:
+    """A map or a curve of a scene over what an operator turns, drawn and printed."""
+    from ..batch.operating import met_up_to
     from ..runs.effort import quick_settings
     from ..runs.progress import live
-    from .show_many import show_sweep
+    from .show_many import show_limits, show_sweep
 
     asked, folder = scene_and_folder(scene, settings, pace, None)
     how = pace.how
     if pace.quick:
         asked, how = quick_settings(asked, how)
-    speeds, rates = (
-        None if text is None else axis_of_text(f"{key}={text}").values
-        for key, text in (("air.speed", air), ("feed.rate", feed))
-    )
     with live(enabled=not quiet) as listener:
-        target = out or folder.with_name(f"{folder.name}+map")
-        found, figure = operating_map(asked, target, air=speeds, feed=rates, workers=workers, listener=listener, **how)
+        target = out or folder.with_name(f"{folder.name}+{name}")
+        found, figure = made(asked, target, feed=_values("feed.rate", feed), workers=workers, listener=listener, **how)
     if not quiet:
         show_sweep(found)
+        if name == "capacity":
+            show_limits(met_up_to(found.table, asked.limit.asked), asked.limit.asked)
         print(figure)
     return SOME_FAILED if found.failed else 0
+
+
+def _values(key: str, text: str | None) -> Sequence[object] | None:
+    from ..batch.axis import axis_of_text
+
+    return None if text is None else axis_of_text(f"{key}={text}").values
 
 
 def search(

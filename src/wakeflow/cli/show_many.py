@@ -17,7 +17,7 @@ from ..core.errors import known
 from ..core.quantities import duration, say, speaking, split_quantity
 from ..report.many import input_words, main_quantities
 from ..report.sketch import UNITS
-from ..report.words import NO_VALUE, difference_text, part_text, percent
+from ..report.words import NO_VALUE, difference_text, percent
 from ..statistics.moves import InputMove, Remaining
 from .screen import plain, print_lines, screen_table
 from .show_result import measure_next
@@ -66,6 +66,13 @@ def show_sweep(found: Sweep) -> None:
     print_lines([f"results: {found.folder}"])
 
 
+def show_limits(met: Mapping[str, float | None], limits: Mapping[str, float]) -> None:
+    """Print up to which feed rate (kg/s) each limit is met."""
+    for name, rate in met.items():
+        until = "at none of these rates" if rate is None else f"up to {say(3600.0 * rate, 'kg/h', 4)}"
+        print_lines([f"{name} at most {100 * limits[name]:.4g} %: met {until}"])
+
+
 def show_table(table: ResultTable) -> None:
     """Print a row a scene: its inputs and the quantities that it is made for, with their 95 % intervals; where not
     all columns fit beside each other, in several tables.
@@ -109,7 +116,7 @@ def _inputs(table: ResultTable, entry: Entry) -> list[str]:
 
 def _cells(names: Sequence[str], entry: Entry) -> list[str]:
     void = entry.reason == VOID
-    return [part_text(name, entry.by_name.get(name), void=void) if entry.state == DONE else entry.state
+    return [percent(entry.by_name.get(name), void=void) if entry.state == DONE else entry.state
             for name in names]  # fmt: skip
 
 
@@ -200,7 +207,7 @@ def show_search(found: Search) -> None:
         [
             label,
             *(_value(design.changes[key]) for key in keys),
-            *(_quantity(name, design.quantities.get(name)) for name in task.asked),
+            *(_quantity(design.quantities.get(name)) for name in task.asked),
         ]
         for label, design in _labelled(found)
     ]
@@ -232,8 +239,8 @@ def _verdict(found: Search, best: FoundDesign) -> Sequence[str]:
     return lines
 
 
-def _quantity(name: str, one: TableQuantity | None) -> str:
-    return part_text(name, one) if one is None or one.unit == "1" else f"{one.value:.4g} {one.unit}"
+def _quantity(one: TableQuantity | None) -> str:
+    return percent(one) if one is None or one.unit == "1" else f"{one.value:.4g} {one.unit}"
 
 
 def _value(value: object) -> str:

@@ -64,6 +64,8 @@ def _lines(plan: Plan, scene: Scene) -> Iterator[tuple[str, str]]:
     if lifted := lifting_line(scene, plan.fractions):
         yield "lifting", lifted
     yield "feed", _feed(scene)
+    if held := [f"{name} at most {100 * most:.4g} %" for name, most in scene.limit.asked.items()]:
+        yield "held to", ", ".join(held)
     yield "flown with", _terms(plan)
     if plan.crowd is not None:
         flying = _round(sum(plan.crowd.in_flight.values()))

@@ -12,6 +12,7 @@ from ..core.number import Number
 from ..core.quantities import say
 from ..report.words import (
     NO_VALUE,
+    SUMMED,
     TERMS,
     bins_in_words,
     budget_columns,
@@ -23,6 +24,7 @@ from ..report.words import (
     measurement_lines,
     percent,
     source_seconds,
+    verdict_lines,
 )
 from ..statistics.dividers import Dividers, cut
 from .screen import print_lines, screen_table, warn
@@ -133,9 +135,11 @@ def separation_table(result: Result, separation: Separation) -> Table:
         purest = "\n".join(f"{name} {_parted(share)}".strip() for name, share in one.purities)
         rows.append([one.place, *shares, one.flow, purest])
     below = [] if result.void else measure_next(result)  # more exact numbers mend no answer that is worth nothing
-    caption = "\n".join(filter(None, [holds(result), in_three_dimensions(result.landings), *below]))
+    caption = "\n".join(
+        filter(None, [*verdict_lines(result), holds(result), in_three_dimensions(result.landings), *below])
+    )
     heads = ["bin", *separation.fractions, "kg/h", "purity"]
-    return screen_table(heads, [*rows[:-1], None, rows[-1]], title, caption)
+    return screen_table(heads, [*rows[:-SUMMED], None, *rows[-SUMMED:]], title, caption)
 
 
 def _parted(text: str) -> str:

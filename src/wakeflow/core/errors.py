@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -40,9 +41,15 @@ class WakeflowError(Exception):
 
 
 class SceneError(WakeflowError, ValueError):
-    """The input is wrong; the message names the field, its value and what is allowed."""
+    """The input is wrong; the message names the field, its value and what is allowed. ``mistakes``: all of a scene, a
+    line each, where there is more than the message has room for.
+    """
 
     exit_code = 2
+
+    def __init__(self, message: str = "", mistakes: Sequence[str] = ()) -> None:
+        super().__init__(message)
+        self.mistakes = tuple(map(one_line, mistakes))
 
 
 class ProgramError(WakeflowError):

@@ -64,6 +64,40 @@ class Number:
         return Number(self.value * factor, self.low * factor, self.high * factor)
 
 
+NO_VALUE = "–"
+UNKNOWN_ERROR = "unknown"
+VOID = "void"  # the caveat of an answer that is worth nothing
+UNKNOWN_SPAN = 0.5  # of a part of a whole: an interval from which on nothing is known of it
+MAX_DIGITS = 4  # after the point of a percentage, however narrow its interval
+COARSE = 2.5  # percentage points: an arm of an interval from which on a percentage has no decimals
+
+
+def percent(number: Number | None, *, void: bool = False) -> str:
+    """``"62.1 (61.3 to 62.9)"`` from a measured number in 0..1: percent and its 95 % interval; ``"unknown (0 to 50)"``
+    where that spans half of all that it could be, a dash for none, and ``"void"`` for a number of an answer that is
+    worth nothing.
+
+    The number of decimals follows the shorter arm of the interval that is not zero, so that both arms are seen.
+    """
+    if number is None or not math.isfinite(number.value):
+        return NO_VALUE
+    if void:
+        return VOID
+    if not number.known:
+        return f"{100 * number.value:.1f}"
+    arms = [100.0 * arm for arm in (number.value - number.low, number.high - number.value) if arm > 0.0]
+    digits = -math.floor(math.log10(min(arms) / COARSE)) if arms else 1
+    digits = min(MAX_DIGITS, max(0, digits))
+    value, low, high = (_whole(f"{100 * one:.{digits}f}") for one in number)
+    wide = round(number.high - number.low, 2) >= UNKNOWN_SPAN
+    return f"{UNKNOWN_ERROR if wide else value} ({low} to {high})"
+
+
+def _whole(text: str) -> str:
+    """None and all of a whole without decimals."""
+    return f"{float(text):.0f}" if float(text) in (0.0, 100.0) else text
+
+
 def student(degrees: int) -> float:
     """Student's t for a two-sided 95 % interval."""
     from scipy.special import stdtrit

@@ -14,7 +14,7 @@ from ..core.errors import SceneError
 from ..core.files import atomic_write, read_whole, toml_of
 from ..core.record import JsonTable
 from ..scene import Scene
-from ..scene.doubts import doubts
+from ..scene.doubts import EVERYWHERE
 from ..scene.messages import units_in
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ LARGEST = 1_000_000  # letters of a scene
 
 @dataclass(frozen=True)
 class Look:
-    """What a text says: its tables where it is TOML, the scene where that is right, else what is wrong, in one line."""
+    """What a text says: its tables where it is TOML, the scene where that is right, else what is wrong, a line each."""
 
     data: JsonTable | None
     scene: Scene | None
@@ -233,11 +233,9 @@ def _look(text: str, path: Path, base: Path) -> Look:
     except SceneError as problem:
         return Look(None, None, str(problem))
     try:
-        if asked := doubts(data):
-            raise SceneError(f"{path.name}: {asked}")
-        return Look(data, Scene.parse(data, path.name, base))
+        return Look(data, Scene.parse(data, path.name, base, EVERYWHERE))
     except SceneError as problem:
-        return Look(data, None, str(problem))
+        return Look(data, None, "\n".join(problem.mistakes) or str(problem))
 
 
 def _set(document: Any, key: str, item: Item | None) -> None:

@@ -138,8 +138,8 @@ function fields(node, group, scene) {
     const row = node.children[i + 1], input = row.querySelector("input");
     row.classList.toggle("absent", one.value === null);
     if (document.activeElement !== input || input.dataset.typed === input.value) input.dataset.typed = input.value = one.value === null ? "" : one.value;
-    const wrong = [`${one.key} = `, `${one.key}: `, `${one.key}[`].map((start) => scene.mistake.indexOf(start)).filter((at) => at >= 0);
-    const told = wrong.length ? scene.mistake.slice(Math.min(...wrong)).split("; ").slice(0, 1).join("") : "";
+    const wrong = [`: ${one.key} = `, `: ${one.key}: `, `: ${one.key}[`];
+    const told = scene.mistake.split("\n").filter((line) => wrong.some((start) => line.includes(start))).map((line) => line.slice(line.indexOf(one.key))).join("; ");
     row.classList.toggle("wrong", Boolean(told));
     row.querySelector("small").textContent = told;
   });

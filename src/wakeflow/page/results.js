@@ -4,7 +4,7 @@ import { ask, make, pick, state, tell } from "./core.js";
 import { edit, openScene, view } from "./page.js";
 
 const open = { run: null, data: null, ends: null, waiting: null, sending: false };
-const percent = ([value, low, high], digits = 1) => `${(100 * value).toFixed(digits)}${low === null ? "" : ` (${(100 * low).toFixed(digits)} to ${(100 * high).toFixed(digits)})`}`;
+const percent = (one) => one ? one[3] : "–"; // value, low, high, words
 
 export function showStored(found) {
   const chosen = new Set([...document.querySelectorAll("#runs input:checked")].map((box) => box.value));
@@ -127,12 +127,14 @@ function shares(found) {
   const cell = (bin, name) => make("td", { class: `share${open.data.targets[name].includes(bin) ? " wanted" : ""}`, style: `--share: ${100 * found.shares[name][bin][0]}` }, percent(found.shares[name][bin]));
   const purest = (bin) => Object.entries(found.purity[bin] || {}).sort((a, b) => b[1][0] - a[1][0])[0];
   const rows = bins.map((bin) => make("tr", {}, make("th", { scope: "row" }, bin), ...names.map((name) => cell(bin, name)),
-    make("td", { class: "text" }, ...(purest(bin) ? [`${purest(bin)[0]} ${percent(purest(bin)[1])}`] : ["–"]))));
-  const last = make("tr", { class: "first" }, make("th", { scope: "row" }, "recovery"), ...names.map((name) => make("td", {}, found.recovery[name] ? percent(found.recovery[name]) : "–")), make("td", {}));
+    make("td", { class: "text" }, purest(bin) ? `${purest(bin)[0]} ${percent(purest(bin)[1])}` : "–"), make("td", {}, percent(found.dirt[bin]))));
+  const below = (title, told) => make("tr", {}, make("th", { scope: "row" }, title), ...names.map((name) => make("td", {}, told(name))), make("td"), make("td"));
+  const last = [below("recovery", (name) => percent(found.recovery[name])), below("loss", (name) => percent(found.loss[name])), below("loss, kg/h", (name) => found.lost[name].replace(" kg/h", ""))];
+  last[0].className = "first";
   const moved = JSON.stringify(open.ends) !== JSON.stringify(open.data.ends);
   pick("own-dividers").disabled = pick("use-dividers").disabled = !moved;
   pick("shares").replaceChildren(make("div", { class: "scroll" }, make("table", {}, make("caption", {}, moved ? "Percent of each fraction's mass with the dividers as they are here, in brackets the 95 % interval." : "Percent of each fraction's mass, in brackets the 95 % interval: the run's own answer."),
-    make("thead", {}, make("tr", {}, make("th", {}, "bin"), ...names.map((name) => make("th", { scope: "col" }, name)), make("th", { class: "text" }, "purity"))), make("tbody", {}, ...rows, last))));
+    make("thead", {}, make("tr", {}, make("th", {}, "bin"), ...names.map((name) => make("th", { scope: "col" }, name)), make("th", { class: "text" }, "purity"), make("th", { scope: "col" }, "dirt"))), make("tbody", {}, ...rows, ...last))));
 }
 
 pick("own-dividers").addEventListener("click", () => { open.ends = structuredClone(open.data.ends); place(); follow(); });

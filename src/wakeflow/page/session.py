@@ -24,7 +24,7 @@ from ..core.registry import did_you_mean
 from ..planning.make import make_plan
 from ..report.canvas import fraction_colours
 from ..report.sketch import sketch_svg
-from ..report.words import calibrated_with
+from ..report.words import calibrated_with, percent, rate_words
 from ..scene import Scene
 from ..statistics.moved import StoredLandings
 from .document import SceneDocument, merged
@@ -152,7 +152,7 @@ class Session:
         """Move a handle of the machine as it was when the gesture began: dividers that meet on the way stay two."""
         document, look = self.document, self.document.look
         if look.data is None:
-            raise SceneError(look.mistake)
+            raise SceneError(look.mistake, look.mistake.splitlines())
         if look.scene is not None and (gesture is None or document.gesture != gesture or self._held is None):
             self._held = look.scene
         if self._held is None:
@@ -318,15 +318,19 @@ class Session:
         return self._answer(self._stored(run), ends)
 
     def _answer(self, stored: StoredLandings, ends: Ends) -> dict[str, object]:
-        found = stored.result.between(ends).shares
+        found, void = stored.result.between(ends).shares, stored.result.void
+
+        def told(numbers: Mapping[str, Number | None]) -> dict[str, object]:
+            return {
+                key: None if one is None else [one.value, *one.ends, percent(one, void=void)]
+                for key, one in numbers.items()
+            }
+
         return {
-            "shares": {
-                name: {place: _plain(one) for place, one in row.items()} for name, row in found.fractions.items()
-            },
-            "purity": {
-                place: {name: _plain(one) for name, one in row.items()} for place, row in found.purity.items() if row
-            },
-            "recovery": {name: None if one is None else _plain(one) for name, one in found.recovery.items()},
+            "shares": {name: told(row) for name, row in found.fractions.items()},
+            "purity": {place: told(row) for place, row in found.purity.items() if row},
+            **{kind: told(getattr(found, kind)) for kind in ("recovery", "loss", "dirt")},
+            "lost": {name: rate_words(one, void=void) for name, one in found.lost.items()},
         }
 
     def compare(self, *, runs: tuple[str, ...]) -> dict[str, object]:
@@ -384,10 +388,6 @@ def _same(folder: Path, scene: Scene) -> bool:
         return bool(Result.load(folder).scene == scene.tables())
     except SceneError:
         return False
-
-
-def _plain(one: Number) -> list[float | None]:
-    return [one.value, *one.ends]
 
 
 def _notes(plan: Plan) -> dict[str, list[str]]:

@@ -128,6 +128,7 @@ LARGE_QUANTILE = 0.95  # mass quantile that represents a fraction's large granul
 POINT = 0.1  # of the body's width: size up to which a granule passes as a point in the air; chosen
 HARDLY = 0.5  # size above which calling it one makes the answer void; chosen
 LIFTED = {LOADING: COUPLING, COLLISIONS: INDEPENDENT}  # the assumption that no longer strains where a term is computed
+WEIGHED, REBOUNDS = ("size", "density"), ("restitution", "friction", "rebound_scatter")  # keys of a fraction
 FASTER = 0.9  # factor on a sphere's drag below which data look wrong; chosen: drag laws scatter by some 5 %
 
 
@@ -305,10 +306,7 @@ def warning_lines(
                 f"{name}: {size / scene.width:.0%} of the {'body' if scene.body else 'channel'}'s width; granules are "
                 f"treated as points in the air; check fraction.{name}.size"
             )
-        if fraction.properties.confidence == "low":
-            yield less_sure(
-                f"{name}: material data of low confidence; measure yours and set fraction.{name}.terminal_velocity"
-            )
+        yield from _guesses(scene, name)
         plan = fractions[name]
         if plan.drag_scale < FASTER:
             yield less_sure(
@@ -316,11 +314,30 @@ def warning_lines(
             )
         yield from _injected_beyond(name, plan, target)
         yield from _inside_the_parting_air(scene, name, plan)
+    for limited, most in scene.limit.asked.items():
+        if most < target:
+            yield information(
+                f"limit.{limited} = {100 * most:.3g} % is finer than the accuracy asked for, {100 * target:.3g} %: its "
+                f"verdict may stay open; numerics.target_error = '{50 * most:.2g} %' computes it finely enough"
+            )
     yield from lifting_notices(scene, fractions)
     yield from floor_notices(scene)
     yield from body_checks(scene)
     if scene.feed.rate is not None:  # without one there is a rate only to give throughputs a scale
         yield from strained(validity, {LIFTED[term] for term in whole if term in LIFTED})
+
+
+def _guesses(scene: Scene, name: str) -> Iterator[Notice]:
+    """One of the numbers of a fraction that are its material's, of low confidence, and that its granules feel; none
+    whose uncertainty the scene says.
+    """
+    fraction = scene.fraction[name]
+    felt = [*WEIGHED, *(["terminal_velocity"] if scene.air is not None else []), *(REBOUNDS if scene.body else [])]
+    low = [key for key in felt if fraction.confidence_in(key) == "low" and getattr(fraction.properties, key, True)]
+    left = [key for key in low if f"fraction.{name}.{key}" not in scene.uncertainty]
+    if left:
+        keys = ", ".join(f"fraction.{name}.{key}" for key in left)
+        yield less_sure(f"{name}: {', '.join(left)} of low confidence in its material; measure yours and set {keys}")
 
 
 def _beyond_the_top(scene: Scene) -> Iterator[Notice]:

@@ -9,7 +9,7 @@ from html import escape
 from types import MappingProxyType
 from typing import Any
 
-from ..core.graded import Notice
+from ..core.graded import Grade, Notice
 from ..core.number import Most
 from ..core.record import column, to_json
 from .airflow import AirflowPlan
@@ -136,6 +136,11 @@ class Plan(_Sendable):
     def warnings(self) -> tuple[str, ...]:
         """The notices, without their grades."""
         return tuple(notice.text for notice in self.notices)
+
+    @property
+    def why_void(self) -> str:
+        """Why the answer will be worth nothing, as far as that is known before it; empty where it is not."""
+        return next((notice.text for notice in self.notices if notice.grade is Grade.VOID), "")
 
     def with_forces(self, forces: Sequence[str]) -> Plan:
         """The same plan with every fraction flown with ``forces``, whatever their bounds: for comparisons."""

@@ -215,15 +215,6 @@ def _settles(scene: Scene, plan: Plan, name: str) -> bool:
 # -- of a fraction -----------------------------------------------------------------------------------------------------
 
 
-def _confidence(fraction: Fraction, name: str) -> str:
-    """How well a fraction's number is known: that of its material's, or given."""
-    if getattr(fraction, name) is not None or fraction.material is None:
-        return GIVEN
-    material = materials[fraction.material]
-    evidence = material.evidence.get(name)
-    return material.confidence if evidence is None else evidence.confidence
-
-
 def _how_known(fraction: Fraction, _name: str) -> str:
     """How well it is known how granules turn: as their material's impact model is, or given."""
     own = fraction.impact is not None or fraction.own_inertia is not None
@@ -235,7 +226,7 @@ def _add_of_fractions(
     unit: str,
     value: Callable[[Fraction], float | None],
     vary: Vary,
-    confidence: Callable[[Fraction, str], str] = _confidence,
+    confidence: Callable[[Fraction, str], str] = Fraction.confidence_in,
     span: tuple[float, float] = UnknownKind.span,
     acts: Callable[[Scene, Plan], bool] = lambda _scene, _plan: True,
 ) -> None:
@@ -270,7 +261,7 @@ def _settling(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         if (
             value > 0.0 and fraction.properties.density > STANDARD_AIR[0]
         ):  # else it rises: no drag is calibrated to that
-            key, confidence = f"fraction.{name}.terminal_velocity", _confidence(fraction, "terminal_velocity")
+            key, confidence = f"fraction.{name}.terminal_velocity", fraction.confidence_in("terminal_velocity")
             yield _unknown(scene, key, "terminal_velocity", value, "m/s", confidence, name)
 
 

@@ -5,11 +5,14 @@ The only package that imports pyvista, matplotlib and jinja2, each inside the fu
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .outcome import Landed, Outcome
+
+warnings.filterwarnings("ignore", "IProgress not found")  # pyvista brings a bar for downloads, of which there are none
 
 if TYPE_CHECKING:
     from ..answer.result import PictureSummary

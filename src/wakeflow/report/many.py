@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from ..answer.table import Entry, ResultTable, TableQuantity
 from ..core.errors import SceneError
+from ..core.number import UNKNOWN_ERROR, UNKNOWN_SPAN
 from .canvas import INK, fraction_colours, new_figure, save, text_width
 from .sketch import UNITS
-from .words import UNKNOWN_ERROR, UNKNOWN_SPAN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,9 +44,13 @@ WIDE = 0.15  # but over no more of the whole range: whiskers must be seen to bel
 
 
 def main_quantities(table: ResultTable) -> list[str]:
-    """What a table is made for: recovery and purity of fractions with a target; without one all shares in bins."""
+    """What a table is made for: recovery, purity, loss and dirt of fractions with a target and of their bins; without
+    a target all shares in bins.
+    """
     wanted = [f"recovery.{fraction}" for fraction in table.targets]
     wanted += [f"purity.{place}.{fraction}" for fraction, places in table.targets.items() for place in places]
+    wanted += [f"loss.{fraction}" for fraction in table.targets]
+    wanted += dict.fromkeys(f"dirt.{place}" for places in table.targets.values() for place in places)
     found = [name for name in wanted if name in table.names]
     return found or [name for name in table.names if name.startswith("share.") and not name.endswith(".elsewhere")]
 
@@ -117,8 +121,8 @@ class _Look(NamedTuple):
 
 
 def _looks(quantities: Sequence[str]) -> dict[str, _Look]:
-    """Each quantity in the colour of its fraction, recovery.FRACTION, share.FRACTION.BIN or purity.BIN.FRACTION, and
-    with a marker that tells it from the others of that fraction.
+    """Each quantity in the colour of its fraction, recovery.FRACTION, share.FRACTION.BIN or purity.BIN.FRACTION, the
+    dirt of a bin in one of its own, and with a marker that tells it from the others of that fraction.
     """
     parts = {name: name.split(".") for name in quantities}
     fractions = {name: part[-1] if part[0] == "purity" else part[min(1, len(part) - 1)] for name, part in parts.items()}
@@ -243,7 +247,7 @@ def _cells(axes: Axes, grid: _Grid, name: str, unit: str) -> Any:
             continue
         dark = value <= 0.5 * (low + high) and not unknown[row, column]
         at, ink, known = (grid.x[column], grid.y[row]), "white" if dark else INK, widths[row, column] > 0.0
-        told = UNKNOWN_ERROR if unknown[row, column] and "purity." in name else f"{value:.3g}"
+        told = UNKNOWN_ERROR if unknown[row, column] else f"{value:.3g}"
         axes.text(*at, told, ha="center", va="bottom" if known else "center", fontsize=LETTERS, color=ink)
         if known:
             ends = f"{value - arms[0][row, column]:.3g} to {value + arms[1][row, column]:.3g}"

@@ -5,19 +5,21 @@ Shares are of a fraction's mass, purities of a bin's mass.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..answer.measurements import Purchase, worth_measuring
-from ..answer.result import VOID
+from ..answer.measurements import measured_words, worth_measuring
 from ..answer.shares import LEFT_OUT, NOT_COMPUTED, SHARE_UNIT, BudgetPart, BudgetRow
 from ..budget.agreement import agreement_in, measured_in
 from ..budget.total import remedies
+from ..core.number import NO_VALUE as NO_VALUE
+from ..core.number import UNKNOWN_ERROR as UNKNOWN_ERROR
+from ..core.number import VOID as VOID
 from ..core.number import Number
-from ..core.quantities import say, speaking
+from ..core.number import percent as percent
+from ..core.quantities import say
 from ..core.tables import Cell, CellTable
 
 if TYPE_CHECKING:
@@ -28,51 +30,10 @@ if TYPE_CHECKING:
 
 
 # -- The numbers of a result as words ----------------------------------------------------------------------------------
-NO_VALUE = "–"
 OF_WHAT = "what the scene does not say exactly, granules, {}, terms left out"
 UNPROVEN = "No measurement of granules validates this machine."
-UNKNOWN_ERROR = "unknown"
 TERMS = {LEFT_OUT: "terms left out", NOT_COMPUTED: "terms not computed"}  # a column of the budget for each kind of term
-MAX_DIGITS = 4  # after the point of a percentage, however narrow its interval
-COARSE = 2.5  # percentage points: an arm of an interval from which on a percentage has no decimals
-UNKNOWN_SPAN = 0.5  # of a purity: an interval from which on nothing is known of it
 ROUGH = 0.1  # an error of a share from which percentage points are written without decimals
-
-
-def percent(number: Number | None, *, void: bool = False) -> str:
-    """``"62.1 (61.3 to 62.9)"`` from a measured number in 0..1: percent and its 95 % interval; a dash for none,
-    and ``"void"`` for a number of an answer that is worth nothing.
-
-    The number of decimals follows the shorter arm of the interval that is not zero, so that both arms are seen.
-    """
-    if number is None or not math.isfinite(number.value):
-        return NO_VALUE
-    if void:
-        return VOID
-    if not number.known:
-        return f"{100 * number.value:.1f}"
-    arms = [100.0 * arm for arm in (number.value - number.low, number.high - number.value) if arm > 0.0]
-    digits = -math.floor(math.log10(min(arms) / COARSE)) if arms else 1
-    digits = min(MAX_DIGITS, max(0, digits))
-    value, low, high = (_whole(f"{100 * one:.{digits}f}") for one in number)
-    return f"{value} ({low} to {high})"
-
-
-def _whole(text: str) -> str:
-    """None and all of a whole without decimals."""
-    return f"{float(text):.0f}" if float(text) in (0.0, 100.0) else text
-
-
-def purity(number: Number | None, *, void: bool = False) -> str:
-    """A purity as :func:`percent`; ``"unknown (0 to 50)"`` where its interval spans half of all that it could be."""
-    told = percent(number, void=void)
-    wide = number is not None and number.known and round(number.high - number.low, 2) >= UNKNOWN_SPAN
-    return f"{UNKNOWN_ERROR} {told.partition(' ')[2]}" if wide and not void else told
-
-
-def part_text(name: str, number: Number | None, *, void: bool = False) -> str:
-    """A part of a whole by its ``name`` in tables: purity.BIN.FRACTION as a purity, every other as a share."""
-    return (purity if "purity." in name else percent)(number, void=void)
 
 
 def holds(result: Result) -> str:
@@ -124,15 +85,6 @@ def measurement_lines(result: Result) -> list[str]:
     return lines
 
 
-def measured_words(bought: Purchase) -> str:
-    """``"the restitution of wheat to +- 0.03 (a drop test)"``."""
-    parts = bought.key.split(".")
-    what = f"the {parts[2]} of {parts[1]}" if parts[0] == "fraction" else bought.key
-    with speaking({"m": "mm", "rad": "deg"}):
-        half = say(bought.half, bought.unit, 2)
-    return f"{what.replace('_', ' ')} to +- {half} ({bought.method.how})"
-
-
 def headline(result: Result) -> list[str]:
     """The answer in plain words, a sentence for each fraction that has a target."""
     if result.landings is None:
@@ -145,18 +97,39 @@ def headline(result: Result) -> list[str]:
             continue
         places = result.targets(name)
         pure = [(place, (shares.purity.get(place) or {}).get(name)) for place in places]
-        known = [(purity(one), place) for place, one in pure if one is not None]
+        known = [(part_words(one), place) for place, one in pure if one is not None]
         parts = list(dict.fromkeys(part for part, _ in known))
         of_bin = ""
-        if len(parts) == 1 and parts[0].startswith(UNKNOWN_ERROR):
-            ends = parts[0].removeprefix(f"{UNKNOWN_ERROR} ").replace(")", " %)")
-            of_bin = f"; which part of what lies there is {name} is not known {ends}"
-        elif len(parts) == 1:
-            of_bin = f"; it makes up {parts[0]} % of what lies there"
+        if len(parts) == 1:
+            of_bin = f"; it makes up {parts[0]} of what lies there"
         elif known:
-            of_bin = f"; it makes up {', '.join(f'{part} % in {place}' for part, place in known)}"
-        told.append(f"Of the {name}, {percent(number)} % lands in {' or '.join(places)}{of_bin}.")
+            of_bin = f"; it makes up {', '.join(f'{part} in {place}' for part, place in known)}"
+        lost = f"{part_words(shares.loss.get(name))}, {rate_words(shares.lost.get(name))}, is lost"
+        told.append(f"Of the {name}, {part_words(number)} lands in {' or '.join(places)}; {lost}{of_bin}.")
     return told
+
+
+def part_words(number: Number | None) -> str:
+    """A part of a whole within a sentence: ``"62.1 (61.3 to 62.9) %"``, or ``"an unknown part (0 to 50 %)"``."""
+    told = f"{percent(number)} %"
+    return f"an {told[:-3].replace('(', 'part (')} %)" if told.startswith(UNKNOWN_ERROR) else told
+
+
+def rate_words(number: Number | None, *, void: bool = False) -> str:
+    """``"3.9 (1.5 to 9.6) kg/h"`` from a rate in kg/h; as :func:`percent` for none, and in a void answer."""
+    if number is None or void:
+        return percent(number, void=void)
+    value, low, high = (say(one, "1", 3) for one in number)
+    return f"{value} ({low} to {high}) kg/h" if number.known else f"{value} kg/h"
+
+
+def verdict_lines(result: Result) -> list[str]:
+    """A line for each limit of the scene: what it is, whether it is met, what the answer says, what would decide."""
+    return [
+        f"{one.limit} at most {100 * one.most:.4g} %: {one.verdict}, {percent(one.value, void=result.void)} %"
+        + (f"; it takes {one.decides}" if one.decides else "")
+        for one in result.limits
+    ]
 
 
 def split_cure(line: str) -> tuple[str, str]:
@@ -335,13 +308,21 @@ class BinWords(NamedTuple):
 
 
 def bins_in_words(result: Result, separation: Separation) -> Iterator[BinWords]:
-    """The shares of every bin, percent with 95 % interval; the recoveries last."""
+    """The shares of every bin, percent with 95 % interval, and the purity of what lies there, its dirt behind it; the
+    recoveries, and what is lost, last.
+    """
+    void, names = result.void, separation.fractions
     for place in separation.bins:
-        shares = [
-            (percent(places[place], void=result.void), place in result.targets(name))
-            for name, places in separation.fractions.items()
-        ]
-        pure = [(name, purity(found, void=result.void)) for name, found in expected(result, place)]
-        yield BinWords(place, shares, f"{separation.throughput[place]:.3g}", pure or [("", NO_VALUE)])
-    recoveries = [(percent(separation.recovery.get(name), void=result.void), False) for name in separation.fractions]
-    yield BinWords("recovery", recoveries, "", [])
+        shares = [(percent(places[place], void=void), place in result.targets(name)) for name, places in names.items()]
+        pure = [(name, percent(found, void=void)) for name, found in expected(result, place)]
+        if (dirt := separation.dirt.get(place)) is not None:
+            pure.append(("dirt", percent(dirt, void=void)))
+        flow = VOID if void else f"{separation.throughput[place]:.3g}"
+        yield BinWords(place, shares, flow, pure or [("", NO_VALUE)])
+    for told, numbers in (("recovery", separation.recovery), ("loss", separation.loss)):
+        yield BinWords(told, [(percent(numbers.get(name), void=void), False) for name in names], "", [])
+    lost = [(rate_words(separation.lost.get(name), void=void).removesuffix(" kg/h"), False) for name in names]
+    yield BinWords("loss, kg/h", lost, "", [])
+
+
+SUMMED = 3  # rows of :func:`bins_in_words` below the bins

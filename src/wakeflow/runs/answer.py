@@ -22,6 +22,7 @@ from ..budget.inputs import UNKNOWN
 from ..budget.mesh import airflow_on_grids
 from ..budget.model import MODEL
 from ..budget.source import Flights
+from ..budget.verdicts import verdicts_of
 from ..core import sums
 from ..core.graded import gravest_first
 from ..core.process import background, cores
@@ -96,7 +97,9 @@ class OneRun:
     ) -> Result:
         """The result with its pictures, its folder written."""
         with sums.writing(self.folder, partial(written_files, self.folder), COMMAND):
-            result = self._drawn(result.with_joint(joint), tracked, answer, joint).with_joint(joint)
+            result = result.with_joint(joint)
+            result = replace(result, limits=tuple(verdicts_of(result))).with_joint(joint)
+            result = self._drawn(result, tracked, answer, joint).with_joint(joint)
             result.save()
         return result
 

@@ -322,6 +322,10 @@ def _uncertain_numbers_exist(scene: SceneTables) -> Iterator[str]:
     yield from wrong_ties(scene.uncertainty, {key: unit for key, unit in units.items() if key not in FLOWN_APART})
 
 
+def _limits_exist(scene: SceneTables) -> Iterator[str]:
+    yield from scene.limit.mistakes([name for name, one in scene.fraction.items() if one.targets], scene.products)
+
+
 def _trays_known(scene: SceneTables) -> Iterator[str]:
     """Trays are of the scene's fractions and bins, and those of one fraction are given in one way."""
     known = [(name, place) for name in scene.fraction for place in (*scene.bin, RESERVED_BIN)]
@@ -348,5 +352,6 @@ CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _pictures_fit,
     _rung_fits,
     _uncertain_numbers_exist,
+    _limits_exist,
     _trays_known,
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from statistics import median
 
@@ -13,7 +13,7 @@ from .schema import Place, at, unit_and_example, values_in
 OFF = 100.0  # times the scene's scale: a centimetre that was meant is a metre, a millimetre a thousandth of one
 LARGEST = 20.0  # m: beyond any separator, where a whole scene was written without units
 MACHINE = ("body", "channel", "feed", "bin", "vibration", "funnel")  # tables whose lengths have one scale
-MAX_DOUBTS = 3  # doubts in one message
+EVERYWHERE: Sequence[Place] = ((),)
 
 
 def doubted_lengths(data: Mapping[str, object]) -> Iterator[tuple[Place, float, float]]:
@@ -42,19 +42,17 @@ def _metres(value: object) -> float | None:
         return None
 
 
-def doubts(data: Mapping[str, object], among: Iterable[Place] = ((),)) -> str:
-    """What to ask about the doubted lengths of a scene's tables, empty for none; ``among``: those in these places."""
-    found = [one for one in doubted_lengths(data) if any(one[0][: len(place)] == place for place in among)]
-    if not found:
-        return ""
-    usual = units_in(data).get("m", "m")
-    lengths = [f"{dotted(place)} = {length:g} m" for place, length, _ in found[:MAX_DOUBTS]]
-    more = f" and {len(found) - MAX_DOUBTS} more" if len(found) > MAX_DOUBTS else ""
-    _, length, scale = found[0]
-    with speaking({"m": usual}):
-        usually = f"lengths of this scene are about {metres(scale, 2)}"
-    meant = f"'{length:g} {'mm' if usual == 'm' else usual}', or '{length:g} m' if that is meant"
-    return f"{', '.join(lengths)}{more}: unit forgotten? Other {usually}; write {meant}"
+def doubts(data: Mapping[str, object], among: Iterable[Place]) -> dict[str, str]:
+    """What to ask about each doubted length of a scene's tables in the places ``among``, by its key."""
+    places = list(among)
+    found = [one for one in doubted_lengths(data) if any(one[0][: len(place)] == place for place in places)]
+    usual, asked = units_in(data).get("m", "m"), {}
+    for place, length, scale in found:
+        with speaking({"m": usual}):
+            usually = f"lengths of this scene are about {metres(scale, 2)}"
+        meant = f"'{length:g} {'mm' if usual == 'm' else usual}', or '{length:g} m' if that is meant"
+        asked[dotted(place)] = f"{dotted(place)} = {length:g} m: unit forgotten? Other {usually}; write {meant}"
+    return asked
 
 
 def with_units(data: Mapping[str, object]) -> dict[str, object]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from ..core.errors import SceneError
+from ..core.quantities import quantity
 from ..laws.profile import crowding, profiles
 from .table import AnyAngle, Array, Coordinate, Length, MassRate, Shorthand, Speed, Table, Weighed, made_by
 
@@ -59,7 +61,9 @@ class Feed(Weighed):
     profile: Annotated[Profile, Shorthand(str, _one_word)] = Field(
         Profile(distribution="uniform"), description="of the mass across the width: a name, or a table"
     )
-    rate: MassRate | None = Field(None, description="mass flow of all fractions; default 1 kg/s per metre of depth")
+    rate: MassRate | None = Field(
+        None, description="mass flow of all fractions, or by depth, '800 kg/h/m'; default 1 kg/s per metre of depth"
+    )
     depth: Length = Field(1.0, description="of the machine, across the plane")
     count: Annotated[int, Field(ge=16, le=10_000_000)] = Field(16384, description="granules tracked per fraction")
     seed: Annotated[int, Field(ge=0)] = 0
@@ -68,6 +72,22 @@ class Feed(Weighed):
         description="injected: eq. (1)-(2) at the slope, granules that the air carries round the body apart; resolved: "
         "by the tracker; auto: by what injection would miss",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_the_depth(cls, given: object) -> object:
+        """The rate of the whole depth where it is said by depth, "800 kg/h/m"."""
+        if not isinstance(given, Mapping) or not isinstance(given.get("rate"), str):
+            return given
+        try:
+            by_depth = quantity(given["rate"], "kg/s/m", "")
+        except ValueError:
+            return given
+        depth = given.get("depth", 1.0)
+        try:
+            return {**given, "rate": by_depth * (quantity(depth, "m", "") if isinstance(depth, str) else depth)}
+        except (TypeError, ValueError):
+            return {**given, "rate": None}  # what is wrong is the depth
 
     @model_validator(mode="after")
     def _one_start(self) -> Feed:

@@ -258,6 +258,14 @@ class Fraction(Table):
             impact=self.impact_model,
         )
 
+    def confidence_in(self, name: str) -> str:
+        """How well one of its numbers, of a key ``name``, is known: that of its material's, or given."""
+        if getattr(self, name) is not None or self.material is None:
+            return "given"
+        source = known(self._source)
+        evidence = source.evidence.get({"size": "diameter"}.get(name, name))
+        return source.confidence if evidence is None else evidence.confidence
+
     def _middle(self, name: str) -> Any:
         """A coefficient of rebound: the number or the law of all granules, or that of the middle one."""
         own = self._or_material(name)

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from inspect import Parameter, Signature
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -23,17 +22,18 @@ from ..core.files import atomic_write, check_tables, path_of, read_toml
 from ..core.quantities import say, speaking
 from ..core.record import JsonTable
 from .checks import CHECKS, OVER_THE_TOP
-from .doubts import doubts, with_units
+from .doubts import EVERYWHERE, doubts, with_units
 from .machine import Bin
 from .measured import trays_in
 from .messages import explain, units_in
 from .overrides import changed
 from .own_files import with_own_files, with_own_materials
+from .schema import Place
 from .uncertainty import with_uncertainty_table
 from .whole import SceneTables
 
 Array = NDArray[np.float64]
-MAX_MISTAKES = 3  # that are reported of tables which do not agree: the first is often the cause of the others
+MOST = 40  # mistakes of a scene that are told
 
 
 class Scene(SceneTables):
@@ -60,30 +60,38 @@ class Scene(SceneTables):
         return f"feed{rate} from a funnel" if self.funnel is not None else f"feed{rate or ' without a rate'}"
 
     @classmethod
-    def parse(cls, data: Mapping[str, object], name: str = "scene", base: Path | None = None) -> Scene:
+    def parse(
+        cls,
+        data: Mapping[str, object],
+        name: str = "scene",
+        base: Path | None = None,
+        doubted: Iterable[Place] = (),
+    ) -> Scene:
         """Validate plain tables; paths of the user's files are relative to the folder ``base`` (default: the current
-        one).
+        one). Lengths in the places ``doubted`` that are far off the scene's scale need a unit.
 
-        Raises SceneError, one line: every mistake with field, value and what is allowed.
+        Raises SceneError, one line, with every mistake in its ``mistakes``: field, value and what is allowed.
         """
         if not isinstance(data, Mapping):
             raise SceneError(f"{name}: needs tables, not {type(data).__name__}")
         check_tables(data, name)
-        folder = base or Path()
+        folder, lengths = base or Path(), doubts(data, doubted)
+        told = list(lengths.values())
         try:
-            data = with_own_files(with_uncertainty_table(with_own_materials(data, folder)), folder)
-            data = trays_in(data, folder)
+            whole = with_own_files(with_uncertainty_table(with_own_materials(data, folder)), folder)
+            whole = trays_in(whole, folder)
         except SceneError as problem:
-            raise SceneError(f"{name}: {problem}") from None
-        with speaking(units_in(data)):
+            raise _refused(name, [*told, str(problem)]) from None
+        with speaking(units_in(whole)):
             try:
-                scene = cls.model_validate(data)
+                scene = cls.model_validate(whole)
             except ValidationError as problem:
-                told, count = islice(explain(problem, data), MAX_MISTAKES), problem.error_count()
-                raise SceneError(f"{name}: {_joined(list(told), count)}") from None
-            mistakes = [message for check in CHECKS for message in check(scene)]
-        if mistakes:
-            raise SceneError(f"{name}: {_joined(mistakes[:MAX_MISTAKES], len(mistakes))}")
+                wrong = [one for one in explain(problem, whole) if one.partition(" ")[0] not in lengths]
+                raise _refused(name, [*told, *wrong]) from None
+            if not told:  # else what does not fit may follow from a unit
+                told += [message for check in CHECKS for message in check(scene)]
+        if told:
+            raise _refused(name, told)
         return scene
 
     @classmethod
@@ -102,10 +110,7 @@ class Scene(SceneTables):
         Raises SceneError as :meth:`parse` does, and where a length without a unit is far off the scene's scale.
         """
         path = path_of(path, "scene file")
-        data = changed(_read(path), changes or {}, path.name)
-        if asked := doubts(data):
-            raise SceneError(f"{path.name}: {asked}")
-        return cls.parse(data, path.name, path.parent)
+        return cls.parse(changed(_read(path), changes or {}, path.name), path.name, path.parent, EVERYWHERE)
 
     def replace(self, changes: Mapping[str, object]) -> Scene:
         """A copy with dotted keys changed, validated anew: ``{"fraction.chaff.restitution": 0.2}``; a star represents
@@ -113,10 +118,7 @@ class Scene(SceneTables):
 
         Raises SceneError as :meth:`load` does, doubting no other lengths than the changed ones.
         """
-        data = changed(self.tables(), changes)
-        if asked := doubts(data, [tuple(key.split(".")) for key in changes]):
-            raise SceneError(f"scene: {asked}")
-        return self.parse(data)
+        return self.parse(changed(self.tables(), changes), doubted=[tuple(key.split(".")) for key in changes])
 
     def fed(self, rate: float | None = None) -> Scene:
         """The scene with the funnel's ``rate`` (kg/s) as the rate of its feed; Beverloo's estimate if ``rate`` is None.
@@ -163,14 +165,18 @@ class Scene(SceneTables):
 Scene.__signature__ = Signature([Parameter("tables", Parameter.VAR_KEYWORD)])
 
 
-def _joined(told: list[str], count: int) -> str:
-    """The mistakes that a line has room for, the first whole, and how many more there are."""
-    room, shown = LONGEST - 60, told[:1]
+def _refused(name: str, told: Sequence[str]) -> SceneError:
+    """The error of a scene called ``name`` with all these mistakes: those that a line has room for, the first whole,
+    and how many more there are.
+    """
+    room, shown = LONGEST - 60, list(told[:1])
     for one in told[1:]:
         if sum(map(len, shown)) + len(one) > room:
             break
         shown.append(one)
-    return "; ".join(shown) + (f"; and {count - len(shown)} more" if count > len(shown) else "")
+    more = f"; and {len(told) - len(shown)} more" if len(told) > len(shown) else ""
+    every = [*told[:MOST], *([f"and {len(told) - MOST} more"] if len(told) > MOST else [])]
+    return SceneError(f"{name}: {'; '.join(shown)}{more}", [f"{name}: {one}" for one in every])
 
 
 def units_written(path: Path | str) -> dict[str, str]:

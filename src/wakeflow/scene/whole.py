@@ -22,6 +22,7 @@ from .plumb import Plumb
 from .rungs import rungs
 from .table import Array, Gravity, Name, Table, WithUnit
 from .ties import UncertaintyTable
+from .trade import LimitTable
 from .uncertainty import margins
 
 # -- Terms that are switched by hand -----------------------------------------------------------------------------------
@@ -161,6 +162,7 @@ class SceneTables(Table):
     uncertainty: Annotated[UncertaintyTable, BeforeValidator(margins)] = Field(
         {}, description="half of the 95 % interval of a number, by its key: uncertainty.air.speed = '3 %'; 0: exact"
     )
+    limit: LimitTable = LimitTable()
     picture: dict[Name, AnyPicture] = Field({}, description="drawn beside the usual pictures")
     report: ReportTable = ReportTable()
     measured: list[Tray] = Field(
@@ -263,6 +265,11 @@ class SceneTables(Table):
     def collecting(self) -> dict[str, int]:
         """The bodies that keep what touches them, each with the place of its bin among the bins."""
         return {one.on: i for i, one in enumerate(self.bin.values()) if one.on_body}
+
+    @property
+    def products(self) -> list[str]:
+        """The bins that are a target of some fraction."""
+        return [name for name in self.bin if any(name in one.targets for one in self.fraction.values())]
 
     @property
     def release(self) -> tuple[float, float]:

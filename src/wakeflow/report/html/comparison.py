@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from ...answer.table import PARTS, THROUGHPUT, is_part
 from ...core.files import atomic_write
 from ...scene import RESERVED_BIN, Scene
 from ..canvas import bins_across, fraction_colours
 from ..figures import captions
 from ..many import main_quantities
-from ..words import NO_VALUE, difference_text, part_text
+from ..words import NO_VALUE, difference_text, percent
 from .document import inlined_pictures, shape_of
 from .rows import input_text, number
 from .template import page_template
@@ -20,8 +21,7 @@ if TYPE_CHECKING:
     from ...answer.result import Result
     from ...answer.table import Difference, Entry, ResultTable, TableQuantity
 
-COMPARED = ("share.", "purity.", "recovery.", "throughput.", "airflow.")  # the rest is in differences.csv
-PARTS = ("share.", "purity.", "recovery.")  # of a whole: percent
+COMPARED = (*PARTS, "lost.", THROUGHPUT, "airflow.")  # the rest is in differences.csv
 
 
 class _Row(NamedTuple):
@@ -95,8 +95,8 @@ def _rows(table: ResultTable, differences: Sequence[Difference]) -> list[_Row]:
 def _value(name: str, found: TableQuantity | None) -> str:
     if found is None:
         return NO_VALUE
-    if name.startswith(PARTS):
-        return f"{part_text(name, found)} %"
+    if is_part(name):
+        return f"{percent(found)} %"
     return f"{number(found.value)} {found.unit}".removesuffix(" 1")
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..air import VorticityShades, moments_of
 from ..canvas import MM, bins_across, fraction_colours
-from ..words import percent, purity
+from ..words import percent
 
 if TYPE_CHECKING:
     from ...answer.result import Result
@@ -73,9 +73,9 @@ def _bin(scene: Scene, result: Result, name: str) -> dict[str, object]:
     shares = {} if found is None else {
         one: f"{percent(places[name], void=void)} %" for one, places in found.fractions.items()
     }  # fmt: skip
-    flow = None if found is None else found.throughput[name]
+    flow = None if found is None or void else found.throughput[name]
     pure = {} if found is None else {
-        one: f"{purity(row, void=void)} %" for one, row in (found.purity[name] or {}).items()
+        one: f"{percent(row, void=void)} %" for one, row in (found.purity[name] or {}).items()
     }  # fmt: skip
     return {
         "name": name, "line": _flat(scene.bin[name].line(scene)), "shares": shares, "purity": pure, "flow": flow

@@ -22,7 +22,6 @@ def page_template(name: str) -> Any:
     )
     environment.filters.update(
         percent=words.percent,
-        purity=words.purity,
         points=rows.percentage_points,
         number=rows.number,
         seconds=rows.seconds,
