@@ -67,7 +67,7 @@ class Rules(NamedTuple):
     shaken: float  # m/s2, largest acceleration of the mesh
     noise: float  # part of an eddy's lifetime and the response time over which a fluctuation is held
     seed: int  # of the random streams
-    march: int  # 1: several triangles in one go where that is worth it
+    march: int  # 1: several triangles in one step where that is worth it
     left: float  # m, box about all bodies in all their places
     right: float
     bottom: float
@@ -115,17 +115,15 @@ FLOATS = LAG + 2 * MEMORIES
     KEPT,  # points in its record
     KEEP_EVERY,  # one of so many points is kept
     OFFERED,  # points that could have been kept
-    PATIENCE,  # confined steps before the next march
-    MARCHES_CUT,  # binary logarithm of the patience after the next march that is cut short
-    QUADRATIC,  # 1: the next march begins with quadratic triangles
-    STRIDES_REFUSED,  # in a row, at most 4
+    PATIENCE,  # confined steps before the next stride is tried
+    STRIDES_REFUSED,  # in a row, at most 3
     EVALUATIONS,  # of the equation of motion
     DRAWS,  # random numbers used
     STREAM,  # of random numbers
     PAIR,  # kind of the other wall of a wedged granule, FREE: not wedged; in flight that of the wall last struck
     PAIRED,  # which one
-) = range(26)  # fmt: skip
-INTS = 26
+) = range(24)  # fmt: skip
+INTS = 24
 
 # -- Constants of a granule. Accelerations are over 1 + chi with added mass --------------------------------------------
 (

@@ -1,4 +1,4 @@
-"""The force at a point straight from the nodes of its triangle, nothing loaded before: what multi-cell steps look at.
+"""The force at a point straight from the nodes of its triangle, nothing loaded before: what strides look at.
 
 The interpolant is that of ``air.load_triangle`` and ``air.air_at``. Those are cheaper where a triangle is looked at
 several times, this where it is looked at once or twice.
@@ -131,14 +131,6 @@ def excess_in(look, state, air, grain, table, vx, vy, t, rate0, mx, my, gain, cu
         vx += gain * (nx - mx)
         vy += gain * (ny - my)
     return nx, ny, rate, vx, vy, sx, sy, curl
-
-
-@inlined
-def excess(state, ints, affine, air, grain, table, tri, x, y, vx, vy, t, rate0, mx, my, gain, curl0):
-    """``excess_in`` of the air at a point of triangle ``tri``."""
-    ints[at.EVALUATIONS] += 1
-    look = look_at(ints, affine, air, grain, tri, x, y, t)
-    return excess_in(look, state, air, grain, table, vx, vy, t, rate0, mx, my, gain, curl0)
 
 
 # -- What a force that is not a parabola in time displaces -------------------------------------------------------------
