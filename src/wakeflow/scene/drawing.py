@@ -67,7 +67,7 @@ def read_outline(file: str, base: Path, unit: object = None, layer: object = Non
 
 def _seen(drawing: Drawing, layer: object, say: str) -> Iterator[DXFEntity]:
     """What a draughtsman sees of a drawing, on one ``layer`` of it where one is named; blocks as what they hold."""
-    from ezdxf.entities import Insert
+    from ezdxf.entities.insert import Insert
 
     hidden = {one.dxf.name.lower() for one in drawing.layers if one.is_off() or one.is_frozen()}
     names = sorted({one.dxf.name for one in drawing.layers})
