@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.arrays import number, numbers, whole
+from ..core.arrays import number, numbers, truths, whole
 from ..core.errors import SceneError
 from .triangles import double_area
 
@@ -46,6 +46,11 @@ def of_shape(name: str, values: ArrayLike, shape: tuple[int, ...], unit: str = "
     if array.shape != shape:
         raise SceneError(f"{name}: shape {array.shape}, expected {shape}")
     return array
+
+
+def flags(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Truth values, or numbers that are one where they are not 0, of exactly this shape."""
+    return of_shape(name, truths(name, values).astype(float), shape) != 0.0
 
 
 def optional(name: str, values: ArrayLike | None, shape: tuple[int, ...], unit: str = "1") -> Array | None:
