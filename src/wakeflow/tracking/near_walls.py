@@ -16,7 +16,7 @@ Index = NDArray[np.int64]
 STILL = 1e-6  # of the fastest air: a boundary that is slower in the mean is at rest; modes are rounded
 FEW = 8  # edges next to a node that are looked at
 LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
-LEAST = 0.1  # of sqrt(2 k / 3), up to y+ 3 or so; chosen: granules of tau+ 1 to 10 are laid on walls as measured
+LEAST = 0.1  # of sqrt(2 k / 3), up to y+ 3.5; chosen: granules of tau+ 1 to 10 are laid on walls as measured
 
 
 def wall_edges(field: FlowField) -> tuple[Index, Index]:
@@ -50,16 +50,16 @@ def eddies(field: FlowField, k: Array, dissipation: Array) -> tuple[Array, Array
 
 
 def _away(field: FlowField) -> tuple[Index, Array]:
-    """Nodes (B,) on no-slip walls; distance (N,) m of all from the nearest of the edges whose middles are near."""
+    """Nodes (W, 2) of the edges on no-slip walls; distance (N,) m of all nodes from the nearest of those near by."""
     from scipy.spatial import cKDTree
 
     triangle, corner = wall_edges(field)
-    first, last = (field.triangles[triangle, (corner + step) % 3] for step in (1, 2))
-    if not len(triangle):
-        return first, np.zeros(0)
-    start, end = field.points[first], field.points[last]
+    ends = field.triangles[triangle[:, None], (corner[:, None] + [1, 2]) % 3]
+    if not len(ends):
+        return ends, np.zeros(0)
+    start, end = np.swapaxes(field.points[ends], 0, 1)
     near = cKDTree(0.5 * (start + end)).query(field.points, k=range(1, min(FEW, len(start)) + 1))[1]
-    return np.concatenate([first, last]), distance_to_edges(field.points, start[near], end[near])
+    return ends, distance_to_edges(field.points, start[near], end[near])
 
 
 def hold_off(field: FlowField, velocity: Array) -> None:

