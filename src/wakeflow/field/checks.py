@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.arrays import number, numbers, whole
+from ..core.arrays import number, numbers, truths, whole
 from ..core.errors import SceneError
 from .triangles import double_area
 
@@ -45,6 +45,14 @@ def of_shape(name: str, values: ArrayLike, shape: tuple[int, ...], unit: str = "
     array = finite(name, values, unit)
     if array.shape != shape:
         raise SceneError(f"{name}: shape {array.shape}, expected {shape}")
+    return array
+
+
+def marked(name: str, values: ArrayLike, count: int) -> NDArray[np.bool_]:
+    """Truth values (count,), or numbers as such."""
+    array = truths(name, values)
+    if array.shape != (count,):
+        raise SceneError(f"{name}: shape {array.shape}, expected {(count,)}")
     return array
 
 

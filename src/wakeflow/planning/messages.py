@@ -336,8 +336,8 @@ def _guesses(scene: Scene, name: str) -> Iterator[Notice]:
     low = [key for key in felt if fraction.confidence_in(key) == "low" and getattr(fraction.properties, key, True)]
     left = [key for key in low if f"fraction.{name}.{key}" not in scene.uncertainty]
     if left:
-        keys = ", ".join(f"fraction.{name}.{key}" for key in left)
-        yield less_sure(f"{name}: {', '.join(left)} of low confidence in its material; measure yours and set {keys}")
+        what = ", ".join(left)
+        yield less_sure(f"{name}: {what} of low confidence in its material; measure yours, set them in fraction.{name}")
 
 
 def _beyond_the_top(scene: Scene) -> Iterator[Notice]:
