@@ -65,7 +65,7 @@ def share_in(value: float | str, name: str) -> float:
     try:
         return number(name, value)
     except SceneError:
-        raise SceneError(f"{name} = {value!r}: needs a number such as 0.01, or '1 %'") from None
+        raise SceneError(f"{name} = {value!r}: a number such as 0.01, or '1 %', is needed") from None
 
 
 def changed(data: JsonMapping, changes: JsonMapping, name: str = "scene") -> JsonTable:

@@ -123,7 +123,7 @@ def _within(scene: Scene, budget: float, folder: Path, truth: BinShares) -> Row:
         refused = str(problem).partition(": ")[2].partition(";")[0]
         return {
             "setting": duration(budget), "chosen": f"refused: {refused}", "error": None, "half": None, "inside": "",
-            "seconds": 0.0,
+            "seconds": None,
         }  # fmt: skip
     found = {(name, place): result.share(name, place) for name, place in truth}
     inside = sum(one.low <= truth[place] <= one.high for place, one in found.items())
