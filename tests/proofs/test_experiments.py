@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofs.experiments import curtains, droplets, grid, near_wake, suspension
+from proofs.experiments import curtains, droplets, grid, near_wake, suspension, walls
 from proofs.experiments.rebound import MEASURED, centre_angle, landing, rebound, run_rebound
+from proofs.studies import deposition
 from wakeflow.core.number import Number
+from wakeflow.tracking import near_walls
 from wakeflow.verify.report import Report
 
 
@@ -77,6 +79,18 @@ def test_beads_behind_a_grid_ask_for_short_lived_eddies() -> None:
 def test_beads_that_spread_as_with_long_lived_eddies_are_a_miss(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(grid, "LIFETIMES", (0.3, 0.5))
     assert len(grid.run_grid(count=256).missed) >= 5
+
+
+@pytest.mark.parametrize("least", [near_walls.LEAST, 0.6])
+def test_dust_that_eddies_blow_to_a_wall_is_a_miss(monkeypatch: pytest.MonkeyPatch, least: float) -> None:
+    monkeypatch.setattr(deposition, "TAU", (0.1, 3.0))
+    monkeypatch.setattr(deposition, "STEEL", {2.9: deposition.STEEL[2.9]})
+    monkeypatch.setattr(deposition, "MESHES", {"resolved": deposition.MESHES["resolved"]})
+    monkeypatch.setattr(walls, "SIZES", deposition.SIZES[:1])
+    monkeypatch.setattr(near_walls, "LEAST", least)
+    found = walls.run_walls(count=200)
+    assert len(found.missed) == (0 if least < 0.5 else 3)
+    assert len(found.facts["rows"]) == 3
 
 
 def test_ideal_flow_is_langmuirs_cylinder() -> None:

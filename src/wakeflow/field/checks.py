@@ -48,12 +48,9 @@ def of_shape(name: str, values: ArrayLike, shape: tuple[int, ...], unit: str = "
     return array
 
 
-def marked(name: str, values: ArrayLike, count: int) -> NDArray[np.bool_]:
-    """Truth values (count,), or numbers as such."""
-    array = truths(name, values)
-    if array.shape != (count,):
-        raise SceneError(f"{name}: shape {array.shape}, expected {(count,)}")
-    return array
+def flags(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Truth values, or numbers that are one where they are not 0, of exactly this shape."""
+    return of_shape(name, truths(name, values).astype(float), shape) != 0.0
 
 
 def optional(name: str, values: ArrayLike | None, shape: tuple[int, ...], unit: str = "1") -> Array | None:

@@ -108,7 +108,7 @@ class FlowField(Triangles):
         nodal: dict[str, Any] = {name: checks.optional(name, values, lead, unit) for name, values, unit in scalars}
         gradient = checks.optional("pressure_gradient", pressure_gradient, (*lead, 2), "Pa/m")
         if walls is not None and nodal["k"] is not None:
-            nodal["k"][..., checks.marked("walls", walls, len(nodes))] = 0.0
+            nodal["k"][..., checks.flags("walls", walls, (len(nodes),))] = 0.0
         lost = None if truncation is None else Truncation.from_array(checks.finite("truncation", truncation))
         field = cls(
             nodes, cells, speed, times=clock, period=period,

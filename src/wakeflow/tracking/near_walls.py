@@ -16,6 +16,7 @@ Index = NDArray[np.int64]
 STILL = 1e-6  # of the fastest air: a boundary that is slower in the mean is at rest; modes are rounded
 FEW = 8  # edges next to a node that are looked at
 LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
+LEAST = 0.1  # of sqrt(2 k / 3), up to y+ 3 or so; chosen: granules of tau+ 1 to 10 are laid on walls as measured
 
 
 def wall_edges(field: FlowField) -> tuple[Index, Index]:
@@ -34,28 +35,31 @@ def wall_edges(field: FlowField) -> tuple[Index, Index]:
 def eddies(field: FlowField, k: Array, dissipation: Array) -> tuple[Array, Array]:
     """Deviation m/s and lifetime s of the eddies (.., N) from k m2/s2 and its dissipation m2/s3 at the nodes.
 
-    They are alike in all directions, beside a no-slip wall as weak as across it.
+    They are alike in all directions, beside a no-slip wall as weak as across it; on it there are none, whatever k says.
     """
     k, dissipation = np.maximum(k, 0.0), np.maximum(dissipation, 0.0)
+    walls, away = _away(field)
+    k[..., walls] = 0.0
     rms, life = np.sqrt(2.0 / 3.0 * k), lifetime(k, dissipation)
-    away = _away(field)
-    if away is not None:
+    if len(walls):
         viscosity = field.viscosity / field.density
         share = damping(dissipation, away, viscosity)
-        rms, life = share * rms, np.maximum(life, (1.0 - share) * shortest_life(dissipation, viscosity))
+        life = np.maximum(life, (1.0 - share) * shortest_life(dissipation, viscosity))
+        rms *= np.maximum(share, LEAST)
     return rms, np.minimum(life, LONGEST_LIFE)
 
 
-def _away(field: FlowField) -> Array | None:
-    """Distance (N,) m of the nodes from the nearest of the wall's edges whose middles are near; None without walls."""
+def _away(field: FlowField) -> tuple[Index, Array]:
+    """Nodes (B,) on no-slip walls; distance (N,) m of all from the nearest of the edges whose middles are near."""
     from scipy.spatial import cKDTree
 
     triangle, corner = wall_edges(field)
+    first, last = (field.triangles[triangle, (corner + step) % 3] for step in (1, 2))
     if not len(triangle):
-        return None
-    start, end = (field.points[field.triangles[triangle, (corner + step) % 3]] for step in (1, 2))
+        return first, np.zeros(0)
+    start, end = field.points[first], field.points[last]
     near = cKDTree(0.5 * (start + end)).query(field.points, k=range(1, min(FEW, len(start)) + 1))[1]
-    return distance_to_edges(field.points, start[near], end[near])
+    return np.concatenate([first, last]), distance_to_edges(field.points, start[near], end[near])
 
 
 def hold_off(field: FlowField, velocity: Array) -> None:
