@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proofs.experiments import catch, curtains, droplets, grid, near_wake, suspension
+from proofs.experiments import catch, curtains, droplets, grid, near_wake, sheets, suspension
 from proofs.experiments.ideal import kept_between, on_a_cylinder, on_a_ribbon
 from proofs.experiments.rebound import MEASURED, centre_angle, landing, rebound, run_rebound
 from wakeflow.core.number import Number
+from wakeflow.scene.fraction import Fraction
 from wakeflow.verify.report import Report
 
 
@@ -127,6 +128,19 @@ def test_a_share_beyond_the_error_of_the_measurement_is_a_miss() -> None:
     measured = cloud.measured.mean(axis=0)
     assert all(row["met"] for row in catch.strips_of(cloud, measured, measured))
     assert not all(row["met"] for row in catch.strips_of(cloud, measured, 0.8 * measured))
+
+
+def test_a_sheet_flies_as_measured_with_the_drag_of_its_fall(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a sphere's law, scaled to the same fall, it is left a quarter behind at K 8; rods are outside, as told."""
+    found = sheets.run_sheets().facts["rows"]
+    assert [row["met"] for row in found] == [True] * 3 + [False] * 3
+    monkeypatch.setattr(Fraction, "drag_law", "brown-lawler")
+    monkeypatch.setattr(Fraction, "roundness", 1.0)
+    monkeypatch.setattr(sheets, "FLOWN", {"sheet": sheets.FLOWN["sheet"]})
+    monkeypatch.setattr(sheets, "TACHIKAWA", (8.0,))
+    (ball,) = sheets.run_sheets().facts["rows"]
+    assert ball["worst"] == pytest.approx(0.75, abs=0.02)
+    assert not ball["met"]
 
 
 @pytest.mark.slow
