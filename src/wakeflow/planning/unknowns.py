@@ -172,13 +172,10 @@ def _vary_settling(made: Variation, one: Unknown, x: float, scene: Scene, plan: 
 
 def _drag(scene: Scene, plan: Plan, name: str, faster: float) -> float:
     """The factor on the drag of a fraction's granules with which the median one falls ``faster`` by a factor."""
-    how, granule = plan.fractions[name], scene.fraction[name].properties
+    how, fraction = plan.fractions[name], scene.fraction[name]
+    granule, law = fraction.properties, (*STANDARD_AIR, GRAVITY, how.drag, fraction.roundness)
     own, other = (
-        float(
-            drag_factor_for_terminal_velocity(
-                granule.diameter, granule.density, speed, *STANDARD_AIR, GRAVITY, how.drag
-            )
-        )
+        float(drag_factor_for_terminal_velocity(granule.diameter, granule.density, speed, *law))
         for speed in known(how.terminal_velocity) * np.array([1.0, faster])
     )
     return other / own
