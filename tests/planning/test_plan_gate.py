@@ -364,6 +364,22 @@ def test_the_eddies_own_acceleration_is_bounded(tau: float) -> None:
     assert measured <= bounds["eddy-acceleration"].shift(flight) <= IDLE * measured
 
 
+def test_dust_that_may_stay_on_grain_is_bounded() -> None:
+    """By how many meet any, which grows with the feed; not of grain, which no dust carries, nor without a rate."""
+
+    def most(scene: Scene) -> dict[str | None, float]:
+        rows = [row for row in make_plan(scene).left_out if row.name == "sticking"]
+        assert all(row.bound is None for row in rows)
+        return {row.fraction: float(row.why.partition("%")[0].rpartition(" ")[2]) for row in rows}
+
+    few, many = (most(shipped("rhombus", {"feed.rate": rate})) for rate in ("50 kg/h", "500 kg/h"))
+    assert list(few) == list(many) == ["dust"]
+    assert many["dust"] == pytest.approx(100.0 * (1.0 - (1.0 - few["dust"] / 100.0) ** 10), abs=6.0)
+    tables = shipped("rhombus").tables()
+    del tables["feed"]["rate"]
+    assert most(Scene.parse(tables)) == {}
+
+
 def test_in_water_the_plan_warns_of_the_eddies_own_acceleration() -> None:
     def words(scene: Scene) -> list[str]:
         return [notice.text for notice in make_plan(scene).notices if "eddy-acceleration" in notice.text]
