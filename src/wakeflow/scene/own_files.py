@@ -102,7 +102,7 @@ def _spread(material: Material, key: str) -> object:
 
 def _known(material: Material, key: str, value: object) -> object:
     """A value with how well the material says that its own number is known, where it does."""
-    half = material.evidence[key].uncertainty if key in material.evidence else None
+    half = material.half_of(key)
     if half is None:
         return value
     return {**(value if isinstance(value, dict) else {"value": value}), "uncertainty": half}
