@@ -10,7 +10,9 @@ import pytest
 
 import wakeflow as wf
 from wakeflow.foam.polymesh import read_polymesh
+from wakeflow.foam.read import CaseFields
 from wakeflow.foam.reconstruction import triangulate
+from wakeflow.foam.user_case import case_files
 from wakeflow.scene.own_files import air_of
 
 WIDE, HIGH, THICK = 4, 6, 0.01
@@ -150,6 +152,32 @@ def of_the_foundation(case: Case) -> None:
     case.write("constant/physicalProperties", "dictionary", "viscosityModel constant;\nnu [0 2 -1 0 0 0 0] 1.5e-05;\n")
 
 
+def by_macros(case: Case) -> None:
+    """Every condition of U and p, and the viscosity, from macros and other files."""
+    left, right = (case.condition("fixedValue", velocity, name) for name in ("left", "right"))
+    walls = f'"(left|right)" {{ type calculated; value uniform (9 9 9); }}\nleft {{ {left} }}\nright {{ {right} }}\n'
+    (case.folder / "1" / "walls").write_text(walls + 'right { type $kind; }\n#includeIfPresent "nowhere"\n')
+    case.write("settings", "dictionary", 'kind fixedValue; // of U\nair { nu 1.5e-05; }\nhere "walls";\n')
+    path = case.folder / "1" / "U"
+    text = path.read_text()
+    inlet, start = case.condition("fixedValue", velocity, "inlet"), text.index("left {")
+    text = text[:start] + 'aside { $inlet; }\n#include "$here"\nlayer { type empty; }\n}\n'
+    text = text.replace(f"inlet {{ {inlet} }}", "inlet $stored.inlet;")
+    stored = f'#include "../settings"\nstored {{ inlet {{ {inlet} }} }}\n'
+    path.write_text(text.replace("dimensions", f"{stored}dimensions"))
+    fixed = case.condition("fixedValue", pressure, "left")
+    changed("1/p", f"left {{ {fixed} }}", f"base {{ {fixed} }} left {{ $base; value ${{..base.value}}; }}")(case)
+    changed(NU, "nu 1.5e-05;", '#include "<case>/settings"\n$air;\nnu $:air.nu;')(case)
+
+
+def by_numbers_of_a_list(case: Case) -> None:
+    """Uniform values: a speed in a list, one by default, and what is inside."""
+    text = f"{HEAD.format(kind='volVectorField', name='U')}down -2;\ninternalField uniform (0 $down ${{no:-0}});\n"
+    for name, value in (("inlet", "$internalField"), ("outlet", "uniform (0 ${down} 0)"), ("left", "$..outlet.value")):
+        text += f"{'boundaryField {' if name == 'inlet' else ''} {name} {{ type fixedValue; value {value}; }}\n"
+    (case.folder / "1" / "U").write_text(text + "right { $left; } }\n")
+
+
 POINTS, FACES, NU = "constant/polyMesh/points", "constant/polyMesh/faces", "constant/transportProperties"
 SAME: dict[str, Callable[[Case], None]] = {
     "as it is": lambda case: None,
@@ -159,7 +187,11 @@ SAME: dict[str, Callable[[Case], None]] = {
     "blanks in faces": lambda case: (case.folder / FACES).write_text(
         re.sub(r"^4\(", "4 ( ", (case.folder / FACES).read_text(), flags=re.MULTILINE)
     ),
+    "a point of no cell": lambda case: (case.folder / POINTS).write_text(
+        (case.folder / POINTS).read_text().replace("70\n(", "71\n(").rstrip().removesuffix(")") + "(7 7 0)\n)\n"
+    ),
     "viscosity by a macro": changed(NU, "nu 1.5e-05;", "air 1.5e-05;\nnu $air;"),
+    "macros and other files": by_macros,
     "viscosity with its dimensions": changed(NU, "nu 1.5e-05;", "nu nu [0 2 -1 0 0 0 0] 1.5e-05;"),
     "the Foundation's viscosity": of_the_foundation,
 }
@@ -173,6 +205,28 @@ def test_one_flow_reads_alike_however_it_is_written(way: str, case: Case) -> Non
     np.testing.assert_allclose(field.pressure, 1.2 * pressure(field.points), atol=1e-11)
     assert field.viscosity == pytest.approx(1.8e-5, rel=1e-12)
     assert air_of(case.folder).get("nu") == pytest.approx(1.5e-5)
+
+
+def test_macros_in_values_are_what_openfoam_makes_of_them(case: Case) -> None:
+    by_numbers_of_a_list(case)
+    field = wf.FlowField.from_openfoam(case.folder)
+    np.testing.assert_allclose(field.velocity, np.tile([0.0, -2.0], (len(field.points), 1)), atol=1e-12)
+    assert {key: air_of(case.folder)[key] for key in ("speed", "direction")} == {"speed": 2.0, "direction": "down"}
+
+
+def test_a_binary_field_may_hold_any_byte_and_macros_beside_it(case: Case) -> None:
+    path = case.folder / "1" / "p"
+    rows = np.frombuffer(b"$x;#if{}" * len(case.cells), "<f8")  # 8.6e-67 or so: bytes of macros and brackets
+    head = HEAD.format(kind="volScalarField", name="p").replace("ascii", 'binary; arch "LSB;label=32;scalar=64"')
+    body = f"rest {{ type zeroGradient; }}\ninternalField nonuniform List<scalar> {len(rows)}(".encode()
+    path.write_bytes(head.encode() + body + rows.tobytes() + b');\nboundaryField { ".*" { $rest; } }\n')
+    fields = CaseFields(case.folder)
+    np.testing.assert_array_equal(fields.field(case.folder / "1", "p")[0], rows)
+
+
+def test_a_file_that_is_included_belongs_to_the_case(case: Case) -> None:
+    by_macros(case)
+    assert {"settings", "walls"} <= {path.name for path in case_files(case.folder, "latest")}
 
 
 def test_cells_with_hanging_nodes_keep_a_linear_flow(tmp_path: Path) -> None:
@@ -235,7 +289,22 @@ REFUSED: dict[str, tuple[Callable[[Case], None], str]] = {
     "another mesh": (of_another_mesh, r"1/p holds 3 values for 24 cells: it is of another mesh"),
     "a pressure in Pa": (in_pascal, r"1/p has dimensions \[1, -1, -2.*divide a pressure in Pa by the density"),
     "a speed in other units": (changed("1/U", "[0 1 -1", "[0 0 0"), r"1/U has dimensions \[0, 0, 0"),
-    "a macro in a patch": (changed("1/p", "left {", "left { $right; } old {"), r"1/p: left has \$right"),
+    "a macro of nothing": (
+        changed("1/p", "left {", "left { $base; } old {"),
+        r"1/p, line \d+: \$base is defined nowhere",
+    ),
+    "a macro of what comes later": (
+        changed("1/U", "inlet {", "inlet { $left; } old {"),
+        r"1/U, line \d+: \$left is def",
+    ),
+    "a number to compute": (changed(NU, "1.5e-05", '#calc "3e-5 / 2"'), r"Properties, line \d+: #calc is computed by"),
+    "code": (changed("1/p", "left {", "#codeStream { code #{ } #}; }\nleft {"), r"1/p, line \d+: #codeStream is for"),
+    "no other file": (
+        changed("1/p", "left {", '#include "gone"\nleft {'),
+        r"1/p, line \d+: includes .*1/gone, which is",
+    ),
+    "itself": (changed(NU, "nu ", '#include "transportProperties"\nnu '), r"does one include itself\?"),
+    "a bracket too many": (changed("1/p", "left {", "} left {"), r"1/p, line \d+: it .* has a bracket too many"),
     "no condition": (changed("1/p", "left {", "old {"), r"1/p has no condition for the patch left"),
     "half a field": (cut("1/U"), r"cannot read .*1/U"),
     "half the points": (cut(POINTS), r"polyMesh/points is cut short"),
