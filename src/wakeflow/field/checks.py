@@ -50,7 +50,10 @@ def of_shape(name: str, values: ArrayLike, shape: tuple[int, ...], unit: str = "
 
 def flags(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Truth values, or numbers that are one where they are not 0, of exactly this shape."""
-    return of_shape(name, truths(name, values).astype(float), shape) != 0.0
+    array = truths(name, values)
+    if array.shape != shape:
+        raise SceneError(f"{name}: shape {array.shape}, expected {shape}")
+    return array
 
 
 def optional(name: str, values: ArrayLike | None, shape: tuple[int, ...], unit: str = "1") -> Array | None:

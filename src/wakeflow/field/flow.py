@@ -328,7 +328,7 @@ def nodal(field: FlowField) -> dict[str, Any]:
     return {name: values for name in NODAL if (values := getattr(field, name)) is not None}
 
 
-def _gas(density: float | None, viscosity: float | None, temperature: float, path: float | None) -> dict[str, float]:
+def _gas(density: float | None, viscosity: float | None, temperature: float, path: float | None) -> dict[str, Any]:
     """What the air is, checked: its density and viscosity by default, and its mean free path where both are."""
     if path is None:
         path = MEAN_FREE_PATH if density is None and viscosity is None else 0.0

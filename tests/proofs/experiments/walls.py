@@ -1,4 +1,4 @@
-"""Dust on walls: how fast turbulence lays it there, and how it gets through a duct. See ``proofs.studies.deposition``."""
+"""Dust on walls: how fast turbulence lays it there, and how it gets through a duct (``proofs.studies.deposition``)."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """How fast turbulence lays granules on a smooth wall: V+ against tau+, and what was measured; dust through a duct.
 
 Still mean air beside a wall that keeps what touches it, on a mesh for wall functions and on one that resolves the
-layer; without gravity and Brownian motion. The curve: 6e-4 tau+^2 to 12.9, 0.1 above (Liu, B.Y.H. & Agarwal, J.K. 1974,
-J. Aerosol Sci. 5, 145, as quoted by Willeke & Baron). Upright walls of steel ducts, of 150 mm: Sippola, M.R. & Nazaroff,
-W.W. 2002, LBNL, as the tests of FDS quote them. The damping was chosen on the curve, not on the ducts.
+layer; without gravity and Brownian motion. The curve: 6e-4 tau+^2 to 12.9, 0.1 above (Liu, B.Y.H. & Agarwal, J.K.
+1974, J. Aerosol Sci. 5, 145, as quoted by Willeke & Baron). Upright walls of steel ducts, of 150 mm: Sippola, M.R. &
+Nazaroff, W.W. 2002, LBNL, as the tests of FDS quote them. The damping was chosen on the curve, not on the ducts.
 deposition --count 2000
 """
 
