@@ -1,14 +1,14 @@
-"""How long answers take on two idle cores: quick ones, those within a budget, and whole ones; and whether these agree.
+"""How long answers take on idle cores: quick ones, those within a budget, and whole ones; and whether these agree.
 
     python tests/pace.py                               wakeflow run --quick of every shipped scene
     python tests/pace.py rhombus --budget '1 min'      wakeflow run --budget of some
     python tests/pace.py rhombus --own                 the scene's own settings; again with its airflows in the cache
     python tests/pace.py rhombus --own --before HEAD~9 the same by the sources of another commit first
+    python tests/pace.py rhombus --feeds 8             a scene of a sweep over feeds, its airflow in the cache
     python tests/pace.py --whole runs                  beside the whole answers in runs/SCENE, which wakeflow run left
 
-Every run starts from an empty cache, with the tracker compiled. The machine may be busy: the time on two idle cores is
-made of the processor time of every thread and program of the run, read four times a second. In each quarter of a second
-it is that of the busiest thread, or half of all, whichever is longer; waiting for a disk does not count. (Linux)
+Every run starts from an empty cache, with the tracker compiled. The machine may be busy: the time on idle cores is
+that of src/wakeflow/core/idle_clock.py. (Linux)
 """
 
 from __future__ import annotations
@@ -18,81 +18,43 @@ import os
 import subprocess
 import sys
 import tempfile
-import threading
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, suppress
-from functools import partial
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
+
+import numpy as np
 
 import wakeflow as wf
-from support import CASES
+from support import ALONE, CASES
 from wakeflow.answer.result import Result
-from wakeflow.runs import effort, one_run
-from wakeflow.verify.scene_curves import forget_all_but_air, one_cache
+from wakeflow.core.idle_clock import IdleClock
+from wakeflow.core.process import cores
+from wakeflow.verify.scene_curves import forget_all_but_air, one_cache, timed_run
 
 SCENES = ("vacuum", "aspirator", "prism", "rhombus", "wheat-straw-dust", "labyrinth", "funnel")
-TICK = 0.25  # s
-CORES = 2
 CHANCE = 2e-3  # of a share: what 256 granules cannot tell from nothing
-
-
-class IdleClock:
-    """Seconds that this process and its children would have taken so far on CORES idle cores; also all their
-    processor seconds, ``spent``.
-    """
-
-    def __init__(self) -> None:
-        self.now, self.spent, self._seen = 0.0, 0.0, dict[str, float]()
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._follow, daemon=True)
-
-    def __enter__(self) -> IdleClock:
-        self._seen = _processor_seconds()
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._ended.set()
-        self._thread.join()
-
-    def __call__(self) -> float:
-        return self.now
-
-    def _follow(self) -> None:
-        while not self._ended.wait(TICK):
-            now = _processor_seconds()
-            took = [seconds - self._seen.get(task, 0.0) for task, seconds in now.items()]
-            self.spent += sum(took)
-            self.now += max(max(took), sum(took) / CORES)
-            self._seen = now
-
-
-def _processor_seconds() -> dict[str, float]:
-    """Of each thread of this process and of those below it, s."""
-    found, waiting = dict[str, float](), [str(os.getpid())]
-    while waiting:
-        process = waiting.pop()
-        for thread in Path("/proc", process, "task").glob("*"):
-            with suppress(OSError):  # it has ended meanwhile
-                found[thread.name] = int((thread / "schedstat").read_text().split()[0]) / 1e9
-                waiting += (thread / "children").read_text().split()
-    return found
 
 
 def measured(name: str, how: Mapping[str, Any], out: Path, times: int) -> Iterator[tuple[Result, IdleClock]]:
     """A shipped scene computed as is said ``how``, from an empty cache, and at further ``times`` with its airflows in
     the cache.
     """
-    with ExitStack() as stack:
-        stack.enter_context(one_cache(Path(stack.enter_context(tempfile.TemporaryDirectory()))))
-        stack.enter_context(patch.object(one_run, "learn", lambda *_: None))  # the pace of a busy machine
+    with tempfile.TemporaryDirectory() as cache, one_cache(Path(cache)):
         for number in range(times):
-            with IdleClock() as clock, patch.object(effort, "Within", partial(effort.Within, clock=clock)):
-                result = wf.run(CASES / f"{name}.toml", out / f"{name}-{number}", listener=lambda *_: None, **how)
-            yield result, clock
+            yield timed_run(wf.Scene.load(CASES / f"{name}.toml"), out / f"{name}-{number}", **how)
             forget_all_but_air()
+
+
+def swept(name: str, feeds: int, out: Path) -> IdleClock:
+    """A sweep over so many widths of a shipped scene's feed on one airflow: without force on the air and collisions."""
+    scene = wf.Scene.load(CASES / f"{name}.toml")
+    widths = np.linspace(0.8, 1.2, feeds) * scene.feed.width
+    with tempfile.TemporaryDirectory() as folder, one_cache(Path(folder)):
+        wf.run(scene, out / "first", until="airflow", force=ALONE, listener=lambda *_: None)
+        with IdleClock(cores()) as clock:
+            scenes = [scene.replace({"feed.width": float(width)}) for width in widths]
+            wf.sweep(scenes, out / "swept", force=ALONE, figures=False, listener=lambda *_: None)
+    return clock
 
 
 def agreement(quick: Result, whole: Result) -> str:
@@ -109,7 +71,7 @@ def agreement(quick: Result, whole: Result) -> str:
 
 
 def print_before(commit: str, arguments: Sequence[str]) -> None:
-    """The same rows by the sources of another ``commit``, whose kernels are compiled first."""
+    """The same rows by another ``commit``, whose kernels are compiled first."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder, "before")
         subprocess.run(
@@ -120,7 +82,7 @@ def print_before(commit: str, arguments: Sequence[str]) -> None:
             compiled = "from wakeflow.pipeline.compilation import compile_ahead; compile_ahead()"
             subprocess.run([sys.executable, "-c", compiled], check=True, env=env)
             print(f"{commit}:", flush=True)
-            subprocess.run([sys.executable, "-P", __file__, *arguments], check=True, env=env)
+            subprocess.run([sys.executable, place / "tests" / "pace.py", *arguments], check=True, env=env)
         finally:
             subprocess.run(["git", "worktree", "remove", "--force", place], check=True, cwd=CASES)
     print("these sources:", flush=True)
@@ -132,17 +94,22 @@ def main() -> None:
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help=", ".join(SCENES))
     parser.add_argument("--budget", help="as of wakeflow run; without it: --quick")
     parser.add_argument("--own", action="store_true", help="with the scene's own settings")
+    parser.add_argument("--feeds", type=int, metavar="N", help="of a sweep: seconds a scene")
     parser.add_argument("--whole", type=Path, help="folder of whole answers")
     parser.add_argument("--before", metavar="COMMIT", help="measured first, beside this one")
     asked = parser.parse_args()
     if asked.before:
         at = sys.argv.index("--before")
         print_before(asked.before, [*sys.argv[1:at], *sys.argv[at + 2 :]])
-    print(f"| scene | processor s | s on {CORES} idle cores | granules, mesh | of the whole answer |")
+    print(f"| scene | processor s | s on {cores()} idle cores | granules, mesh | of the whole answer |")
     print("|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as out:
         how = {} if asked.own else {"quick": True} if asked.budget is None else {"budget": asked.budget}
         for name in asked.scenes or SCENES:
+            if asked.feeds:
+                clock = swept(name, asked.feeds, Path(out))
+                print(f"| {name} | {clock.spent / asked.feeds:.1f} | {clock.now / asked.feeds:.1f} | – | – |")
+                continue
             for result, clock in measured(name, how, Path(out), 1 + asked.own):
                 scene = wf.Scene.parse(result.scene)
                 settings = f"{scene.feed.count}, {scene.numerics.mesh_scale:g}"

@@ -1,6 +1,8 @@
 """Airflows of a sweep: each solved once, kept once on the disk, started from each other; the answer stays."""
 
 import json
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,7 +13,7 @@ import wakeflow as wf
 from support import ALONE, shipped
 from wakeflow.answer.result import Request
 from wakeflow.batch import agenda as run_agenda
-from wakeflow.batch.agenda import make_agenda, starts
+from wakeflow.batch.agenda import Step, make_agenda, starts
 from wakeflow.batch.work import Job
 from wakeflow.core.errors import SceneError
 from wakeflow.foam.case import read_parameters
@@ -68,8 +70,6 @@ def test_where_a_neighbour_fails_the_others_start_from_rest(tmp_path: Path, monk
 
     monkeypatch.setattr(run_agenda, "solve_airflow_of", solve)
     monkeypatch.setattr(run_agenda, "fly_scene", lambda job: "")
-    from concurrent.futures import ThreadPoolExecutor
-
     agenda = make_agenda(found, tmp_path, Request(None, "draft", {}, None), neighbours=True)
     ends: dict[str, str] = {}
     with ThreadPoolExecutor(1) as pool:
@@ -159,18 +159,60 @@ def test_runs_in_one_airflow_share_the_fields_files(tmp_path: Path) -> None:
     assert first.read_bytes() == before
 
 
-def test_the_time_left_of_a_sweep_falls_while_nothing_ends_and_never_grows_by_more_than_a_quarter(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    now = [0.0]
-    monkeypatch.setattr(run_agenda.time, "monotonic", lambda: now[0])
-    progress = run_agenda.SweepProgress(3, 30.0, started=0.0)
-    step = SimpleNamespace(seconds=10.0)
-    now[0] = 20.0
-    progress.ended(step, "")  # type: ignore[arg-type]
-    assert str(progress) == "1 of 3 stages, about 40 s left"
-    now[0] = 45.0
-    assert str(progress) == "1 of 3 stages, about 15 s left"
-    now[0] = 80.0  # the second step takes three times as long
-    progress.ended(step, "")  # type: ignore[arg-type]
-    assert str(progress) == "2 of 3 stages, at least 19 s left"
+def _step(name: str, *, airflow: bool, needs: str | None, seconds: float) -> Step:
+    job = SimpleNamespace(threads=1)
+    return Step(name, job, airflow, needs, seconds, 0.0)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("slow", [(1.0, 1.0), (2.5, 0.5), (0.4, 3.0)])
+def test_the_time_left_of_a_sweep_is_true(slow: tuple[float, float]) -> None:
+    """Two workers, three airflows, twelve scenes in them: as the plan expects, and where it is wrong of either kind."""
+    steps = [_step(f"air {i}", airflow=True, needs=None, seconds=60.0) for i in range(3)]
+    steps += [_step(f"scene {i}", airflow=False, needs=f"air {i % 3}", seconds=40.0) for i in range(12)]
+    now, told, running, todo = 0.0, list[tuple[float, float, str]](), dict[str, float](), list(steps)
+    progress = run_agenda.SweepProgress(steps, 2, clock=lambda: now)
+    while running or todo:
+        for step in [one for one in todo if one.needs is None or one.needs in progress.took][: 2 - len(running)]:
+            todo.remove(step)
+            progress.begin([step])
+            running[step.name] = now + step.seconds * slow[0 if step.airflow else 1]
+        told.append((now, progress.left, str(progress)))
+        now = min(running.values())
+        for name in [name for name, end in running.items() if end <= now]:
+            del running[name]
+            progress.end(next(one for one in steps if one.name == name), "")
+    right = [left / (now - at) for at, left, _ in told]
+    known = right if slow == (1.0, 1.0) else right[6:]  # of each kind some have ended
+    assert all(1 / 1.5 < one < 1.5 for one in known), right
+    assert told[0][2].startswith("0 of 12 scenes, 0 of 15 stages, about ")
+    assert str(progress) == "12 of 12 scenes, 15 of 15 stages"
+
+
+def test_the_time_left_of_a_sweep_falls_while_nothing_ends_and_never_grows_by_more_than_a_quarter() -> None:
+    now = 0.0
+    steps = [_step(f"scene {i}", airflow=False, needs=None, seconds=40.0) for i in range(3)]
+    progress = run_agenda.SweepProgress(steps, 1, clock=lambda: now)
+    progress.begin(steps[:1])
+    assert str(progress) == "0 of 3 scenes, 0 of 3 stages, about 2 min left"
+    now = 40.0
+    progress.end(steps[0], "")
+    progress.begin(steps[1:])
+    assert str(progress) == "1 of 3 scenes, 1 of 3 stages, about 80 s left"
+    now = 75.0
+    assert str(progress) == "1 of 3 scenes, 1 of 3 stages, about 45 s left"
+    now = 200.0  # the second takes four times as long
+    assert str(progress) == "1 of 3 scenes, 1 of 3 stages, at least 56 s left"
+
+
+def test_a_sweep_says_a_line_a_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run_agenda, "fly_scene", lambda job: str(time.sleep(0.3) or ""))
+    monkeypatch.setattr(run_agenda, "LOOK_EVERY", 0.01)
+    scene = shipped("vacuum", {"feed.count": 16})
+    found = wf.variants(scene, {"fraction.hard.restitution": [0.4, 0.6, 0.8]})
+    agenda, told = make_agenda(found, tmp_path, Request(None, None, {}, None)), list[str]()
+    with ThreadPoolExecutor(1) as pool:
+        run_agenda.do_agenda(agenda, pool, told.append, lambda *_: None)
+    assert [one.partition(" scenes")[0] for one in told] == ["0 of 3", "1 of 3", "2 of 3", "done 3 of 3"]
+    assert all(" left" in one for one in told[:-1])
+    run_agenda.do_agenda(run_agenda.Agenda((), {}, {}), pool, told.append, lambda *_: None)
+    assert len(told) == 4

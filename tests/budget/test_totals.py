@@ -47,7 +47,7 @@ def test_no_search_recommends_a_void_answer(tmp_path: Path) -> None:
         '[search.within]\nfeed.height = { from = "60 mm", to = "120 mm" }\n'
         '[search.set]\nnumerics.rung = "none"\nfeed.count = 16\n'
     )
-    with pytest.raises(wf.SceneError, match=r"every answer of the finest level is void"):
+    with pytest.raises(wf.SceneError, match=r"every answer of the finest level would be void"):
         wf.search(file, tmp_path / "out", workers=1)
 
 

@@ -6,11 +6,14 @@ import asyncio
 import http.client
 import json
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from tornado.httpclient import HTTPRequest
+from tornado.websocket import websocket_connect
 
 from wakeflow.cli.show_plan import plan_lines
 from wakeflow.page.server import Page
@@ -44,6 +47,25 @@ class Served:
         status, text, _ = self.request(f"/{self.page.token}/{action}", "POST", json.dumps(what), headers)
         assert status == 200, (status, text)
         return json.loads(text)
+
+    @contextmanager
+    def listening(self, token: str = "", headers: Mapping[str, str] | None = None) -> Iterator[Callable[[], Any]]:
+        """What hears of a page's news as its script does: each call gives the next."""
+        own = {"Origin": f"http://127.0.0.1:{self.page.port}"}
+        address = f"ws://127.0.0.1:{self.page.port}/{token or self.page.token}/events"
+
+        async def opened() -> Any:
+            return await websocket_connect(HTTPRequest(address, headers=dict(headers or own)))
+
+        async def read() -> Any:
+            return await connection.read_message()
+
+        def done(task: Any) -> Any:
+            return asyncio.run_coroutine_threadsafe(task, self.page.loop).result(60)
+
+        connection = done(opened())
+        yield lambda: json.loads(done(read()))
+        self.page.loop.call_soon_threadsafe(connection.close)
 
 
 @contextmanager

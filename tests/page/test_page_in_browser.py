@@ -105,13 +105,30 @@ def test_a_divider_is_dragged_and_a_wrong_speed_is_told_as_it_is_typed(page: Ser
             "'1.5 m/s'"
         )
         assert opened.locator("#run").is_disabled()
-        speed.fill("1.5 m/s")
+        opened.locator(".field.wrong .cure", has_text="Write 1.5 m/s").click()
+        _becomes(opened, "air.speed", "^1.5 m/s$")
         _wait(opened, "document.getElementById('plan').textContent.includes('1.5 m/s down')")
         assert not opened.locator("#mistake").is_visible()
         opened.locator("#undo").click()
         opened.locator("#undo").click()
         assert _becomes(opened, "bin.middle.to", "^80 mm$")
         assert opened.locator("#text").input_value() == scene_templates()["rhombus"].read_text()
+
+
+def test_a_field_stays_that_is_emptied_and_a_line_is_mended_with_a_click(page: Served, browser: Any) -> None:
+    with _opened(page, browser) as opened:
+        width = _value(opened, "feed.width")
+        width.fill("")
+        _wait(opened, "!/\\[feed\\][^[]*width/.test(document.getElementById('text').value)")
+        assert width.is_visible()
+        assert opened.evaluate("document.activeElement.dataset.key") == "feed.width"
+        opened.keyboard.type("41 mm")
+        _wait(opened, "document.getElementById('text').value.includes('width = \"41 mm\"')")
+        text = opened.locator("#text")
+        for wrong, cure in (("turbulence = 0,04", "turbulence = 0.04"), ("turbulence = 4 %", "turbulence = '4 %'")):
+            text.fill(re.sub(r"turbulence = \S+", wrong, text.input_value()))
+            opened.locator("#mistake .cure", has_text=f"Write {cure}").click()
+            _wait(opened, "cure => document.getElementById('text').value.includes(cure)", arg=f"{cure}   ")
 
 
 def test_a_page_that_is_closed_ends_the_server(page: Served, browser: Any) -> None:
@@ -121,6 +138,18 @@ def test_a_page_that_is_closed_ends_the_server(page: Served, browser: Any) -> No
     while not page.page.loop.is_closed() and time.monotonic() < end:
         time.sleep(0.1)
     assert page.page.loop.is_closed()
+
+
+def test_any_number_of_pages_shows_the_scene(page: Served, browser: Any) -> None:
+    """A browser opens six ordinary connections to a host, and all its tabs share them."""
+    with _opened(page, browser) as first:
+        tabs = [first.context.new_page() for _ in range(8)]
+        for tab in tabs:
+            tab.goto(page.address)
+            tab.wait_for_selector("#plan table", state="attached")
+        _value(first, "air.speed").fill("6 m/s")
+        for tab in tabs:
+            _becomes(tab, "air.speed", "^6 m/s$")
 
 
 @pytest.mark.slow

@@ -8,11 +8,13 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
 from serving import Served, served
+from tornado.httpclient import HTTPClientError
 
 import wakeflow as wf
 from wakeflow.cli import main
@@ -200,20 +202,23 @@ def test_a_scene_that_changes_on_the_disk_is_shown(page: Served) -> None:
 
 
 def test_events_tell_every_open_page(page: Served) -> None:
-    import http.client
-
-    connection = http.client.HTTPConnection("127.0.0.1", page.page.port, timeout=60)
-    connection.request("GET", f"/{page.page.token}/events")
-    answer = connection.getresponse()
-    assert answer.getheader("Content-Type") == "text/event-stream"
-    page.ask("edit", set={"air.speed": "5.5 m/s"})
-    told = b""
-    while b"event: scene" not in told or not told.endswith(b"\n\n"):
-        told += answer.read1(65536)
-    assert b"5.5 m/s" in told
-    connection.close()
-    answer.close()
+    with ExitStack() as stack:
+        pages = [stack.enter_context(page.listening()) for _ in range(12)]
+        page.ask("edit", set={"air.speed": "5.5 m/s"})
+        for heard in pages:
+            told = next(one for one in iter(heard, None) if one["kind"] == "scene")
+            assert "5.5 m/s" in told["data"]["text"]
     page.ask("edit", undo=True)
+
+
+def test_only_the_page_itself_hears_the_events(page: Served) -> None:
+    own = f"http://127.0.0.1:{page.page.port}"
+    foreign = ({"Origin": "http://evil.example"}, {"Origin": "null"}, {"Origin": own, "Host": "evil.example"},
+               {"Origin": own, "Sec-Fetch-Site": "same-site"})  # fmt: skip
+    asked: list[dict[str, Any]] = [{"token": page.page.token[:-1]}, *({"headers": one} for one in foreign)]
+    for how in asked:
+        with pytest.raises(HTTPClientError, match="403"), page.listening(**how):
+            pass
 
 
 def test_a_missing_scene_is_one_line_and_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -226,10 +231,15 @@ def test_measured_trays_wait_in_the_list_with_the_runs_own_options(
 ) -> None:
     session, added = page.page.session, list[dict[str, object]]()
     monkeypatch.setattr(session.queue, "add", lambda **asked: added.append(asked))
-    assert "at least one tray" in page.ask("measured", run="vacuum", rows=[])["refused"]
-    page.ask("measured", run="vacuum", rows=[["hard", "far", 0.6, 0.02], ["soft", "near", 0.9, 0.02]])
+    assert "at least one" in page.ask("measured", run="vacuum", rows=[], error="2")["wrong"]["trays"]
+    for typed in ("2 6", "26;5", "1,000.5", "-3", "101", "26.5 kg", "nan", "\u0665"):
+        found = page.ask("measured", run="vacuum", rows=[["hard", "far", typed]], error="0")["wrong"]
+        assert repr(typed) in found["hard in far"], typed
+    assert "above 0" in page.ask("measured", run="vacuum", rows=[["hard", "far", "26,5"]], error="0,0")["wrong"]["±"]
+    assert not added
+    page.ask("measured", run="vacuum", rows=[["hard", "far", "60"], ["soft", "near", " 90,5 %"]], error="2,5")
     assert added[0]["measured"] == {
-        "fraction": ["hard", "soft"], "bin": ["far", "near"], "share": [0.6, 0.9], "uncertainty": [0.02, 0.02]
+        "fraction": ["hard", "soft"], "bin": ["far", "near"], "share": [0.6, 0.905], "uncertainty": [0.025, 0.025]
     }  # fmt: skip
     assert added[0]["options"] == {"rung": None, "force": {}}
     assert added[0]["folder"] == session.runs.resolve() / "vacuum"
@@ -250,7 +260,7 @@ def test_measured_trays_wait_in_the_list_with_the_runs_own_options(
         ("landings", {}, "landings: run: "),
         ("dividers", {"run": "vacuum", "ends": {"far": [0.0]}}, "dividers: ends.far.1: "),
         ("compare", {"runs": "vacuum"}, "compare: runs: "),
-        ("measured", {"run": "vacuum", "rows": [["hard", "far", None, 0.02]]}, "measured: rows.0.2: "),
+        ("measured", {"run": "vacuum", "rows": [["hard", "far", None]], "error": "2"}, "measured: rows.0.2: "),
     ],
 )
 def test_a_question_of_another_shape_is_refused_in_a_line(
@@ -276,6 +286,36 @@ def test_a_scene_that_is_not_there_leaves_no_folder(tmp_path: Path, monkeypatch:
     with pytest.raises(SceneError, match="no scene file, run or folder"):
         Session(tmp_path / "nosuch.toml", plan_lines, lambda *_: None)
     assert not list(tmp_path.iterdir())
+
+
+def test_runs_have_a_name_a_date_what_differs_and_the_run_before(
+    page: Served, small_run: wf.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = wf.Scene.parse(small_run.scene)
+    found = wf.run(scene.replace({"fraction.hard.restitution": 0.4, "limit.loss.hard": "99 %"}), tmp_path / "own")
+    shutil.copytree(small_run.folder, tmp_path / "deep" / "vacuum+feed.width=0.02")
+    os.utime(tmp_path / "deep" / "vacuum+feed.width=0.02" / "result.json", (1e9, 1e9))
+    scenes = wf.variants(scene, {"fraction.hard.restitution": [0.4, 0.6]})
+    wf.sweep(scenes, tmp_path / "sw", workers=1, figures=False)
+    (tmp_path / "sw" / "airflows" / "1b4a36df8184").mkdir(parents=True)
+    (tmp_path / "sw" / "airflows" / "1b4a36df8184" / "result.json").write_text("{}")
+    rows = listing(tmp_path, tmp_path)["runs"]
+    assert [row["title"] for row in rows] == ["own", "deep/vacuum: feed width 20 mm"]
+    assert [one["name"] for one in listing(tmp_path, tmp_path)["sweeps"]] == ["sw"]
+    assert str(rows[0]["differs"]) == "hard restitution 0.5 → 0.4, limit loss hard – → 0.99"
+    assert rows[1]["made"] == 1e9
+    monkeypatch.setattr(page.page.session, "runs", tmp_path)
+    told = page.ask("before", run="own")
+    assert told["other"]["name"] == "deep/vacuum+feed.width=0.02"
+    words = {row[0]: row[1:] for row in told["rows"]}
+    apart = wf.compare([small_run, found]).frame()
+    assert words["recovery of hard"][2].endswith(")")
+    assert "recovery.hard" in set(apart["quantity"])
+    assert page.ask("before", run="deep/vacuum+feed.width=0.02")["other"] is None
+    assert page.ask("landings", run="own")["limits"][0].startswith("loss.hard at most 99 %: ")
+    ends = page.ask("landings", run="own")["ends"]
+    ends["far"][0] = ends["near"][1] = ends["near"][1] / 2
+    assert page.ask("dividers", run="own", ends=ends)["limits"][0].startswith("loss.hard at most 99 %: ")
 
 
 def test_what_is_odd_in_a_folder_hides_nothing_else(small_run: Any, tmp_path: Path) -> None:

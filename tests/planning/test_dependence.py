@@ -20,10 +20,17 @@ from wakeflow.planning.unknowns import FARTHEST, unknowns
 HARD, SOFT = "fraction.hard.restitution", "fraction.soft.restitution"
 WHEAT, CHAFF, AIR = "fraction.wheat.restitution", "fraction.chaff.restitution", "air.speed"
 FEW = {"feed.count": 64}
+DUST = "fraction.dust.restitution"
+GRANULES = {"rhombus": ("dust", "chaff", "wheat"), "vacuum": ("hard", "soft")}
 
 
 def _tied(correlation: float, *inputs: str) -> dict[str, Any]:
     return {"inputs": list(inputs), "correlation": correlation}
+
+
+def _apart(name: str, coefficient: str) -> dict[str, Any]:
+    """A coefficient of all fractions of a shipped scene said to have nothing in common."""
+    return _tied(0.0, *(f"fraction.{one}.{coefficient}" for one in GRANULES[name]))
 
 
 def _dependence(scene: wf.Scene) -> Dependence:
@@ -65,6 +72,7 @@ def test_numbers_that_are_exact_or_do_not_act_move_with_nothing() -> None:
     changes = {
         "uncertainty.together": ties,
         f"uncertainty.{SOFT}": 0,
+        "uncertainty.fraction.soft.friction": 0,
         "uncertainty.never_above": [[HARD, "wake.theta"]],
     }
     found = _dependence(shipped("vacuum", changes))
@@ -72,9 +80,54 @@ def test_numbers_that_are_exact_or_do_not_act_move_with_nothing() -> None:
     assert found.orders == ()
 
 
+def test_fractions_share_the_plate_and_the_lot() -> None:
+    """One plate moves the restitutions and frictions of all, by its part of each interval; one lot all that is its
+    material's.
+    """
+    found = _dependence(shipped("rhombus", {"fraction.dust.material": "chaff"}))
+    wheat, chaff, dust = _columns(found, WHEAT, CHAFF, DUST)
+    halves = [found.unknowns[i].high for i in (wheat, chaff)]
+    assert found.correlation[wheat, chaff] == pytest.approx(0.05**2 / (halves[0] * halves[1]))
+    slides = _columns(found, "fraction.wheat.friction", "fraction.chaff.friction")
+    ranges = [0.14 * found.unknowns[i].value / found.unknowns[i].high for i in slides]
+    assert found.correlation[slides[0], slides[1]] == pytest.approx(ranges[0] * ranges[1])
+    assert found.correlation[chaff, dust] == pytest.approx(0.95)
+    settle = _columns(found, "fraction.chaff.terminal_velocity", "fraction.dust.terminal_velocity")
+    assert found.correlation[settle[0], settle[1]] == pytest.approx(0.95)
+    assert found.correlation[_columns(found, "fraction.wheat.terminal_velocity")[0], settle[0]] == 0.0
+    z = found.joined(np.random.default_rng(3).normal(size=(100_000, len(found.unknowns))))
+    np.testing.assert_allclose(np.corrcoef(z, rowvar=False), found.correlation, atol=0.015)
+
+
+@pytest.mark.parametrize(
+    ("changes", "apart"),
+    [
+        ({"uncertainty.together": [_tied(-0.5, WHEAT, CHAFF)]}, {WHEAT, CHAFF}),
+        ({f"uncertainty.{WHEAT}": 0.1}, {WHEAT}),
+        ({WHEAT: 0.5, "fraction.dust.material": "wheat"}, set()),
+    ],
+)
+def test_what_the_scene_says_of_a_number_goes_before_what_it_shares(changes: dict[str, Any], apart: set[str]) -> None:
+    """A tie and an uncertainty of its own take a number out; a value of its own out of the lot, not off the plate."""
+    found = _dependence(shipped("rhombus", changes))
+    places = dict(zip((WHEAT, CHAFF, DUST), _columns(found, WHEAT, CHAFF, DUST), strict=True))
+    for one in (WHEAT, CHAFF):
+        assert (found.correlation[places[one], places[DUST]] == 0.0) == (one in apart)
+        assert found.correlation[places[one], places[DUST]] < 0.3
+
+
+def test_a_material_says_itself_how_well_its_number_is_known() -> None:
+    """In proportion to the number, which the scene's air or a size of its own may have changed."""
+    scene = shipped("rhombus", {"fraction.chaff.material": "plumed-seeds", "fraction.dust.material": "plumed-seeds"})
+    found = {one.key: one for one in _dependence(scene).unknowns}
+    for one in (found[f"fraction.{name}.terminal_velocity"] for name in ("chaff", "dust")):
+        assert one.high / one.value == pytest.approx(0.5 / 0.65)
+
+
 def test_without_ties_the_draws_are_those_of_independent_numbers_bit_for_bit() -> None:
     for name in ("vacuum", "rhombus"):
-        stage = _stage(shipped(name, FEW))
+        ties = [_apart(name, coefficient) for coefficient in ("restitution", "friction")]
+        stage = _stage(shipped(name, {**FEW, "uncertainty.together": ties}))
         found = _dependence(stage.tracks.scene)
         xi = np.random.default_rng(2).normal(size=(8, len(found.unknowns)))
         assert found.joined(xi) is xi
@@ -83,8 +136,9 @@ def test_without_ties_the_draws_are_those_of_independent_numbers_bit_for_bit() -
 
 
 def test_flown_draws_that_are_tied_still_share_their_air() -> None:
-    """Numbers that no tie names are drawn as before."""
-    scene = shipped("rhombus", {**FEW, "uncertainty.together": [_tied(0.8, WHEAT, AIR), _tied(0.4, AIR, "dispersion")]})
+    """Numbers that move with nothing are drawn as before."""
+    ties = [_tied(0.8, WHEAT, AIR), _tied(0.4, AIR, "dispersion"), _apart("rhombus", "restitution")]
+    scene = shipped("rhombus", {**FEW, "uncertainty.together": [*ties, _apart("rhombus", "friction")]})
     stage, found = _stage(scene), _dependence(scene)
     air = stage.design[:, found.of_air].reshape(-1, SAME_AIR, int(found.of_air.sum()))
     np.testing.assert_allclose(air[:, 0], air[:, 1], rtol=0, atol=1e-12)
@@ -99,7 +153,10 @@ def test_flown_draws_that_are_tied_still_share_their_air() -> None:
 @pytest.mark.parametrize("ensemble", [False, True])
 def test_flown_draws_keep_to_their_orders(ensemble: bool) -> None:
     """Both are 0.5 at first: every second draw breaks the order."""
-    order = {"uncertainty.never_above": [[CHAFF, WHEAT], ["wake.theta", "wake.strength"]]}
+    order = {
+        "uncertainty.never_above": [[CHAFF, WHEAT], ["wake.theta", "wake.strength"]],
+        "uncertainty.together": [_apart("rhombus", "restitution")],
+    }
     scene = shipped("rhombus", {**FEW, WHEAT: 0.5, CHAFF: 0.5, **order})
     found = _dependence(scene)
     some = Ensemble(np.full(len(found.unknowns), 0.1), 0.25 * np.eye(len(found.unknowns))) if ensemble else None

@@ -112,6 +112,42 @@ def test_lines_of_the_wake_are_read_where_they_say(half: bool, tmp_path: Path, m
     assert np.isnan(measured.mean_axial(tmp_path, np.array([40.0]), np.zeros(1))).all()
 
 
+def test_the_rms_of_a_wake_is_what_moves_and_what_is_modelled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Air of 3 m/s that swings by 0.6 along and 2.1 (1 - s/10) across, k 0.06 m2/s2, s widths behind a body 2 m wide at
+    y = -1 m; steady, the k alone.
+    """
+    x, y = np.meshgrid(np.linspace(-3, 3, 7), np.linspace(2, -22, 25))
+    points, phase = np.column_stack([x.ravel(), y.ravel()]), 2 * np.pi * np.arange(16)[:, None] / 16
+    moving = np.stack(
+        np.broadcast_arrays(2.1 * (1 - (-1 - points[:, 1]) / 20) * np.sin(phase), 0.6 * np.cos(phase)), -1
+    )
+    k = np.full(len(points), 0.06)
+    arrays = points, Delaunay(points).simplices
+    still = FlowField.from_arrays(*arrays, np.tile([0.0, -3.0], (len(points), 1)), k=k, dissipation=k)
+    swings = FlowField.from_arrays(
+        *arrays, moving + np.array([0.0, -3.0]), k=np.tile(k, (16, 1)), dissipation=np.tile(k, (16, 1)),
+        times=np.arange(16) / 16, period=1.0,
+    )  # fmt: skip
+    given = {"basePoint": "(0 -1 0.1)", "flowDirection": "(0 -1 0)", "inletSpeed": "3", "bodyWidth": "2"}
+    monkeypatch.setattr(measured, "read_parameters", lambda _: given)
+    monkeypatch.setattr(FlowField, "from_openfoam", lambda *_: still)
+    body = np.array([(-1.0, -1.0), (1.0, -1.0), (0.0, 1.0)])
+
+    def value(field: FlowField, name: str) -> float:
+        air = DustyWake(lambda: Realisations(field), body, "down", 3.0)
+        number = quantities[name].of(SolvedAirflow(None, tmp_path, 2.0, wake=air))  # type: ignore[arg-type]
+        assert number is not None
+        return number.value
+
+    for at in (0.375, 9.4):
+        across = 0.7 * (1 - at / 10) / np.sqrt(2)
+        assert value(swings, f"rms_v_axis_{at}") == pytest.approx(np.hypot(across, 0.2 / 3), rel=0.02)
+        assert value(swings, f"rms_u_{at}") == pytest.approx(np.sqrt(0.02 + 0.04 / 9), rel=1e-3)
+        assert value(still, f"rms_v_{at}") == value(still, f"rms_u_axis_{at}") == pytest.approx(0.2 / 3)
+    assert value(swings, "rms_v_most") == pytest.approx(np.hypot(0.4945, 0.2 / 3), abs=1e-3)
+    assert value(swings, "rms_v_most_at") == pytest.approx(0.01)
+
+
 @pytest.mark.parametrize(
     ("value", "deviation"), [(1.8, -0.1), (2.0, 0.0), (2.1, 0.0), (2.2, 0.0), (2.31, 0.05)]
 )  # fmt: skip

@@ -19,7 +19,8 @@ from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
 
 SEED = 31
-HEAD = len("wakeflow: ")
+HEADING = "wakeflow: "
+HEAD = len(HEADING)
 
 
 def is_one_line(text: str) -> bool:
@@ -104,7 +105,8 @@ def check_words(number: int, scene: Path, run: Path, out: Path) -> int:
         assert is_one_line(first[0][HEAD:]), (number, words, first)
     assert "Traceback" not in said.getvalue()
     if code == 2:
-        assert len(said.getvalue().splitlines()) == 1, (number, words, said.getvalue())
+        mistakes = said.getvalue().splitlines()
+        assert all(one.startswith(HEADING) and is_one_line(one[HEAD:]) for one in mistakes), (number, words, mistakes)
     return code
 
 

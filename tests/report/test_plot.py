@@ -209,7 +209,7 @@ def test_a_notebook_shows_the_answer_and_a_line_says_it(small_run: wf.Result) ->
     bins, fractions = small_run.separation["bins"], list(small_run.scene["fraction"])
     (rows,) = page.tables.values()
     assert rows[0][: len(fractions) + 1] == ["% of its mass", *fractions]
-    assert [row[0] for row in rows] == ["% of its mass", *bins, "recovery"]
+    assert [row[0] for row in rows] == ["% of its mass", *bins, "recovery", "loss", "loss, kg/h"]
     value = 100 * small_run.share(fractions[0], bins[0])[0]
     assert float(rows[1][1].split()[0]) == pytest.approx(value, abs=0.06)
 

@@ -45,7 +45,7 @@ def profile(y: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("life", [0.02, 0.2])
 def test_tracers_stay_well_mixed_in_uneven_turbulence(life: float) -> None:
     """Thomson (1987): what fills a box evenly goes on doing so. Without the drift it gathers at the walls."""
-    field, walls = closed_box(24, profile, lambda y: profile(y) / (0.5 + 0.75 * 2.1) / life)
+    field, walls = closed_box(24, profile, lambda y: LIFETIME * profile(y) / life)
     count, bins = 4000, 10
     tracks = track(
         field,
@@ -69,7 +69,7 @@ def spread(slip: float, noise: float, monkeypatch: pytest.MonkeyPatch, seed: int
     life, until, count = 0.05, 1.0, 4000
     points, triangles = box(8, low=-20.0, high=20.0)
     k = np.full(len(points), 1.5)
-    field = FlowField.from_arrays(points, triangles, 0 * points, k=k, dissipation=k / (0.5 + 0.75 * 2.1) / life)
+    field = FlowField.from_arrays(points, triangles, 0 * points, k=k, dissipation=LIFETIME * k / life)
     grains = Granules(np.zeros((count, 2)), np.tile([0.0, -slip], (count, 1)), diameter=2e-5, density=1000.0)
     tau = 1000.0 * 4e-10 / (18 * field.viscosity)
     tracks = track(

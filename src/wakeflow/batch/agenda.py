@@ -15,6 +15,8 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
+from heapq import heapify, heappop, heappush
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -30,12 +32,13 @@ from ..pipeline.airflow_kinds import CaseAir
 from ..pipeline.cache import Listener, null_listener
 from ..pipeline.pipeline import Pipeline
 from ..pipeline.track_stage import unweighed
-from ..planning.cost import airflow_cost, ranks_for, typical_cells
+from ..planning.cost import SHARED, airflow_cost, ranks_for, typical_cells
 from ..planning.make import make_plan
 from ..planning.messages import unfelt, unfelt_line
 from ..planning.plan import Plan
+from ..planning.stages import FLIGHTS
 from ..runs import answer_key
-from ..runs.progress import time_left
+from ..runs.progress import OVERDUE, TRUSTED, time_left
 from ..scene import Scene
 from .variant import SCENES_PER_LINE, Variant
 from .work import Job, finished, fly_scene, solve_airflow_of
@@ -81,6 +84,7 @@ def _distances(points: Sequence[Mapping[str, object]]) -> NDArray[np.float64]:
 
 # -- The agenda of a sweep ---------------------------------------------------------------------------------------------
 AIRFLOWS = "airflows"  # folder of the airflows' own results
+ON_ALL_CORES, BOTH_CORES = (FLIGHTS, "slab"), 2.0  # work whose expected seconds are those of two cores together
 
 
 @dataclass(frozen=True)
@@ -93,9 +97,14 @@ class Step:
     job: Job
     airflow: bool
     needs: str | None
-    seconds: float  # expected
+    seconds: float  # of cores, expected
     disk: float  # bytes, expected
     ranks: int = 1
+
+    @property
+    def wall(self) -> float:
+        """Expected seconds on the threads that it has; programs of the airflow take one core."""
+        return self.seconds if self.airflow else self.seconds / self.job.threads
 
 
 @dataclass(frozen=True)
@@ -146,6 +155,17 @@ class _Planned:
     def job(self, folder: Path, threads: int, *, report: bool = False) -> Job:
         """What a worker does for it in a folder."""
         return Job(self.scene.tables(), self.request, folder, self.stamp, self.plan, threads, report)
+
+    def seconds(self, *, airflow: bool, report: bool) -> float:
+        """Expected core-seconds of what is shared with scenes in the same airflow, its other grids among it, or of the
+        rest, which is all where no airflow is solved; with a ``report`` or without.
+        """
+        names = {stage.name for stage in SHARED} if self.airflow is not None else set[str]()
+        return sum(
+            one.whole * (BOTH_CORES if one.key.stage.work in ON_ALL_CORES else 1.0)
+            for one in self.plan.stages
+            if (one.key.name in names) is airflow and (report or one.key.name != "report")
+        )
 
     @property
     def ranks(self) -> int:
@@ -246,7 +266,7 @@ def _airflow_steps(planned: Iterable[_Planned], out: Path, threads: int) -> Iter
     for key, one in first.items():
         cost, folder = airflow_cost(one.scene, one.plan.airflow), _folder(key)
         job, needs = one.job(out / folder, threads), folders.get(one.request.near or "")
-        steps.append(Step(folder, job, True, needs, cost.seconds, cost.disk, one.ranks))
+        steps.append(Step(folder, job, True, needs, one.seconds(airflow=True, report=False), cost.disk, one.ranks))
     return sorted(steps, key=lambda step: -step.seconds)
 
 
@@ -256,61 +276,104 @@ def _flight_steps(planned: Iterable[_Planned], out: Path, threads: int, *, repor
         same, name = (one.airflow, one.flight), one.variant.name
         before = None if one.airflow is None else _folder(one.airflow)
         air = airflow_cost(one.scene, one.plan.airflow)
-        needs, alone = leaders.get(same, before), sum(stage.whole for stage in one.plan.stages)
+        needs = leaders.get(same, before)
         leaders.setdefault(same, name)
-        seconds, disk = alone - air.seconds, one.plan.estimate["disk"] - air.disk
+        seconds, disk = one.seconds(airflow=False, report=report), one.plan.estimate["disk"] - air.disk
         yield Step(name, one.job(out / name, threads, report=report), False, needs, seconds, disk)
 
 
 # -- Doing an agenda ---------------------------------------------------------------------------------------------------
-TELL_EVERY = 1.0  # s between looks at the time left, where nothing ends
+LOOK_EVERY = 1.0  # s between looks at the time left, where nothing ends
+TOLD_AGAIN = 1.5  # times shorter than the one told last: the time left is told anew
+AT_HAND = 0.02  # of the expected time: a step that takes less was found in the cache, and says nothing of the pace
 
 
 @dataclass
 class SweepProgress:
-    """How far an agenda is, in expected core-seconds, which say better than a count how much is left."""
+    """How far an agenda of ``steps`` is on so many ``workers``: what has begun and ended when, by the name of a step.
 
-    steps: int
-    expected: float
-    done: int = 0
+    What is left is laid out on the workers, each kind of step, airflows and flights, at the pace that it had so far.
+    """
+
+    steps: Sequence[Step]
+    workers: int
+    clock: Callable[[], float] = time.monotonic
+    began: dict[str, float] = field(default_factory=dict)  # of steps under way: when
+    took: dict[str, float] = field(default_factory=dict)  # of steps that have ended: s
     failed: int = 0
-    behind: float = 0.0
-    started: float = field(default_factory=time.monotonic)
-    paced: float = 0.0  # seconds after which the last step ended
     least: float = math.inf  # seconds left as reported so far
+    told: float = math.inf  # those told last, if nothing has ended since
 
-    def ended(self, step: Step, problem: str) -> None:
-        """Count a step."""
-        self.done += 1
+    def begin(self, handed_out: Iterable[Step]) -> None:
+        """Note which steps are under way: of those that are handed out, and have not ended, as many as work at once."""
+        for step in islice(handed_out, self.workers):
+            self.began.setdefault(step.name, self.clock())
+
+    def end(self, step: Step, problem: str) -> None:
+        """Note that a step has ended, perhaps before it began."""
+        self.took[step.name] = self.clock() - self.began.pop(step.name, self.clock())
         self.failed += bool(problem)
-        self.behind += step.seconds
-        self.paced = time.monotonic() - self.started
+        self.told = math.inf
+
+    def news(self, tell: Callable[[str], None]) -> None:
+        """Tell how far it is, where a step has ended or what is left is much less than was told."""
+        if self.told > TOLD_AGAIN * (left := self.left):
+            self.told = left
+            tell(str(self))
+
+    def _pace(self, airflow: bool) -> float:
+        """Seconds that steps of a kind take over those expected of them."""
+        taken = expected = TRUSTED
+        for step in self.steps:
+            now = self.took.get(step.name)
+            if now is None and step.name in self.began:
+                now = self.clock() - self.began[step.name]
+                now = now if now > step.wall else None  # overdue
+            if step.airflow is airflow and now is not None and now > AT_HAND * step.wall:
+                taken, expected = taken + now, expected + step.wall
+        return taken / expected
 
     @property
-    def left(self) -> float | None:
-        """Seconds left, if what is left costs what is behind has cost; None before anything is behind."""
-        if not self.behind:
-            return None
-        whole = self.paced * self.expected / self.behind
-        return max(whole - (time.monotonic() - self.started), 0.0)
+    def left(self) -> float:
+        """Seconds until the last step has ended."""
+        pace = {airflow: self._pace(airflow) for airflow in (True, False)}
+        ends, free = dict[str | None, float](), [0.0] * max(0, self.workers - len(self.began))
+        for step in self.steps:
+            if step.name in self.began:
+                spent, whole = self.clock() - self.began[step.name], pace[step.airflow] * step.wall
+                ends[step.name] = max(whole - spent, (1.0 - OVERDUE) * max(whole, spent))
+                free.append(ends[step.name])
+        heapify(free)
+        for step in self.steps:
+            if step.name not in self.began and step.name not in self.took:
+                ends[step.name] = max(heappop(free), ends.get(step.needs, 0.0)) + pace[step.airflow] * step.wall
+                heappush(free, ends[step.name])
+        return max(ends.values(), default=0.0)
 
     def __str__(self) -> str:
-        seconds, left = self.left, ""
-        if seconds and self.done < self.steps:
+        """Scenes and stages that have ended of all, how many failed, and the time left."""
+        scenes = [step for step in self.steps if not step.airflow]
+        left, failed = "", f", {self.failed} failed" if self.failed else ""
+        if len(self.took) < len(self.steps):
+            seconds = self.left
             self.least = min(self.least, seconds)
             left = f", {time_left(seconds, self.least)} left"
-        failed = f", {self.failed} failed" if self.failed else ""
-        return f"{self.done} of {self.steps} stages{failed}{left}"
+        done = sum(step.name in self.took for step in scenes)
+        return f"{done} of {len(scenes)} scenes, {len(self.took)} of {len(self.steps)} stages{failed}{left}"
 
 
 def do_agenda(
-    agenda: Agenda, executor: Executor, tell: Callable[[str], None], ended: Callable[[Step, str], None]
-) -> None:
-    """Do every step; ``ended(step, problem)`` hears of each in the order in which they end, ``tell`` how far it is.
+    agenda: Agenda, executor: Executor, tell: Callable[[str], None], ended: Callable[[Step, str], None],
+    workers: int = 1,
+) -> None:  # fmt: skip
+    """Do every step; ``ended(step, problem)`` hears of each in the order in which they end. ``tell`` hears how far it
+    is, as ``workers`` work at once: whenever a step has ended, and when what is left is much less than was told.
 
     Steps are handed out in the order of the agenda as soon as what they need has ended: airflows first, then flights.
     """
-    progress, left = SweepProgress(len(agenda.steps), agenda.seconds), list(agenda.steps)
+    if not agenda.steps:
+        return
+    progress, left = SweepProgress(agenda.steps, workers), list(agenda.steps)
     running: dict[Future[str], Step] = {}
     done: set[str | None] = {None}  # names of steps that have ended
     lost: dict[str | None, str] = {}  # by name why flights that need a step fail with it
@@ -319,7 +382,7 @@ def do_agenda(
         done.add(step.name)
         if step.airflow and problem:
             lost[step.name] = f"its airflow failed: {problem}"
-        progress.ended(step, problem)
+        progress.end(step, problem)
         ended(step, problem)
 
     while True:
@@ -333,8 +396,9 @@ def do_agenda(
                     running[_begun(step, executor)] = step
         if not running:
             break
-        tell(str(progress))
-        for future in wait(running, timeout=TELL_EVERY, return_when=FIRST_COMPLETED).done:
+        progress.begin(running.values())
+        progress.news(tell)
+        for future in wait(running, timeout=LOOK_EVERY, return_when=FIRST_COMPLETED).done:
             end(running.pop(future), _problem(future))
     tell(f"done {progress}")
 

@@ -167,7 +167,8 @@ def sweep(
                 _check_disk(agenda, folder)
                 rows = _Rows(folder, found, agenda)
                 with sums.writing(folder, partial(_tables, folder), COMMAND):
-                    do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended)
+                    at_once = executor.size if isinstance(executor, Cluster) else count
+                    do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended, at_once)
                     return rows.finish(figures=figures)
     except Timeout:
         raise SceneError(f"another sweep is writing to {folder}; wait for it or choose another --out") from None

@@ -21,13 +21,13 @@ def verdicts_of(result: Result) -> Iterator[Verdict]:
     for name, most in Scene.parse(result.scene).limit.asked.items():
         kind, of = name.split(".")
         value = separation.loss[of] if kind == "loss" else separation.dirt[of]
-        verdict = _judged(result, value, most)
+        verdict = judged(result, value, most)
         yield Verdict(name, most, value, verdict, _deciding(result, name, value, most) if verdict == OPEN else "")
 
 
-def _judged(result: Result, value: Number | None, most: float) -> str:
-    """An answer that is void says nothing, and one whose interval lacks something at most what exceeds the limit is
-    known to be too little.
+def judged(result: Result, value: Number | None, most: float) -> str:
+    """Whether a ``value`` of a ``result`` is known to be at most so much: met, not met or open. An answer that is void
+    says nothing, and one whose interval lacks something at most what exceeds the limit is known to be too little.
     """
     if value is None or result.void or result.lacking:
         return OPEN

@@ -80,7 +80,8 @@ def _mean(one: Material, quantity: str) -> str:
     value, margin = getattr(one, quantity), default_margins().get(quantity)
     if margin is None or not isinstance(value, int | float):
         return ""
-    half = margin.half(float(value), one.evidence[quantity].confidence, 0.0)
+    own = one.half_of(quantity)
+    half = margin.half(float(value), one.evidence[quantity].confidence, 0.0) if own is None else own
     return f" (a lot's mean: +- {half:.2g})"
 
 

@@ -103,12 +103,6 @@ class FlowField(Triangles):
         clock = checks.times(times, period)
         parts = None if coefficients is None else checks.coefficients(coefficients, clock, period)
         lead = (len(nodes),) if clock is None else ((clock if parts is None else parts.T).shape[0], len(nodes))
-        if mean_free_path is None:
-            mean_free_path = MEAN_FREE_PATH if density is None and viscosity is None else 0.0
-        air: dict[str, Any] = {"density": checks.positive("density", 1.2 if density is None else density, "kg/m^3")}
-        air["viscosity"] = checks.positive("viscosity", 1.8e-5 if viscosity is None else viscosity, "Pa*s")
-        air["temperature"] = checks.positive("temperature", temperature, "K")
-        air["mean_free_path"] = checks.positive("mean_free_path", mean_free_path, "m", or_zero=True)
         speed = checks.of_shape("velocity", velocity, (*lead, 2), "m/s")
         scalars = (("pressure", pressure, "Pa"), ("k", k, "m^2/s^2"), ("dissipation", dissipation, "m^2/s^3"))
         nodal: dict[str, Any] = {name: checks.optional(name, values, lead, unit) for name, values, unit in scalars}
@@ -118,7 +112,8 @@ class FlowField(Triangles):
         lost = None if truncation is None else Truncation.from_array(checks.finite("truncation", truncation))
         field = cls(
             nodes, cells, speed, times=clock, period=period,
-            given_gradient=gradient, coefficients=parts, truncation=lost, **nodal, **air,
+            given_gradient=gradient, coefficients=parts, truncation=lost, **nodal,
+            **_gas(density, viscosity, temperature, mean_free_path),
         )  # fmt: skip
         return field if motion is None else field.moving(*checks.motion(motion))
 
@@ -331,3 +326,15 @@ AGAIN = "it cannot be read as a flow field; the run that wrote it writes it anew
 def nodal(field: FlowField) -> dict[str, Any]:
     """The nodal arrays that a ``field`` has, by name."""
     return {name: values for name in NODAL if (values := getattr(field, name)) is not None}
+
+
+def _gas(density: float | None, viscosity: float | None, temperature: float, path: float | None) -> dict[str, Any]:
+    """What the air is, checked: its density and viscosity by default, and its mean free path where both are."""
+    if path is None:
+        path = MEAN_FREE_PATH if density is None and viscosity is None else 0.0
+    return {
+        "density": checks.positive("density", 1.2 if density is None else density, "kg/m^3"),
+        "viscosity": checks.positive("viscosity", 1.8e-5 if viscosity is None else viscosity, "Pa*s"),
+        "temperature": checks.positive("temperature", temperature, "K"),
+        "mean_free_path": checks.positive("mean_free_path", path, "m", or_zero=True),
+    }

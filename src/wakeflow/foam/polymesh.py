@@ -83,8 +83,9 @@ def _flatten(
 ) -> FoamMesh:
     """Project onto the plane: ``back`` holds the face of each cell that lies in it, ``above`` the points outside."""
     renumber = np.full(len(points), -1, dtype=np.intp)
-    renumber[~above] = np.arange(np.count_nonzero(~above))
-    flat = np.ascontiguousarray(points[~above, :2])
+    kept = ~above & np.isin(np.arange(len(points)), corners)  # cells that were taken out may leave points
+    renumber[kept] = np.arange(np.count_nonzero(kept))
+    flat = np.ascontiguousarray(points[kept, :2])
     cells, centres = _cells(flat, renumber[corners], ends, back[np.argsort(owner[back])])
     faces, cell, patch, slots = [], [], [], []
     names = tuple(name for name, entry in patches.items() if entry.type != "empty" and entry.size)

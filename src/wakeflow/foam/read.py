@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FoamError
+from ..core.foam_text import read_entries, text_of
 from ..core.lazy import cached_property
 from ..core.record import JsonTable
 from ..laws.turbulence import FROM_EPSILON, FROM_OMEGA, Dissipation, TurbulenceModel, turbulence_models
@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 DIMENSIONS = {  # kg, m, s of what an incompressible solver stores
     "U": (0, 1, -1), "p": (0, 2, -2), "k": (0, 2, -2), "omega": (0, 0, -1), "epsilon": (0, 2, -3), "nut": (0, 2, -1),
 }  # fmt: skip
+READ = {*DIMENSIONS, "phi", "transportProperties", "physicalProperties", "turbulenceProperties", "momentumTransport"}
 NU = (0, 2, -1, 0, 0, 0, 0)
 NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?(e[+-]?[0-9]+)?", re.I)  # the name of a time folder
 
@@ -61,25 +62,28 @@ class Snapshot:
     dissipation: Array | None
 
 
-def _opened(path: Path) -> Any:
-    """A field's file, packed or not."""
-    from foamlib import FoamFieldFile
-
-    return FoamFieldFile(path if path.exists() else path.with_name(path.name + ".gz"))
-
-
 @contextmanager
 def _reading(path: Path) -> Iterator[None]:
-    """Raise FoamError, with the file's name, for what its reader makes of a file that is cut short or has macros."""
+    """Raise FoamError, with the file's name, for what cannot be made a number of, or opened."""
     try:
         yield
     except FoamError:
         raise
-    except (ValueError, LookupError, TypeError, AttributeError, EOFError, zlib.error) as problem:
+    except (ValueError, LookupError, TypeError, AttributeError) as problem:
         why = str(problem) or type(problem).__name__
-        raise FoamError(f"cannot read {path}: {why}; write out its macros", log=path) from None
+        raise FoamError(f"cannot read {path}: {why}; write it anew", log=path) from None
     except OSError as problem:
         raise FoamError(f"cannot read {path}: {problem.strerror or problem}", log=path) from None
+
+
+def _said(path: Path, *keys: str) -> dict[str, Any]:
+    """What a file of OpenFOAM's says under the ``keys``, by default under all."""
+    from foamlib import FoamFile
+
+    with _reading(path):
+        entries = read_entries(path)
+        asked = {key: entries[key] for key in ("FoamFile", *(keys or entries)) if key in entries}
+        return dict(FoamFile.loads(text_of(asked).encode("latin-1")))
 
 
 class CaseFields:
@@ -132,9 +136,9 @@ class CaseFields:
         An edge of a patch without stored values takes its cell's value (zero gradient).
         """
         plane, path, count = self.mesh.plane, folder / name, len(self.mesh.plane.cells)
+        data = _said(path, "dimensions", "internalField")
         with _reading(path):
-            data = _opened(path)
-            cells, said = np.asarray(data.internal_field, dtype=float), data.get("dimensions")
+            cells, said = np.asarray(data["internalField"], dtype=float), data.get("dimensions")
         if (
             (known := DIMENSIONS.get(name.removesuffix("Mean")))
             and said is not None
@@ -171,19 +175,16 @@ class CaseFields:
         """What a field's file says of the ``patches``, by default of all: under its name, else a group of it, else the
         last pattern that it matches, as OpenFOAM reads it.
 
-        Raises FoamError where the file says nothing of a patch, or takes it from a macro or from another file.
+        Raises FoamError where the file says nothing of a patch.
         """
         found, path = {}, folder / name
-        with _reading(path):
-            said = {key: dict(entry) for key, entry in _opened(path).boundary_field.items()}
+        said = _said(path, "boundaryField").get("boundaryField", {})
         for patch in patches or self.mesh.plane.patches:
             groups = [key for key in said if key in self.mesh.groups[patch]]
             patterns = [key for key in said if key[:1] == '"' and re.fullmatch(key.strip('"'), patch)]
             key = patch if patch in said else next(iter((*groups, *reversed(patterns))), None)
             if key is None:
                 raise FoamError(f"{path} has no condition for the patch {patch}", log=path)
-            if other := [one for one in said[key] if one[:1] in "$#"]:
-                raise FoamError(f"{path}: {patch} has {other[0]}: write out what it represents", log=path)
             found[patch] = said[key]
         return found
 
@@ -226,8 +227,7 @@ class CaseFields:
         """Whether a linear eddy-viscosity model ran, as ``constant/turbulenceProperties`` says (unknown: yes)."""
         if "turbulence" in self.parameters:
             return self.model is None or self.model.turbulent
-        path = self.case / "constant" / "turbulenceProperties"
-        return not path.exists() or re.search(r"^\s*simulationType\s+laminar", path.read_text(), re.M) is None
+        return self._properties("turbulenceProperties", "momentumTransport")[1].get("simulationType") != "laminar"
 
     @cached_property
     def model(self) -> TurbulenceModel | None:
@@ -246,22 +246,21 @@ class CaseFields:
         """The parameters of a case written from the template; empty for other cases."""
         return read_parameters(self.case)
 
+    def _properties(self, *names: str) -> tuple[Path, dict[str, Any]]:
+        """The first of the files ``constant/NAME`` that is there, and what it says."""
+        places = [self.case / "constant" / name for name in names]
+        path = next((path for path in places if path.exists()), places[0])
+        return path, _said(path) if path.exists() else {}
+
     def viscosity(self) -> float:
         """Kinematic viscosity (m2/s) from the parameters, or from ``constant/transportProperties``, which OpenFOAM of
         the Foundation calls ``physicalProperties`` from version 10 on.
         """
         if "nu" in self.parameters:
             return float(self.parameters["nu"])
-        from foamlib import FoamFile
-
-        places = [self.case / "constant" / name for name in ("transportProperties", "physicalProperties")]
-        path = next((path for path in places if path.exists()), places[0])
-        with _reading(path):
-            said = FoamFile(path).as_dict() if path.exists() else {}
-            value: Any = said.get("nu")
-            if isinstance(value, str) and value.startswith("$"):
-                value = said.get(value[1:])
-            model = said.get("transportModel", said.get("viscosityModel", "Newtonian"))
+        path, said = self._properties("transportProperties", "physicalProperties")
+        value: Any = said.get("nu")
+        model = said.get("transportModel", said.get("viscosityModel", "Newtonian"))
         if value is None or model not in ("Newtonian", "constant"):
             raise FoamError(f"{path} gives no nu of a Newtonian fluid, which is needed")
         with _reading(path):

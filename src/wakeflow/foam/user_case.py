@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
+from ..core.foam_text import read_entries
 from ..core.geometry import distance_to, distance_to_edges
 from ..core.number import Number
 from ..laws.turbulence import NUT
 from .airflow_result import AirflowResult
 from .case import FlowSpec
 from .measure import motion_in, plane_numbers
-from .read import CaseFields, Snapshot, loop_of, read_flow, time_folders
+from .read import READ, CaseFields, Snapshot, loop_of, read_flow, time_folders
 from .reconstruction import PlaneMesh
 
 Array = NDArray[np.float64]
@@ -27,11 +28,17 @@ ALONG = 0.9  # cosine: an opening counts as an end of the channel where the air 
 
 
 def case_files(case: Path, time: str) -> list[Path]:
-    """Everything of a case that its airflow depends on: mesh, properties, and the times that are read."""
+    """Everything of a case that its airflow depends on: mesh, properties, the times that are read, and what these
+    include.
+    """
     times = time_folders(case)
     chosen = times[-1:] if time == "latest" else times
     extra = [case / "system" / "parameters", case / "loop.json"]
-    return [case / "constant", *(path for path in extra if path.exists()), *chosen]
+    taken = list[Path]()
+    for path in (one for folder in (case / "constant", *chosen) for one in folder.iterdir()):
+        if path.name.removesuffix(".gz").removesuffix("Mean") in READ:
+            read_entries(path, taken)
+    return [case / "constant", *(path for path in extra if path.exists()), *chosen, *taken]
 
 
 def measure_given(spec: FlowSpec, case: Path, time: str) -> AirflowResult:

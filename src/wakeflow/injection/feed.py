@@ -174,7 +174,7 @@ def granules_of(
     properties, scale = fraction.properties, np.asarray(plan.drag_scale)
     if settling is not None:
         law, air = plan.drag, (*STANDARD_AIR, GRAVITY)
-        scale = drag_factor_for_terminal_velocity(diameter, properties.density, settling, *air, law)
+        scale = drag_factor_for_terminal_velocity(diameter, properties.density, settling, *air, law, fraction.roundness)
         scale = scale * slip_correction(diameter)
     scale = scale / slip_correction(diameter, MEAN_FREE_PATH if scene.air is None else scene.air.mean_free_path)
     own = dict.fromkeys(("restitution", "friction"))
@@ -186,7 +186,7 @@ def granules_of(
         velocity=origin,
         diameter=diameter,
         density=properties.density,
-        sphericity=fraction.sphericity or 1.0,
+        sphericity=fraction.roundness,
         restitution=properties.restitution if own["restitution"] is None else own["restitution"],
         friction=properties.friction if own["friction"] is None else own["friction"],
         drag_scale=scale,

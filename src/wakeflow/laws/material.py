@@ -103,6 +103,10 @@ class Material:
     def __post_init__(self) -> None:
         object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
 
+    def half_of(self, quantity: str) -> float | None:
+        """Half of the 95 % interval of a quantity's mean where it says that itself."""
+        return self.evidence[quantity].uncertainty if quantity in self.evidence else None
+
     def at_moisture(self, share: float) -> Material:
         """The material with a ``share`` of water (of its whole mass), as it was measured between its driest and its
         wettest.
@@ -291,7 +295,7 @@ MARGIN_CONFIDENCES = ("measured", "typical", "low", "given", "all")
 @dataclass(frozen=True)
 class DefaultMargin:
     """Half of a 95 % interval of one quantity: ``relative`` to the number, ``absolute`` in its unit, by confidence, or
-    ``in_widths`` of the first body.
+    ``in_widths`` of the first body; ``plate``: what the plate makes of it, measured alike.
     """
 
     relative: Mapping[str, float]
@@ -299,6 +303,7 @@ class DefaultMargin:
     in_widths: float | None
     source: str
     status: str
+    plate: float = 0.0
 
     def half(self, value: float, confidence: str, width: float) -> float:
         """Half of the interval in the quantity's unit: of a ``value`` known with a ``confidence``, in a scene whose
@@ -306,8 +311,15 @@ class DefaultMargin:
         """
         if self.in_widths is not None:
             return self.in_widths * width
-        table, scale = (self.relative, abs(value)) if self.relative else (self.absolute, 1.0)
-        return scale * table.get("all", table.get(confidence, 0.0))
+        table = self.relative or self.absolute
+        return self._scale(value) * table.get("all", table.get(confidence, 0.0))
+
+    def of_plate(self, value: float) -> float:
+        """What the plate makes of the half of the interval of a ``value``, in the quantity's unit."""
+        return self._scale(value) * self.plate
+
+    def _scale(self, value: float) -> float:
+        return abs(value) if self.relative else 1.0
 
 
 @cache
@@ -324,5 +336,5 @@ def _entry(name: str, table: dict[str, Any]) -> DefaultMargin:
         raise SceneError(f"uncertainties.toml: {name}: breaks the rules at the head of the file")
     return DefaultMargin(
         table.get("relative", {}), table.get("absolute", {}), table.get("absolute_in_widths"), table["source"],
-        table["status"],
+        table["status"], table.get("plate", 0.0),
     )  # fmt: skip

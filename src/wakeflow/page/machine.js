@@ -4,6 +4,8 @@ import { make, pick, state, tell } from "./core.js";
 import { edit } from "./page.js";
 
 const held = { name: null, one: null, gesture: null, waiting: null, sending: false, timer: 0 };
+const emptied = new Map();  // fields by key that were emptied here: they stay, to be filled anew
+const absent = (one) => one.value === null && !emptied.has(one.key);
 export const busyWithMachine = () => held.name !== null;
 
 export function showMachine(scene) {
@@ -113,7 +115,10 @@ function form(scene) {
   scene.form.forEach((group, i) => {
     const node = groups.get(group.table) || make("details", { "data-table": group.table, open: group.fields.some((one) => one.value !== null) });
     groups.delete(group.table);
-    node.classList.toggle("absent", group.fields.every((one) => one.value === null));
+    const before = new Map([...node.querySelectorAll("input")].map((input, at) => [input.dataset.key, at]));
+    const gone = [...emptied.values()].filter((one) => one.table === group.table && group.fields.every((other) => other.key !== one.key));
+    group.fields = [...group.fields, ...gone].sort((a, b) => (before.get(a.key) ?? before.size) - (before.get(b.key) ?? before.size));
+    node.classList.toggle("absent", group.fields.every(absent));
     fields(node, group, scene);
     if (pick("form").children[i] !== node) pick("form").insertBefore(node, pick("form").children[i] || null);
   });
@@ -132,26 +137,36 @@ function fields(node, group, scene) {
   if (node.dataset.shape !== shape) {
     node.dataset.shape = shape;
     const drop = make("button", { type: "button", class: "drop", onclick: (event) => { event.preventDefault(); edit({ set: { [group.table]: null } }); } }, "Remove");
-    node.replaceChildren(make("summary", { title: group.about }, group.table || "the whole scene", ...(group.removable ? [drop] : [])), ...group.fields.map(field));
+    node.replaceChildren(make("summary", { title: group.about }, group.table || "the whole scene", ...(group.removable ? [drop] : [])), ...group.fields.map((one) => field(one, group.table)));
   }
   group.fields.forEach((one, i) => {
     const row = node.children[i + 1], input = row.querySelector("input");
-    row.classList.toggle("absent", one.value === null);
+    row.classList.toggle("absent", absent(one));
     if (document.activeElement !== input || input.dataset.typed === input.value) input.dataset.typed = input.value = one.value === null ? "" : one.value;
     const wrong = [`: ${one.key} = `, `: ${one.key}: `, `: ${one.key}[`];
     const told = scene.mistake.split("\n").filter((line) => wrong.some((start) => line.includes(start))).map((line) => line.slice(line.indexOf(one.key))).join("; ");
     row.classList.toggle("wrong", Boolean(told));
-    row.querySelector("small").textContent = told;
+    row.querySelector("small").replaceChildren(told, ...cures(told, one));
   });
 }
 
-function field(one) {
+// What a mistake says that may be meant, each to be taken with a click: of a decimal comma the number with a point.
+function cures(told, one) {
+  if (told.includes("unknown key") || one.value === null) return [];
+  const given = (told.match(/ = '([^']*)': /) || [])[1] || one.value;
+  const named = (told.match(/(?:without a mark: |did you mean )('[^']+'(?:,? (?:or )?'[^']+')*)/) || ["", ""])[1].match(/'[^']+'/g) || [];
+  const found = named.length ? named.map((word) => word.slice(1, -1)) : /^[^,]*\d,\d+(?!\d)[^,]*$/.test(given) && told ? [given.replace(",", ".")] : [];
+  return found.map((word) => make("button", { type: "button", class: "cure", onclick: () => edit({ set: { [one.key]: one.value.replace(given, word) }, gesture: `type ${one.key}` }) }, `Write ${word}`));
+}
+
+function field(one, table) {
   const id = `key ${one.key}`, list = `choices ${one.key}`;
   const input = make("input", { id, "data-key": one.key, placeholder: one.hint, autocomplete: "off", spellcheck: "false", list: one.choices.length ? list : null });
   const typed = () => {
     clearTimeout(held.timer);
     if (input.value === input.dataset.typed) return;
     input.dataset.typed = input.value;
+    if (input.value.trim() === "") emptied.set(one.key, { ...one, table, value: null });
     edit({ set: { [one.key]: input.value.trim() === "" ? null : input.value }, gesture: `type ${one.key}` });
   };
   input.addEventListener("input", () => { clearTimeout(held.timer); held.timer = setTimeout(typed, 400); });

@@ -17,7 +17,7 @@ export function show(scene) {
   pick("undo").disabled = !scene.undo;
   pick("redo").disabled = !scene.redo;
   pick("conflict").hidden = !scene.conflict;
-  pick("mistake").textContent = scene.mistake;
+  pick("mistake").replaceChildren(scene.mistake, ...mended(scene));
   pick("mistake").hidden = !scene.mistake;
   document.body.classList.toggle("stale", Boolean(scene.mistake));
   pick("run").disabled = Boolean(scene.mistake);
@@ -29,6 +29,15 @@ export function show(scene) {
     clearTimeout(plan.timer);
     plan.timer = setTimeout(askPlan, 250);
   }
+}
+
+// A line that is no TOML, as the mistake says it should be written, to be taken with a click.
+function mended(scene) {
+  const found = scene.mistake.match(/not valid TOML: .*at line (\d+), .*; (?:write a decimal point|put quotes round a value with a unit): (.+)$/);
+  if (!found) return [];
+  const lines = scene.text.split("\n"), rest = (lines[found[1] - 1].match(/\s+#.*$/) || [""])[0];
+  lines[found[1] - 1] = found[2] + rest;
+  return [make("br"), make("button", { type: "button", class: "cure", onclick: () => edit({ text: lines.join("\n"), before: scene.text }) }, `Write ${found[2]}`)];
 }
 
 function setText(text) {
@@ -159,12 +168,16 @@ export function view(which) {
 ["machine", "results"].forEach((name) => pick(`show-${name}`).addEventListener("click", () => view(name)));
 
 // -- what the server says
-function listen() {
-  const source = new EventSource("events");
-  source.addEventListener("scene", (event) => { if (!busyWithMachine()) show(JSON.parse(event.data)); });
-  source.addEventListener("queue", (event) => showQueue(JSON.parse(event.data).queue));
-  source.addEventListener("end", () => { source.close(); ended(); });
-  source.addEventListener("open", async () => { if (state.scene) show(await ask("state")); });
+const hears = {
+  scene: (scene) => { if (!busyWithMachine()) show(scene); },
+  queue: (found) => showQueue(found.queue),
+  end: () => { listen.over = true; ended(); },
+};
+function listen(again) {
+  const news = new WebSocket(new URL("events", location.href.replace(/^http/, "ws")));
+  news.addEventListener("message", (event) => { const told = JSON.parse(event.data); hears[told.kind](told.data); });
+  news.addEventListener("open", async () => { if (state.scene) show(await ask("state")); if (again === true) list(); });
+  news.addEventListener("close", () => { if (!listen.over) setTimeout(listen, 1000, true); });  // the machine slept, say
 }
 
 show(await ask("state"));

@@ -4,16 +4,16 @@ import { ask, make, pick, state, tell } from "./core.js";
 import { edit, openScene, view } from "./page.js";
 
 const open = { run: null, data: null, ends: null, waiting: null, sending: false };
+const when = (row) => new Date(1000 * row.made).toLocaleString([], { dateStyle: "medium", timeStyle: "short" });
 const percent = (one) => one ? one[3] : "–"; // value, low, high, words
 
 export function showStored(found) {
   const chosen = new Set([...document.querySelectorAll("#runs input:checked")].map((box) => box.value));
-  const when = (row) => new Date(1000 * row.made).toLocaleString();
   pick("runs").replaceChildren(...found.runs.map((row) => make("div", { class: "row" },
     make("input", { type: "checkbox", value: row.name, "aria-label": `choose ${row.name}`, onchange: choose, ...(chosen.has(row.name) ? { checked: true } : {}) }),
-    make("button", { type: "button", title: when(row), onclick: () => openRun(row.name) }, row.name))));
+    make("div", {}, make("button", { type: "button", title: row.name, onclick: () => openRun(row.name) }, row.title), make("small", {}, when(row), row.differs ? `; ${row.differs}` : "")))));
   if (!found.runs.length) pick("runs").append(make("p", { class: "soft" }, "None yet: run the scene."));
-  pick("sweeps").replaceChildren(...found.sweeps.map((row) => make("div", { class: "row" }, make("button", { type: "button", onclick: () => openSweep(row.name) }, row.name))));
+  pick("sweeps").replaceChildren(...found.sweeps.map((row) => make("div", { class: "row" }, make("div", {}, make("button", { type: "button", onclick: () => openSweep(row.name) }, row.name), make("small", {}, when(row))))));
   if (!found.sweeps.length) pick("sweeps").append(make("p", { class: "soft" }, "None yet: wakeflow sweep makes them."));
   choose();
 }
@@ -23,7 +23,7 @@ function choose() { pick("compare").disabled = chosen().length < 2; }
 function clear(name) {
   pick("answer-head").hidden = !name;
   pick("answer-name").textContent = name || "";
-  ["dividers", "shares", "points", "differs", "measured"].forEach((id) => pick(id).replaceChildren());
+  ["verdict", "dividers", "shares", "beside", "points", "differs", "measured"].forEach((id) => pick(id).replaceChildren());
   pick("measured").hidden = true;
   pick("report").hidden = true;
 }
@@ -39,8 +39,18 @@ export async function openRun(name) {
   place();
   shares(data);
   measured(data);
+  beside(name);
   if (data.report) report(`run/${name}`);
   else pick("differs").replaceChildren(make("p", { class: "soft" }, `This run has no report yet; wakeflow report ${data.folder} draws it.`));
+}
+
+// The run before it, without being asked for.
+async function beside(name) {
+  const found = await ask("before", { run: name });
+  if (!found || !found.other || open.run !== name || pick("answer-head").hidden) return;
+  const rows = found.rows.map(([what, before, now, apart, clear]) => make("tr", {}, make("th", { scope: "row" }, what), make("td", {}, before), make("td", {}, now), make("td", {}, clear ? make("strong", {}, apart) : apart)));
+  pick("beside").replaceChildren(make("div", { class: "scroll" }, make("table", {}, make("caption", {}, `Next to the run before, ${found.other.title} of ${when(found.other)}: ${found.differs || "the same scene"}. Bold: the interval of the difference leaves zero out.`),
+    make("thead", {}, make("tr", {}, make("th", {}, "percent"), ...["before", "now", "difference"].map((head) => make("th", { scope: "col" }, head)))), make("tbody", {}, ...rows))));
 }
 function report(path) {
   pick("report").src = `${path.split("/").map(encodeURIComponent).join("/")}/`;
@@ -131,6 +141,7 @@ function shares(found) {
   const below = (title, told) => make("tr", {}, make("th", { scope: "row" }, title), ...names.map((name) => make("td", {}, told(name))), make("td"), make("td"));
   const last = [below("recovery", (name) => percent(found.recovery[name])), below("loss", (name) => percent(found.loss[name])), below("loss, kg/h", (name) => found.lost[name].replace(" kg/h", ""))];
   last[0].className = "first";
+  pick("verdict").replaceChildren(...found.limits.map((line) => make("p", { class: `note ${/: (not met|open), /.exec(line) ? "void" : ""}` }, line)));
   const moved = JSON.stringify(open.ends) !== JSON.stringify(open.data.ends);
   pick("own-dividers").disabled = pick("use-dividers").disabled = !moved;
   pick("shares").replaceChildren(make("div", { class: "scroll" }, make("table", {}, make("caption", {}, moved ? "Percent of each fraction's mass with the dividers as they are here, in brackets the 95 % interval." : "Percent of each fraction's mass, in brackets the 95 % interval: the run's own answer."),
@@ -149,17 +160,24 @@ pick("edit-run").addEventListener("click", () => openScene({ run: open.run }));
 
 // -- measured trays
 function measured(data) {
-  const names = Object.keys(data.shares), bins = Object.keys(data.shares[names[0]]).filter((bin) => bin !== "elsewhere");
-  const box = (bin, name) => make("input", { size: 5, "data-bin": bin, "data-fraction": name, "aria-label": `${name} in ${bin}, percent` });
-  const table = make("table", {}, make("thead", {}, make("tr", {}, make("th", {}, "measured, %"), ...names.map((name) => make("th", {}, name)))),
+  const names = Object.keys(data.shares), bins = Object.keys(data.shares[names[0]]);
+  const box = (bin, name) => make("input", { size: 6, placeholder: "26.5", inputmode: "decimal", "data-bin": bin, "data-fraction": name, "aria-label": `${name} in ${bin}, percent of the ${name} that was fed` });
+  const table = make("table", {}, make("caption", {}, "Percent of each fraction's mass that lay in each tray; leave empty what was not weighed."), make("thead", {}, make("tr", {}, make("th", {}, "measured, %"), ...names.map((name) => make("th", { scope: "col" }, name)))),
     make("tbody", {}, ...bins.map((bin) => make("tr", {}, make("th", { scope: "row" }, bin), ...names.map((name) => make("td", {}, box(bin, name)))))));
-  const error = make("input", { size: 4, value: "2", "aria-label": "uncertainty of each, points" }), told = make("p", { class: "soft" }, "Agreement and calibrated numbers appear in the list of runs.");
-  const go = make("button", { type: "button", onclick: async () => {
-    const rows = [...table.querySelectorAll("input")].filter((one) => one.value.trim()).map((one) => [one.dataset.fraction, one.dataset.bin, Number(one.value) / 100, Number(error.value) / 100]);
-    const found = await ask("measured", { run: open.run, rows });
-    if (found) { tell(""); view("machine"); }
-  } }, "Compare and calibrate");
-  pick("measured").replaceChildren(make("details", {}, make("summary", {}, "Measured trays"), table, make("div", { class: "buttons" }, make("label", {}, "± points ", error), go), told));
+  const error = make("input", { size: 4, value: "2", "data-error": "1", "aria-label": "uncertainty of each, points" }), told = make("p", { class: "soft", role: "status" }, "Agreement and calibrated numbers appear in the list of runs.");
+  const whole = make("details", {}, make("summary", {}, "Measured trays"), make("div", { class: "scroll" }, table), make("div", { class: "buttons" }, make("label", {}, "± points ", error),
+    make("button", { type: "button", onclick: async () => {
+      const boxes = [...table.querySelectorAll("input")].filter((one) => one.value.trim());
+      const found = await ask("measured", { run: open.run, rows: boxes.map((one) => [one.dataset.fraction, one.dataset.bin, one.value]), error: error.value });
+      if (!found) return;
+      const wrong = found.wrong || {};
+      boxes.forEach((one) => one.classList.toggle("wrong", `${one.dataset.fraction} in ${one.dataset.bin}` in wrong));
+      error.classList.toggle("wrong", "±" in wrong);
+      told.textContent = Object.entries(wrong).map(([where, what]) => `${where}: ${what}`).join("; ");
+      if (!told.textContent) { tell(""); view("machine"); }
+      else { const first = whole.querySelector("input.wrong") || table.querySelector("input"); first.focus(); }
+    } }, "Compare and calibrate")), told);
+  pick("measured").replaceChildren(whole);
   pick("measured").hidden = false;
 }
 

@@ -18,15 +18,16 @@ import sys
 import webbrowser
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 from tornado.httpserver import HTTPServer
-from tornado.iostream import StreamClosedError
 from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from ..core.errors import SceneError, WakeflowError
 from .session import Lines, Session
@@ -46,7 +47,7 @@ OWN = "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline
       "frame-ancestors 'none'; form-action 'none'; base-uri 'none'"  # fmt: skip
 REPORT = "sandbox allow-scripts; default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; " \
          "script-src 'unsafe-inline'; frame-ancestors 'self'"  # fmt: skip
-SLOW = ("plan", "compare")  # actions that no other waits for
+SLOW = ("plan", "before", "compare")  # actions that no other waits for
 
 
 class Page:
@@ -56,7 +57,7 @@ class Page:
         self.token, self.once = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
         self.loop = asyncio.get_running_loop()
         self.ended = asyncio.Event()
-        self.pages: set[asyncio.Queue[str]] = set()
+        self.pages: set[_News] = set()
         self.seen = False  # whether any page was ever open
         self.port = 0
         self._quick, self._slow = (ThreadPoolExecutor(1, thread_name_prefix=name) for name in ("quick", "slow"))
@@ -74,8 +75,13 @@ class Page:
 
     def listen(self, port: int | None) -> None:
         """Take a ``port``, or the first free one. Raises SceneError where there is none."""
-        routes = {r"/once/(.*)": _Once, r"/([^/]*)/(.*)": _Handler, r".*": _Nothing}
-        application = Application([(path, kind, {"page": self}) for path, kind in routes.items()], log_function=_log)
+        routes = {
+            r"/once/(.*)": _Once, r"/([^/]*)/(events)": _News, r"/([^/]*)/(.*)": _Handler, r".*": _Nothing,
+        }  # fmt: skip
+        application = Application(
+            [(path, kind, {"page": self}) for path, kind in routes.items()], log_function=_log,
+            websocket_ping_interval=ALIVE,
+        )  # fmt: skip
         for tried in [port] if port is not None else range(PORT, PORT + PORTS):
             try:
                 sockets = bind_sockets(tried, ADDRESS)
@@ -89,12 +95,12 @@ class Page:
 
     def say(self, kind: str, data: dict[str, object]) -> None:
         """Tell every open page; from any thread."""
-        text = f"event: {kind}\ndata: {json.dumps(data, allow_nan=False, default=str)}\n\n"
+        text = json.dumps({"kind": kind, "data": data}, allow_nan=False, default=str)
         self.loop.call_soon_threadsafe(self._tell, text)
 
     def _tell(self, text: str) -> None:
-        for page in self.pages:
-            page.put_nowait(text)
+        for page in list(self.pages):
+            page.tell(text)
 
     async def act(self, name: str, ask: dict[str, Any]) -> dict[str, object]:
         """Do one action of the session in a thread of its kind."""
@@ -113,7 +119,7 @@ class Page:
             if quiet > QUIET:
                 break
             await _sleep(self.ended, WATCH)
-        self._tell("event: end\ndata: {}\n\n")
+        self._tell('{"kind": "end", "data": {}}')
         self._server.stop()
         await asyncio.sleep(0.05)  # for the pages to hear it
         self.ended.set()
@@ -186,8 +192,8 @@ class _Once(_Guarded):
         self.redirect(f"/{self.page.token}/")
 
 
-class _Handler(_Guarded):
-    """The page, its files, what it hears and what it asks for."""
+class _Known(_Guarded):
+    """What only the page itself may ask for: its token is in the path."""
 
     def prepare(self) -> None:
         host = self.check_host()
@@ -195,19 +201,50 @@ class _Handler(_Guarded):
             raise HTTPError(403)
         if self.request.method not in ("GET", "POST"):
             raise HTTPError(405)
-        if self.request.method == "POST":
-            kind = self.request.headers.get("Content-Type", "").partition(";")[0]
-            if self.request.headers.get("Origin", f"http://{host}") != f"http://{host}" or kind != "application/json":
-                raise HTTPError(403)
+        if self.request.headers.get("Origin", f"http://{host}") != f"http://{host}":
+            raise HTTPError(403)
         if self.request.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin"):
             raise HTTPError(403)
 
-    async def get(self, _: str, path: str) -> None:
+
+class _News(_Known, WebSocketHandler):
+    """What changes, as it does, for as long as the page is open. Of ordinary connections, as of a stream of events, a
+    browser opens six to a host and no more: the seventh page would wait for ever.
+    """
+
+    def check_origin(self, origin: str) -> bool:
+        """Whether a page of this address asks; :meth:`prepare` has refused every other."""
+        return origin == f"http://{self.check_host()}"
+
+    def open(self, *_: str) -> None:
+        self.page.pages.add(self)
+        self.page.seen = True
+
+    def tell(self, text: str) -> None:
+        """Tell the page, if it is still there."""
+        with suppress(WebSocketClosedError):
+            self.write_message(text).add_done_callback(lambda sent: sent.cancelled() or sent.exception())
+
+    def on_message(self, message: str | bytes) -> None:
+        """A page only listens here."""
+
+    def on_close(self) -> None:
+        self.page.pages.discard(self)
+
+
+class _Handler(_Known):
+    """The page, its files and what it asks for."""
+
+    def prepare(self) -> None:
+        super().prepare()
+        kind = self.request.headers.get("Content-Type", "").partition(";")[0]
+        if self.request.method == "POST" and kind != "application/json":
+            raise HTTPError(403)
+
+    def get(self, _: str, path: str) -> None:
         first, _, rest = path.partition("/")
         if path in FILES:
             self._file(FILES[path])
-        elif path == "events":
-            await self._events()
         elif first in ("run", "compared") and rest:
             self._report(rest.removesuffix("/"), "report.html" if first == "run" else "compare.html")
         else:
@@ -224,31 +261,6 @@ class _Handler(_Guarded):
             raise HTTPError(404) from None
         self.set_header("Content-Security-Policy", REPORT)
         self._file(path)
-
-    async def _events(self) -> None:
-        """What changes, as it does, for as long as the page is open."""
-        news: asyncio.Queue[str] = asyncio.Queue()
-        self.set_header("Content-Type", "text/event-stream")
-        self.page.pages.add(news)
-        self.page.seen = True
-        try:
-            self.write(": here\n\n")
-            await self.flush()
-            while not self.page.ended.is_set():
-                try:
-                    text = await asyncio.wait_for(news.get(), ALIVE)
-                except TimeoutError:
-                    text = ": alive\n\n"
-                self.write(text)
-                await self.flush()
-        except StreamClosedError:
-            pass  # the page was closed
-        finally:
-            self.page.pages.discard(news)
-
-    def on_connection_close(self) -> None:
-        """A page that is closed is noticed at once: the next thing that is said to it fails."""
-        self.page.loop.call_soon(self.page._tell, ": gone\n\n")
 
     async def post(self, _: str, name: str) -> None:
         try:

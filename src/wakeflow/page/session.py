@@ -6,32 +6,38 @@ ValidationError for JSON of another shape. None knows of HTTP.
 
 from __future__ import annotations
 
+import re
 import shutil
 import tempfile
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import ConfigDict, Field, validate_call
 
-from ..answer.result import FILE, Result
+from ..answer.result import FILE, VOID, Result
+from ..answer.shares import Separation
+from ..answer.table import difference_of
+from ..budget.verdicts import judged
 from ..core.errors import SceneError, WakeflowError
 from ..core.files import scene_templates
 from ..core.number import Number
 from ..core.registry import did_you_mean
 from ..planning.make import make_plan
 from ..report.canvas import fraction_colours
+from ..report.many import main_quantities
 from ..report.sketch import sketch_svg
-from ..report.words import calibrated_with, percent, rate_words
+from ..report.words import calibrated_with, difference_text, percent, rate_words, verdict_lines
 from ..scene import Scene
 from ..statistics.moved import StoredLandings
 from .document import SceneDocument, merged
 from .form import addable, first_keys, form_of
 from .handles import dragged, handles_of, step_of
 from .queue import RunQueue
-from .stored import inside, listing, points_of
+from .stored import differs, inside, listing, parts_of, points_of, scene_of
 
 if TYPE_CHECKING:
     from ..planning.plan import Plan
@@ -57,6 +63,7 @@ class Session:
         self._compared = Path(tempfile.mkdtemp(prefix="wakeflow-page-"))
         self.queue = RunQueue(self._queue_changed)
         self._drawn: dict[str, object] = {}
+        self._planned: dict[str, object] = {}
         self._held: Scene | None = None  # what is dragged is dragged from there
 
     def close(self) -> None:
@@ -209,16 +216,24 @@ class Session:
 
     # -- the plan ------------------------------------------------------------------------------------------------------
     def plan(self) -> dict[str, object]:
-        """The plan's lines, and of each fraction whether the air lifts it; of a wrong scene nothing."""
-        document, look = self.document, self.document.look
+        """The plan's lines, and of each fraction whether the air lifts it; of a wrong scene nothing. Every open page
+        asks for it: it is made once a version.
+        """
+        if self._planned.get("version") != self.document.version:
+            self._planned = self._plan()
+        return self._planned
+
+    def _plan(self) -> dict[str, object]:
+        version = self.document.version  # before its text, which another thread may change meanwhile
+        look = self.document.look
         if look.scene is None:
-            return {"version": document.version, "lines": None}
+            return {"version": version, "lines": None}
         try:
             made = make_plan(look.scene)
             lines = self._lines(made, look.scene, look.units)
         except WakeflowError as problem:
-            return {"version": document.version, "lines": None, "mistake": str(problem)}
-        return {"version": document.version, "lines": lines, "notes": _notes(made), "falls": _falls(made, look.scene),
+            return {"version": version, "lines": None, "mistake": str(problem)}
+        return {"version": version, "lines": lines, "notes": _notes(made), "falls": _falls(made, look.scene),
                 "air": None if look.scene.air is None else look.scene.air.speed}  # fmt: skip
 
     # -- runs ----------------------------------------------------------------------------------------------------------
@@ -331,7 +346,35 @@ class Session:
             "purity": {place: told(row) for place, row in found.purity.items() if row},
             **{kind: told(getattr(found, kind)) for kind in ("recovery", "loss", "dirt")},
             "lost": {name: rate_words(one, void=void) for name, one in found.lost.items()},
+            "limits": _verdicts(stored, ends, found),
         }
+
+    def before(self, *, run: str) -> dict[str, object]:
+        """A finished ``run`` next to the one before it with the same fractions and bins: both main numbers and what
+        differs; nothing where there is none.
+        """
+        from ..batch.comparison import compare
+
+        rows = listing(self.runs, self.home)["runs"]
+        names = [str(row["name"]) for row in rows]
+        place = names.index(run) if run in names else len(names)
+        scenes = [scene_of(self.runs / name) for name in names[place:]]
+        alike = (i for i, one in enumerate(scenes) if i and parts_of(one) == parts_of(scenes[0]))
+        if (other := next(alike, None)) is None:
+            return {"run": run, "other": None}
+        table = compare([self._run(names[place + other]), self._run(run)]).table
+        first, last = table.entries
+        void = [one.reason == VOID for one in table.entries]
+        found = [(name, difference_of(first, last, name)) for name in main_quantities(table)]
+        return {
+            "run": run, "other": rows[place + other], "differs": differs(scenes[other], scenes[0]),
+            "rows": [
+                [name.replace(".", " of ", 1).replace(".", ", "), percent(first.by_name.get(name), void=void[0]),
+                 percent(last.by_name.get(name), void=void[1]), "" if one is None else difference_text(one),
+                 one is not None and one.clear]
+                for name, one in found
+            ],
+        }  # fmt: skip
 
     def compare(self, *, runs: tuple[str, ...]) -> dict[str, object]:
         """Write the page of several ``runs`` side by side; returns its name."""
@@ -348,26 +391,69 @@ class Session:
         """A sweep's points."""
         return points_of(inside(self.runs, sweep))
 
-    def measured(self, *, run: str, rows: tuple[tuple[str, str, float, float], ...]) -> dict[str, object]:
-        """Put the calibration of a ``run`` by measured trays at the end of the list: ``rows`` of fraction, bin, share
-        and uncertainty. Raises SceneError where there are none.
+    def measured(self, *, run: str, rows: tuple[tuple[str, str, str], ...], error: str) -> dict[str, object]:
+        """Put the calibration of a ``run`` by measured trays at the end of the list: ``rows`` of fraction, bin and
+        percent as it is typed, ``error`` of each in points. What cannot be read is told as ``wrong``, by its place.
         """
-        folder = self._run(run)
+        folder, wrong = self._run(run), dict[str, str]()
+
+        def part(where: str, typed: str) -> float:
+            try:
+                found = percent_typed(typed)
+            except ValueError as problem:
+                wrong[where] = str(problem)
+                return 0.0
+            return found
+
+        shares = [part(f"{fraction} in {place}", typed) for fraction, place, typed in rows]
+        sure = part("±", error)
         if not rows:
-            raise SceneError("type the share of at least one tray")
-        heads = "fraction", "bin", "share", "uncertainty"
+            wrong["trays"] = "type the percent of at least one, such as 26.5"
+        if not wrong and sure == 0.0:
+            wrong["±"] = "needs a number above 0: no tray is weighed exactly"
+        if wrong:
+            return {"wrong": wrong}
         result = Result.load(folder)
         self.queue.add(
             name=f"{folder.name} and what was measured", folder=folder, base=self.home, scene=folder.name,
             text=Scene.parse(result.scene).as_toml(),
             options={"rung": result.options.rung, "force": result.options.force},
-            measured={head: [row[i] for row in rows] for i, head in enumerate(heads)},
+            measured={
+                "fraction": [row[0] for row in rows], "bin": [row[1] for row in rows], "share": shares,
+                "uncertainty": [sure] * len(rows),
+            },
         )  # fmt: skip
         return self.list()
 
     ACTIONS: ClassVar = {one.__name__: checked(one) for one in (
-        state, edit, save, settle, open, plan, run, job, list, landings, dividers, compare, sweep, measured,
+        state, edit, save, settle, open, plan, run, job, list, landings, dividers, before, compare, sweep, measured,
     )}  # fmt: skip
+
+
+def _verdicts(stored: StoredLandings, ends: Ends, found: Separation) -> list[str]:
+    """Of each limit of a run whether it is kept with its bins between ``ends``, in the words of the report."""
+    result = stored.result
+    if dict(ends) == stored.ends:
+        return verdict_lines(result)
+    parts = {"loss": found.loss, "dirt": found.dirt}
+    now = [(one, parts[kind].get(of)) for one in result.limits for kind, _, of in [one.limit.partition(".")]]
+    moved = [replace(one, value=value, verdict=judged(result, value, one.most), decides="") for one, value in now]
+    return verdict_lines(replace(result, limits=tuple(moved)))
+
+
+def percent_typed(typed: str) -> float:
+    """A share from what is typed as percent, with a point or a comma, with or without the sign. Raises ValueError.
+
+    >>> percent_typed("26,5"), percent_typed("26.5 %")
+    (0.265, 0.265)
+    """
+    found = re.fullmatch(r"\s*(\d+(?:[.,]\d*)?|[.,]\d+)\s*%?\s*", typed, re.ASCII)
+    if found is None:
+        raise ValueError(f"{typed!r} is no percent; write a number such as 26.5 or 26,5")
+    part = float(found[1].replace(",", "."))
+    if part > 100.0:
+        raise ValueError(f"{typed!r}: of a fraction at most 100 % lie in a tray")
+    return part / 100.0
 
 
 def _template(kind: str) -> SceneDocument:

@@ -74,7 +74,7 @@ def _drag_scale(scene: Scene, name: str) -> float:
     fraction = scene.fraction[name]
     if fraction.measured_settling is None:
         return 1.0
-    granule, law = fraction.properties, fraction.drag_law
+    granule, law = fraction.properties, (fraction.drag_law, fraction.roundness)
     scale = _calibration(name, law, *fraction.measured_settling)
     ends = fraction.settling(np.array([RARE, 1.0 - RARE]))
     if ends is not None:
@@ -83,19 +83,22 @@ def _drag_scale(scene: Scene, name: str) -> float:
     return scale
 
 
-def _calibration(name: str, law: str, diameter: float, density: float, speed: float) -> float:
-    """The factor on the drag law that gives a measured terminal velocity. Raises SceneError where none can be."""
+def _calibration(name: str, law: tuple[str, float], diameter: float, density: float, speed: float) -> float:
+    """The factor on a drag law and its sphericity that gives a measured terminal velocity. Raises SceneError where it
+    would be too much of a sphere's drag, or too little.
+    """
     if density <= STANDARD_AIR[0]:
         raise SceneError(f"fraction.{name}.density = {density:g} kg/m3: lighter than air, it has no terminal velocity")
-    scale = float(drag_factor_for_terminal_velocity(diameter, density, speed, *STANDARD_AIR, GRAVITY, law))
-    scale *= float(slip_correction(diameter))  # the granule that was measured slipped as well
+    measured = diameter, density, speed, *STANDARD_AIR, GRAVITY
+    slip = float(slip_correction(diameter))  # the granule that was measured slipped as well
+    scale = slip * float(drag_factor_for_terminal_velocity(*measured))
     if not CALIBRATED[0] <= scale <= CALIBRATED[1]:
-        sphere = float(terminal_velocity(diameter, density, *STANDARD_AIR, GRAVITY, law))
+        sphere = float(terminal_velocity(diameter, density, *STANDARD_AIR, GRAVITY))
         raise SceneError(
             f"fraction.{name}.terminal_velocity = {speed:g} m/s needs {scale:.2g} times a sphere's drag: a sphere of "
             f"{diameter:.3g} m and {density:g} kg/m3 falls at {sphere:.3g} m/s; check size, density and velocity"
         )
-    return scale
+    return slip * float(drag_factor_for_terminal_velocity(*measured, *law))
 
 
 class BodyArrival(NamedTuple):

@@ -132,8 +132,7 @@ def airflow_cost(scene: Scene, airflow: AirflowPlan) -> AirflowCost:
     cells, deep = typical_cells(scene, airflow), span_cost(scene, airflow)
     kept = 0.0 if airflow.span is not None else BYTES_A_SNAPSHOT * SNAPSHOTS[airflow.stepping or "steady"]
     work = Workload(scene, airflow, None, 0, 0.0)
-    made = MESH, AIRFLOW, DEVELOPING, FIELD, MOMENTUM, LOADED
-    seconds = sum(cost.whole for stage in made for cost in stage.cost(work))
+    seconds = sum(cost.whole for stage in SHARED for cost in stage.cost(work))
     return AirflowCost(seconds, cells * (BYTES_A_CELL + kept) + deep.disk)
 
 
@@ -352,6 +351,7 @@ SLAB_MOMENTUM = Stage(
 )
 DEVELOPING = Stage("early-airflow", (), "airflow", Scaling.AIR, "airflow", _developing)
 LOADED = Stage("loaded-airflow", _code("foam.airflow"), "airflow", Scaling.AIR, "air loading", _loading)
+SHARED = MESH, AIRFLOW, DEVELOPING, FIELD, MOMENTUM, LOADED  # by all scenes that fly in one airflow
 COMPILE = Stage("compile", work="compile", scaling=Scaling.ONCE, heading="compilation")
 # In the order in which they are usually done. Those without a cost are part of another, or of few runs.
 for _one in (

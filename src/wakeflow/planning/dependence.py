@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..core.quantities import say
 from ..scene import Scene
-from ..scene.ties import correlation_of, orders_of
+from ..scene.ties import correlation_of, orders_of, said_of
 from .plan import Plan
 from .unknowns import Unknown, numbers, unknown_kinds
 
@@ -55,9 +55,16 @@ class Dependence:
 
 
 def dependence(scene: Scene, plan: Plan, unknowns: Sequence[Unknown]) -> Dependence:
-    """How the ``unknowns`` of ``scene`` under ``plan`` depend on each other. Raises SceneError as :func:`orders`."""
-    correlation = correlation_of(scene.uncertainty, [one.key for one in unknowns])
-    return Dependence(tuple(unknowns), correlation, orders(scene, plan))
+    """How the ``unknowns`` of ``scene`` under ``plan`` depend on each other: as the scene says of those that it names
+    in any tie, the others by their common causes. Raises SceneError as :func:`orders`.
+    """
+    correlation, said = correlation_of(scene.uncertainty, [one.key for one in unknowns]), said_of(scene.uncertainty)
+    causes = [{} if one.key in said else dict(one.causes) for one in unknowns]
+    every = sorted(set().union(*causes))
+    parts = np.array([[own.get(cause, 0.0) for cause in every] for own in causes]).reshape(len(causes), len(every))
+    common = parts @ parts.T
+    np.fill_diagonal(common, 0.0)
+    return Dependence(tuple(unknowns), correlation + common, orders(scene, plan))
 
 
 def orders(scene: Scene, plan: Plan) -> tuple[tuple[Unknown, Unknown], ...]:

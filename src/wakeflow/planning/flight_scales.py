@@ -42,7 +42,7 @@ def flights(
     channel's end.
     """
     air, fraction = scene.airstream, scene.fraction[name]
-    density, phi = fraction.properties.density, fraction.sphericity or 1.0
+    density, phi = fraction.properties.density, fraction.roundness
     _, omega = scene.motion
     kept = bool(scene.body) and scene.collecting.keys() == scene.body.keys()
     upward, aside = air.rises, 0.0 if kept else abs(float(scene.entry @ scene.plumb.across))
@@ -99,5 +99,6 @@ def _granules(scene: Scene, fraction: Fraction, law: str, scale: float) -> Itera
         if speeds is None:
             yield diameter, scale / slip
             continue
-        for factor in drag_factor_for_terminal_velocity(diameter, density, speeds, *STANDARD_AIR, GRAVITY, law):
+        own = *STANDARD_AIR, GRAVITY, law, fraction.roundness
+        for factor in drag_factor_for_terminal_velocity(diameter, density, speeds, *own):
             yield diameter, float(factor * slip_correction(diameter)) / slip

@@ -86,7 +86,7 @@ def deflection(scene: Scene, name: str, law: str, scale: float) -> Deflection | 
     share = (np.arange(SIZES) + 0.5) / SIZES
     diameters, count = np.unique(fraction.diameters(share), return_counts=True)
     granule = _Kind(
-        tuple(diameters.tolist()), fraction.properties.density, law, fraction.sphericity or 1.0, scale,
+        tuple(diameters.tolist()), fraction.properties.density, law, fraction.roundness, scale,
         air.density, air.viscosity, air.mean_free_path, scene.gravity,
     )  # fmt: skip
     approached = _approached(front_of(scene), granule, *scene.release)

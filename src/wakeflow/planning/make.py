@@ -11,6 +11,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from ..core.errors import SceneError
 from ..core.graded import Notice, gravest_first, less_sure, void
 from ..laws.forces import forces
@@ -20,7 +22,7 @@ from ..scene.whole import States, switched
 from .airflow import JET, AirflowPlan, choose_airflow
 from .approach import Approach, approaches, arrival_at_body, feels_granules
 from .collision_rates import Encounters, shifted
-from .collisions import CollisionPlan, plan_collisions, too_many_to_collide, why_no_collisions
+from .collisions import LIGHT, CollisionPlan, granule_masses, plan_collisions, too_many_to_collide, why_no_collisions
 from .cost import estimate_cost, expected_stages
 from .coupling import Limit, limits
 from .dependence import orders
@@ -45,6 +47,7 @@ from .terms import (
     too_small,
 )
 
+STICKING = "sticking"  # what granules that meet do not do: the fine ones stay on the coarse
 TURNING = "deflection-before-the-impact"  # what injection leaves out: how the air before the body moves granules
 MATTERS = 0.1  # body widths: a warning where the air that is left out could move a fraction by more; chosen
 WORTHLESS = 1.0  # body widths: air that could move a fraction so far decides where it lands; chosen
@@ -97,7 +100,7 @@ def _planned(given: Scene, rung: str, switches: Mapping[str, bool], target: floa
         force=switches,
         fractions=fractions,
         used=tuple(used_lines(flown, airflow, fractions, validity, motion, crowd, chain=chain)),
-        left_out=tuple(_left_out(flown, decided, without_air, chain=chain)),
+        left_out=(*_left_out(flown, decided, without_air, chain=chain), *_sticking(flown, known)),
         estimate=estimate_cost(flown, airflow, fractions, stages),
         stages=stages,
         notices=gravest_first((*strained, *warned, *missing_lines(gates, flown.unit))),
@@ -286,6 +289,22 @@ def _left_out(
     yield from without_air
     if scene.air is None and not chain:
         yield LeftOut(AIR, 0.0, "no [air] table: neither mesh nor airflow is computed")
+
+
+def _sticking(scene: Scene, approaches: Mapping[str, Approach]) -> Iterator[LeftOut]:
+    """Of each fraction whose granules meet far heavier ones at the scene's feed rate: how much of it at most stays on
+    those, the share that meets any, as meetings by chance are (Poisson).
+    """
+    if scene.feed.rate is None:
+        return
+    mass = {name: float(np.median(granule_masses(scene, name))) for name in approaches}
+    for name, own in approaches.items():
+        heavy = [other for other in own.met.by if mass[name] < LIGHT * mass[other]]
+        met = sum(own.met.by[other] for other in heavy)
+        if met > 0.0:
+            why = f"it meets {met:.2g} granules of {' or '.join(heavy)} in the mean; if it stayed on the first that it "
+            why += f"met, {-math.expm1(-met):.0%} of it at most would land with these: no granule stays on another"
+            yield LeftOut(STICKING, None, why, name)
 
 
 def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> tuple[list[LeftOut], list[Notice]]:

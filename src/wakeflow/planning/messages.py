@@ -13,6 +13,7 @@ from ..core.geometry import ON_WALL, distance_between, normals
 from ..core.graded import Notice, information, less_sure, void
 from ..core.quantities import metres
 from ..funnel import summary
+from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from ..scene import Scene
 from ..scene.fraction import COEFFICIENTS
 from .airflow import AirflowPlan
@@ -308,7 +309,8 @@ def warning_lines(
             )
         yield from _guesses(scene, name)
         plan = fractions[name]
-        if plan.drag_scale < FASTER:
+        measured = fraction.measured_settling
+        if measured and drag_factor_for_terminal_velocity(*measured) * slip_correction(measured[0]) < FASTER:
             yield less_sure(
                 f"{name}: falls faster than a sphere of its size and density; check fraction.{name}.terminal_velocity"
             )
@@ -336,8 +338,8 @@ def _guesses(scene: Scene, name: str) -> Iterator[Notice]:
     low = [key for key in felt if fraction.confidence_in(key) == "low" and getattr(fraction.properties, key, True)]
     left = [key for key in low if f"fraction.{name}.{key}" not in scene.uncertainty]
     if left:
-        keys = ", ".join(f"fraction.{name}.{key}" for key in left)
-        yield less_sure(f"{name}: {', '.join(left)} of low confidence in its material; measure yours and set {keys}")
+        what = ", ".join(left)
+        yield less_sure(f"{name}: {what} of low confidence in its material; measure yours, set them in fraction.{name}")
 
 
 def _beyond_the_top(scene: Scene) -> Iterator[Notice]:

@@ -26,6 +26,7 @@ from ..core.number import Most
 from ..core.record import column
 from ..core.registry import Registry, did_you_mean
 from ..laws.forces import Bound, FlightScales, forces
+from ..laws.forces.fluctuations import eddy_way
 from ..laws.forces.record import SIDEWAYS
 from ..laws.turbulence import has_no_turbulence
 from ..scene import Fraction, Scene
@@ -33,6 +34,7 @@ from .collisions import why_no_collisions
 
 # -- A-priori bounds on what each term could move ----------------------------------------------------------------------
 VIBRATION, COLLISIONS, LOADING = "vibration-of-the-air", "collisions", "air-loading"
+EDDIES = "eddy-acceleration"
 SLOWEST_LANDING = 1e-9  # m/s: keeps the slope of a track finite where a granule hangs in the air
 
 
@@ -52,6 +54,11 @@ def _shift_by_loading(flight: FlightScales) -> float:
     return flight.steady(flight.driven / flight.tau, flight.whole) / flight.width
 
 
+def _shift_by_eddies(flight: FlightScales) -> float:
+    # of an acceleration 3/2 rho/rho_p Du'/Dt the way is 3/2 rho/rho_p of the eddies' own
+    return 1.5 * flight.ratio * eddy_way(flight) / flight.width
+
+
 # Terms that are no force on a single granule in air at rest with its body
 other_terms: Registry[Bound] = Registry("bounded term")
 for _term, _shift, _why in (
@@ -61,6 +68,9 @@ for _term, _shift, _why in (
      "kinetic theory: meetings with granules as heavy or heavier, each a kick at most as strong as a head-on one"),
     (LOADING, _shift_by_loading,
      "momentum: the air changes its speed by all that drag gives to the curtain's own stream tube"),
+    (EDDIES, _shift_by_eddies,
+     "pressure gradient and added mass are those of the mean air: of the eddies' own acceleration, 3/2 rho/rho_p of "
+     "the way that eddies carry a tracer, 2 sqrt(2 u'^2 T_L T)"),
 ):  # fmt: skip
     other_terms.add(_term, Bound(_shift, _why))
 

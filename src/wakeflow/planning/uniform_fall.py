@@ -66,7 +66,7 @@ class UniformFall:
     @classmethod
     def of(cls, scene: Scene, fraction: Fraction, law: str, scale: float, diameter: float) -> UniformFall:
         """The fall of a granule of ``diameter`` (m), with the fraction's drag ``law`` times ``scale``."""
-        air, phi = scene.airstream, fraction.sphericity or 1.0
+        air, phi = scene.airstream, fraction.roundness
         factor = scale / float(slip_correction(diameter, air.mean_free_path))
         return cls(scene, air, diameter, fraction.properties.density, law, phi, factor)
 
@@ -201,7 +201,7 @@ def fall_speeds(scene: Scene, name: str, law: str, factor: float, diameter: floa
     if scene.air is None:
         return np.sqrt(speed**2 + 2.0 * scene.gravity * drop)
     fraction = scene.fraction[name]
-    phi, density = fraction.sphericity or 1.0, fraction.properties.density
+    phi, density = fraction.roundness, fraction.properties.density
     fall = UniformFall(scene, scene.air, diameter, density, law, phi, factor)
     room = scene.channel.top - scene.channel.bottom + scene.release[0]
     rows = np.array([(0.0, 0.0, speed), *fall.points(speed, FallRoom(float(drop.max()), room))])

@@ -34,6 +34,7 @@ from .plan import Plan
 from .variation import Variation
 
 Array = NDArray[np.float64]
+MOST_COMMON = 0.95  # of a number's variance that others have too: what is left is its own; chosen
 FARTHEST = 2.5  # standard deviations at which a draw is cut off: 1.2 % lie beyond
 MIN_FACTOR = 1e-3  # a factor is no smaller, however wide its interval
 PORTION = (0.0, 1.0)  # what a part of a whole can be
@@ -46,7 +47,8 @@ DISPERSES = "dispersion"  # the force that the turbulence's unknowns act through
 class Unknown:
     """One number of a scene: its dotted ``key``, its ``value`` where it has one, ``low`` and ``high`` the distances
     (not negative) from it to the ends of the 95 % interval, its ``unit``, ``why``: what the interval rests on, the
-    ``fraction`` whose alone it is (None: of all).
+    ``fraction`` whose alone it is (None: of all), ``causes`` that others have too: each with its part of the standard
+    deviation.
     """
 
     key: str
@@ -57,6 +59,7 @@ class Unknown:
     unit: str
     why: str
     fraction: str | None = None
+    causes: tuple[tuple[str, float], ...] = ()
 
     def at(self, z: float) -> float:
         """The number ``z`` standard deviations off."""
@@ -114,14 +117,29 @@ def _unknown(
 ) -> Unknown:
     """The number at ``key``, as far off on either side as the scene says or by the default for the ``entry``."""
     own, why = margins_of(scene.uncertainty).get(key), "the scene"
+    causes: tuple[tuple[str, float], ...] = ()
     if own is None:
         default = default_margins()[entry]
         how = "given without" if confidence == GIVEN else f"confidence {confidence},"
         own = default.half(value, confidence, scene.width)
         why = f"default ({how} uncertainty; {default.status})"
+        lot = None if fraction is None or confidence == GIVEN else scene.fraction[fraction].material
+        if lot is not None and (half := materials[lot].half_of(entry)) is not None:
+            own, why = half * value / getattr(materials[lot], entry), f"material {lot}"
+        causes = _causes(entry, lot, own, default.of_plate(value))
     elif isinstance(own, str):
         own = 0.01 * known(split_quantity(own))[0] * abs(value)
-    return Unknown(key, entry, value, own, own, unit, why, fraction)
+    return Unknown(key, entry, value, own, own, unit, why, fraction, causes)
+
+
+def _causes(entry: str, lot: str | None, half: float, plate: float = 0.0) -> tuple[tuple[str, float], ...]:
+    """Why numbers of several fractions are too large together, with its part of the standard deviation of one whose
+    interval's half is ``half``: there is one ``plate``, which makes so much of it, and one ``lot`` of a material, whose
+    number all that are of it have; nothing where it is not a material's.
+    """
+    shared = min(plate / half, math.sqrt(MOST_COMMON)) if half > 0.0 else 0.0
+    of_plate = ((f"{entry} on the plate", shared),) if shared > 0.0 else ()
+    return of_plate if lot is None else (*of_plate, (f"{entry} of {lot}", math.sqrt(MOST_COMMON - shared**2)))
 
 
 def _ranged(scene: Scene, key: str, number: Number, why: str) -> Unknown:
@@ -172,13 +190,10 @@ def _vary_settling(made: Variation, one: Unknown, x: float, scene: Scene, plan: 
 
 def _drag(scene: Scene, plan: Plan, name: str, faster: float) -> float:
     """The factor on the drag of a fraction's granules with which the median one falls ``faster`` by a factor."""
-    how, granule = plan.fractions[name], scene.fraction[name].properties
+    how, fraction = plan.fractions[name], scene.fraction[name]
+    granule, law = fraction.properties, (*STANDARD_AIR, GRAVITY, how.drag, fraction.roundness)
     own, other = (
-        float(
-            drag_factor_for_terminal_velocity(
-                granule.diameter, granule.density, speed, *STANDARD_AIR, GRAVITY, how.drag
-            )
-        )
+        float(drag_factor_for_terminal_velocity(granule.diameter, granule.density, speed, *law))
         for speed in known(how.terminal_velocity) * np.array([1.0, faster])
     )
     return other / own
@@ -278,14 +293,15 @@ def _moistures(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         slides = wet is not None and wet.friction is not None and fraction.friction is None
         if wet is not None and (slides or _settles(scene, plan, name)):
             share = wet.middle if fraction.moisture is None else fraction.moisture
+            causes = _causes("moisture", fraction.material, METER)
             if key in scene.uncertainty:
                 yield _unknown(scene, key, "moisture", share, "1", fraction=name)
             elif fraction.moisture is not None:
                 why = "a moisture meter (chosen)"
-                yield Unknown(key, "moisture", share, METER, METER, "1", why, name)
+                yield Unknown(key, "moisture", share, METER, METER, "1", why, name, causes)
             else:
                 half, why = wet.share[1] - wet.middle, "measured range (laws/materials.toml)"
-                yield Unknown(key, "moisture", wet.middle, half, half, "1", why, name)
+                yield Unknown(key, "moisture", wet.middle, half, half, "1", why, name, causes)
 
 
 def _spin_lift(scene: Scene, plan: Plan) -> Iterator[Unknown]:

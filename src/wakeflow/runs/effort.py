@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -33,6 +34,7 @@ from ..scene import Scene
 from ..scene.changes import flat
 
 STAGE = "budget"  # as the listener hears of it
+CLOCK: ContextVar[Callable[[], float]] = ContextVar("clock", default=time.monotonic)  # what a budget is measured by, s
 SOLVED = ("steady", "time-resolved")
 OVERTIME = 1.15  # of a budget: where a round is given up that has another's answer behind it
 LATEST = 1.25  # of a budget: when the answer is there in any case
@@ -184,7 +186,7 @@ class Within:
     request: Request
     compute: Callable[[Scene, Request, Listener], Result]
     listener: Listener
-    clock: Callable[[], float] = time.monotonic
+    clock: Callable[[], float] = field(default_factory=CLOCK.get)
     began: float = field(init=False)
 
     def __post_init__(self) -> None:

@@ -332,9 +332,18 @@ class Fraction(Table):
         return np.ones(3) if self._dimensions is None else shape_of(self._dimensions, flake=self.flake)
 
     @property
+    def roundness(self) -> float:
+        """Sphericity by which its drag goes: as given, else that of a flake's box, else of a ball."""
+        length, width, thickness = self.shape
+        box = math.pi / (2.0 * (length * width + width * thickness + thickness * length))
+        return self.sphericity or (float(box) if self.flake else 1.0)
+
+    @property
     def drag_law(self) -> str:
-        """Name of the drag law: as given, else Haider & Levenspiel's with a sphericity, Brown & Lawler's without."""
-        return self.drag or ("brown-lawler" if self.sphericity is None else "haider-levenspiel")
+        """Name of the drag law: as given, else Haider & Levenspiel's of flakes and with a sphericity, else Brown &
+        Lawler's.
+        """
+        return self.drag or ("brown-lawler" if self.sphericity is None and not self.flake else "haider-levenspiel")
 
     @property
     def targets(self) -> tuple[str, ...]:

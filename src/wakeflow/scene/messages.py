@@ -37,12 +37,15 @@ TOO_SMALL = ("greater_than", "greater_than_equal")
 GONE = {"animation": " (wakeflow animate films a finished run)"}
 BELOW = {"air.speed": "; which way it blows is said by air.direction"}
 PYDANTIC = re.compile(r"[a-z-]*\[.*\]")  # what it says of kinds of values, among the keys: list[str]
+FOLLOWS = "default_factory_not_called"  # as of air.density: what it follows from is wrong, and is told there
 TABLE = ("model_type", "dict_type", "model_attributes_type")
 
 
 def explain(problem: ValidationError, data: Mapping[str, object]) -> Iterator[str]:
     """Each mistake in the tables ``data``: where, the value given, what is wrong, what is allowed."""
     for error in problem.errors():
+        if error["type"] == FOLLOWS:
+            continue
         place = _place(error)
         key, value = dotted(place), at(data, place)
         if error["type"].startswith("union_tag"):

@@ -62,7 +62,10 @@ def share_in(value: float | str, name: str) -> float:
             return share_of(value)
         except ValueError as problem:
             raise SceneError(f"{name} = {problem}") from None
-    return number(name, value)
+    try:
+        return number(name, value)
+    except SceneError:
+        raise SceneError(f"{name} = {value!r}: a number such as 0.01, or '1 %', is needed") from None
 
 
 def changed(data: JsonMapping, changes: JsonMapping, name: str = "scene") -> JsonTable:

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from ..core.errors import SceneError, known
-from ..core.files import MAX_RECORD, read_packed, read_toml, read_whole
+from ..core.errors import FoamError, SceneError, known
+from ..core.files import read_toml
+from ..core.foam_text import Entries, read_entries
 from ..core.quantities import quantity, split_quantity
 from ..core.record import JsonMapping, JsonTable
 from ..core.sheets import Sheet, read_sheet
@@ -102,7 +103,7 @@ def _spread(material: Material, key: str) -> object:
 
 def _known(material: Material, key: str, value: object) -> object:
     """A value with how well the material says that its own number is known, where it does."""
-    half = material.evidence[key].uncertainty if key in material.evidence else None
+    half = material.half_of(key)
     if half is None:
         return value
     return {**(value if isinstance(value, dict) else {"value": value}), "uncertainty": half}
@@ -254,8 +255,9 @@ def read_sieves(given: str, base: Path, key: str) -> dict[str, object]:
     return {"distribution": "table", "diameters": [d for d, _ in rows], "passing": passing}
 
 
-# -- What a user's own OpenFOAM case says of its air, read as text -----------------------------------------------------
+# -- What a user's own OpenFOAM case says of its air -------------------------------------------------------------------
 NUMBER = r"[-+.\d]+(?:[eE][-+]?\d+)?"
+UNIFORM = rf"uniform\s*\(\s*({NUMBER})\s+({NUMBER})\s+({NUMBER})\s*\)"
 
 
 def find_case(given: str, base: Path) -> Path:
@@ -280,39 +282,36 @@ def _latest(case: Path) -> Path | None:
     return max(solved)[1] if solved else None
 
 
-def _text(path: Path) -> str:
-    """A file's text, decompressed where it is packed, with binary parts as they are; empty where there is no file."""
-    packed = path.with_name(path.name + ".gz")
-    if path.exists():
-        return read_whole(path, MAX_RECORD).decode("latin-1")
-    return read_packed(packed).decode("latin-1") if packed.exists() else ""
+def _entries(path: Path) -> Entries:
+    """What a file of the case says; nothing where there is none. Raises SceneError where it cannot be read."""
+    try:
+        return read_entries(path) if any(one.exists() for one in (path, path.with_name(path.name + ".gz"))) else {}
+    except FoamError as problem:
+        raise SceneError(f"air.case: {problem}") from None
 
 
 def air_of(case: Path) -> JsonTable:
     """What of ``speed`` (m/s), ``direction`` and ``nu`` (m2/s) the case says: its inlet where that is one uniform
-    vertical velocity, and its constant viscosity. Streams across the channel are no inlet.
+    vertical velocity, and its constant viscosity. Streams across the channel are no inlet. Raises SceneError where its
+    files cannot be read.
     """
     found: dict[str, object] = {}
-    folder = known(_latest(case))
-    _, mark, boundary = _text(folder / "U").rpartition("boundaryField")
-    if not mark:
-        raise SceneError(f"air.case: {folder / 'U'} is cut short: it has no boundaryField; write that time anew")
+    path = known(_latest(case)) / "U"
+    boundary = _entries(path).get("boundaryField")
+    if not isinstance(boundary, dict):
+        raise SceneError(f"air.case: {path} is cut short: it has no boundaryField; write that time anew")
     speeds = set()
-    for entry in re.findall(r"\{([^{}]*)\}", boundary):
-        value = re.search(rf"\bvalue\s+uniform\s*\(\s*({NUMBER})\s+({NUMBER})\s+({NUMBER})\s*\)", entry)
-        if re.search(r"type\s+(?:fixedValue|uniformFixedValue)\s*;", entry) and value:
-            x, y = float(value[1]), float(value[2])
+    for entry in (one for one in boundary.values() if isinstance(one, dict)):
+        uniform = re.fullmatch(UNIFORM, str(entry.get("value")))
+        if uniform and entry.get("type") in ("fixedValue", "uniformFixedValue"):
+            x, y = float(uniform[1]), float(uniform[2])
             if abs(y) > abs(x):
                 speeds.add(y)
     if len(speeds) == 1:
         speed = speeds.pop()
         found = {"speed": abs(speed), "direction": "up" if speed > 0 else "down"}
-    files = ("constant", "transportProperties"), ("constant", "physicalProperties"), ("system", "parameters")
-    for source in (_text(case.joinpath(*file)) for file in files):
-        source = re.sub(r"//[^\n]*|/\*.*?\*/", " ", source, flags=re.S)
-        name = re.search(r"^\s*nu\s+(?:nu\s+)?(?:\[[^\]]*\]\s*)?\$(\w+)\s*;", source, re.M)
-        key = re.escape(name[1]) if name else "nu"
-        nu = re.search(rf"^\s*{key}\s+(?:{key}\s+)?(?:\[[^\]]*\]\s*)?({NUMBER})\s*;", source, re.M)
+    for file in (("constant", "transportProperties"), ("constant", "physicalProperties"), ("system", "parameters")):
+        nu = re.fullmatch(rf"(?:nu\s+)?(?:\[[^\]]*\]\s*)?({NUMBER})", str(_entries(case.joinpath(*file)).get("nu")))
         if nu and "nu" not in found:
             found["nu"] = float(nu[1])
     return found

@@ -68,6 +68,11 @@ def orders_of(uncertainty: UncertaintyTable) -> list[tuple[str, str]]:
     return [pair for keys in uncertainty.get(NEVER_ABOVE, []) for pair in pairwise(keys)]
 
 
+def said_of(uncertainty: UncertaintyTable) -> set[str]:
+    """The keys of all numbers of which it is said how they move together."""
+    return {key for tie in uncertainty.get(TOGETHER, []) for key in tie.inputs}
+
+
 def correlation_of(uncertainty: UncertaintyTable, keys: Sequence[str]) -> Array:
     """The correlation (K, K) of the numbers at ``keys``; those that are not said to move together do not."""
     found, place = np.eye(len(keys)), {key: i for i, key in enumerate(keys)}

@@ -95,7 +95,7 @@ def _fed(scene: Scene, plan: Plan, landings: Mapping[str, Landings]) -> _Fed:
         by["size"].append(diameter)
         if landing.drag is not None:
             drag, density = landing.drag[kept].astype(float), fraction.properties.density
-            shape = fraction.sphericity or 1.0
+            shape = fraction.roundness
             by["terminal velocity"].append(
                 settling_velocities(diameter, density, drag, how.drag, shape, air, scene.gravity)
             )

@@ -3,23 +3,25 @@
 The scene is answered within each budget, from an empty cache and once more with its airflows there, report included.
 The error is that of the bin shares, model and all, against the best that the program has: the airflow of the reference
 rung, other random numbers, four times the granules, a tenth of the tolerance. It is shown beside the interval that the
-answer states. In a checkout OpenFOAM's own parcels are on the same axes (``tests/proofs/tracker``).
+answer states. Seconds are those of idle cores, so that other programs may run meanwhile. In a checkout OpenFOAM's own
+parcels are on the same axes (``tests/proofs/tracker``).
 """
 
 from __future__ import annotations
 
 import os
 import shutil
-import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from .. import runs
 from ..answer.result import Result
 from ..answer.shares import Separation
 from ..core.errors import SceneError
+from ..core.idle_clock import IdleClock
 from ..core.process import cores
 from ..core.quantities import duration
 from ..core.store import cache_root
@@ -48,9 +50,9 @@ def run_curves(
 ) -> Report:
     """Rows (knob, setting, chosen, error, half, inside, seconds) of the scene in a file: with what in the cache, the
     budget, the settings that it bought, the largest error of a bin share against the best answer, the largest half of
-    the intervals, how many of these hold the best answer, and the seconds of the whole run. Without ``slow`` the best
-    answer is the scene's own, of another sample, as it is on the rung that the plan chooses. ``beside``: what another
-    program makes of the scene. Written to ``folder`` as CSV, PNG and SVG.
+    the intervals, how many of these hold the best answer, and the seconds of the whole run on idle cores. Without
+    ``slow`` the best answer is the scene's own, of another sample, as it is on the rung that the plan chooses.
+    ``beside``: what another program makes of the scene. Written to ``folder`` as CSV, PNG and SVG.
     """
     from ..report.curves import draw_settings, write_settings
 
@@ -113,18 +115,16 @@ def best_shares(scene: Scene, folder: Path, *, slow: bool) -> BinShares:
 def _within(scene: Scene, budget: float, folder: Path, truth: BinShares) -> Row:
     """What a ``budget`` (s) buys."""
     shutil.rmtree(folder, ignore_errors=True)
-    started = time.monotonic()
     try:
-        result = runs.run(scene, folder, budget=budget, listener=lambda *_: None)
+        result, clock = timed_run(scene, folder, budget=budget)
     except SceneError as problem:
         if not str(problem).startswith("budget = "):
             raise
         refused = str(problem).partition(": ")[2].partition(";")[0]
         return {
             "setting": duration(budget), "chosen": f"refused: {refused}", "error": None, "half": None, "inside": "",
-            "seconds": time.monotonic() - started,
+            "seconds": None,
         }  # fmt: skip
-    seconds = time.monotonic() - started
     found = {(name, place): result.share(name, place) for name, place in truth}
     inside = sum(one.low <= truth[place] <= one.high for place, one in found.items())
     return {
@@ -133,8 +133,20 @@ def _within(scene: Scene, budget: float, folder: Path, truth: BinShares) -> Row:
         "error": largest_error({place: one.value for place, one in found.items()}, truth),
         "half": max(0.5 * (one.high - one.low) for one in found.values()),
         "inside": f"{inside} of {len(found)}",
-        "seconds": seconds,
+        "seconds": clock.now,
     }
+
+
+def timed_run(scene: Scene, folder: Path, **how: Any) -> tuple[Result, IdleClock]:
+    """A run of a scene by ``how``, with the clock by which its budget was measured. The cache learns nothing of how
+    fast this machine is, which may be busy.
+    """
+    with IdleClock(cores()) as clock:
+        before = effort.CLOCK.set(clock)
+        try:
+            return runs.run(scene, folder, workers=cores(), listener=lambda *_: None, **how), clock
+        finally:
+            effort.CLOCK.reset(before)
 
 
 def forget_all_but_air() -> None:

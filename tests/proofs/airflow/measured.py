@@ -15,11 +15,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from wakeflow.core.errors import known
 from wakeflow.core.lazy import cached_property
 from wakeflow.core.number import Number
 from wakeflow.core.registry import Registry
 from wakeflow.field import FlowField
-from wakeflow.field.combined import blended_wake
+from wakeflow.field.combined import blended_wake, interpolated
+from wakeflow.field.modes import time_shares
 from wakeflow.foam.case import read_parameters
 from wakeflow.laws.best_estimate import WakeEstimate, best_estimate, wakes
 from wakeflow.pipeline.airflow import Airflow
@@ -145,6 +147,12 @@ class SolvedAirflow:
         period = self.found.period
         return rows if period is None else rows[rows[:, 0] >= rows[-1, 0] - period]
 
+    @cached_property
+    def fluctuation(self) -> tuple[FlowField, NDArray[np.float64]]:
+        """The field of the air, and the variance (N, 2) m2/s2 of its velocity along the air and across it."""
+        field = known(known(self.wake).air().field)
+        return field, variance(field)[:, ::-1]
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -152,6 +160,20 @@ class Quantity:
 
     label: str
     of: Callable[[SolvedAirflow], Number | None]
+
+
+def variance(field: FlowField) -> NDArray[np.float64]:
+    """Of the velocity (N, 2) m2/s2 in x and y at the nodes: all that an instrument sees, what the field has in time and
+    2k/3 of what is modelled.
+    """
+    if field.times is None:
+        return np.repeat(2.0 / 3.0 * known(field.k)[:, None], 2, axis=1)
+    velocity, k = (values if field.coefficients is None else field.at_knots(name) for name, values in (
+        ("velocity", field.velocity), ("k", known(field.k)),
+    ))  # fmt: skip
+    weights = time_shares(field.times, field.period)
+    moves = velocity - np.tensordot(weights, velocity, axes=1)
+    return np.asarray(np.tensordot(weights, moves**2, axes=1) + 2.0 / 3.0 * (weights @ k)[:, None])
 
 
 quantities: Registry[Quantity] = Registry("quantity")
@@ -220,7 +242,7 @@ Array = NDArray[np.float64]
 REACH = 3.0  # widths behind the rear within which the fastest reversed air is looked for: near wakes end there
 STEP = 0.01  # widths between the places that are looked at
 ACROSS = 1.2  # widths to either side, as far as the profiles were measured
-STATIONS = (0.95, 3.75, 9.4)  # widths behind the rear: where the Volvo rig's profiles were measured
+STATIONS = (0.375, 0.95, 1.53, 3.75, 9.4)  # widths behind the rear: where the Volvo rig's profiles were measured
 
 
 @cache
@@ -240,12 +262,24 @@ def mean_axial(case: Path, behind: Array, across: Array) -> Array:
     """Mean velocity along the air over the inlet's mean speed, at places (n,) behind the first body's rear and across
     its axis, both in its widths; NaN outside of the mesh. On half a domain the other half is its mirror image.
     """
-    field, rear, along, speed, width = _mean(case)
+    field, _, along, speed, _ = _mean(case)
+    return np.asarray(field.sample(_places(case, field, behind, across))[0] @ along / speed)
+
+
+def _places(case: Path, field: FlowField, behind: Array, across: Array) -> Array:
+    """Those places (n, 2) m in a ``field`` of the case."""
+    _, rear, along, _, width = _mean(case)
     beside = width * across
     if field.points[:, 0].min() > rear[0] - 1e-6 * width:  # only x >= 0 was meshed
         beside = np.abs(beside)
-    places = rear + width * behind[:, None] * along + beside[:, None] * np.array([1.0, 0.0])
-    return np.asarray(field.sample(places)[0] @ along / speed)
+    return np.asarray(rear + width * behind[:, None] * along + beside[:, None] * np.array([1.0, 0.0]))
+
+
+def rms(airflow: SolvedAirflow, behind: Array, across: Array) -> Array:
+    """Rms (n, 2) of the velocity along the air and across it over the inlet's mean speed, there."""
+    field, square = airflow.fluctuation
+    places = _places(airflow.case, field, behind, across)
+    return np.asarray(np.sqrt(interpolated(field, {"square": square}, places)["square"]) / _mean(airflow.case)[3])
 
 
 def _exact(value: float) -> Number | None:
@@ -271,7 +305,35 @@ def _fastest_beside(airflow: SolvedAirflow, station: float) -> Number | None:
     return None if np.isnan(values).any() else _exact(float(values.max()))
 
 
+def _rms(airflow: SolvedAirflow, station: float, *, across: bool, axis: bool) -> Number | None:
+    """At a station on the axis, or the largest of the profile there."""
+    if airflow.wake is None:
+        return None
+    beside = np.zeros(1) if axis else np.arange(-ACROSS, ACROSS + STEP, STEP)
+    return _exact(float(rms(airflow, np.full_like(beside, station), beside)[:, int(across)].max()))
+
+
+def _most_across(airflow: SolvedAirflow, *, where: bool) -> Number | None:
+    if airflow.wake is None:
+        return None
+    behind = np.arange(STEP, REACH, STEP)
+    values = rms(airflow, behind, np.zeros_like(behind))[:, 1]
+    return _exact(float(behind[values.argmax()] if where else values.max()))
+
+
 for _name, _label, _of in (
+    ("rms_v_most", "largest rms v on the axis", partial(_most_across, where=False)),
+    ("rms_v_most_at", "its place behind the rear / D", partial(_most_across, where=True)),
+    *(
+        (
+            f"rms_{name}_{'axis_' * axis}{at:g}",
+            f"{'largest ' * (not axis)}rms {name}{' on the axis' * axis} at {at:g} D",
+            partial(_rms, station=at, across=name == "v", axis=axis),
+        )
+        for at in STATIONS
+        for name in "uv"
+        for axis in (True, False)
+    ),
     ("axis_least", "least mean u on the axis", partial(_reversed, where=False)),
     ("axis_least_at", "its place behind the rear / D", partial(_reversed, where=True)),
     *((f"axis_{at:g}", f"mean u on the axis at {at:g} D", partial(_on_axis, station=at)) for at in STATIONS),

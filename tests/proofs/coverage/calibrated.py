@@ -25,7 +25,7 @@ from wakeflow.batch.calibration import TELLS, inputs_after
 from wakeflow.batch.calibration_update import DISCREPANCY, Updated, agreement_with, covariance_of_missed, updated
 from wakeflow.budget.agreement import DISAGREES
 from wakeflow.core.store import Store, cache_root
-from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown, unknown_kinds
+from wakeflow.planning.unknowns import SIGMAS, Unknown, unknown_kinds
 from wakeflow.scene.measured import Measured, Tray
 
 Array = NDArray[np.float64]
@@ -138,9 +138,8 @@ def _calibrate(told: Predicted, kind: str, found: _Found, draw: int) -> None:
     found.right.append(made.agreement.verdict == DISAGREES)
     if (wrong := exchanged(trays)) is not None:
         found.exchanged.append(agreement_with(told.joint, Measured.of(wrong), DISCREPANCY).verdict == DISAGREES)
-    chance = chance_of(told.one, draw).standard_normal(len(made.unknowns))
     after_inputs = inputs_after(made)
-    for z, unknown in zip(np.clip(chance, -FARTHEST, FARTHEST), made.unknowns, strict=True):
+    for z, unknown in zip(told.drawn(draw), made.unknowns, strict=True):
         one = after_inputs[unknown.key]
         ends = [_placed(unknown, x) for x in (*one.after, float(np.clip(unknown.at(float(z)), *_span(unknown))))]
         row = Counted(told.one.name, told.one.group, unknown.key, *ends)

@@ -27,6 +27,7 @@ from wakeflow.injection.feed import feedstock
 from wakeflow.laws.forces import forces
 from wakeflow.pipeline.cache import code_of
 from wakeflow.pipeline.tracks import Flight
+from wakeflow.planning.dependence import dependence
 from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.unknowns import FARTHEST, Unknown, unknowns, variation_at
@@ -65,6 +66,12 @@ class Predicted:
     def unknowns(self) -> list[Unknown]:
         """What is drawn."""
         return unknowns(self.scene, self.pipeline.plan)
+
+    def drawn(self, number: int) -> Array:
+        """One draw of all unknowns (K,), in standard deviations, which move together as the program says."""
+        ties = dependence(self.scene, self.pipeline.plan, self.unknowns)
+        z = ties.joined(chance_of(self.one, number).standard_normal((1, len(self.unknowns))))[0]
+        return np.clip(z, -FARTHEST, FARTHEST)
 
     @cached_property
     def truth(self) -> Truth:
@@ -127,9 +134,8 @@ class Truth:
 
     def drawn(self, number: int) -> Variation:
         """One draw of everything that is not known, each from its own distribution."""
-        known = self.told.unknowns
-        z = chance_of(self.told.one, number).standard_normal(len(known))
-        return variation_at(self.told.scene, self.told.pipeline.plan, known, np.clip(z, -FARTHEST, FARTHEST))
+        told = self.told
+        return variation_at(told.scene, told.pipeline.plan, told.unknowns, told.drawn(number))
 
     def shares(
         self, count: int, made: Variation = AS_GIVEN, plan: Plan | None = None, seed: int = 1

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from proofs.tracker.curves import BenchmarkCase, benchmark_case
 from proofs.tracker.foam import FINE_PARCELS, FoamInterpolant, fly_parcels, make_foam_interpolant
+from wakeflow.core.idle_clock import IdleClock
+from wakeflow.core.process import cores
 from wakeflow.field import FlowField
 from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.make import make_plan
@@ -23,7 +25,7 @@ from wakeflow.planning.terms import LOADING
 from wakeflow.scene import RESERVED_BIN, Scene
 from wakeflow.tracking import Tracks, track
 from wakeflow.verify.report import Row, Tell
-from wakeflow.verify.scene_curves import BinShares, largest_error
+from wakeflow.verify.scene_curves import BinShares, largest_error, one_cache
 
 Array = NDArray[np.float64]
 PEER = "OpenFOAM's parcels"
@@ -51,16 +53,17 @@ def why_no_peer(scene: Scene) -> str | None:
 
 def peer_rows(scene: Scene, truth: BinShares, tell: Tell = lambda _: None) -> Iterator[Row]:
     """Rows (knob, setting, error, seconds) at growing numbers of granules: error of the largest bin share against the
-    ``truth`` by fraction and bin, seconds of mesh, airflow and parcels.
+    ``truth`` by fraction and bin, seconds of mesh, airflow and parcels on idle cores.
 
     Raises MeshError and FoamError as Gmsh and OpenFOAM do.
     """
     plain = scene.replace({f"fraction.{name}.impact": "paper" for name in scene.fraction})
     plan = make_plan(plain, rung="draft", force={LOADING: False})
-    pipeline = Pipeline(plain, plan)
-    field = pipeline.field[1]
-    before = pipeline.spent("mesh") + pipeline.spent("airflow")
-    with TemporaryDirectory(prefix="wakeflow-peer-") as room:
+    with TemporaryDirectory(prefix="wakeflow-peer-") as room, one_cache(Path(room, "cache")):
+        pipeline = Pipeline(plain, plan)
+        with IdleClock(cores()) as clock:
+            field = pipeline.field[1]
+        before = clock.now
         ends = plain.channel.top, plain.channel.bottom
         foam = make_foam_interpolant(field, pipeline.mesh_spec, *ends, Path(room))
         for count in COUNTS:

@@ -107,7 +107,8 @@ def _pressure_gradient_reference(now: Instant) -> Vector:
 PRESSURE_GRADIENT = Force(
     name="pressure-gradient",
     means="-grad p / rho_p: what presses a granule into the suction zone",
-    source="Maxey, M.R. & Riley, J.J. 1983, Phys. Fluids 26, 883",
+    source="rho Du/Dt of Maxey, M.R. & Riley, J.J. 1983, Phys. Fluids 26, 883, in its mean over eddies: Minier, J.-P. "
+    "& Peirano, E. 2001, Phys. Rep. 352, 1",
     needs="pressure",
     bound=Bound(_pressure_gradient_shift, "rho/rho_p U^2/D within 3 D of the body"),
     factors=_pressure_gradient_factors,

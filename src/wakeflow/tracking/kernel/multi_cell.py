@@ -11,7 +11,7 @@ from .jit import inlined
 from .locate import cell_size
 from .strides import onward, stride
 
-MIN_STRIDE = 0.25  # sizes of a triangle: a confined step goes no farther
+MIN_STRIDE = 0.5  # sizes of a triangle: its mean chord, and so as far as a confined step goes
 MAX_STRIDE = 60.0  # the same: a longer stride may look at nothing of what it passes
 DRAWN_STRIDE = 4.0  # the same, of a granule whose path is drawn
 MAX_CONFINED = 3  # steps after a stride that was refused are confined, 1, 2, 4 ... 2^this in a row
