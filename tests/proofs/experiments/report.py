@@ -23,7 +23,7 @@ def run_measured(folder: Path, *, slow: bool = False, tell: Tell = lambda _: Non
     """All experiments that can be computed; ``slow``: with more granules, and a finer airflow."""
     blown = run_sheets(tell)
     rebound, leg = run_rebound(tell), run_suspension(folder, tell, 4096 if slow else 256)
-    cloud = run_catch(folder, tell, 4096 if slow else 2048)
+    cloud = run_catch(folder, tell, 16384 if slow else 8192)
     wet = run_droplets(folder, tell, 4096 if slow else 1024)
     falling = run_curtains(folder, tell, 4096 if slow else 256)
     settling = run_ash(folder, tell, 4096 if slow else 256)

@@ -267,6 +267,7 @@ def flakes_in_air(count: int = 2000) -> list[Row]:
 # -- chaff of the shipped rhombus --------------------------------------------------------------------------------------
 WAYS: dict[str, tuple[dict[str, str], dict[str, bool]]] = {
     "flake": ({}, {}),
+    "flake, with the drag of a scaled sphere": ({"fraction.chaff.drag": "brown-lawler"}, {}),
     "disc": ({"fraction.chaff.impact": "disc"}, {}),
     "flake, no spin lift": ({}, {"magnus": False}),
 }
