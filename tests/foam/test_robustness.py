@@ -20,7 +20,7 @@ import pytest
 
 from proofs.studies import robustness
 from support import RHOMBUS, WIDTH, kept_airflow, working_in
-from wakeflow.core.errors import SceneError
+from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.files import case_template, write_json
 from wakeflow.foam import case as case_module
 from wakeflow.foam import programs, sanity
@@ -143,6 +143,28 @@ def test_an_openfoam_that_takes_no_checksums_gets_a_function_that_does(
     digest = subprocess.run(asked, env={**os.environ, "LD_PRELOAD": str(library)}, capture_output=True, check=True)
     assert digest.stdout == bytes(20)
     assert not digest.stderr
+
+
+BANNERS = {  # what simpleFoam -help of each prints last
+    "Using: OpenFOAM-v2312 (2312) - visit www.openfoam.com\nBuild: _fdc8b5e2 (patch=231220)": "2312 patch=231220",
+    "Using: OpenFOAM-10 (see https://openfoam.org)\nBuild: 10-c4cf895ad8fa": "OpenFOAM 10 of openfoam.org comes first",
+}
+
+
+@pytest.mark.parametrize("banner", BANNERS)
+def test_an_openfoam_is_known_by_what_it_says_of_itself(
+    banner: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = tmp_path / "simpleFoam"
+    program.write_text(f"#!/bin/sh\ntest $WM_PROJECT_DIR = /opt/foam && echo '{banner}'\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    monkeypatch.setenv("WM_PROJECT_DIR", "/opt/foam")
+    try:
+        said = programs.openfoam_version.__wrapped__()
+    except FoamError as problem:
+        said = str(problem)
+    assert said.startswith(BANNERS[banner])
 
 
 def test_a_disk_that_is_full_for_this_process_is_named(tmp_path: Path) -> None:

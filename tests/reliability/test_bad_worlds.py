@@ -299,6 +299,32 @@ def test_an_interrupt_that_a_library_loses_comes_again(way: str, number: signal.
     assert done.stderr == "wakeflow: interrupted; what is finished is kept, the same command goes on\n"
 
 
+KERNEL = """
+from numba import njit
+from numba.core.codegen import JITCodeLibrary
+
+told, given = list, JITCodeLibrary._object_getbuffer_hook.__func__
+JITCodeLibrary._object_getbuffer_hook = classmethod(lambda *asked: [code := given(*asked), code and told()][0])
+
+@njit(cache=True)
+def kernel(x):
+    return 2.0 * x
+"""
+
+
+def test_an_interrupt_while_llvm_asks_for_a_kernel_waits_until_it_has_it(tmp_path: Path) -> None:
+    """Raised there, it was lost together with the kernel's code, and the next call of the kernel ended in exit -11."""
+    (tmp_path / "kernels.py").write_text(KERNEL)
+    env = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    subprocess.run([sys.executable, "-c", "import kernels; kernels.kernel(1.5)"], env=env, check=True, timeout=100)
+    code = LOSES.format(signal="SIGTERM", way="import kernels; kernels.told = told; kernels.kernel(1.5)")
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=100, check=False, env=env
+    )
+    assert done.returncode == 143
+    assert done.stderr == "wakeflow: interrupted; what is finished is kept, the same command goes on\n"
+
+
 SLOW_END = """
 class Slow:
     def __del__(self, kill=os.kill, me=os.getpid(), number=signal.SIGTERM, sleep=time.sleep):

@@ -25,6 +25,7 @@ __all__ = ["app", "main"]
 
 
 AGAIN = 0.1  # s after which an interrupt that was lost comes again
+LOADS = "llvmlite.binding.executionengine"  # LLVM calls back here for a kernel; without an answer, its code is nowhere
 HEARD = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
 
 
@@ -42,16 +43,20 @@ class _Ended(KeyboardInterrupt):
 
 
 def _end(number: int, frame: FrameType | None) -> None:
-    del frame
     if number != signal.SIGINT:
         signal.signal(number, signal.SIG_IGN)  # once: what is told to end has its time to
     signal.signal(signal.SIGALRM, _again)
     sys.unraisablehook, sys.excepthook = _unraised, _uncaught
     _Ended.told = number
-    raise _Ended
+    _again(number, frame)
 
 
-def _again(*_: object) -> None:
+def _again(_: int, frame: FrameType | None) -> None:
+    while frame is not None:
+        if frame.f_globals.get("__name__") == LOADS:
+            signal.setitimer(signal.ITIMER_REAL, AGAIN)
+            return
+        frame = frame.f_back
     raise _Ended
 
 

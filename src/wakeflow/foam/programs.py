@@ -162,10 +162,17 @@ def _ranks(folder: Path) -> int:
 # -- Which OpenFOAM is installed ---------------------------------------------------------------------------------------
 @cache
 def openfoam_version() -> str:
-    """Version and patch of the installed OpenFOAM, "1912 patch=200626". Raises FoamError when there is none."""
+    """Version and patch of the installed OpenFOAM, "1912 patch=200626". Raises FoamError when there is none, or that of
+    the Foundation, whose cases are written otherwise.
+    """
     command = ["simpleFoam", "-help"]
     code, text = capture(command, env=environment())
     if code != 0:
         raise FoamError(f"OpenFOAM's simpleFoam does not start; {INSTALL}", command=" ".join(command), tail=text[-500:])
+    if other := re.search(r"OpenFOAM-(\S+) \(see \S*openfoam\.org\)", text):
+        why = (
+            f"OpenFOAM {other[1]} of openfoam.org comes first in PATH, and its cases are written otherwise; put one of "
+        )
+        raise FoamError(f"{why}openfoam.com before it, or {INSTALL}", command=" ".join(command))
     found = re.search(r"OpenFOAM-\s*\(?v?(\w+)\)?.*?\((patch=\w+)\)", text, re.S)
     return f"{found[1]} {found[2]}" if found else " ".join(text.split())[-80:]
