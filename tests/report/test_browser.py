@@ -1,15 +1,18 @@
 """The page in Debian's chromium: every control works, nothing is asked of the network, paper holds every bin."""
 
 import itertools
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from unicodedata import normalize
 
 import pytest
 
 import wakeflow as wf
 from support import MIN_CONTRAST, lowest_contrast
+from wakeflow.report.words import headline, holds
 from wakeflow.scene import Scene
 
 pytestmark = [pytest.mark.slow, pytest.mark.browser]
@@ -17,6 +20,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.browser]
 CASES = Path(__file__).parents[2] / "cases"
 WIDTHS = {"desk": 1280, "telephone": 360}
 A4 = (595, 842)  # points
+READABLE, MOST_SHEETS = 9.0, 8  # points of type on the first sheet; of a run without air
 
 
 @pytest.fixture(scope="module")
@@ -153,6 +157,28 @@ def test_text_stands_out_from_its_ground(either: Any) -> None:
 def test_a_page_is_no_wider_than_the_screen(width: int, either: Any) -> None:
     either.set_viewport_size({"width": width, "height": 800})
     assert either.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_the_first_sheet_of_paper_holds_the_answer_with_the_machine_and_can_be_read(
+    page: Any, small_run: wf.Result, tmp_path: Path
+) -> None:
+    from pypdf import PdfReader
+
+    page.pdf(path=tmp_path / "page.pdf", prefer_css_page_size=True)
+    sheets = PdfReader(tmp_path / "page.pdf").pages
+    assert len(sheets) <= MOST_SHEETS
+    sizes: list[float] = []
+
+    def seen(text: str, above: list[float], matrix: list[float], _font: object, size: float) -> None:
+        if text.strip():
+            sizes.append(size * math.hypot(*above[:2]) * math.hypot(*matrix[:2]))
+
+    first = normalize("NFKC", sheets[0].extract_text(visitor_text=seen)).replace(" ", "").replace("\n", "")  # ligatures
+    assert min(sizes) >= 0.995 * READABLE
+    landed = "Where each fraction lands: percent of its mass; curves: percent per cm"
+    told = [*headline(small_run), holds(small_run), landed, "x on the floor (mm)"]
+    assert [line for line in told if line.replace(" ", "") not in first] == []
+    assert "Everyfractionineverybin" not in first
 
 
 def test_paper_holds_every_bin_and_cuts_nothing(page: Any, small_run: wf.Result, tmp_path: Path) -> None:

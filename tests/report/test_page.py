@@ -8,6 +8,7 @@ import re
 import shutil
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from wakeflow.laws.material import materials
 from wakeflow.pipeline.film_stage import Film
 from wakeflow.report.canvas import BODY, bins_across, fraction_colours
 from wakeflow.report.film import BEGIN, END, show_film, still_of, write_film
+from wakeflow.report.html import render
 from wakeflow.report.html.live import FRAMES, POINTS, _frames
 from wakeflow.report.html.rows import machine_rows, material_rows, proofs_of, scene_in_full, source_of
 from wakeflow.report.moving import body_displacement
@@ -72,10 +74,24 @@ def test_the_page_tells_where_the_answer_comes_from(small_run: wf.Result, text: 
     made = small_run.provenance
     assert made.seed == 0
     assert made.openfoam is None
-    for told in (made.host, made.system, made.date, small_run.key, small_run.versions["numpy"]):
+    for told in (made.system, made.date, small_run.key, small_run.versions["numpy"]):
         assert told in text
     again = wf.run(Scene.parse(small_run.scene), small_run.folder)
     assert again.provenance == made  # the answer stood there: it was made then
+
+
+def test_a_page_is_called_as_the_machine_is_and_names_no_computer(small_run: wf.Result) -> None:
+    def page(command: str, **changed: Any) -> str:
+        made = replace(small_run.provenance, command=command, host="press-room-7")
+        return render(replace(small_run, provenance=made, **changed), {})
+
+    typed = page("wakeflow run 'my plants/pre cleaner.toml' --quick --set air.speed='4 m/s'")
+    assert "<h1>pre cleaner</h1>" in typed
+    assert "<title>pre cleaner" in typed
+    assert "press-room-7" not in typed
+    assert "<h1>prism</h1>" in page("python study.py")
+    bodies = {**small_run.scene, "report": {"title": "Works 3"}}
+    assert "<h1>Works 3</h1>" in page("wakeflow run a.toml", scene=bodies)
 
 
 def test_the_script_is_handed_tracks_and_shares(small_run: wf.Result, text: str) -> None:

@@ -762,7 +762,19 @@ def test_a_new_material_file_is_whole(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "exists; choose another name" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("name", "hint"), [("weat", "wheat"), ("barely", "barley"), ("broken-rice", ""), ("rye", "")])
+@pytest.mark.parametrize(
+    ("name", "nearest"),
+    [("pods", "rapeseed-pods"), ("Husk", "husks"), ("leaf", "leaves"), ("canola", "rapeseed"), ("corn", "maize"),
+     ("rye", "triticale"), ("broken-kernel", "broken-wheat"), ("flake", "chaff"), ("galum", "cleavers")],
+)  # fmt: skip
+def test_an_unknown_material_names_the_nearest(name: str, nearest: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["materials", name]) == 2
+    said = capsys.readouterr().err
+    assert f"'{nearest}'" in said.partition("(known")[0]
+    assert all(one not in materials for other in materials for one in materials[other].also)
+
+
+@pytest.mark.parametrize(("name", "hint"), [("weat", "wheat"), ("barely", "barley"), ("broken-rice", ""), ("tin", "")])
 def test_a_hint_is_never_another_substance(name: str, hint: str) -> None:
     said = near_material(name, list(materials))
     assert said == (f"; did you mean {hint!r}?" if hint else "")

@@ -19,7 +19,7 @@ from ..core.lazy import cached_property
 from ..planning.unknowns import FARTHEST, SIGMAS
 from ..scene.machine import SIDES
 from .cells import LandingCells
-from .shares import JointRecord, JointSource
+from .shares import JointRecord, JointSource, Prices
 
 Array = NDArray[np.float64]
 DRAWS = 2048
@@ -115,7 +115,8 @@ class JointDraws:
     """All shares of an answer, jointly: by fraction and cell what the answer is, ``base`` (fractions, cells), and what
     the inputs change in every draw, ``change`` (DRAWS, fractions, cells); ``z`` (DRAWS, keys) of the inputs, in
     standard deviations; what every other source adds, ``sources``. ``mass``: share of every fraction in the feed;
-    ``targets`` of each; ``images`` of bins in a machine with two equal sides; ``salt``: of this run alone.
+    ``targets`` of each; ``images`` of bins in a machine with two equal sides; ``salt``: of this run alone;
+    ``prices``: of a scene that has some.
     """
 
     fractions: tuple[str, ...]
@@ -130,6 +131,7 @@ class JointDraws:
     change: NDArray[np.float32]
     sources: tuple[ErrorSource, ...] = ()
     salt: str = ""
+    prices: Prices | None = None
 
     def record(self) -> JointRecord:
         """What result.json says of it."""
@@ -139,7 +141,7 @@ class JointDraws:
         ends = {name: (float(low), float(high)) for name, (low, high) in self.cells.ends.items()}
         return JointRecord(
             DRAWS, self.fractions, dict(self.targets), self.keys, self.cells.bins, dict(self.cells.on), ends,
-            self.images, self.flow, sources, self.salt,
+            self.images, self.flow, sources, self.salt, self.prices,
         )  # fmt: skip
 
     def arrays(self) -> dict[str, Any]:
@@ -189,7 +191,7 @@ class JointDraws:
             raise ValueError("arrays that are no numbers")
         mass, z, base, change = (_wide(arrays, name) for name in ("mass", "z", "base", "change"))
         return cls(record.fractions, mass, record.targets, record.flow, cells, record.images, record.inputs, z, base,
-                   np.asarray(change, dtype=np.float32), sources, record.salt)  # fmt: skip
+                   np.asarray(change, dtype=np.float32), sources, record.salt, record.prices)  # fmt: skip
 
     @cached_property
     def errors(self) -> dict[str, Array]:

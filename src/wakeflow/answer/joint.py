@@ -28,7 +28,7 @@ from .draws import ErrorSource as ErrorSource
 from .draws import column as column
 from .draws import columns as columns
 from .draws import tied_root as tied_root
-from .shares import InputPart, Separation
+from .shares import InputPart, Money, Separation
 
 Array = NDArray[np.float64]
 Of = Callable[[Array], Array]  # a number of tables (..., fractions, bins + 1), elsewhere last
@@ -38,7 +38,9 @@ MOST_TOLD = 64  # of more inputs than that
 MOST_TOGETHER = 128  # inputs that are told apart by one set of lines; of more each is taken by itself
 TIED = 0.15  # correlation of draws from which two inputs move together: of independent ones it is 0.02
 HOUR = 3600.0  # s
-WHOLE = (0.0, 1.0)  # what a share is between
+TONNE = 1e3  # kg
+Bounds = tuple[float, float]
+WHOLE: Bounds = (0.0, 1.0)  # what a share is between
 PRODUCT = "product"  # a bin made of stretches of a side
 
 
@@ -164,11 +166,11 @@ class Bins:
         found = of(self.tables(used))
         return np.where(np.isfinite(found), found, of(self.value))
 
-    def number(self, of: Of, *, value: float | None = None, whole: float = 1.0) -> Number:
+    def number(self, of: Of, *, value: float | None = None, bounds: Bounds | None = WHOLE) -> Number:
         """A function ``of`` tables with its 95 % interval: the one maker of intervals. ``value``: where it is known
-        better than from the cells. ``whole``: what it is a part of, in its unit.
+        better than from the cells. ``bounds``: what it is between, None: anything.
         """
-        own, bounds = float(of(self.value)) if value is None else value, (0.0, whole)
+        own = float(of(self.value)) if value is None else value
         found = middle(self.values(of), own, bounds)
         computed = middle(self.values(of, self.joint.computing), own, bounds)
         return replace(found, numerical=computed.half if self.joint.computing else None)
@@ -203,17 +205,25 @@ class Bins:
             {name: self._named(f"recovery.{name}") for name in joint.fractions},
             {place: HOUR * joint.flow * mass for place, mass in held.items()},
             loss={name: self._named(f"loss.{name}") for name in joint.fractions},
-            lost={name: self._named(f"lost.{name}", flow) for name, flow in self.flows.items()},
+            lost={name: self._named(f"lost.{name}", (0.0, flow)) for name, flow in self.flows.items()},
             dirt={place: self._named(f"dirt.{place}") if held[place] > 0.0 else None for place in places},
+            money=self._money(),
         )  # fmt: skip
 
-    def _named(self, name: str, whole: float = 1.0) -> Number | None:
+    def _named(self, name: str, bounds: Bounds | None = WHOLE) -> Number | None:
         of = self.of_name(name)
-        return None if of is None else self.number(of, whole=whole)
+        return None if of is None else self.number(of, bounds=bounds)
+
+    def _money(self) -> Money | None:
+        prices, products = self.joint.prices, self._named("money.products", None)
+        if prices is None or products is None:
+            return None
+        return Money(products, prices.fan, prices.fan_power, self._named("money.total", None))
 
     def of_name(self, name: str) -> Of | None:
         """The number called share.FRACTION.BIN, purity.BIN.FRACTION, recovery.FRACTION, loss.FRACTION, dirt.BIN,
-        lost.FRACTION or throughput.BIN (kg/h); None of another, and of what has no target.
+        lost.FRACTION or throughput.BIN (kg/h), money.products or money.total (EUR/h); None of another, and of what has
+        no target or no price.
         """
         kind, *rest = name.split(".")
         fractions, targets = self.joint.fractions, self.joint.targets
@@ -230,9 +240,23 @@ class Bins:
                 return of if kind == "loss" else partial(_times, self.flows[fraction], of)
             case "dirt", [place] if place in self.names and any(place in one for one in targets.values()):
                 return self.of_purity(place, *(one for one in fractions if place not in targets[one]))
+            case "money", ["products" | "total" as what] if (prices := self.joint.prices) is not None:
+                return self._of_money(prices.value, 0.0 if what == "products" else prices.fan)
             case "throughput", [place] if place in self.names:
                 return partial(_throughput, HOUR * self.joint.flow * self.joint.mass, self.names.index(place))
         return None
+
+    def _of_money(self, value: Mapping[str, Mapping[str, float]], spent: float | None) -> Of | None:
+        """EUR/h of every fraction by bin at its ``value`` (EUR/t), less what is ``spent``; None where that is unknown,
+        and in other bins than those that have prices.
+        """
+        priced = [(name, place, price) for name, row in value.items() for place, price in row.items()]
+        if spent is None or any(place not in self.names for _, place, _ in priced):
+            return None
+        worth = np.zeros((len(self.joint.fractions), len(self.names)))
+        for name, place, price in priced:
+            worth[self.joint.fractions.index(name), self.names.index(place)] = self.flows[name] * price / TONNE
+        return partial(_worth, worth, spent)
 
     # -- what inputs do ------------------------------------------------------------------------------------------------
     @cached_property
@@ -372,6 +396,10 @@ def _purity(mass: Array, fractions: Sequence[int], place: int, table: Array) -> 
 
 def _times(factor: float, of: Of, table: Array) -> Array:
     return factor * of(table)
+
+
+def _worth(worth: Array, spent: float, table: Array) -> Array:
+    return np.asarray((worth * table).sum(axis=(-2, -1)) - spent)
 
 
 def _throughput(flow: Array, place: int, table: Array) -> Array:

@@ -64,6 +64,7 @@ def _mean_collisions(found: Landings) -> float:
 # -- What the landings say ---------------------------------------------------------------------------------------------
 Entry = TypeVar("Entry")
 
+KILO = 1e3
 SHARE_UNIT = "1"  # unit of the error of a share: a fraction of 1, absolute
 # How an error is known: from this run, from flying granules again, from a bound and what was found, or not at all.
 MEASURED, PERTURBED_RERUN, CALIBRATED, UNKNOWN = "measured", "companion", "calibrated", "unknown"
@@ -101,6 +102,32 @@ class PartitionCurve:
 
 
 @dataclass(frozen=True)
+class Prices:
+    """What the answer is valued with."""
+
+    value: dict[str, dict[str, float]] = column("EUR/t", "of each fraction by bin; nothing where left out")
+    fan_power: float | None = column("W", "that the fan draws; null where it is not known, and without a price of it")
+    electricity: float | None = column("EUR/kWh", "of the fan; null without a price of it")
+
+    @property
+    def fan(self) -> float | None:
+        """EUR/h of the fan; 0 without a price of it, None where its power is not known."""
+        if self.electricity is None:
+            return 0.0
+        return None if self.fan_power is None else self.electricity * self.fan_power / KILO
+
+
+@dataclass(frozen=True)
+class Money:
+    """What the setting earns an hour: the shares as the prices of the scene value them."""
+
+    products: Number = column("EUR/h", "worth of what lands where it has a price")
+    fan: float | None = column("EUR/h", "electricity of the fan; null where its pressure drop is not known")
+    fan_power: float | None = column("W", "that the fan draws; null as fan, and without a price of electricity")
+    total: Number | None = column("EUR/h", "the products less the fan; null as fan")
+
+
+@dataclass(frozen=True)
 class Separation:
     """Which share of each fraction lands in which bin, by mass; ``elsewhere`` is the last bin."""
 
@@ -118,6 +145,7 @@ class Separation:
         "empty", default=dict,
     )  # fmt: skip
     cut: tuple[PartitionCurve, ...] = column("", "which granules go into each product", default=())
+    money: Money | None = column("", "left out of a scene without prices", absent=True, default=None)
 
     def share(self, fraction: str, place: str) -> Number:
         """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high).
@@ -320,6 +348,7 @@ class JointRecord:
     flow: float = column("kg/s", "of the feed")
     sources: tuple[JointSource, ...] = column("", "what adds to the shares beside the inputs")
     salt: str = column("", "what makes this run's draws of them its own")
+    prices: Prices | None = column("", "left out of a scene without prices", absent=True, default=None)
 
 
 @dataclass(frozen=True)

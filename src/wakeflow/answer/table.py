@@ -27,7 +27,7 @@ from ..scene import RESERVED_BIN, Scene
 from ..scene.messages import unit_of
 from .joint import HOUR, JointAnswer, difference
 from .result import VOID, Result
-from .shares import Separation
+from .shares import Money, Separation
 
 # -- The numbers of a result as one flat list --------------------------------------------------------------------------
 SECONDS = "seconds"
@@ -54,8 +54,8 @@ def is_part(name: str) -> bool:
 
 def quantities_of(result: Result) -> tuple[TableQuantity, ...]:
     """Shares (share.FRACTION.BIN), purity.BIN.FRACTION, recovery.FRACTION, loss.FRACTION, lost.FRACTION, dirt.BIN,
-    throughput.BIN; the airflow's and the
-    funnel's numbers (airflow.cd, ...); seconds, the run time of all stages when they were computed.
+    throughput.BIN; money.total and its parts; the airflow's and the funnel's numbers (airflow.cd, ...); seconds, the
+    run time of all stages when they were computed.
     """
     errors = {row.quantity: row.total.error for row in result.budget}
     found: list[TableQuantity] = []
@@ -79,7 +79,7 @@ def _throughput(result: Result, one: TableQuantity) -> TableQuantity:
     own, of = result.joint.own, result.joint.own.of_name(one.name)
     if of is None:
         return one
-    found = own.number(of, whole=HOUR * result.joint.flow)
+    found = own.number(of, bounds=(0.0, HOUR * result.joint.flow))
     return replace(one, low=found.low, high=found.high)
 
 
@@ -97,6 +97,7 @@ def names_for(scene: Scene) -> list[str]:
         ),
         *(f"dirt.{place}" for place in scene.products),
         *(f"throughput.{place}" for place in bins),
+        *(f"money.{one.key}" for one in columns(Money) if scene.price.asked),
     ]
     found = [*landed, *(f"without_collisions.{name}" for name in landed), SECONDS]
     for prefix, kind, given in (("airflow", Airflow, scene.air), ("funnel", FunnelSummary, scene.funnel)):

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from ..answer.draws import SAMPLING
 from ..answer.joint import JointAnswer
-from ..answer.shares import LEFT_OUT, BudgetPart, BudgetRow, BudgetTotal
+from ..answer.shares import LEFT_OUT, BudgetPart, BudgetRow, BudgetTotal, Prices
 from ..core.graded import Notice, less_sure
 from ..core.number import student
 from ..pipeline.pipeline import Pipeline
@@ -76,7 +76,7 @@ def make_budget(flights: Flights) -> tuple[JointAnswer, tuple[BudgetRow, ...]]:
     pipeline, joint = flights.pipeline, flights.ensemble
     results = _results(flights, joint)
     parts = {name: _parts(fraction) for name, fraction in results.items()}
-    joint = in_ensemble(joint, parts, results)
+    joint = replace(in_ensemble(joint, parts, results), prices=_prices(pipeline))
     spent = sum(stage.seconds for stage in pipeline.seconds.values())
     rows = [
         BudgetRow(f"share.{name}.{place}", None, found, total_of(joint.own.share(name, place), found, spent))
@@ -84,6 +84,19 @@ def make_budget(flights: Flights) -> tuple[JointAnswer, tuple[BudgetRow, ...]]:
         for place, found in places.items()
     ]
     return joint, (*rows, *(_landing_row(fraction) for fraction in results.values()))
+
+
+def _prices(pipeline: Pipeline) -> Prices | None:
+    """The scene's prices, with the power of the fan that gives the air of the answer its pressure."""
+    scene, price = pipeline.scene, pipeline.scene.price
+    if not price.asked:
+        return None
+    values = price.by_bin({name: tuple(one.targets) for name, one in scene.fraction.items()})
+    if price.electricity is None:
+        return Prices(values, None, None)
+    air = None if scene.air is None else pipeline.airflow
+    power = 0.0 if air is None else price.fan_power(air.pressure_drop, air.flow_rate, scene.feed.depth)
+    return Prices(values, power, price.electricity)
 
 
 def _results(flights: Flights, joint: JointAnswer) -> dict[str, FractionResults]:

@@ -22,6 +22,7 @@ from ..report.words import (
     holds,
     in_three_dimensions,
     measurement_lines,
+    money_lines,
     percent,
     source_seconds,
     verdict_lines,
@@ -135,9 +136,8 @@ def separation_table(result: Result, separation: Separation) -> Table:
         purest = "\n".join(f"{name} {_parted(share)}".strip() for name, share in one.purities)
         rows.append([one.place, *shares, one.flow, purest])
     below = [] if result.void else measure_next(result)  # more exact numbers mend no answer that is worth nothing
-    caption = "\n".join(
-        filter(None, [*verdict_lines(result), holds(result), in_three_dimensions(result.landings), *below])
-    )
+    first = [*verdict_lines(result), *money_lines(result)]
+    caption = "\n".join(filter(None, [*first, holds(result), in_three_dimensions(result.landings), *below]))
     heads = ["bin", *separation.fractions, "kg/h", "purity"]
     return screen_table(heads, [*rows[:-SUMMED], None, *rows[-SUMMED:]], title, caption)
 

@@ -26,6 +26,8 @@ QUANTITY = rf"^\s*{NUMBER}\s*{UNIT}$"  # as a JSON schema says it
 _PARTS = re.compile(rf"\s*({NUMBER})\s*({UNIT}?)?\s*")
 _GRAD = re.compile(r"\bgrad\b", re.IGNORECASE)  # to pint a gradian, in German a degree
 _MARKED = re.compile(r"(?<=[0-9])[ ,'\u2019_](?=[0-9])")
+PER_TONNE = {"t": 1.0, "kg": 1e3, "dt": 10.0}  # of prices, which pint does not know
+PER_KWH = {"EUR/kWh": 1.0, "€/kWh": 1.0, "ct/kWh": 1e-2, "EUR/MWh": 1e-3, "€/MWh": 1e-3}
 # What pint multiplies by, of the units that most scenes are written in: it takes longer to load than a plan to make
 FACTORS = {
     ("mm", "m"): 1e-3, ("m", "mm"): 1e3,
@@ -34,6 +36,10 @@ FACTORS = {
     ("kg/hour", "kg/s"): 1 / 3600, ("kg/s", "kg/hour"): 3600.0, ("kg/s", "kg/h"): 3600.0,
     ("g", "kg"): 1e-3, ("kg", "g"): 1e3,
     ("%", "1"): 1e-2, ("1", "%"): 1e2,
+    **{(f"{coin}/{per}", "EUR/t"): factor for coin in ("EUR", "€") for per, factor in PER_TONNE.items()},
+    **{("EUR/t", f"{coin}/{per}"): 1 / factor for coin in ("EUR", "€") for per, factor in PER_TONNE.items()},
+    **{(unit, "EUR/kWh"): factor for unit, factor in PER_KWH.items()},
+    **{("EUR/kWh", unit): 1 / factor for unit, factor in PER_KWH.items()},
 }  # fmt: skip
 LENGTHS = ("m", "mm", "um")
 DEGREES = {"C": "degC", "F": "degF"}  # of temperature: to pint a coulomb and a farad

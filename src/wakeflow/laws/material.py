@@ -99,6 +99,7 @@ class Material:
     dimensions: tuple[float, ...] | None = None  # m, length, width, thickness; None: a ball
     evidence: Mapping[str, Evidence] = field(default_factory=dict)  # of each of the quantities, by name
     moisture: Moisture | None = None  # what water does to it, where that was measured
+    also: tuple[str, ...] = ()  # other names, and names of what is nearest to it
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
@@ -130,16 +131,22 @@ class Material:
 
 
 def near_material(name: object, known: Sequence[str]) -> str:
-    """A hint where a known name is that of the same substance misspelt, else an empty string: broken rice is no broken
-    wheat. Every word of the name must be alike.
+    """A hint where a known name is that of the same substance misspelt, or where one says itself that it is the nearest
+    (``also``), else an empty string: broken rice is no broken wheat. Every word of the name must be alike.
     """
-    words = str(name).split("-")
     for other in known:
-        parts = other.split("-")
-        alike = (SequenceMatcher(None, a, b).ratio() for a, b in zip(words, parts, strict=False))
-        if len(words) == len(parts) and all(one >= MISSPELT for one in alike):
+        if _misspelt(str(name), other):
             return f"; did you mean {other!r}?"
+    for other in known:
+        if other in materials and any(_misspelt(str(name), one) for one in materials[other].also):
+            return f"; the nearest is {other!r}"
     return ""
+
+
+def _misspelt(name: str, other: str) -> bool:
+    words, parts = name.lower().split("-"), other.split("-")
+    alike = (SequenceMatcher(None, a, b).ratio() for a, b in zip(words, parts, strict=False))
+    return len(words) == len(parts) and all(one >= MISSPELT for one in alike)
 
 
 class Materials(Registry[Material]):
@@ -167,7 +174,8 @@ def read_material(name: str, table: Mapping[str, Any], where: str) -> Material:
         raise SceneError(f"{at}: {'; '.join(problems)} (wakeflow materials --new shows a whole one)")
     parts = {key: value for key, value in table.items() if isinstance(value, Mapping)}
     _words(at, table)
-    found: dict[str, Any] = {"terminal_velocity": None, "confidence": table["confidence"], "source": table["source"]}
+    found: dict[str, Any] = {"terminal_velocity": None, "confidence": table["confidence"], "source": table["source"],
+                             "also": tuple(map(str, table.get("also", ())))}  # fmt: skip
     for key in SIZES:
         found[key] = _number(f"{at}.{key}", parts.get(key, {"value": table[key]})["value"], key)
     moisture = parts.pop("moisture", None)
@@ -210,7 +218,9 @@ def _not_there(table: Mapping[str, Any]) -> list[str]:
 
 def _not_known(table: Mapping[str, Any]) -> list[str]:
     """Each key of a material's table that none has."""
-    found: list[tuple[str, str, tuple[str, ...]]] = [("", key, (*KNOWN, "confidence", "source")) for key in table]
+    found: list[tuple[str, str, tuple[str, ...]]] = [
+        ("", key, (*KNOWN, "confidence", "source", "also")) for key in table
+    ]
     for part, keys in table.items():
         if isinstance(keys, Mapping) and part in KNOWN:
             extra = {"moisture": ("friction",), "impact": ()}.get(part, ("uncertainty",))

@@ -385,7 +385,7 @@ def relaxed(share: float, lacked: Array, lacking: Array) -> float:
 def exerted_by(scene: Scene, plan: Plan) -> JsonTable:
     """What the granules' force on an air depends on beside that air and where the bins stand."""
     tables: JsonTable = scene.model_dump(mode="json", by_alias=True)
-    for name in ("numerics", "picture", "report", "funnel", "force", "uncertainty", "bin", "limit"):
+    for name in ("numerics", "picture", "report", "funnel", "force", "uncertainty", "bin", "limit", "price"):
         del tables[name]
     tables["feed"]["count"] = gathered(scene.feed.count)
     del tables["collisions"]["count"]

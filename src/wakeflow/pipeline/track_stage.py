@@ -43,7 +43,9 @@ def unweighed(scene: Scene) -> dict[str, object]:
     tables: JsonTable = scene.model_dump(mode="json", by_alias=True)
     for fraction in tables["fraction"].values():
         del fraction["mass_share"], fraction["target"]
-    del tables["feed"]["rate"], tables["feed"]["depth"], tables["picture"], tables["report"], tables["limit"]
+    del tables["feed"]["rate"], tables["feed"]["depth"]
+    for name in ("picture", "report", "limit", "price"):
+        del tables[name]
     return tables
 
 

@@ -45,7 +45,7 @@ MARGIN = 0.08  # inches around what is drawn
 SUFFIXES = (".png", ".svg", ".pdf", ".csv", ".npz")  # of a figure and its data
 LETTER = 0.6  # mean width of a letter over the font size
 TALLEST, WIDEST = 6.6, 5.6  # inches of a map
-TICK_SIZE, LABEL_SIZE = 8.0, 9.0  # points
+LETTERS = 9.0  # points
 _pdf_too: ContextVar[bool] = ContextVar("pdf_too", default=False)
 TICKS = 9  # along x, where the map is as wide as it is high
 
@@ -292,9 +292,9 @@ def save(figure: AnyFigure, paper: Paper, data: Mapping[str, ArrayLike] | None =
 def _unify(figure: Figure) -> None:
     """One size of letters for the axes of every picture, the colour bars' too."""
     for axes in figure.axes:
-        axes.tick_params(labelsize=TICK_SIZE)
+        axes.tick_params(labelsize=LETTERS)
         for label in (axes.xaxis.label, axes.yaxis.label):
-            label.set_fontsize(LABEL_SIZE)
+            label.set_fontsize(LETTERS)
 
 
 def _save_data(path: Path, data: Mapping[str, AnyArray]) -> None:

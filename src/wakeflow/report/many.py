@@ -44,14 +44,14 @@ WIDE = 0.15  # but over no more of the whole range: whiskers must be seen to bel
 
 
 def main_quantities(table: ResultTable) -> list[str]:
-    """What a table is made for: recovery, purity, loss and dirt of fractions with a target and of their bins; without
-    a target all shares in bins.
+    """What a table is made for: what a scene with prices earns, recovery, purity, loss and dirt of fractions with a
+    target and of their bins; without a target all shares in bins.
     """
     wanted = [f"recovery.{fraction}" for fraction in table.targets]
     wanted += [f"purity.{place}.{fraction}" for fraction, places in table.targets.items() for place in places]
     wanted += [f"loss.{fraction}" for fraction in table.targets]
     wanted += dict.fromkeys(f"dirt.{place}" for places in table.targets.values() for place in places)
-    found = [name for name in wanted if name in table.names]
+    found = [name for name in ("money.total", *wanted) if name in table.names]
     return found or [name for name in table.names if name.startswith("share.") and not name.endswith(".elsewhere")]
 
 

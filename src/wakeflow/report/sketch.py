@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +29,8 @@ Array = NDArray[np.float64]
 UNITS = {"m": "mm", "rad": "deg", "kg/s": "kg/h"}  # what measures are said in, where the user's units are not known
 FILES = ("png", "svg", "pdf")
 AIR, FEED = "#0b7285", "#c98500"
-TALLEST, WIDEST = 5.4, 5.4  # inches of the machine itself
+LARGEST, ON_A_PAGE = 5.4, 1.9  # inches of the machine itself; beside an answer on the first page of paper
+PAGE, LEAST = 7.1, 0.3  # inches: width of that page; of a machine between long notes on it
 TEXT_SIZE, LINE = 9.0, 0.172  # points of the measures; inches of a line of them
 BESIDE = 0.35  # inches between the machine and what is written beside it
 MIN_SCALE = 0.5  # inches per m of a machine in a part of a figure that has no room for its notes
@@ -59,17 +61,24 @@ class _Sheet:
         return MM * inches / self.scale
 
 
-def draw_sketch(scene: Scene, units: Mapping[str, str] | None = None, paper: Paper | None = None) -> AnyFigure:
+def draw_sketch(
+    scene: Scene,
+    units: Mapping[str, str] | None = None,
+    paper: Paper | None = None,
+    largest: float = LARGEST,
+    page: float = math.inf,
+) -> AnyFigure:
     """The machine to scale: bodies, channel, air, feed, secondary streams, bins with their names and limits; measures.
 
     ``units``: what measures are said in, of units of the SI, as :func:`wakeflow.scene.units_written` finds them in a
     scene file; by default mm, degrees and kg/h. Coordinates are the scene's. ``paper``: a figure to draw in, or axes to
-    take the place of, instead of a figure with its own Agg canvas. Returns the figure; everything lies within it.
+    take the place of, instead of a figure with its own Agg canvas. ``largest``: inches of the machine's longer side,
+    less where the whole is wider than a ``page``. Returns the figure; everything lies within it.
     """
     with speaking({**UNITS, **(units or {})}):
         notes = list(_notes(scene))
         bounds = _window(scene)
-        figure, sheet = _sheet(bounds, notes, scene, paper)
+        figure, sheet = _sheet(bounds, notes, scene, paper, (largest, page))
         _draw_channel(sheet, scene)
         _draw_feed(sheet.axes, scene)
         _draw_air(sheet, scene)
@@ -124,12 +133,17 @@ def _window(scene: Scene) -> tuple[float, float, float, float]:
 
 
 def _sheet(
-    window: tuple[float, float, float, float], notes: list[_Note], scene: Scene, paper: Paper | None
+    window: tuple[float, float, float, float],
+    notes: list[_Note],
+    scene: Scene,
+    paper: Paper | None,
+    room: tuple[float, float],
 ) -> tuple[AnyFigure, _Sheet]:
     """Paper that holds the machine, the measures along it and the notes beside it."""
     left, right, low, high = window
-    scale = min(TALLEST / (high - low), WIDEST / (right - left))
     before, after = HEIGHT + _longest(notes, left=True), BESIDE + _longest(notes, left=False)
+    widest = min(room[0], max(LEAST, room[1] - before - after))
+    scale = min(room[0] / (high - low), widest / (right - left))
     below, above = (_names_room(scene, on, scale) for on in ("floor", "top"))
     above += OUTSIDE + LINE
     wide, tall = before + scale * (right - left) + after, below + scale * (high - low) + above
@@ -380,7 +394,7 @@ def _falling(wanted: Array) -> Array:
 
 
 def _draw(paper: Paper, scene: Scene) -> Axes:
-    figure = draw_sketch(scene, paper=paper)
+    figure = draw_sketch(scene, paper=paper, largest=ON_A_PAGE, page=PAGE)
     save(figure, paper)
     return figure.axes[0]
 

@@ -14,6 +14,7 @@ from ..answer.measurements import measured_words, worth_measuring
 from ..answer.shares import LEFT_OUT, NOT_COMPUTED, SHARE_UNIT, BudgetPart, BudgetRow
 from ..budget.agreement import agreement_in, measured_in
 from ..budget.total import remedies
+from ..core.errors import known as required
 from ..core.number import NO_VALUE as NO_VALUE
 from ..core.number import UNKNOWN_ERROR as UNKNOWN_ERROR
 from ..core.number import VOID as VOID
@@ -119,8 +120,12 @@ def rate_words(number: Number | None, *, void: bool = False) -> str:
     """``"3.9 (1.5 to 9.6) kg/h"`` from a rate in kg/h; as :func:`percent` for none, and in a void answer."""
     if number is None or void:
         return percent(number, void=void)
+    return _unit_words(number, "kg/h")
+
+
+def _unit_words(number: Number, unit: str) -> str:
     value, low, high = (say(one, "1", 3) for one in number)
-    return f"{value} ({low} to {high}) kg/h" if number.known else f"{value} kg/h"
+    return f"{value} ({low} to {high}) {unit}" if number.known else f"{value} {unit}"
 
 
 def verdict_lines(result: Result) -> list[str]:
@@ -130,6 +135,22 @@ def verdict_lines(result: Result) -> list[str]:
         + (f"; it takes {one.decides}" if one.decides else "")
         for one in result.limits
     ]
+
+
+def money_lines(result: Result) -> list[str]:
+    """What the setting earns an hour and what that is made of; nothing in a scene without prices."""
+    money = None if result.landings is None else result.landings.separation.money
+    if money is None:
+        return []
+    if result.void:
+        return [f"Money: {VOID}."]
+    products = _unit_words(money.products, "EUR/h")
+    if money.fan is None:
+        return [f"The products are worth {products}; the fan's cost is not known: this airflow has no pressure drop."]
+    fan = ""
+    if money.fan_power is not None:
+        fan = f", less {say(money.fan, '1', 3)} EUR/h for a fan that draws {say(money.fan_power, 'W', 3)}"
+    return [f"It earns {_unit_words(required(money.total), 'EUR/h')}: products worth {products}{fan}."]
 
 
 def split_cure(line: str) -> tuple[str, str]:

@@ -326,6 +326,12 @@ def _limits_exist(scene: SceneTables) -> Iterator[str]:
     yield from scene.limit.mistakes([name for name, one in scene.fraction.items() if one.targets], scene.products)
 
 
+def _prices_exist(scene: SceneTables) -> Iterator[str]:
+    targets = {name: tuple(one.targets) for name, one in scene.fraction.items()}
+    over = [OVER_THE_TOP] if scene.air is not None and scene.air.rises else []
+    yield from scene.price.mistakes(targets, list(dict.fromkeys([*scene.bin, *over])))
+
+
 def _trays_known(scene: SceneTables) -> Iterator[str]:
     """Trays are of the scene's fractions and bins, and those of one fraction are given in one way."""
     known = [(name, place) for name in scene.fraction for place in (*scene.bin, RESERVED_BIN)]
@@ -353,5 +359,6 @@ CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _rung_fits,
     _uncertain_numbers_exist,
     _limits_exist,
+    _prices_exist,
     _trays_known,
 )

@@ -22,7 +22,7 @@ from .plumb import Plumb
 from .rungs import rungs
 from .table import Array, Gravity, Name, Table, WithUnit
 from .ties import UncertaintyTable
-from .trade import LimitTable
+from .trade import LimitTable, PriceTable
 from .uncertainty import margins
 
 # -- Terms that are switched by hand -----------------------------------------------------------------------------------
@@ -163,6 +163,7 @@ class SceneTables(Table):
         {}, description="half of the 95 % interval of a number, by its key: uncertainty.air.speed = '3 %'; 0: exact"
     )
     limit: LimitTable = LimitTable()
+    price: PriceTable = PriceTable()
     picture: dict[Name, AnyPicture] = Field({}, description="drawn beside the usual pictures")
     report: ReportTable = ReportTable()
     measured: list[Tray] = Field(

@@ -14,7 +14,7 @@ from ...core.errors import known
 from ...core.geometry import along
 from ..canvas import COLOURS, INK, MM, bins_across, foremost, fraction_colours, new_figure, of_all, save, text_width
 from ..outcome import add_figure
-from ..words import percent
+from ..words import UNKNOWN_ERROR, percent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +28,11 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 CELLS = 60  # of a histogram along one wall
 SHADES = ("#e6ebf1", "#f6f7f9")
-HEADROOM = 1.4  # above the highest cell, for the shares
+HEADROOM = 1.5  # above the highest cell, for the shares
+TEXT_SIZE = 9.0  # points: the figure stands on paper in the size that it is drawn in
+ACROSS, ALL_ROWS = 5.8, 2.4  # inches of all columns and, where they have room for their writing, of all rows
+LEAST_ROW, UPRIGHT_ROW = 0.55, 0.8  # inches of a row whose shares lie, and stand
+SHARE = "99.99 %"
 
 
 @dataclass(frozen=True)
@@ -55,17 +59,20 @@ def draw_landing(
     """Histograms of where each fraction lands, one row a fraction, one column a wall
     that has bins; of very many fractions the :func:`foremost`.
 
-    ``landings``: of every fraction by name. ``separation`` brings the shares and intervals that are written.
+    ``landings``: of every fraction by name. ``separation`` brings the shares that are written.
     """
     names, walls = foremost(scene, list(landings)), list(_walls_with_bins(scene))
-    wide = 6.2 if len(walls) == 1 else 4.2
-    figure = new_figure(1.0 + wide * len(walls), 0.9 + 1.65 * max(len(names), 1), paper)
+    wide = ACROSS / len(walls)
+    least = UPRIGHT_ROW if any(_upright(wall, wide, SHARE) for wall in walls) else LEAST_ROW
+    row_height = max(least, ALL_ROWS / max(len(names), 1))
+    figure = new_figure(1.2 + ACROSS, 0.8 + row_height * max(len(names), 1), paper)
     panels = figure.subplots(max(len(names), 1), len(walls), squeeze=False, sharex="col", sharey="row")
     colours = fraction_colours(names)
     cells: list[tuple[object, ...]] = []  # of all panels, one below the other
     for row, name in enumerate(names):
         found = separation.fractions[name]
-        shares = {place: percent(row).replace(" ", "\n", 1) + " %" for place, row in found.items()}
+        shares = {place: f"{percent(row).partition(' ')[0]} %".replace(f"{UNKNOWN_ERROR} %", UNKNOWN_ERROR)
+                  for place, row in found.items()}  # fmt: skip
         peak = 0.0
         for axes, wall in zip(panels[row], walls, strict=True):
             edges, share = _histogram(wall, scene, landings[name])
@@ -75,17 +82,17 @@ def draw_landing(
             _write_shares(axes, wall, scene, shares, wide)
         axes = panels[row][0]
         axes.set_ylim(0.0, HEADROOM * peak if peak > 0 else 1.0)
-        axes.set_ylabel(f"{name}\nmass per cm (%)", fontsize=9)
+        axes.set_ylabel(name)
         panels[row][-1].annotate(
             f"elsewhere\n{shares['elsewhere']}", (1.0, 0.5), xytext=(6, 0), xycoords="axes fraction",
-            textcoords="offset points", fontsize=7.5, va="center",
+            textcoords="offset points", fontsize=TEXT_SIZE, va="center",
         )  # fmt: skip
     for axes, wall in zip(panels[0], walls, strict=True):
         _name_bins(axes, wall, scene, wide)
     for axes, wall in zip(panels[-1], walls, strict=True):
         axes.set_xlabel(wall.title)
     told = of_all(names, landings)
-    figure.suptitle(f"Where each fraction lands, in percent of its mass{told}", fontsize=9)
+    figure.suptitle(f"Where each fraction lands: percent of its mass{told}; curves: percent per cm", fontsize=TEXT_SIZE)
     heads = ("fraction", "wall", "from (m)", "to (m)", "share of its mass (%)")
     columns = (np.concatenate(column) for column in zip(*cells, strict=True))
     save(figure, paper, dict(zip(heads, columns, strict=True)))
@@ -141,28 +148,33 @@ def _draw_histogram(axes: Axes, wall: _Wall, edges: Array, share: Array, colour:
         for end in ends:
             axes.axvline(MM * end, color="#9aa3ad", linewidth=0.6, zorder=1)
     axes.set_xlim(MM * wall.span[0], MM * wall.span[1])
-    axes.tick_params(labelsize=8)
+    axes.locator_params(axis="y", nbins=3)
     return float(height.max(initial=0.0))
 
 
 def _write_shares(axes: Axes, wall: _Wall, scene: Scene, shares: Mapping[str, str], wide: float) -> None:
-    names, scale = list(scene.bin), wide / (wall.span[1] - wall.span[0])
+    names = list(scene.bin)
+    upright = _upright(wall, wide, max((shares[names[i]] for i in wall.bins), key=len))
     for i, ends in wall.bins.items():
-        text = shares[names[i]]
-        upright = text_width(max(text.split("\n"), key=len), 7.5) > scale * (ends[1] - ends[0])
         axes.annotate(
-            text, (MM * sum(ends) / 2, 0.96), xycoords=("data", "axes fraction"), fontsize=6 if upright else 7.5,
+            shares[names[i]], (MM * sum(ends) / 2, 0.96), xycoords=("data", "axes fraction"), fontsize=TEXT_SIZE,
             ha="center", va="top", rotation=90 if upright else 0, zorder=4,
         )  # fmt: skip
 
 
+def _upright(wall: _Wall, wide: float, *texts: str) -> bool:
+    """Whether any of the texts finds no room across the narrowest bin of a wall that is ``wide`` (inches) drawn."""
+    narrowest = min(ends[1] - ends[0] for ends in wall.bins.values()) * wide / (wall.span[1] - wall.span[0])
+    return any(text_width(text, TEXT_SIZE) > narrowest for text in texts)
+
+
 def _name_bins(axes: Axes, wall: _Wall, scene: Scene, wide: float) -> None:
-    names, scale = list(scene.bin), wide / (wall.span[1] - wall.span[0])
-    upright = any(text_width(names[i], 8) > scale * (ends[1] - ends[0]) for i, ends in wall.bins.items())
+    names = list(scene.bin)
+    upright = _upright(wall, wide, *(names[i] for i in wall.bins))
     for i, ends in wall.bins.items():
         axes.annotate(
             names[i], (MM * sum(ends) / 2, 1.0), xytext=(0, 3), xycoords=("data", "axes fraction"),
-            textcoords="offset points", fontsize=8, ha="center", va="bottom", rotation=90 if upright else 0,
+            textcoords="offset points", fontsize=TEXT_SIZE, ha="center", va="bottom", rotation=90 if upright else 0,
         )  # fmt: skip
 
 
@@ -319,7 +331,7 @@ def _in_wakes(outcome: Outcome) -> tuple[Scene, LandingResults] | None:
 
 add_figure(
     "landing",
-    "Where the mass of each fraction lands; percent with 95 % interval.",
+    "Where the mass of each fraction lands.",
     draw_landing,
     _landings,
     always=True,

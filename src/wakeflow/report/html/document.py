@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import shlex
 import struct
 from collections.abc import Iterable, Mapping
 from itertools import groupby
@@ -31,7 +32,10 @@ if TYPE_CHECKING:
     from ...answer.result import Result
     from ..outcome import Outcome
 
-SKETCH, LANDING = "sketch", "landing"  # the figures beside the answer
+FRONT = {  # the figures beside the answer, as SVG: they are printed in the size that they are drawn in
+    "sketch": "Sketch of the machine to scale with its measures; they are in the table of the machine.",
+    "landing": "Where each fraction lands: histograms along the walls; the shares are in the table below.",
+}
 MAX_MOVED = 3  # shares that are reported of a number
 LONG = 1.75  # width over height of a picture that takes the page's whole width
 TALL = 0.8  # of one that takes a sheet's whole height
@@ -50,25 +54,25 @@ def write_html(folder: Path | str, outcome: Outcome) -> Path:
     path = folder / "report.html"
     asked = found(folder / "figures")
     texts = {**captions(), **{name: picture.text or name for name, picture in asked.items()}}
-    pictures = inlined_pictures(folder / "figures", texts)
+    pictures = inlined_pictures(folder / "figures", texts) | inlined_pictures(folder / "figures", FRONT, ".svg")
     with atomic_write(path) as stream:
         live, film = live_data(outcome), film_section(film_in(folder))
-        stream.write(render(outcome.result, pictures, folder.resolve().name, texts, outcome.scene, live, film))
+        stream.write(render(outcome.result, pictures, texts, outcome.scene, live, film))
     return path
 
 
 def render(
     result: Result,
     pictures: Mapping[str, str],
-    title: str = "result",
     texts: Mapping[str, str] | None = None,
     scene: Scene | None = None,
     live: Mapping[str, object] | None = None,
     film: str = "",
 ) -> str:
-    """The page as text; ``pictures``: name to base64 PNG; ``texts``: name to what it shows, in their order, the
-    standard figures' captions by default; ``scene``: that of the result by default; ``live``: what the page's script
-    draws (:func:`.live.live_data`), without which it has none; ``film``: its section (:func:`.film.film_section`).
+    """The page as text; ``pictures``: name to base64 PNG, SVG of those beside the answer; ``texts``: name to what it
+    shows, in their order, the standard figures' captions by default; ``scene``: that of the result by default;
+    ``live``: what the page's script draws (:func:`.live.live_data`), without which it has none; ``film``: its section
+    (:func:`.film.film_section`).
 
     Raises jinja2.UndefinedError when the page asks for what a result has not.
     """
@@ -77,16 +81,15 @@ def render(
     scene = Scene.parse(result.scene) if scene is None else scene
     text: str = page_template("page.html.j2").render(
         result=result,
-        title=title,
+        title=scene.report.title or machine_name(result, scene),
         made=result.provenance,
         pictures=_shown(pictures, captions() if texts is None else texts),
-        sketch=pictures.get(SKETCH),
+        front=[(pictures[name], alt) for name, alt in FRONT.items() if name in pictures],
         live=live,
         film=Markup(film),
         live_json=json.dumps(live, separators=(",", ":")).replace("<", "\\u003c"),
         canvas=_canvas(scene),
         grades=_grades(result),
-        landing=pictures.get(LANDING),
         logo=_logo(scene),
         measurements=words.measurement_lines(result),
         scene=scene,
@@ -104,9 +107,15 @@ def render(
     return text
 
 
-def inlined_pictures(folder: Path, names: Iterable[str]) -> dict[str, str]:
-    """The PNG files of ``names`` in a folder as base64, those that there are."""
-    files = {name: folder / f"{name}.png" for name in names}
+def machine_name(result: Result, scene: Scene) -> str:
+    """What a machine without a title is called: as the scene file that was typed, else as its bodies are."""
+    typed = [Path(word) for word in shlex.split(result.provenance.command)[1:] if word.endswith(".toml")]
+    return typed[0].stem if typed else " and ".join(scene.body) or "channel"
+
+
+def inlined_pictures(folder: Path, names: Iterable[str], suffix: str = ".png") -> dict[str, str]:
+    """The files of ``names`` in a folder as base64, those that there are."""
+    files = {name: folder / f"{name}{suffix}" for name in names}
     return {n: base64.b64encode(f.read_bytes()).decode("ascii") for n, f in files.items() if f.exists()}
 
 
@@ -118,7 +127,7 @@ def shape_of(picture: str) -> str:
 
 def _shown(pictures: Mapping[str, str], texts: Mapping[str, str]) -> list[tuple[str, str, str]]:
     """The shape of each picture, the picture, and what it shows; the sketch has a place of its own."""
-    names = [name for name in texts if name in pictures and name not in (SKETCH, LANDING)]
+    names = [name for name in texts if name in pictures and name not in FRONT]
     return [(shape_of(pictures[name]), pictures[name], texts[name]) for name in names]
 
 
@@ -135,7 +144,7 @@ def _grades(result: Result) -> list[tuple[str, list[str]]]:
 
 
 def _origin(result: Result) -> list[tuple[str, str]]:
-    made = vars(result.provenance)
+    made = {name: value for name, value in vars(result.provenance).items() if name != "host"}  # a report is passed on
     told = [(name, words.NO_VALUE if value is None else str(value)) for name, value in made.items()]
     return [*told, *result.versions.items(), ("fingerprint of the answer", result.key)]
 

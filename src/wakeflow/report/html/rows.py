@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ...pipeline.airflow import Airflow, MeshReport
 
 # tables that the page tells in other places
-ELSEWHERE = ("fraction", "numerics", "picture", "uncertainty", "force", "report", "limit")
+ELSEWHERE = ("fraction", "numerics", "picture", "uncertainty", "force", "report", "limit", "price")
 QUANTITIES = {  # of a material: name, unit
     "diameter": ("diameter of the equal sphere", "m"),
     "density": ("density", "kg/m^3"),
