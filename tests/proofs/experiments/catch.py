@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -61,7 +61,7 @@ class Cloud:
     within: float
     repeats: float
     source: str
-    catch: Mapping[str, list[list[float]]]
+    catch: Mapping[str, list[list[float]]] = field(default_factory=dict)
 
     @property
     def ends(self) -> Array:
@@ -158,9 +158,12 @@ def one_cloud(cloud: Cloud, folder: Path, tell: Tell, count: int, scale: float, 
         on = np.array(flown["bin"]) == "cylinder"
         which = np.argmin(np.abs(np.array(flown["diameter"])[:, None] - sizes), axis=1)
         by_size.append(wider * np.bincount(which, on, len(sizes)) / np.maximum(np.bincount(which, None, len(sizes)), 1))
-    top = scene.body["cylinder"].outline()[:, 1].max()
-    along = half * np.arctan2(np.abs(np.array(flown["x"]))[on], half - top + np.array(flown["y"])[on])
-    local = wider * half * np.histogram(along, cloud.ends)[0] / len(on) / STRIP
+    strips: list[Row] = []
+    if cloud.catch:
+        top = scene.body["cylinder"].outline()[:, 1].max()
+        along = half * np.arctan2(np.abs(np.array(flown["x"]))[on], half - top + np.array(flown["y"])[on])
+        local = wider * half * np.histogram(along, cloud.ends)[0] / len(on) / STRIP
+        strips = strips_of(cloud, parts @ kept_between(theory[1], half, cloud.ends), local)
     return {
         "parts": parts_of(cloud, kept),
         "sizes": [
@@ -168,7 +171,7 @@ def one_cloud(cloud: Cloud, folder: Path, tell: Tell, count: int, scale: float, 
              "mean": one[3], "flown": one[4]}
             for size, part, one in zip(sizes, parts, np.transpose(by_size), strict=True)
         ],
-        "strips": strips_of(cloud, parts @ kept_between(theory[1], half, cloud.ends), local),
+        "strips": strips,
     }  # fmt: skip
 
 
