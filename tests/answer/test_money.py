@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
@@ -14,11 +16,15 @@ from wakeflow.answer.joint import HOUR, difference
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import Prices
 from wakeflow.answer.table import names_for, quantities_of
+from wakeflow.budget.budget import _prices
 from wakeflow.core.graded import Grade
 from wakeflow.pipeline.track_stage import unweighed
 from wakeflow.report.many import main_quantities
 from wakeflow.report.words import money_lines
 from wakeflow.scene import Scene
+
+if TYPE_CHECKING:
+    from wakeflow.pipeline.pipeline import Pipeline
 
 HARD, SOFT = {"far": 200.0, "near": 80.0}, {"near": -30.0}  # EUR/t
 
@@ -120,6 +126,24 @@ def test_prices_are_read_with_their_units_and_mistakes_are_named() -> None:
         with pytest.raises(wf.SceneError) as caught:
             shipped("vacuum", changes)
         assert message in str(caught.value)
+
+
+def test_the_fan_gives_the_channel_and_the_rest_their_drop_over_the_depth() -> None:
+    keys = {"price.electricity": 0.25, "price.fan_efficiency": 0.5, "price.other_drop": "395 Pa"}
+    scene = shipped("rhombus", {**keys, "price.value.wheat": 220.0})
+
+    def prices(drop: float | None) -> Prices:
+        flights = SimpleNamespace(scene=scene, airflow=SimpleNamespace(pressure_drop=drop, flow_rate=2.0))
+        found = _prices(cast("Pipeline", flights))
+        assert found is not None
+        return found
+
+    power = (5.0 + 395.0) * 2.0 * 0.3 / 0.5  # W, over a depth of 300 mm
+    assert prices(5.0).fan_power == pytest.approx(power)
+    assert prices(5.0).fan == pytest.approx(0.25 * power / 1e3)
+    assert prices(5.0).value == {"wheat": {"outer-left": 220.0, "outer-right": 220.0}}
+    assert (prices(None).fan_power, prices(None).fan) == (None, None)
+    assert _prices(cast("Pipeline", SimpleNamespace(scene=shipped("rhombus")))) is None
 
 
 def test_a_bin_s_own_price_goes_before_that_of_the_targets() -> None:
