@@ -44,6 +44,11 @@ class Triangles:
         return {}
 
     @of_mesh
+    def box(self) -> tuple[Array, Array]:
+        """The least and the largest coordinates (2,) m."""
+        return self.points.min(axis=0), self.points.max(axis=0)
+
+    @of_mesh
     def area(self) -> Array:
         """Area of every triangle (M,), m2."""
         return 0.5 * double_area(self.points, self.triangles)
@@ -96,7 +101,7 @@ class Triangles:
         """The triangle that holds each point (n, 2); -1 outside the mesh. A point on the boundary is inside."""
         x = np.atleast_2d(np.asarray(points, dtype=float))
         found = np.full(len(x), -1, dtype=np.int64)
-        low, high = self.points.min(axis=0), self.points.max(axis=0)
+        low, high = self.box
         slack = 1e-9 * (high - low)
         todo = np.flatnonzero(np.all((x >= low - slack) & (x <= high + slack), axis=1))
         if not len(todo):
@@ -144,7 +149,7 @@ class Triangles:
         and pitch of the grid, cells a side.
         """
         p = self.points[self.triangles]
-        corner, top = self.points.min(axis=0), self.points.max(axis=0)
+        corner, top = self.box
         side = max(1, int(np.sqrt(len(p))))
         pitch = (top - corner) / side
         slack = 1e-9 * np.ptp(p, axis=1).max(axis=1, keepdims=True)
@@ -166,7 +171,7 @@ class Triangles:
         """The triangle whose centroid is nearest to the middle of each cell of a regular grid, row by row; corner and
         pitch of the grid, cells a side.
         """
-        corner, top = self.points.min(axis=0), self.points.max(axis=0)
+        corner, top = self.box
         side = max(1, int(np.sqrt(PER_TRIANGLE * len(self.triangles))))
         pitch = (top - corner) / side
         row, column = np.divmod(np.arange(side * side), side)

@@ -205,7 +205,7 @@ def _rules(
     march: bool,
 ) -> Rules:
     """The kernel's scalars; ``length`` (m), ``until`` (s)."""
-    extent = IN_VACUUM * length if field is None else float(np.hypot(*np.ptp(field.points, axis=0)))
+    extent = IN_VACUUM * length if field is None else float(np.hypot(*(field.box[1] - field.box[0])))
     coarse = 1.0 / air.smooth[at.KNOT_RATE] if air.smooth[at.KNOT_RATE] != 0.0 else np.inf
     omega = float(air.swing[at.SWING_OMEGA])
     box, swing = walls.bodies[:, : at.REACH_X], np.abs(walls.bodies[:, [at.REACH_X, at.REACH_Y]])

@@ -253,7 +253,7 @@ def _places(field: FlowField, neighbours: Index) -> tuple[Index, Array]:
     """
     triangle, edge = np.nonzero(neighbours == -1)
     start, end = (field.points[field.triangles[triangle, (edge + step) % 3]] for step in (1, 2))
-    low, high = field.points.min(axis=0), field.points.max(axis=0)
+    low, high = field.box
     slack = ROUND * (high - low)
     around = [np.abs(np.maximum(start, end) - low) <= slack, np.abs(np.minimum(start, end) - high) <= slack]
     if not np.any(around, axis=(0, 2)).all():
