@@ -269,6 +269,12 @@ def test_dividers_of_a_finished_run_take_the_shares_along(finished: Served, brow
         before = opened.locator("#shares").text_content()
         assert "the run's own answer" in before
         assert opened.locator("#own-dividers").is_disabled()
+        assert opened.locator("#dividers svg polygon").count() > 2
+        opened.locator("[data-layer=tracks]").check()
+        opened.wait_for_selector("#tracks path", state="attached")
+        opened.locator("[data-layer=tracks]").uncheck()
+        assert opened.locator("#tracks path").count() == 0
+        assert opened.locator("#air path").count() == 0  # a vacuum
         box = opened.locator(".divider .reach").nth(1).bounding_box()
         x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
         opened.mouse.move(x, y)

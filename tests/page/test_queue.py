@@ -75,6 +75,40 @@ def test_measured_shares_are_calibrated_with(tmp_path: Path, capsys: pytest.Capt
     assert (tmp_path / "run" / "calibration.json").exists()
 
 
+SEARCH = """[search]
+scene = "vacuum.toml"
+maximise = ["recovery.hard"]
+within = { "fraction.hard.restitution" = [0.4, 0.6] }
+budget = "30 s"
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "typed", "told", "left"),
+    [
+        ("sweep", "fraction.hard.restitution=0.4,0.6", "2 of 2 scenes done over", "scenes.csv"),
+        ("capacity", "feed.rate=1:2:2 g/hour", "loss.hard at most 99 %: met up to 0.002 kg/h", "figures/capacity.png"),
+        ("search", "search.toml", "recommended: fraction.hard.restitution = ", "level-1/scenes.csv"),
+        ("protocol", "hard", "the interval of", "protocol.html"),
+    ],
+)
+def test_other_tasks_are_done_and_say_what_came_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str, typed: str, told: str, left: str
+) -> None:
+    few = {"feed.count": 64, "feed.rate": "1 g/hour", "feed.depth": "1 m", "limit.loss.hard": "99 %"}
+    text = shipped("vacuum", few).as_toml()
+    (tmp_path / "vacuum.toml").write_text(text)
+    (tmp_path / "search.toml").write_text(SEARCH)
+    ask = {"text": text, "name": "vacuum", "base": str(tmp_path), "changes": {}, "options": {}, "kind": kind,
+           "typed": typed, "files": str(tmp_path), "folder": str(tmp_path / "out")}  # fmt: skip
+    assert compute(ask) == 0
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert told in lines[-1]["done"]
+    assert (tmp_path / "out" / left).is_file()
+    if kind in ("sweep", "capacity"):
+        assert "scenes, " in str([line["text"] for line in lines[:-1]])
+
+
 def test_a_full_disk_fails_the_run_and_the_next_is_begun(
     queue: RunQueue, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -245,6 +245,26 @@ def test_measured_trays_wait_in_the_list_with_the_runs_own_options(
     assert added[0]["folder"] == session.runs.resolve() / "vacuum"
 
 
+def test_other_tasks_are_read_before_they_wait(page: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    session, added = page.page.session, list[dict[str, object]]()
+    monkeypatch.setattr(session.queue, "add", lambda **asked: added.append(asked))
+    for kind, typed, told in (
+        ("sweeep", "", "did you mean 'sweep'"), ("sweep", "", "needs a key to change"),
+        ("sweep", "air.sped=4,5", "air.sped"), ("map", "feed.width=1,2", "write air.speed or feed.rate"),
+        ("search", "nowhere.toml", "no 'nowhere"), ("search", "../x.toml", "no "), ("protocol", "gravel", "gravel"),
+    ):  # fmt: skip
+        assert told in page.ask("run", kind=kind, typed=typed)["refused"], kind
+    page.ask("open", kind="vacuum", drop=True)
+    assert "no feed.rate" in page.ask("run", kind="capacity")["refused"]
+    page.ask("open", file="rhombus.toml", drop=True)
+    assert not added
+    page.ask("run", kind="sweep", typed="air.speed=4,5 m/s; feed.width=40 mm,50 mm", quick=True)
+    assert [one["folder"] for one in added] == [
+        session.runs / f"rhombus-sweep{end}" for end in ("-first-look", "")
+    ]  # fmt: skip
+    assert page.request(f"/{page.page.token}/figure/vacuum/result.json")[0] == 404
+
+
 @pytest.mark.parametrize(
     ("action", "what", "told"),
     [

@@ -12,8 +12,11 @@ from typing import Any
 from ..core.errors import WakeflowError
 from ..core.files import toml_of
 from ..runs import run
+from ..runs.effort import quick_settings
 from ..runs.progress import DONE, ProgressListener
 from ..scene import Scene
+from .queue import RUN
+from .tasks import task_of
 
 NARROWER = 0.9  # an interval that shrinks to that has learnt something
 EVERY = 0.3  # s between lines of a stage
@@ -27,7 +30,7 @@ class _InJson(ProgressListener):
 
     def tell(self, stage: str, text: str) -> None:
         now = time.monotonic()
-        if text.startswith(DONE) or now - self.told >= EVERY:
+        if text.startswith(DONE) or not self.progress.expected or now - self.told >= EVERY:
             self.told, progress = now, self.progress
             say(
                 stage=stage, text=text, at=progress.number, of=len(progress.expected), part=progress.part,
@@ -52,12 +55,24 @@ def compute(ask: dict[str, Any]) -> int:
         if ask.get("measured"):
             say(done=_calibrated(scene, ask, listener))
             return 0
+        if ask.get("kind", RUN) != RUN:
+            say(done=_done(scene, ask, listener))
+            return 0
         result = run(scene, ask["folder"], listener=listener, planned=listener.planned, **ask["options"])
     except WakeflowError as problem:
         say(failed=str(problem))
         return problem.exit_code
     say(done=repr(result).partition(": ")[2].removesuffix(">"))
     return 0
+
+
+def _done(scene: Scene, ask: dict[str, Any], listener: _InJson) -> str:
+    """What another kind of task has found; of many scenes a first look takes the settings of a quick answer."""
+    how: dict[str, Any] = {}
+    if ask["options"].get("quick"):
+        scene, how = quick_settings(scene, how)
+    work = task_of(ask["kind"], scene, ask["typed"], Path(ask["files"]))
+    return work(Path(ask["folder"]), listener, listener.planned, how)
 
 
 def _calibrated(scene: Scene, ask: dict[str, Any], listener: _InJson) -> str:

@@ -44,7 +44,7 @@ function handles(scene) {
 
 function handle(one) {
   const node = make("g", { class: "handle", tabindex: 0, role: "button", "data-handle": one.name },
-    make("circle", { class: "reach", r: 11 }), make("circle", { r: 4 }), make("text", { y: -8, "text-anchor": "middle" }));
+    make("circle", { class: "reach", r: 11 }), one.name.startsWith("channel ") ? make("rect", { x: -6, y: -3, width: 12, height: 6 }) : make("circle", { r: 4 }), make("text", { y: -8, "text-anchor": "middle" }));
   node.addEventListener("pointerdown", (event) => {
     if (event.button) return;
     node.setPointerCapture(event.pointerId);

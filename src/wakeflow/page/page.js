@@ -2,7 +2,7 @@
 // The page: what the server says is shown, what a person does is sent. No library, nothing from outside.
 import { ask, ended, make, pick, state, tell } from "./core.js";
 import { showMachine, busyWithMachine } from "./machine.js";
-import { showStored, openRun } from "./results.js";
+import { showStored, openRun, openSweep } from "./results.js";
 
 // -- the scene
 const plan = { timer: 0, asked: 0 };
@@ -124,10 +124,17 @@ export async function openScene(what) {
 
 // -- runs
 async function run() {
-  const found = await ask("run", { name: pick("run-name").value.trim(), quick: pick("quick").checked });
+  const found = await ask("run", { name: pick("run-name").value.trim(), quick: pick("quick").checked, kind: pick("kind").value, typed: pick("typed").value });
   if (found) { tell(""); showQueue(found.queue); }
 }
 pick("run").addEventListener("click", run);
+
+// What is typed for each kind of task, as the command line takes it.
+const TYPED = { sweep: "air.speed=4,5,6 m/s; feed.width='20 mm:40 mm:5'", map: "empty, or air.speed=3:7:5 m/s; feed.rate=200:800:4 kg/hour", capacity: "empty, or feed.rate=200:800:4 kg/hour", search: "a search file beside the scene", protocol: "empty, or FRACTION or FRACTION.BIN" };
+pick("kind").addEventListener("change", () => {
+  const kind = pick("kind").value;
+  Object.assign(pick("typed"), { hidden: !TYPED[kind], placeholder: TYPED[kind] || "", title: TYPED[kind] || "", value: "" });
+});
 
 const time = (seconds) => seconds < 100 ? `${Math.round(seconds)} s` : seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${(seconds / 3600).toFixed(1)} h`;
 function showQueue(queue) {
@@ -136,11 +143,12 @@ function showQueue(queue) {
   pick("queue").replaceChildren(...queue.map((one) => {
     const act = (word, name) => make("button", { type: "button", "data-act": `${name} ${one.number}`, onclick: async () => { const found = await ask("job", { number: one.number, act: name }); if (found) showQueue(found.queue); } }, word);
     const acts = { waits: [act("Stop", "stop")], "is computed": [act("Stop", "stop")], stopped: [act("Go on", "go_on"), act("Drop", "drop")], failed: [act("Try again", "go_on"), act("Drop", "drop")] }[one.state]
-      || [make("button", { type: "button", onclick: () => { view("results"); openRun(one.folder); } }, "Results"), act("Drop", "drop")];
+      || [...(one.kind === "search" ? [] : [make("button", { type: "button", onclick: () => { view("results"); (["run", "protocol"].includes(one.kind) ? openRun : openSweep)(one.folder); } }, "Results")]), act("Drop", "drop")];
     const left = one.state === "is computed" && one.seconds_left !== undefined && one.seconds_left !== null ? `, about ${time(one.seconds_left)} left` : "";
-    const stage = one.state === "is computed" && one.stage ? `${one.stage}: ${one.text}; stage ${one.at} of ${one.of}${left}` : one.told;
+    const stage = one.state === "is computed" && one.stage ? `${one.stage}: ${one.text}${one.of ? `; stage ${one.at} of ${one.of}` : ""}${left}` : one.told;
+    const [, behind, all] = (one.text || "").match(/(\d+) of (\d+) stages/) || [0, 0, 1];
     return make("div", { class: "job" }, make("div", { class: "buttons" }, make("strong", {}, one.name), make("span", { class: "state" }, one.state), ...acts),
-      ...(one.state === "is computed" ? [make("progress", { max: 1, value: one.part || 0, "aria-label": `${one.name}: part of the expected time` })] : []),
+      ...(one.state === "is computed" ? [make("progress", { max: 1, value: one.part || behind / all, "aria-label": `${one.name}: part of the expected time` })] : []),
       make("div", { class: "soft" }, stage || ""));
   }));
   if (focus) { const again = document.querySelector(`[data-act="${focus}"]`); if (again) again.focus(); }
@@ -156,6 +164,8 @@ export async function list() {
   showQueue(found.queue);
   const group = (label, what, names) => make("optgroup", { label }, ...names.map((name) => make("option", { value: `${what}:${name}` }, name)));
   pick("open").replaceChildren(make("option", {}, "Open …"), group("scene files", "file", found.scenes.map((one) => one.name)), group("a new one from", "kind", found.kinds));
+  if (!pick("kind").options.length) pick("kind").replaceChildren(...["run", ...found.tasks].map((kind) => make("option", {}, kind)));
+  pick("searches").replaceChildren(...found.searches.map((one) => make("option", { value: one.name })));
   showStored(found);
 }
 

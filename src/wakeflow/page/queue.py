@@ -14,6 +14,7 @@ from typing import Any
 from ..core.errors import ProgramError, SceneError
 from ..core.process import run_program
 
+RUN = "run"  # the kind of task that computes the scene once
 WAITS, GOES, DONE, STOPPED, FAILED = "waits", "is computed", "done", "stopped", "failed"
 
 
@@ -33,6 +34,9 @@ class Run:
     scene: str  # name of its file, without the suffix
     changes: Mapping[str, object] = field(default_factory=dict)
     options: Mapping[str, object] = field(default_factory=dict)
+    kind: str = RUN
+    typed: str = ""  # for another kind of task
+    files: Path = field(default_factory=Path)  # where the files are that it names
     measured: Mapping[str, object] | None = None  # shares to calibrate with: columns by name
     state: str = WAITS
     told: str = ""
@@ -44,6 +48,7 @@ class Run:
             "number": self.number,
             "name": self.name,
             "folder": self.folder.name,
+            "kind": self.kind,
             "state": self.state,
             "told": self.told,
         }
@@ -161,7 +166,8 @@ class RunQueue:
         with TemporaryDirectory(prefix="wakeflow-") as place:
             ask, log = Path(place, "ask.json"), Path(place, "log")
             asked = {"text": one.text, "name": one.scene, "base": str(one.base.absolute()), "changes": one.changes,
-                     "options": one.options, "folder": str(one.folder), "measured": one.measured}  # fmt: skip
+                     "options": one.options, "folder": str(one.folder), "measured": one.measured, "kind": one.kind,
+                     "typed": one.typed, "files": str(one.files.absolute())}  # fmt: skip
             ask.write_text(json.dumps(asked))
             command = [sys.executable, "-P", "-m", "wakeflow.page.job", str(ask)]
             try:

@@ -47,7 +47,8 @@ OWN = "default-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline
       "frame-ancestors 'none'; form-action 'none'; base-uri 'none'"  # fmt: skip
 REPORT = "sandbox allow-scripts; default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; " \
          "script-src 'unsafe-inline'; frame-ancestors 'self'"  # fmt: skip
-SLOW = ("plan", "before", "compare")  # actions that no other waits for
+REPORTS = {"run": "report.html", "compared": "compare.html", "protocol": "protocol.html"}
+SLOW = ("plan", "inside", "before", "compare")  # actions that no other waits for
 
 
 class Page:
@@ -245,14 +246,22 @@ class _Handler(_Known):
         first, _, rest = path.partition("/")
         if path in FILES:
             self._file(FILES[path])
-        elif first in ("run", "compared") and rest:
-            self._report(rest.removesuffix("/"), "report.html" if first == "run" else "compare.html")
+        elif first in REPORTS and rest:
+            self._report(rest.removesuffix("/"), REPORTS[first])
+        elif first == "figure" and rest:
+            self._figure(rest)
         else:
             raise HTTPError(404)
 
     def _file(self, path: Path) -> None:
         self.set_header("Content-Type", f"{mimetypes.guess_type(path.name or 'page.html')[0]}; charset=utf-8")
         self.finish(path.read_bytes())
+
+    def _figure(self, name: str) -> None:
+        try:
+            self._file(self.page.session.figure(name))
+        except SceneError:
+            raise HTTPError(404) from None
 
     def _report(self, name: str, kind: str) -> None:
         try:

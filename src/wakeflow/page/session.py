@@ -36,8 +36,10 @@ from ..statistics.moved import StoredLandings
 from .document import SceneDocument, merged
 from .form import addable, first_keys, form_of
 from .handles import dragged, handles_of, step_of
-from .queue import RunQueue
+from .queue import RUN, RunQueue
 from .stored import differs, inside, listing, parts_of, points_of, scene_of
+from .tasks import TASKS, task_of
+from .within import within
 
 if TYPE_CHECKING:
     from ..planning.plan import Plan
@@ -237,23 +239,30 @@ class Session:
                 "air": None if look.scene.air is None else look.scene.air.speed}  # fmt: skip
 
     # -- runs ----------------------------------------------------------------------------------------------------------
-    def run(self, *, name: str | None = None, quick: bool = False, full: bool = True) -> dict[str, object]:
+    def run(
+        self, *, name: str | None = None, quick: bool = False, full: bool = True, kind: str = RUN, typed: str = ""
+    ) -> dict[str, object]:
         """Put the scene as it is now at the end of the list of runs, with a first look before it where ``quick`` asks
-        for it. Raises SceneError where it is wrong.
+        for it; or another ``kind`` of task with what is ``typed`` for it. Raises SceneError where it is wrong.
         """
         document, look = self.document, self.document.look
         if look.scene is None:
             raise SceneError(look.mistake)
-        free = self._free(name or document.name, look.scene)
-        asked: dict[str, Any] = {"text": document.text, "base": document.base, "scene": document.name}
-        if quick:
+        if kind != RUN:
+            task_of(kind, look.scene, typed, self.home)
+        free = self._free(name or (document.name if kind == RUN else f"{document.name}-{kind}"), look.scene, kind)
+        asked: dict[str, Any] = {
+            "text": document.text, "base": document.base, "scene": document.name, "kind": kind, "typed": typed,
+            "files": self.home,
+        }  # fmt: skip
+        if quick and kind != "search":  # whose levels begin with one
             folder = self.runs / f"{free}-first-look"
             self.queue.add(name=f"{free} first look", folder=folder, options={"quick": True}, **asked)
         if full:
             self.queue.add(name=free, folder=self.runs / free, **asked)
         return self.list()
 
-    def _free(self, name: str, scene: Scene) -> str:
+    def _free(self, name: str, scene: Scene, kind: str = RUN) -> str:
         """The name of a run's folder: one that is free, or holds the answer of this very scene."""
         if not name or name.startswith(".") or any(letter in name for letter in "/\\\0"):
             raise SceneError(f"{name!r}: name a run without slashes, not beginning with a dot")
@@ -261,7 +270,9 @@ class Session:
             free = name if number == 1 else f"{name}-{number}"
             folder = self.runs / free
             asked = [one for one in self.queue.runs if one.folder == folder and one.state not in ("done", "failed")]
-            if not asked and (not (folder / FILE).exists() or _same(folder, scene)):
+            one_run = kind in (RUN, "protocol")
+            there = (folder / FILE).exists() if one_run else folder.exists()
+            if not asked and (not there or (one_run and _same(folder, scene))):
                 return free
         raise SceneError(f"a thousand runs are called {name}: choose another name")
 
@@ -277,7 +288,7 @@ class Session:
         """The runs that were asked for, and what is on the disk."""
         return {
             "queue": [one.table() for one in self.queue.runs], "kinds": list(scene_templates()),
-            "shown": self.shown, **listing(self.runs, self.home),
+            "shown": self.shown, "tasks": list(TASKS), **listing(self.runs, self.home),
         }  # fmt: skip
 
     def _queue_changed(self) -> None:
@@ -299,6 +310,13 @@ class Session:
             raise SceneError(f"{name} has no {kind}; draw it with: wakeflow report {self.runs / name}")
         return inside(self.runs, f"{name}/{kind}")
 
+    def figure(self, name: str) -> Path:
+        """A picture of a sweep. Raises SceneError where there is none."""
+        path = inside(self.runs, name)
+        if path.parent.name != "figures" or path.suffix != ".png" or not path.is_file():
+            raise SceneError(f"no picture {name!r}")
+        return path
+
     def _stored(self, name: str) -> StoredLandings:
         folder = self._run(name)
         made = (folder / FILE).stat().st_mtime_ns
@@ -315,9 +333,14 @@ class Session:
         scene, channel = stored.scene, stored.scene.channel
         half = channel.width / 2
         level, upright = (-half, half), (channel.bottom, channel.top)
+        with self._drawing:
+            drawn = sketch_svg(scene)
         return {
+            "svg": drawn.svg, "origin": drawn.origin, "scale": drawn.scale,
+            "walls": {"left": -half, "right": half, "floor": channel.bottom, "top": channel.top},
             "run": run, "folder": str(stored.result.folder), "calibrated": calibrated_with(stored.result),
             "report": (stored.result.folder / "report.html").is_file(),
+            "protocol": (stored.result.folder / "protocol.html").is_file(),
             "colours": fraction_colours(list(scene.fraction)),
             "targets": {name: list(one.targets) for name, one in scene.fraction.items()},
             "sides": {
@@ -327,6 +350,10 @@ class Session:
             "on": {name: one.side for name, one in scene.bin.items() if one.side},
             "ends": stored.ends, "step": step_of(scene), **self._answer(stored, stored.ends),
         }  # fmt: skip
+
+    def inside(self, *, run: str) -> dict[str, object]:
+        """Tracks and air of a finished ``run``, to be drawn within its machine."""
+        return within(self._stored(run).result)
 
     def dividers(self, *, run: str, ends: Ends) -> dict[str, object]:
         """The answer of a finished ``run`` with its bins between other ``ends`` (m)."""
@@ -370,8 +397,8 @@ class Session:
             "run": run, "other": rows[place + other], "differs": differs(scenes[other], scenes[0]),
             "rows": [
                 [name.replace(".", " of ", 1).replace(".", ", "), percent(first.by_name.get(name), void=void[0]),
-                 percent(last.by_name.get(name), void=void[1]), "" if one is None else difference_text(one),
-                 one is not None and one.clear]
+                 percent(last.by_name.get(name), void=void[1]),
+                 VOID if any(void) else "" if one is None else difference_text(one), one is not None and one.clear]
                 for name, one in found
             ],
         }  # fmt: skip
@@ -393,7 +420,11 @@ class Session:
 
     def measured(self, *, run: str, rows: tuple[tuple[str, str, str], ...], error: str) -> dict[str, object]:
         """Put the calibration of a ``run`` by measured trays at the end of the list: ``rows`` of fraction, bin and
+<<<<<<< HEAD
         percent as it is typed, ``error`` of each in points. What cannot be read is in ``wrong``, by its place.
+=======
+        percent as it is typed, ``error`` of each in points. What cannot be read is returned as ``wrong``, by its place.
+>>>>>>> page
         """
         folder, wrong = self._run(run), dict[str, str]()
 
@@ -426,7 +457,8 @@ class Session:
         return self.list()
 
     ACTIONS: ClassVar = {one.__name__: checked(one) for one in (
-        state, edit, save, settle, open, plan, run, job, list, landings, dividers, before, compare, sweep, measured,
+        state, edit, save, settle, open, plan, run, job, list, landings, inside, dividers, before, compare, sweep,
+        measured,
     )}  # fmt: skip
 
 

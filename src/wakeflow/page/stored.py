@@ -14,6 +14,7 @@ from pathlib import Path
 from ..answer.result import FILE
 from ..batch.agenda import AIRFLOWS
 from ..batch.compute import TABLE, WIDE
+from ..batch.variant import holds_task
 from ..core import sums
 from ..core.errors import SceneError
 from ..core.files import read_whole
@@ -45,9 +46,22 @@ def listing(root: Path, scenes: Path) -> dict[str, list[dict[str, object]]]:
         row["title"] = title_of(str(row["name"]), scene)
     for (row, now), (_, before) in pairwise(zip(runs, scenes_of, strict=True)):
         row["differs"] = differs(before, now)
-    own = [path for path in sorted(scenes.glob("*.toml")) if not path.name.startswith(".") and path.is_file()]
-    found = [_row(scenes, path, "") for path in own]
-    return {"scenes": found[:MOST], "runs": runs, "sweeps": _newest(sweeps)}
+    own = [path for path in sorted(scenes.glob("*.toml")) if not path.name.startswith(".") and path.is_file()][:MOST]
+    searches = [path for path in own if _asks_for_a_search(path)]
+    found = [_row(scenes, path, "") for path in own if path not in searches]
+    return {
+        "scenes": found,
+        "searches": [_row(scenes, path, "") for path in searches],
+        "runs": runs,
+        "sweeps": _newest(sweeps),
+    }
+
+
+def _asks_for_a_search(path: Path) -> bool:
+    try:
+        return holds_task(path, "search")
+    except (SceneError, OSError):  # no TOML yet: a scene under work, which says so where it is opened
+        return False
 
 
 def scene_of(folder: Path) -> JsonTable:
@@ -137,6 +151,7 @@ def points_of(folder: Path) -> dict[str, object]:
     return {
         "inputs": inputs,
         "numbers": numbers,
+        "figures": sorted(one.name for one in (folder / "figures").glob("*.png")),
         "rows": [row | {"run": run} for row, run in zip(rows, runs, strict=True)],
     }
 
