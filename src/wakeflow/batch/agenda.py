@@ -316,11 +316,7 @@ class SweepProgress:
         self.told = math.inf
 
     def news(self, tell: Callable[[str], None]) -> None:
-<<<<<<< HEAD
-        """Tell how far it is, where a step has ended or what is left is much less than before."""
-=======
         """Tell how far it is, where a step has ended or much less is left than at the last time."""
->>>>>>> page
         if self.told > TOLD_AGAIN * (left := self.left):
             self.told = left
             tell(str(self))
@@ -371,11 +367,7 @@ def do_agenda(
     workers: int = 1,
 ) -> None:  # fmt: skip
     """Do every step; ``ended(step, problem)`` hears of each in the order in which they end. ``tell`` hears how far it
-<<<<<<< HEAD
-    is, as ``workers`` work at once: whenever a step has ended, and when what is left is much less than before.
-=======
     is, as ``workers`` work at once: whenever a step has ended, and when much less is left than it heard last.
->>>>>>> page
 
     Steps are handed out in the order of the agenda as soon as what they need has ended: airflows first, then flights.
     """

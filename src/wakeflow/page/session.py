@@ -420,11 +420,7 @@ class Session:
 
     def measured(self, *, run: str, rows: tuple[tuple[str, str, str], ...], error: str) -> dict[str, object]:
         """Put the calibration of a ``run`` by measured trays at the end of the list: ``rows`` of fraction, bin and
-<<<<<<< HEAD
-        percent as it is typed, ``error`` of each in points. What cannot be read is in ``wrong``, by its place.
-=======
         percent as it is typed, ``error`` of each in points. What cannot be read is returned as ``wrong``, by its place.
->>>>>>> page
         """
         folder, wrong = self._run(run), dict[str, str]()
 
