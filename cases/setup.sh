@@ -75,5 +75,5 @@ if [ -z "$have" ]; then
 fi
 
 # The tests compile beside the linters (tests/run.sh).
-[ "$extra" = test ] || "$venv/bin/python" -c "from wakeflow.pipeline import compilation; compilation.compile_ahead()" ||
+[ "$extra" = test ] || "$venv/bin/python" -c "from wakeflow.flight.stages import compilation; compilation.compile_ahead()" ||
   say "the tracker could not be compiled now; the first run will do it"

@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wakeflow.flight import Body, Fate, Granules, Tracks
 from wakeflow.laws.collision import approach_speed, scattered_rebound
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.random_numbers import normal_pair
 from wakeflow.laws.restitution import restitution_at
-from wakeflow.tracking import Body, Fate, Granules, Tracks
 
 Array = NDArray[np.float64]
 G = np.array([0.0, -GRAVITY])

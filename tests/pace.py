@@ -29,7 +29,7 @@ from support import ALONE, CASES
 from wakeflow.answer.result import Result
 from wakeflow.core.idle_clock import IdleClock
 from wakeflow.core.process import cores
-from wakeflow.verify.scene_curves import forget_all_but_air, one_cache, timed_run
+from wakeflow.extras.verify.scene_curves import forget_all_but_air, one_cache, timed_run
 
 SCENES = ("vacuum", "aspirator", "prism", "rhombus", "wheat-straw-dust", "labyrinth", "funnel")
 CHANCE = 2e-3  # of a share: what 256 granules cannot tell from nothing
@@ -79,7 +79,7 @@ def print_before(commit: str, arguments: Sequence[str]) -> None:
         )
         env = {**os.environ, "PYTHONPATH": f"{place / 'src'}:{place / 'tests'}"}
         try:
-            compiled = "from wakeflow.pipeline.compilation import compile_ahead; compile_ahead()"
+            compiled = "from wakeflow.flight.stages.compilation import compile_ahead; compile_ahead()"
             subprocess.run([sys.executable, "-c", compiled], check=True, env=env)
             print(f"{commit}:", flush=True)
             subprocess.run([sys.executable, place / "tests" / "pace.py", *arguments], check=True, env=env)

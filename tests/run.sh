@@ -12,7 +12,7 @@ export WAKEFLOW_TEST_CACHE="${WAKEFLOW_TEST_CACHE:-$root/runs/.test-cache}"
 compiling=
 trap 'test -z "$compiling" || kill $compiling 2>/dev/null' EXIT
 for kernel in tracker slab; do
-    "$bin/python" -c "from wakeflow.pipeline import compilation; compilation.compile_$kernel()" &
+    "$bin/python" -c "from wakeflow.flight.stages import compilation; compilation.compile_$kernel()" &
     compiling="$compiling $!"
 done
 "$bin/python" -m compileall -q src  # many tests start Python, perhaps where it is told to write no bytecode

@@ -18,22 +18,22 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from scipy.spatial import Delaunay
 
+from wakeflow.air.field import FlowField
+from wakeflow.air.foam.airflow import solve_airflow
+from wakeflow.air.foam.airflow_result import AirflowResult
+from wakeflow.air.foam.case import FlowSpec
+from wakeflow.air.foam.programs import openfoam_version
+from wakeflow.air.mesh import build_mesh, plan_mesh
 from wakeflow.core.files import case_template
 from wakeflow.core.record import load
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key, digest_files
-from wakeflow.field import FlowField
-from wakeflow.foam.airflow import solve_airflow
-from wakeflow.foam.airflow_result import AirflowResult
-from wakeflow.foam.case import FlowSpec
-from wakeflow.foam.programs import openfoam_version
+from wakeflow.flight import Granules
+from wakeflow.flight.stages.landings import Landings
 from wakeflow.laws.constants import GRAVITY, STANDARD_AIR
 from wakeflow.laws.shape import shapes
-from wakeflow.meshing import build_mesh, plan_mesh
-from wakeflow.pipeline.landings import Landings
 from wakeflow.planning.plan import REPLICATES, Plan
 from wakeflow.scene import Scene
-from wakeflow.tracking import Granules
 
 if TYPE_CHECKING:
     import distributed
@@ -141,7 +141,7 @@ def kept_airflow(spec: FlowSpec, start: Path | None = None) -> tuple[Path, Airfl
         build_mesh(spec.mesh, part)
         solve_airflow(spec, part / "mesh.msh", part / "case", start=None if start is None else start / "case")
 
-    code = code_key("wakeflow.meshing", "wakeflow.foam.airflow"), digest_files([case_template()])
+    code = code_key("wakeflow.air.mesh", "wakeflow.air.foam.airflow"), digest_files([case_template()])
     key = content_key(repr(spec), *code, version("gmsh"), openfoam_version(), None if start is None else start.name)
     folder, _ = Store(cache_root()).make("tested-airflow", key, work)
     return folder, load(AirflowResult, folder / "case" / "airflow.json")

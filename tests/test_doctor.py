@@ -83,7 +83,7 @@ def test_a_mesh_that_fails_names_what_gmsh_links_to(monkeypatch: pytest.MonkeyPa
     def fail(*_: object, **__: object) -> None:
         raise MeshError("python failed with exit code 1; log: x", tail=f"Traceback\n{said}\n", ended="failed")
 
-    monkeypatch.setattr("wakeflow.meshing.spec.call_in_child", fail)
+    monkeypatch.setattr("wakeflow.air.mesh.spec.call_in_child", fail)
     for found in map(doctor._tried, ("a mesh", "an airflow")):
         assert (found.ok, found.version) == (False, said)
         assert re.match(r"apt-get install .*libxcursor1 .*# or.* -m pip install --force-reinstall gmsh", found.mend)
@@ -115,7 +115,7 @@ def test_an_airflow_that_fails_names_what_mends_it(
         (tmp_path / "simpleFoam").write_text(f"#!/bin/sh\n{script}\n")
         (tmp_path / "simpleFoam").chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr("wakeflow.foam.programs.kernel_root", lambda: tmp_path)
+    monkeypatch.setattr("wakeflow.air.foam.programs.kernel_root", lambda: tmp_path)
     found = doctor._tried("an airflow")
     assert (found.ok, found.version) == (False, told)
     assert found.mend.endswith(mend)

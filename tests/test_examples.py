@@ -14,9 +14,9 @@ import rhombi
 
 import wakeflow as wf
 from support import CASES, DOCS, ROOT
-from wakeflow.batch.designs import refuse_void
-from wakeflow.batch.task import read_search_file
-from wakeflow.batch.variant import read_sweep_file
+from wakeflow.extras.search.designs import refuse_void
+from wakeflow.extras.search.task import read_search_file
+from wakeflow.many.variant import read_sweep_file
 from wakeflow.scene.changes import flat
 from wakeflow.scene.schema import described
 from wakeflow.scene.uncertainty import with_uncertainty_table

@@ -27,10 +27,10 @@ from wakeflow.laws.profile import profiles
 from wakeflow.laws.restitution import restitution_laws
 from wakeflow.laws.shape import shapes
 from wakeflow.laws.size import sizes
-from wakeflow.planning.impaction import front_of
+from wakeflow.planning.carried_round import front_of
 from wakeflow.planning.terms import other_terms
-from wakeflow.report.pictures import draw_all, pictures
 from wakeflow.scene.rungs import rungs
+from wakeflow.show.asked_pictures import draw_all, pictures
 
 PAGE = DOCS / "extending.md"
 Check = Callable[[Path, Path, dict[str, Any]], None]  # cases, a folder, names of the example

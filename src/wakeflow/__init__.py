@@ -30,25 +30,25 @@ from typing import TYPE_CHECKING, Any
 from .core.lazy import loaded
 
 if TYPE_CHECKING:
+    from .air.field import FlowField
+    from .answer.dividers import dividers
     from .answer.result import Result
-    from .batch.calibration import Posterior, calibrate
-    from .batch.comparison import compare
-    from .batch.compute import Sweep, sweep
-    from .batch.designs import Search, search
-    from .batch.sensitivity import Sensitivity, sensitivity
-    from .batch.variant import variants
     from .core.errors import FoamError, MeshError, ProgramError, SceneError, WakeflowError
-    from .field import FlowField
+    from .extras.search.designs import Search, search
+    from .extras.trays.calibration import Posterior, calibrate
+    from .flight import Body, Collisions, Fate, Granules, Motion, Tracks, track
     from .laws.collision import impact
     from .laws.restitution import Restitution
     from .laws.streams import layer, layers
-    from .planning.make import make_plan as plan
+    from .many.comparison import compare
+    from .many.compute import Sweep, sweep
+    from .many.sensitivity import Sensitivity, sensitivity
+    from .many.variant import variants
     from .planning.plan import Plan
     from .runs import run
     from .runs.chain import chain
+    from .runs.planned import make_plan as plan
     from .scene import Scene
-    from .statistics.dividers import dividers
-    from .tracking import Body, Collisions, Fate, Granules, Motion, Tracks, track
 
 # The listing is the pipeline: a layer imports only from those before it (held by tests/test_architecture.py).
 LAYERS = (

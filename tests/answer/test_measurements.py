@@ -29,7 +29,7 @@ from wakeflow.answer.measurements import (
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import InputPart, InputSummary
 from wakeflow.planning.unknowns import SIGMAS, unknown_kinds
-from wakeflow.report.words import measured_words
+from wakeflow.show.words import measured_words
 
 PAGE = Path(__file__).parents[2] / "docs" / "measuring.md"
 RESTITUTION = "fraction.wheat.restitution"

@@ -12,19 +12,19 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
+from wakeflow.answer.budget.budget import _prices
 from wakeflow.answer.joint import HOUR, difference
 from wakeflow.answer.result import Result
+from wakeflow.answer.result_table import names_for, quantities_of
 from wakeflow.answer.shares import Prices
-from wakeflow.answer.table import names_for, quantities_of
-from wakeflow.budget.budget import _prices
 from wakeflow.core.graded import Grade
-from wakeflow.pipeline.track_stage import unweighed
-from wakeflow.report.many import main_quantities
-from wakeflow.report.words import money_lines
+from wakeflow.flight.stages.track_stage import unweighed
 from wakeflow.scene import Scene
+from wakeflow.show.many_figures import main_quantities
+from wakeflow.show.words import money_lines
 
 if TYPE_CHECKING:
-    from wakeflow.pipeline.pipeline import Pipeline
+    from wakeflow.flight.stages.pipeline import Pipeline
 
 HARD, SOFT = {"far": 200.0, "near": 80.0}, {"near": -30.0}  # EUR/t
 

@@ -13,6 +13,7 @@ from result_page import PAGE, page
 
 import wakeflow as wf
 from support import landings_in, shipped
+from wakeflow.air.kinds.airflow_table import Airflow, GridStudy
 from wakeflow.answer.notices import ENDINGS, _out_of_the_top, _unlanded, with_mesh_error
 from wakeflow.answer.result import SCHEMA, Result, asked_in
 from wakeflow.answer.shares import BudgetPart, InputPart, weightiest
@@ -23,13 +24,12 @@ from wakeflow.core.graded import Grade
 from wakeflow.core.number import Number
 from wakeflow.core.record import from_json
 from wakeflow.core.store import content_key
-from wakeflow.pipeline.airflow import Airflow, GridStudy
-from wakeflow.planning.make import make_plan
+from wakeflow.flight import Fate
 from wakeflow.planning.plan import Plan
-from wakeflow.report.words import BUDGET_COLUMNS, IMPACT_COLUMNS, SEPARATION_COLUMNS, holds, separation_cells
 from wakeflow.runs import report_again
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.tracking import Fate
+from wakeflow.show.words import BUDGET_COLUMNS, IMPACT_COLUMNS, SEPARATION_COLUMNS, holds, separation_cells
 
 
 def tables_of(title: str) -> list[tuple[str, ...]]:

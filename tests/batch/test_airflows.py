@@ -11,14 +11,14 @@ import pytest
 
 import wakeflow as wf
 from support import ALONE, shipped
+from wakeflow.air.foam.case import read_parameters
+from wakeflow.air.foam.force_history import Tail
+from wakeflow.air.foam.statistics import cycles
 from wakeflow.answer.result import Request
-from wakeflow.batch import agenda as run_agenda
-from wakeflow.batch.agenda import Step, make_agenda, starts
-from wakeflow.batch.work import Job
 from wakeflow.core.errors import SceneError
-from wakeflow.foam.case import read_parameters
-from wakeflow.foam.history import Tail
-from wakeflow.foam.statistics import cycles
+from wakeflow.many import agenda as run_agenda
+from wakeflow.many.agenda import Step, make_agenda, starts
+from wakeflow.many.work import Job
 from wakeflow.runs import report_again
 
 COARSE = {

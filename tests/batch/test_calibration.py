@@ -14,13 +14,13 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.batch.calibrated_materials import materials_text
-from wakeflow.batch.calibration import Posterior
-from wakeflow.batch.calibration_update import covariance_of_missed, missed_by
-from wakeflow.batch.protocol import protocol, protocol_of
-from wakeflow.budget.agreement import AGREES, CANNOT_TELL, DISAGREES, agreement_in
+from wakeflow.answer.budget.agreement import AGREES, CANNOT_TELL, DISAGREES, agreement_in
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError, known
+from wakeflow.extras.trays.calibrated_materials import materials_text
+from wakeflow.extras.trays.calibration import Posterior
+from wakeflow.extras.trays.calibration_update import covariance_of_missed, missed_by
+from wakeflow.extras.trays.protocol import protocol, protocol_of
 from wakeflow.scene.measured import Measured, Tray, read_trays
 
 COUNT = 512  # granules a fraction

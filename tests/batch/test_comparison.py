@@ -12,19 +12,19 @@ import pytest
 import wakeflow as wf
 from support import Here, shipped
 from wakeflow.answer.result import VOID, Result
+from wakeflow.answer.result_table import DONE, FAILED, Difference, Entry, ResultTable, TableQuantity, differences_of
 from wakeflow.answer.shares import least_certain
-from wakeflow.answer.table import DONE, FAILED, Difference, Entry, ResultTable, TableQuantity, differences_of
-from wakeflow.batch.calibration_update import half_of
-from wakeflow.batch.sensitivity import COLUMNS
 from wakeflow.cli import main
 from wakeflow.cli.show_many import show_table
 from wakeflow.core.errors import SceneError, known
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.make import make_plan
+from wakeflow.extras.trays.calibration_update import half_of
+from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.many.sensitivity import COLUMNS
 from wakeflow.planning.unknowns import unknowns
-from wakeflow.report import many
-from wakeflow.report.many import draw_lines
-from wakeflow.report.words import bins_in_words, holds, percent
+from wakeflow.runs.planned import make_plan
+from wakeflow.show import many_figures as many
+from wakeflow.show.many_figures import draw_lines
+from wakeflow.show.words import bins_in_words, holds, percent
 
 
 @pytest.fixture(scope="module")

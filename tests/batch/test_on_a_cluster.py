@@ -9,9 +9,9 @@ import pytest
 import wakeflow as wf
 from support import CASES, LoopbackCluster, shipped
 from wakeflow.answer.result import Request
-from wakeflow.batch.agenda import make_agenda
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
+from wakeflow.many.agenda import make_agenda
 
 COMMAND = ["sweep", str(CASES / "rhombus.toml"), "--rung", "none", "--quiet", "--set", "feed.count=64"]
 COMMAND += ["--set", "fraction.wheat.restitution=0.3,0.5,1.5"]

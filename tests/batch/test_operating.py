@@ -9,8 +9,8 @@ import pytest
 
 import wakeflow as wf
 from support import Here, shipped
-from wakeflow.batch import operating
 from wakeflow.core.errors import SceneError
+from wakeflow.many import operating
 
 
 @pytest.mark.parametrize(

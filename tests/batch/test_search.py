@@ -9,17 +9,17 @@ import pytest
 
 import wakeflow as wf
 from support import CASES, Here, shipped
-from wakeflow.answer.table import TableQuantity
-from wakeflow.batch.axis import Axis, axis_of_text
-from wakeflow.batch.calibration import calibrate
-from wakeflow.batch.designs import affordable, explore, refuse_void, search, with_fan
-from wakeflow.batch.history import DesignPoint, Evaluation, History, at_random
-from wakeflow.batch.operating import operating_map
-from wakeflow.batch.task import Goal, QuantityLimit, SearchTask, read_search_file
+from wakeflow.answer.result_table import TableQuantity
 from wakeflow.cli.show_many import show_search
 from wakeflow.core.errors import SceneError
 from wakeflow.core.graded import Grade
-from wakeflow.planning.make import make_plan
+from wakeflow.extras.search.designs import affordable, explore, refuse_void, search, with_fan
+from wakeflow.extras.search.search_history import DesignPoint, Evaluation, History, at_random
+from wakeflow.extras.search.task import Goal, QuantityLimit, SearchTask, read_search_file
+from wakeflow.extras.trays.calibration import calibrate
+from wakeflow.many.axis import Axis, axis_of_text
+from wakeflow.many.operating import operating_map
+from wakeflow.runs.planned import make_plan
 
 FILE = f"""
 [search]
@@ -130,8 +130,8 @@ def test_a_search_sweeps_its_levels_and_goes_on_where_it_ended(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The second call computes nothing and finds the same. Figures are drawn as in any sweep."""
-    monkeypatch.setattr("wakeflow.report.table_figures.draw_table_figures", lambda folder, table: None)
-    monkeypatch.setattr("wakeflow.batch.designs._expected_price", lambda scene: 1.0)
+    monkeypatch.setattr("wakeflow.show.table_figures.draw_table_figures", lambda folder, table: None)
+    monkeypatch.setattr("wakeflow.extras.search.designs._expected_price", lambda scene: 1.0)
     scene, here = shipped("rhombus", {"numerics.rung": "none"}).without_air(), Here()
     tied = "bin.middle.to = bin.inner-right.from = -bin.middle.from = -bin.inner-left.to"
     axes = (axis_of_text("feed.height=60:140:2 mm"), Axis(tied, ("60 mm", "100 mm"), (60.0, 100.0), "mm"))

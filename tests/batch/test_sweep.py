@@ -17,14 +17,14 @@ import pytest
 import wakeflow as wf
 from support import ALONE, CASES, Here, shipped
 from wakeflow.answer.result import Request
-from wakeflow.batch import compute
-from wakeflow.batch.agenda import make_agenda
-from wakeflow.batch.axis import Axis, axes_of, axis_of_text, designs
-from wakeflow.batch.compute import look_ahead
-from wakeflow.batch.variant import Variant, asked_for, read_sweep_file, variants
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.core.executor import Workers
+from wakeflow.many import compute
+from wakeflow.many.agenda import make_agenda
+from wakeflow.many.axis import Axis, axes_of, axis_of_text, designs
+from wakeflow.many.compute import look_ahead
+from wakeflow.many.variant import Variant, asked_for, read_sweep_file, variants
 from wakeflow.scene.changes import differing, folder_name, run_folder
 
 
@@ -342,7 +342,7 @@ def test_scenes_share_airflows_and_flights(tmp_path: Path) -> None:
 def test_an_airflow_that_fails_takes_its_scenes_along_and_no_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from wakeflow.batch import agenda as run_agenda
+    from wakeflow.many import agenda as run_agenda
 
     base = shipped("rhombus", {"feed.count": 64})
     found = variants(base, ["air.speed=4,5", "fraction.chaff.restitution=0.2,0.3"])
@@ -432,7 +432,7 @@ def test_a_broken_result_is_computed_again(tmp_path: Path) -> None:
 def test_what_would_not_fit_on_the_disk_is_refused_before_anything_is_computed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wakeflow.batch.compute.shutil.disk_usage", lambda place: SimpleNamespace(free=1000))
+    monkeypatch.setattr("wakeflow.many.compute.shutil.disk_usage", lambda place: SimpleNamespace(free=1000))
     here = Here()
     with pytest.raises(SceneError, match=r"needs about .* GB .* GB are free.*wakeflow clean --keep"):
         wf.sweep([shipped("vacuum", {"feed.count": 16})], tmp_path, scheduler=here)

@@ -14,6 +14,14 @@ from scipy.stats import kstest
 
 import wakeflow as wf
 from support import landings_in, shipped
+from wakeflow.answer.budget.budget import NOTICEABLE, gain_by_replicates
+from wakeflow.answer.budget.flown_again import MAX_FACTOR, AmongOthers, Comparison, compared, differences
+from wakeflow.answer.budget.mesh import Grid, difference_noise, mesh_error, shedding_noise
+from wakeflow.answer.budget.model import MODEL
+from wakeflow.answer.budget.slab_sources import beyond_chance
+from wakeflow.answer.budget.source import INPUTS, FractionResults, Parts, Source, add, budget_sources, signed_column
+from wakeflow.answer.budget.total import in_ensemble, numerical, remedies, total_of
+from wakeflow.answer.budget.truncation import AIR_SPEED, NO_EFFECT, VIBRATION, swung
 from wakeflow.answer.cells import LandingCells
 from wakeflow.answer.draws import columns
 from wakeflow.answer.joint import JointAnswer
@@ -29,30 +37,22 @@ from wakeflow.answer.shares import (
     BudgetRow,
     BudgetTotal,
 )
-from wakeflow.budget.budget import NOTICEABLE, gain_by_replicates
-from wakeflow.budget.comparison import MAX_FACTOR, AmongOthers, Comparison, compared, differences
-from wakeflow.budget.mesh import Grid, difference_noise, mesh_error, shedding_noise
-from wakeflow.budget.model import MODEL
-from wakeflow.budget.slab import beyond_chance
-from wakeflow.budget.source import INPUTS, FractionResults, Parts, Source, add, budget_sources, signed_column
-from wakeflow.budget.total import in_ensemble, numerical, remedies, total_of
-from wakeflow.budget.truncation import AIR_SPEED, NO_EFFECT, VIBRATION, swung
 from wakeflow.core.number import Number, student
 from wakeflow.core.store import Store
+from wakeflow.flight.stages.landings import Landings, Tracked
+from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.flight.stages.slab_stage import CollisionRerun
+from wakeflow.flight.stages.track_stage import PerturbedRerun
 from wakeflow.laws.best_estimate import WakeEstimate, best_estimate
-from wakeflow.pipeline.cache import StageTime
-from wakeflow.pipeline.landings import Landings, Tracked
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.slab import CollisionRerun
-from wakeflow.pipeline.track_stage import PerturbedRerun
 from wakeflow.planning.collisions import CollisionPlan
 from wakeflow.planning.cost import flown_again
 from wakeflow.planning.lock_in import SHARES_MOVED
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import COMPARED, REPLICATES
+from wakeflow.planning.stage_cache import StageTime
 from wakeflow.planning.stages import StageCost, Workload
 from wakeflow.planning.unknowns import SIGMAS, unknowns
 from wakeflow.planning.wake import Wake
+from wakeflow.runs.planned import make_plan
 from wakeflow.runs.refine import unreached_lines
 from wakeflow.runs.settings import expected_half, expected_part, expected_seconds
 from wakeflow.scene import Scene

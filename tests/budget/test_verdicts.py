@@ -9,12 +9,12 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
+from wakeflow.answer.budget import verdicts
+from wakeflow.answer.budget.verdicts import verdicts_of
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import MET, NOT_MET, OPEN, BudgetPart
-from wakeflow.budget import verdicts
-from wakeflow.budget.verdicts import verdicts_of
 from wakeflow.core.graded import Grade
-from wakeflow.report.words import NO_VALUE, SUMMED, bins_in_words, percent, rate_words, verdict_lines
+from wakeflow.show.words import NO_VALUE, SUMMED, bins_in_words, percent, rate_words, verdict_lines
 
 
 def held_to(run: Result, limits: dict[str, dict[str, float]], **changed: object) -> Result:
@@ -85,7 +85,7 @@ def test_limits_of_what_no_answer_has_are_refused() -> None:
 
 def test_a_limit_moves_no_granule_and_a_plan_tells_of_one_that_is_finer_than_its_accuracy() -> None:
     plain, held = shipped("vacuum"), shipped("vacuum", {"limit.loss.hard": "0.5 %"})
-    from wakeflow.pipeline.track_stage import unweighed
+    from wakeflow.flight.stages.track_stage import unweighed
 
     assert unweighed(plain) == unweighed(held)
     told = [line for line in wf.plan(held).warnings if "limit.loss.hard" in line]

@@ -9,7 +9,7 @@ from support import shipped
 from wakeflow.cli import main
 from wakeflow.core.files import scene_templates
 from wakeflow.core.graded import Grade
-from wakeflow.planning.make import make_plan
+from wakeflow.runs.planned import make_plan
 
 LABELS = ("machine", "air", "feed", "flown with", "left out", "costs")
 NARROW = 80  # columns

@@ -14,6 +14,8 @@ import pytest
 
 import wakeflow
 from wakeflow import Scene
+from wakeflow.air.kinds.analytic import duct_field
+from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.cli import main
 from wakeflow.cli.show_stored import MAX_ROWS, show_stages
 from wakeflow.core import sources
@@ -29,11 +31,9 @@ from wakeflow.core.store import (
     oldest_beyond,
     remove_stages,
 )
-from wakeflow.pipeline.analytic import duct_field
-from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.tracks import Flight
-from wakeflow.planning.make import make_plan
+from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.planning.stages import stages
+from wakeflow.runs.planned import make_plan
 
 KEYS = [f"{number}" * 64 for number in range(5)]
 
@@ -244,7 +244,7 @@ def test_a_link_is_one_file_and_a_copy_where_there_are_none(tmp_path: Path, monk
 
 
 CODE = {name: stages[name].code for name in stages if stages[name].code}
-STAGES = {**CODE, "kernel": ("wakeflow.tracking.kernel.loop",)}
+STAGES = {**CODE, "kernel": ("wakeflow.flight.kernel.loop",)}
 
 
 SOME = 3  # modules of a stage that are touched: its key reads all of them each time
@@ -280,7 +280,7 @@ def test_touching_any_module_of_the_closure_changes_the_key(stage: str, copied: 
 
 def test_what_no_stage_runs_leaves_its_key_alone(copied: Path) -> None:
     before = sources.code_key(*CODE["airflow"])
-    for name in ("cli/run.py", "pipeline/tracks.py"):
+    for name in ("cli/run.py", "flight/stages/fraction_flights.py"):
         (copied / name).write_text("")
     sources.code_key.cache_clear()
     assert sources.code_key(*CODE["airflow"]) == before
@@ -312,14 +312,14 @@ def test_modules_that_run_while_granules_fly_stand_in_the_closure(cases: Path, t
     scene = Scene.load(cases / "vacuum.toml").replace({"feed.count": 16})
     flight = Flight(scene, make_plan(scene), Realisations(None), 1e-4)
     own = _ran(lambda: flight.fly_all(tmp_path, drawn=True))
-    assert {"wakeflow.pipeline.tracks", "wakeflow.planning.plan", "wakeflow.laws.collision"} <= own
+    assert {"wakeflow.flight.stages.fraction_flights", "wakeflow.planning.plan", "wakeflow.laws.collision"} <= own
     assert own <= sources.closure(*CODE["tracks"])
 
 
 def test_modules_that_run_while_a_duct_is_made_stand_in_the_closure(cases: Path) -> None:
     scene = Scene.load(cases / "aspirator.toml")
     own = _ran(lambda: duct_field(scene, turbulent=True))
-    assert {"wakeflow.pipeline.analytic", "wakeflow.field.flow"} <= own
+    assert {"wakeflow.air.kinds.analytic", "wakeflow.air.field.flow"} <= own
     assert own <= sources.closure(*CODE["duct"])
 
 
@@ -337,10 +337,10 @@ def test_a_name_that_is_no_module_is_refused() -> None:
 
 def test_what_a_package_registers_as_it_is_imported_counts() -> None:
     tracks = sources.closure(*CODE["tracks"])
-    assert {"wakeflow.laws.forces.basic", "wakeflow.laws.forces.lift"} <= tracks
+    assert {"wakeflow.laws.forces.basic", "wakeflow.laws.forces.lift_forces"} <= tracks
 
 
 def test_names_of_a_package_lead_to_their_modules_only() -> None:
-    assert "wakeflow.field.flow" in sources.closure("wakeflow.field")
-    assert "wakeflow.foam.solver" not in sources.closure("wakeflow.foam.read")
+    assert "wakeflow.air.field.flow" in sources.closure("wakeflow.air.field")
+    assert "wakeflow.air.foam.solver" not in sources.closure("wakeflow.air.foam.read")
     assert Path(wakeflow.__file__).parent == sources.PACKAGE

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from support import shaken_mesh
+from wakeflow.air.field import FlowField, blended_wake, interpolated
+from wakeflow.air.field.combined import cross_faded, fade
 from wakeflow.core.errors import SceneError
-from wakeflow.field import FlowField, blended_wake, interpolated
-from wakeflow.field.combined import cross_faded, fade
 
 PERIOD = 0.4
 INFLOW = -2.0

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from support import field_of, shaken_mesh
+from wakeflow.air.field import FlowField
+from wakeflow.air.field.derived import stream_function, vorticity
 from wakeflow.core.errors import SceneError
-from wakeflow.field import FlowField
-from wakeflow.field.derived import stream_function, vorticity
 
 
 def linear(points: np.ndarray) -> np.ndarray:

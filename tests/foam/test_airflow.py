@@ -19,25 +19,25 @@ import pytest
 from scipy.spatial import cKDTree
 
 from support import AIR, RHOMBUS, ROOT, WIDTH, kept_airflow, rhombus_spec, working_in
+from wakeflow.air.foam.airflow import solve_airflow
+from wakeflow.air.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
+from wakeflow.air.foam.force_history import Tail, kind_of, upward_crossings
+from wakeflow.air.foam.mesh_motion import MeshMotion
+from wakeflow.air.foam.polymesh import read_polymesh
+from wakeflow.air.foam.prepare import prepare_case
+from wakeflow.air.foam.programs import call
+from wakeflow.air.foam.read import CaseFields, read_flow, time_folders
+from wakeflow.air.foam.solver import drop_after, last_state, states
+from wakeflow.air.foam.start import start_from
+from wakeflow.air.foam.statistics import cycles
+from wakeflow.air.foam.steady import run_steady
+from wakeflow.air.foam.suction import suction_zone
+from wakeflow.air.foam.time_resolved import _on_beat, best_loop
+from wakeflow.air.foam.watch import Progress, Watch
+from wakeflow.air.mesh import build_mesh, plan_mesh
 from wakeflow.core.errors import FoamError, MeshError, SceneError
 from wakeflow.core.files import case_template
-from wakeflow.foam.airflow import solve_airflow
-from wakeflow.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
-from wakeflow.foam.history import Tail, kind_of, upward_crossings
-from wakeflow.foam.mesh_motion import MeshMotion
-from wakeflow.foam.polymesh import read_polymesh
-from wakeflow.foam.prepare import prepare_case
-from wakeflow.foam.programs import call
-from wakeflow.foam.read import CaseFields, read_flow, time_folders
-from wakeflow.foam.solver import drop_after, last_state, states
-from wakeflow.foam.start import start_from
-from wakeflow.foam.statistics import cycles
-from wakeflow.foam.steady import run_steady
-from wakeflow.foam.suction import suction_zone
-from wakeflow.foam.time_resolved import _on_beat, best_loop
-from wakeflow.foam.watch import Progress, Watch
 from wakeflow.laws.shape import shapes
-from wakeflow.meshing import build_mesh, plan_mesh
 
 
 @dataclass(frozen=True)
@@ -329,7 +329,7 @@ import sys
 from pathlib import Path
 sys.path.insert(0, {tests!r})
 from support import rhombus_spec
-from wakeflow.foam.airflow import solve_airflow
+from wakeflow.air.foam.airflow import solve_airflow
 spec = rhombus_spec(scale=1.0)
 solve_airflow(spec, Path({msh!r}), Path({case!r}))
 """
@@ -429,7 +429,7 @@ class TestInterruption:
 
 
 def _rows(case: Path) -> np.ndarray:
-    from wakeflow.foam.history import read_table
+    from wakeflow.air.foam.force_history import read_table
 
     return read_table(case, "forceCoefficients", (1, 3))
 

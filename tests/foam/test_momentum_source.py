@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from support import kept_airflow, rhombus_spec
+from wakeflow.air.foam import airflow
+from wakeflow.air.foam.airflow import solve_airflow
+from wakeflow.air.foam.airflow_result import AirflowResult
+from wakeflow.air.foam.case import FlowSpec
+from wakeflow.air.foam.failure import AirflowFailure, Cause
+from wakeflow.air.foam.momentum_source import SOURCE, cell_forces, write_source
+from wakeflow.air.foam.polymesh import read_polymesh
+from wakeflow.air.foam.read import time_folders
+from wakeflow.air.foam.sanity import Check, check_airflow
+from wakeflow.air.foam.watch import Progress
 from wakeflow.core.geometry import Boxes, ForceDensity
-from wakeflow.foam import airflow
-from wakeflow.foam.airflow import solve_airflow
-from wakeflow.foam.airflow_result import AirflowResult
-from wakeflow.foam.case import FlowSpec
-from wakeflow.foam.failure import AirflowFailure, Cause
-from wakeflow.foam.momentum_source import SOURCE, cell_forces, write_source
-from wakeflow.foam.polymesh import read_polymesh
-from wakeflow.foam.read import time_folders
-from wakeflow.foam.sanity import Check, check_airflow
-from wakeflow.foam.watch import Progress
 
 pytestmark = pytest.mark.openfoam
 

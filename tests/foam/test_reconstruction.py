@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wakeflow.foam.read import CaseFields, read_flow
-from wakeflow.foam.reconstruction import PlaneMesh, Reconstruction, solenoidal, triangulate
+from wakeflow.air.foam.read import CaseFields, read_flow
+from wakeflow.air.foam.reconstruction import PlaneMesh, Reconstruction, solenoidal, triangulate
 
 
 def plane(count: int, kind: str, seed: int = 0) -> PlaneMesh:

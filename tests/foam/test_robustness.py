@@ -20,22 +20,22 @@ import pytest
 
 from proofs.studies import robustness
 from support import RHOMBUS, WIDTH, kept_airflow, working_in
+from wakeflow.air.foam import case as case_module
+from wakeflow.air.foam import programs, sanity
+from wakeflow.air.foam.airflow import solve_airflow
+from wakeflow.air.foam.airflow_result import AirflowResult, Attempt
+from wakeflow.air.foam.case import SETTINGS, FlowSpec, write_case
+from wakeflow.air.foam.failure import AirflowFailure, Cause, diagnose, disk_trouble_named
+from wakeflow.air.foam.fallback_settings import FALLBACKS, climb, warning
+from wakeflow.air.foam.force_history import read_table
+from wakeflow.air.foam.prepare import prepare_case
+from wakeflow.air.foam.read import time_folders
+from wakeflow.air.foam.sanity import blockage, check_airflow, check_finite, friction, gap_speed
+from wakeflow.air.foam.solver import run_segment, segment_ends
+from wakeflow.air.foam.watch import Progress, Watch
+from wakeflow.air.mesh import build_mesh, plan_mesh
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.files import case_template, write_json
-from wakeflow.foam import case as case_module
-from wakeflow.foam import programs, sanity
-from wakeflow.foam.airflow import solve_airflow
-from wakeflow.foam.airflow_result import AirflowResult, Attempt
-from wakeflow.foam.case import SETTINGS, FlowSpec, write_case
-from wakeflow.foam.failure import AirflowFailure, Cause, diagnose, disk_trouble_named
-from wakeflow.foam.fallback_settings import FALLBACKS, climb, warning
-from wakeflow.foam.history import read_table
-from wakeflow.foam.prepare import prepare_case
-from wakeflow.foam.read import time_folders
-from wakeflow.foam.sanity import blockage, check_airflow, check_finite, friction, gap_speed
-from wakeflow.foam.solver import run_segment, segment_ends
-from wakeflow.foam.watch import Progress, Watch
-from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.planning.cost import ranks_for
 
 

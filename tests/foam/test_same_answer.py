@@ -18,14 +18,14 @@ import numpy as np
 import pytest
 
 from support import RHOMBUS, ROOT, WIDTH, kept_airflow, rhombus_spec, working_in
-from wakeflow.foam import watch
-from wakeflow.foam.airflow import solve_airflow
-from wakeflow.foam.case import FlowSpec
-from wakeflow.foam.failure import AirflowFailure
-from wakeflow.foam.history import oscillation
-from wakeflow.foam.read import time_folders
-from wakeflow.foam.solver import last_state, segment_ends
-from wakeflow.foam.steady import (
+from wakeflow.air.foam import watch
+from wakeflow.air.foam.airflow import solve_airflow
+from wakeflow.air.foam.case import FlowSpec
+from wakeflow.air.foam.failure import AirflowFailure
+from wakeflow.air.foam.force_history import oscillation
+from wakeflow.air.foam.read import time_folders
+from wakeflow.air.foam.solver import last_state, segment_ends
+from wakeflow.air.foam.steady import (
     SEGMENT,
     STATES_KEPT,
     WINDOW,
@@ -34,9 +34,9 @@ from wakeflow.foam.steady import (
     _will_not_settle,
     expected_end,
 )
-from wakeflow.foam.time_resolved import _has_started, _looks
-from wakeflow.foam.watch import Progress, Watch
-from wakeflow.meshing import build_mesh, plan_mesh
+from wakeflow.air.foam.time_resolved import _has_started, _looks
+from wakeflow.air.foam.watch import Progress, Watch
+from wakeflow.air.mesh import build_mesh, plan_mesh
 
 
 def airflow(stepping: str) -> FlowSpec:
@@ -52,7 +52,7 @@ import sys
 from pathlib import Path
 sys.path[:0] = [{tests!r}, {here!r}]
 from test_same_answer import airflow
-from wakeflow.foam.airflow import solve_airflow
+from wakeflow.air.foam.airflow import solve_airflow
 solve_airflow(airflow({stepping!r}), Path({msh!r}), Path({case!r}), start=Path({start!r}) if {start!r} else None)
 """
 
@@ -323,9 +323,9 @@ def test_states_to_keep_meet_all_phases_of_the_swing(length: int) -> None:
 @pytest.mark.openfoam
 def test_a_steady_airflow_that_does_not_settle_is_ended_early_and_kept_as_states() -> None:
     """A rhombus at Re 100 in the whole channel sheds: no steady solution."""
-    from wakeflow.field import FlowField
-    from wakeflow.foam.read import late_states, read_flow
-    from wakeflow.pipeline.case_field import case_field, state_fields
+    from wakeflow.air.field import FlowField
+    from wakeflow.air.foam.read import late_states, read_flow
+    from wakeflow.air.kinds.case_field import case_field, state_fields
 
     spec = airflow("time-resolved")
     spec = FlowSpec(spec.mesh, 1.0, 1.2, 1.2 * WIDTH / 200, turbulence="laminar")

@@ -14,20 +14,20 @@ import pytest
 
 import wakeflow as wf
 from proofs.studies import three_dimensions
+from wakeflow.air.foam.case import FlowSpec
+from wakeflow.air.foam.spanwise.span_means import span_means
+from wakeflow.air.foam.spanwise.span_measure import PLANE_BELOW
+from wakeflow.air.foam.spanwise.span_record import apart, des_dissipation
+from wakeflow.air.foam.spanwise.span_run import layer_map, make_periodic, record_ends, span_modes
+from wakeflow.air.kinds.span_air import SpanAir
+from wakeflow.air.mesh import plan_mesh
 from wakeflow.core.errors import FoamError, SceneError
-from wakeflow.foam.case import FlowSpec
-from wakeflow.foam.span_means import span_means
-from wakeflow.foam.span_measure import PLANE_BELOW
-from wakeflow.foam.span_record import apart, des_dissipation
-from wakeflow.foam.span_run import layer_map, make_periodic, record_ends, span_modes
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.laws import span as span_module
 from wakeflow.laws.shape import shapes
 from wakeflow.laws.span import Span
-from wakeflow.meshing import plan_mesh
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.span_air import SpanAir
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.wake import cost_of, family_of
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 from wakeflow.scene.overrides import changes_of
 
@@ -173,7 +173,7 @@ RUN = """
 import json, os, signal, sys
 from pathlib import Path
 from wakeflow.core.store import Store
-from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.laws import span
 from wakeflow.planning.make import make_plan
 from wakeflow.scene import Scene
@@ -203,7 +203,7 @@ def test_a_coarse_airflow_from_plan_to_landings_killed_on_the_way(
     assert subprocess.run([sys.executable, "-c", RUN, *words], check=False).returncode == -signal.SIGKILL
     told: list[str] = []
     # The tracker is compiled in the session's own cache; beside OpenFOAM it would be compiled once more, in this one.
-    monkeypatch.setattr("wakeflow.pipeline.track_stage.Compilation.begin", lambda *_, **__: None)
+    monkeypatch.setattr("wakeflow.flight.stages.track_stage.Compilation.begin", lambda *_, **__: None)
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "killed"))
     result = wf.run(
         scene,

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wakeflow.air.foam import case as case_module
+from wakeflow.air.foam.airflow import solve_airflow
+from wakeflow.air.foam.case import MODELS, FlowSpec, write_case
+from wakeflow.air.foam.read import CaseFields, read_flow
+from wakeflow.air.foam.start import start_from
+from wakeflow.air.mesh import build_mesh, plan_mesh
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.files import case_template
-from wakeflow.foam import case as case_module
-from wakeflow.foam.airflow import solve_airflow
-from wakeflow.foam.case import MODELS, FlowSpec, write_case
-from wakeflow.foam.read import CaseFields, read_flow
-from wakeflow.foam.start import start_from
 from wakeflow.laws.constants import C_MU
 from wakeflow.laws.shape import shapes
 from wakeflow.laws.turbulence import (
@@ -27,7 +28,6 @@ from wakeflow.laws.turbulence import (
     model_at,
     turbulence_models,
 )
-from wakeflow.meshing import build_mesh, plan_mesh
 
 OWN_FILES = Path(__file__).parent / "turbulence-models"
 SECTION = (Path(__file__).parents[2] / "docs" / "extending.md").read_text().split("## A turbulence model\n")[1]

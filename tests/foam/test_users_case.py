@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
-from wakeflow.foam.polymesh import read_polymesh
-from wakeflow.foam.read import CaseFields
-from wakeflow.foam.reconstruction import triangulate
-from wakeflow.foam.user_case import case_files
+from wakeflow.air.foam.polymesh import read_polymesh
+from wakeflow.air.foam.read import CaseFields
+from wakeflow.air.foam.reconstruction import triangulate
+from wakeflow.air.foam.user_case import case_files
 from wakeflow.scene.own_files import air_of
 
 WIDE, HIGH, THICK = 4, 6, 0.01

@@ -13,21 +13,21 @@ import pytest
 from scipy.special import kv
 
 from support import DOCS, RHOMBUS, WIDTH, kept_airflow
+from wakeflow.air.field import FlowField
+from wakeflow.air.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
+from wakeflow.air.foam.force_history import CD, CL, Tail, read_table
+from wakeflow.air.foam.mesh_motion import MeshMotion
+from wakeflow.air.foam.prepare import prepare_case
+from wakeflow.air.foam.programs import call
+from wakeflow.air.foam.read import CaseFields, loop_of, read_flow, time_folders
+from wakeflow.air.foam.solver import holds_a_state
+from wakeflow.air.foam.start import write_internal
+from wakeflow.air.foam.time_resolved import best_loop
+from wakeflow.air.mesh import build_mesh, plan_mesh
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.record import to_json
-from wakeflow.field import FlowField
-from wakeflow.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
-from wakeflow.foam.history import CD, CL, Tail, read_table
-from wakeflow.foam.mesh_motion import MeshMotion
-from wakeflow.foam.prepare import prepare_case
-from wakeflow.foam.programs import call
-from wakeflow.foam.read import CaseFields, loop_of, read_flow, time_folders
-from wakeflow.foam.solver import holds_a_state
-from wakeflow.foam.start import write_internal
-from wakeflow.foam.time_resolved import best_loop
-from wakeflow.meshing import build_mesh, plan_mesh
 from wakeflow.planning.lock_in import SHARES_MOVED, frequency_ratios, vibration_of_air, vibration_of_scene
-from wakeflow.planning.make import make_plan
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 
 

@@ -14,14 +14,15 @@ from proofs.funnel import bounce_phase, lift_off_phase, on_plate
 from wakeflow.cli import doctor, main
 from wakeflow.core.errors import ProgramError, SceneError
 from wakeflow.core.store import Store, cache_root
-from wakeflow.funnel import compute, engine
-from wakeflow.funnel.engine import SIDES, cone_of, loose_heap, read_dump, write_stl
-from wakeflow.funnel.pour import packing_fraction, read_bed
-from wakeflow.funnel.rate import Curve, rate_of, time_to_empty
+from wakeflow.extras.funnel import engine
+from wakeflow.extras.funnel.beads import compute
+from wakeflow.extras.funnel.engine import SIDES, cone_of, loose_heap, read_dump, write_stl
+from wakeflow.extras.funnel.pour import packing_fraction, read_bed
+from wakeflow.extras.funnel.rate import Curve, rate_of, time_to_empty
 from wakeflow.laws.collision import contact_time
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.streams import beverloo, cone_factor
-from wakeflow.planning.make import make_plan
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Funnel, Scene
 
 SMALL: dict[str, Any] = {"count": 150, "orifice": 0.0072, "rolling_friction": 0.01, "frequency": 35.0, "gamma": 3.0}

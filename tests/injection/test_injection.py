@@ -10,18 +10,18 @@ import pytest
 
 from support import G, distance, shipped
 from wakeflow import impact
+from wakeflow.air.field.flow import FlowField
 from wakeflow.core.errors import SceneError
-from wakeflow.field.flow import FlowField
-from wakeflow.injection import stream as streams
-from wakeflow.injection.feed import contact_points, feedstock
-from wakeflow.injection.first_contact import first_contact
-from wakeflow.injection.stream import FALLEN, SlabFeed, _overlapping, slab_stream
+from wakeflow.flight import Granules, Motion
+from wakeflow.flight.feed import stream as streams
+from wakeflow.flight.feed.feedstock import contact_points, feedstock
+from wakeflow.flight.feed.first_contact import first_contact
+from wakeflow.flight.feed.stream import FALLEN, SlabFeed, _overlapping, slab_stream
 from wakeflow.laws.shape import shapes
 from wakeflow.planning.collisions import number_rates
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import REPLICATES, Plan
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.tracking import Granules, Motion
 
 
 @pytest.mark.parametrize("radius", [1e-6, 2e-3])

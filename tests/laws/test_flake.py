@@ -9,10 +9,10 @@ from scipy.integrate import quad
 import wakeflow as wf
 from proofs.studies.flakes import row_of
 from support import RHOMBUS
+from wakeflow.flight.granules import toss_of
 from wakeflow.laws.collision import scattered_rebound
 from wakeflow.laws.flake import ROD, SPREAD, TURN, flung, plate_lift, plate_torque, section, shape_of
 from wakeflow.laws.lift import plate_spin
-from wakeflow.tracking.granules import toss_of
 
 GLUME = (6e-3, 2e-3, 0.2e-3)  # m
 COUNT = 4000

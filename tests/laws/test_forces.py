@@ -14,6 +14,8 @@ from proofs.problems.exact import Setting, box, field_on
 from proofs.problems.reference_all_terms import reference_end_states
 from support import CASES
 from wakeflow.core.errors import SceneError
+from wakeflow.flight.kernel import layout
+from wakeflow.flight.pack import pack_granules
 from wakeflow.laws.drag import (
     drag_factor_for_terminal_velocity,
     drag_laws,
@@ -24,12 +26,10 @@ from wakeflow.laws.drag import (
     terminal_velocity,
 )
 from wakeflow.laws.forces import Bound, FlightScales, Force, Instant, forces
-from wakeflow.laws.forces.record import AirProperties, Array, Grains, Vector
-from wakeflow.planning.make import make_plan
+from wakeflow.laws.forces.force import AirProperties, Array, Grains, Vector
 from wakeflow.planning.terms import bounds, other_terms
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.tracking.kernel import layout
-from wakeflow.tracking.pack import pack_granules
 
 COMPUTED = [name for name in forces if forces[name].computed]
 STILL = field_on(box(4), np.zeros_like, pressure=np.zeros(len(box(4)[0])))

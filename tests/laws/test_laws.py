@@ -13,13 +13,13 @@ from scipy.integrate import solve_ivp
 import wakeflow as wf
 from support import FLOOR, G
 from wakeflow.core.errors import SceneError
+from wakeflow.flight import Body, Fate, Granules, Motion, track
 from wakeflow.laws.drag import drag_laws, relaxation_time, slip_correction
 from wakeflow.laws.lift import lift_coefficient, magnus_factor, spin_decay, spin_rate
 from wakeflow.laws.restitution import restitution_laws, restitution_table
 from wakeflow.laws.size import sizes
 from wakeflow.laws.turbulence import brownian_diffusivity, crossing_times, held, lifetime
 from wakeflow.scene import Scene
-from wakeflow.tracking import Body, Fate, Granules, Motion, track
 
 EXTREMES = [0.0, 5e-324, 1e-300, 1e-12, 1e-3, 0.45, 1.0, 31.7, 39.999, 40.0, 1e3, 1e7, 1e12]
 

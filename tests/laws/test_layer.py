@@ -8,14 +8,14 @@ import pytest
 
 import wakeflow as wf
 from wakeflow.core.errors import SceneError
-from wakeflow.injection.feed import arrival, feedstock
-from wakeflow.injection.impact_loads import impact_loads
+from wakeflow.flight.feed.feedstock import arrival, feedstock
+from wakeflow.flight.feed.impact_loads import impact_loads
 from wakeflow.laws.collision import ImpactModel, impact_models
 from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.laws.shape import shapes
 from wakeflow.laws.streams import load_on_wall
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.uniform_fall import fall_speeds
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 
 B = math.radians(50)

@@ -8,11 +8,11 @@ from scipy.stats import ks_2samp
 
 from support import FLOOR, G
 from wakeflow.core.errors import SceneError
-from wakeflow.injection.first_contact import first_contact, motion_of
+from wakeflow.flight import Body, Fate, Granules, Motion, track
+from wakeflow.flight.feed.first_contact import first_contact, motion_of
 from wakeflow.laws.vibration import integrated
-from wakeflow.planning.make import make_plan
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.tracking import Body, Fate, Granules, Motion, track
 
 RNG = np.random.default_rng(3)
 RAGGED = np.concatenate([[0.0], np.cumsum(RNG.uniform(0.2, 1.0, 40))])
@@ -145,8 +145,8 @@ def test_nothing_enters_a_body_shaken_by_noise_and_nothing_is_lost() -> None:
 
 
 def test_a_field_that_swings_refuses_samples() -> None:
-    from wakeflow.field import MeshOscillation
-    from wakeflow.tracking.frame import relative
+    from wakeflow.air.field import MeshOscillation
+    from wakeflow.flight.frame import relative
 
     with pytest.raises(SceneError, match="by samples"):
         relative(Motion.sampled(*of_a_sine(9)), MeshOscillation(0.0, 1e-3, 100.0, 0.0))

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from support import shipped
+from wakeflow.air.foam.sanity import blockage
+from wakeflow.air.mesh import SideInlet, build_mesh, plan_mesh, read_mesh
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import between_walls, contains, wall_edge
-from wakeflow.foam.sanity import blockage
-from wakeflow.meshing import SideInlet, build_mesh, plan_mesh, read_mesh
-from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.planning.lifting import narrowest_gap
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.wake import family_of
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 
 WIDTH = 0.08

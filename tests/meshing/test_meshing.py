@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 
 from support import RHOMBUS
+from wakeflow.air.mesh import MeshSpec, SideInlet, build_mesh, ends, plan_mesh, read_mesh
+from wakeflow.air.mesh.sizing import sources
+from wakeflow.air.mesh.spec import MeshReport
 from wakeflow.core.errors import MeshError, SceneError
 from wakeflow.core.geometry import area, distance_to
 from wakeflow.core.record import load
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key
 from wakeflow.laws.shape import shapes
-from wakeflow.meshing import MeshSpec, SideInlet, build_mesh, ends, plan_mesh, read_mesh
-from wakeflow.meshing.sizing import sources
-from wakeflow.meshing.spec import MeshReport
 
 
 def circle(points: int, width: float = 0.05) -> np.ndarray:
@@ -69,7 +69,7 @@ def coarse(bodies: list[np.ndarray], **how: object) -> MeshSpec:
 
 def meshed(spec: MeshSpec) -> tuple[Path, MeshReport]:
     """Folder and report of a mesh, kept between sessions until the code that makes it, or Gmsh, is another."""
-    key = content_key(repr(spec), code_key("wakeflow.meshing"), version("gmsh"))
+    key = content_key(repr(spec), code_key("wakeflow.air.mesh"), version("gmsh"))
     folder, _ = Store(cache_root()).make("tested-mesh", key, lambda part: build_mesh(spec, part))
     return folder, load(MeshReport, folder / "mesh.json")
 

@@ -16,7 +16,7 @@ from tornado.httpclient import HTTPRequest
 from tornado.websocket import websocket_connect
 
 from wakeflow.cli.show_plan import plan_lines
-from wakeflow.page.server import Page
+from wakeflow.extras.page.server import Page
 
 
 @dataclass

@@ -8,8 +8,8 @@ import tomlkit
 
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import scene_templates
-from wakeflow.page.document import SceneDocument, merged
-from wakeflow.page.form import addable, first_keys, form_of
+from wakeflow.extras.page.document import SceneDocument, merged
+from wakeflow.extras.page.form import addable, first_keys, form_of
 from wakeflow.scene import Scene
 from wakeflow.scene.schema import described, known_keys
 

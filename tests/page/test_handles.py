@@ -7,8 +7,8 @@ import pytest
 
 from support import shipped
 from wakeflow.core.files import scene_templates
-from wakeflow.page.document import SceneDocument
-from wakeflow.page.handles import Handle, dragged, handles_of, step_of
+from wakeflow.extras.page.document import SceneDocument
+from wakeflow.extras.page.handles import Handle, dragged, handles_of, step_of
 from wakeflow.scene import Scene
 
 KINDS = [*scene_templates()]

@@ -11,8 +11,8 @@ import pytest
 import wakeflow as wf
 from support import shipped
 from wakeflow.core.errors import SceneError
-from wakeflow.page.job import compute
-from wakeflow.page.queue import DONE, FAILED, GOES, STOPPED, WAITS, Run, RunQueue
+from wakeflow.extras.page.job import compute
+from wakeflow.extras.page.queue import DONE, FAILED, GOES, STOPPED, WAITS, Run, RunQueue
 
 TEXT = shipped("vacuum", {"feed.count": 64}).as_toml()
 
@@ -115,7 +115,7 @@ def test_a_full_disk_fails_the_run_and_the_next_is_begun(
     def full(**_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device", "/tmp/wakeflow-1")
 
-    monkeypatch.setattr("wakeflow.page.queue.TemporaryDirectory", full)
+    monkeypatch.setattr("wakeflow.extras.page.queue.TemporaryDirectory", full)
     both = [_asked(queue, tmp_path / name) for name in ("first", "second")]
     _until(lambda: not queue.busy, 20.0)
     assert [one.state for one in both] == [FAILED, FAILED]

@@ -22,8 +22,8 @@ from wakeflow.cli.show_plan import plan_lines
 from wakeflow.core import sums
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import scene_templates
-from wakeflow.page.session import Session
-from wakeflow.page.stored import listing
+from wakeflow.extras.page.session import Session
+from wakeflow.extras.page.stored import listing
 
 JSON = {"Content-Type": "application/json"}
 

@@ -11,20 +11,21 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from wakeflow.air.field import FlowField
+from wakeflow.air.kinds.airflow_kinds import AirflowKind, airflow_kinds
+from wakeflow.air.kinds.airflow_table import Airflow
+from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.air.kinds.solved_air import ROUGH, TimeResolvedAir
 from wakeflow.core.errors import SceneError
 from wakeflow.core.store import Store, content_key
-from wakeflow.field import FlowField
-from wakeflow.pipeline.airflow import Airflow
-from wakeflow.pipeline.airflow_kinds import AirflowKind, airflow_kinds
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.solved_air import ROUGH, TimeResolvedAir
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.planning import make
-from wakeflow.planning.airflow import choose_airflow
+from wakeflow.planning.airflow_choice import choose_airflow
 from wakeflow.planning.cost import typical_cells
-from wakeflow.planning.make import Planner, make_plan
+from wakeflow.planning.make import Planner
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.terms import LOADING
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 from wakeflow.scene.rungs import Rung, rungs
 

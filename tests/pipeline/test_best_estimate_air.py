@@ -13,17 +13,17 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
+from wakeflow.air.field import FlowField, blended_wake
+from wakeflow.air.foam.airflow_result import SuctionZone
+from wakeflow.air.kinds.airflow_table import Airflow
+from wakeflow.air.kinds.blended_air import BestEstimateAir, blended_airflow
 from wakeflow.answer.notices import with_residence
 from wakeflow.core.number import Number
 from wakeflow.core.record import from_json, to_json
 from wakeflow.core.store import Store
-from wakeflow.field import FlowField, blended_wake
-from wakeflow.foam.airflow_result import SuctionZone
 from wakeflow.laws.best_estimate import WakeEstimate
-from wakeflow.pipeline.airflow import Airflow
-from wakeflow.pipeline.blended_air import BestEstimateAir, blended_airflow
-from wakeflow.pipeline.cache import StageCache, StageTimes, null_listener
-from wakeflow.planning.make import make_plan
+from wakeflow.planning.stage_cache import StageCache, StageTimes, null_listener
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 
 OFF = {"basset-history": False}
@@ -204,7 +204,7 @@ def test_residence_times_stand_in_the_answer_and_in_its_ends(make: Make, monkeyp
         value = math.inf if field.times is None else 3.0
         return SimpleNamespace(value=value, low=2.5, high=value + 0.5)
 
-    monkeypatch.setattr("wakeflow.tracking.residence.residence_time", residence_time)
+    monkeypatch.setattr("wakeflow.flight.residence.residence_time", residence_time)
     air = make()
     found = air.residence
     assert found is not None

@@ -10,7 +10,7 @@ import pytest
 
 import wakeflow as wf
 from wakeflow.core.errors import SceneError
-from wakeflow.planning.make import make_plan
+from wakeflow.runs.planned import make_plan
 
 WIDTH, SIZE, FED = 0.010, 0.002, 0.030  # m: of the cylinder, of a granule, of the curtain
 

@@ -14,28 +14,28 @@ import pytest
 
 import wakeflow as wf
 from support import landings_in, loaded_scene, shipped
-from wakeflow import tracking
+from wakeflow import flight as tracking
+from wakeflow.air.foam.momentum_source import LEVELS, SOURCE
+from wakeflow.air.kinds.airflow_table import Airflow
+from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.answer.budget.slab_sources import BetweenGranulesRestitution, shows
 from wakeflow.answer.notices import _step_not_reached, notices
+from wakeflow.answer.separation import separate
 from wakeflow.answer.shares import collisions_of
-from wakeflow.budget.slab import BetweenGranulesRestitution, shows
+from wakeflow.answer.spread import Tally
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import Boxes, ForceDensity
-from wakeflow.foam.momentum_source import LEVELS, SOURCE
-from wakeflow.injection.feed import feedstock
-from wakeflow.pipeline.air_loading import SHARES, LoadedCase, Pass, exerted_by, relaxed
-from wakeflow.pipeline.airflow import Airflow
-from wakeflow.pipeline.gathered_force import Gathered
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.slab import CollisionRerun, SlabFlight, SlabFound, _grouped, step_of
-from wakeflow.pipeline.tracks import Flight
+from wakeflow.flight.feed.feedstock import feedstock
+from wakeflow.flight.stages.air_loading import SHARES, LoadedCase, Pass, exerted_by, relaxed
+from wakeflow.flight.stages.fraction_flights import Flight
+from wakeflow.flight.stages.gathered_force import Gathered
+from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.flight.stages.slab_stage import CollisionRerun, SlabFlight, SlabFound, _grouped, step_of
 from wakeflow.planning.coupling import COUPLING
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import GATHERED, PASSING
 from wakeflow.planning.terms import COLLISIONS, LOADING
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.statistics.separation import separate
-from wakeflow.statistics.spread import Tally
 
 CALM = {"basset-history": False, "collisions": False}  # history of chaff would refuse the accuracy
 

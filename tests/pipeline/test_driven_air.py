@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from wakeflow.air.kinds.analytic import jet_field, jet_of
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import Boxes, ForceDensity
-from wakeflow.pipeline.analytic import jet_field, jet_of
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.airflow import JET
+from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.planning.airflow_choice import JET
 from wakeflow.planning.unknowns import unknowns
 from wakeflow.scene import Scene
 

@@ -9,23 +9,23 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
+from wakeflow.air.field import FlowField
+from wakeflow.air.field.combined import varied
+from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.core.errors import SceneError
-from wakeflow.field import FlowField
-from wakeflow.field.combined import varied
-from wakeflow.injection.birth import samples
-from wakeflow.injection.feed import feedstock
+from wakeflow.flight.feed.birth import samples
+from wakeflow.flight.feed.feedstock import feedstock
+from wakeflow.flight.stages.film_stage import SINGLY, Film
+from wakeflow.flight.stages.fraction_flights import Flight, _second_half, bodies_and_walls, end_lines
+from wakeflow.flight.stages.input_samples import DrawStage
+from wakeflow.flight.stages.landings import load_tracked
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.laws.restitution import Restitution
-from wakeflow.pipeline.film_stage import SINGLY, Film
-from wakeflow.pipeline.input_samples import DrawStage
-from wakeflow.pipeline.landings import load_tracked
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.tracks import Flight, _second_half, bodies_and_walls, end_lines
 from wakeflow.planning.collisions import number_rates
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import COMPARED, INPUT_SAMPLES, REPLICATES, SAME_AIR, replicate_size
 from wakeflow.planning.terms import COLLISIONS
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS, unknown_kinds
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 
 

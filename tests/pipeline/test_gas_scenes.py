@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from support import shipped
+from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.core.errors import SceneError, known
-from wakeflow.injection.feed import feedstock, granules_of
+from wakeflow.flight.feed.feedstock import feedstock, granules_of
+from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.laws.drag import slip_correction, terminal_velocity
-from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.approach import approaches
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.uniform_fall import UniformFall
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 
 HOT, WATER = {"air.temperature": "400 C"}, {"air.density": 998.2, "air.viscosity": 1.002e-3}

@@ -13,22 +13,22 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
+from wakeflow.air.kinds.analytic import decaying, duct_field
+from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.answer.separation import separate
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import area, distance_between, distance_to, edges, is_simple, is_symmetric, rounded
 from wakeflow.core.record import to_json
-from wakeflow.injection.feed import feedstock
+from wakeflow.flight import Fate
+from wakeflow.flight.feed.feedstock import feedstock
+from wakeflow.flight.stages.fraction_flights import Flight, bodies_and_walls, end_lines
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.laws.drag import drag_laws, terminal_velocity
 from wakeflow.laws.shape import shapes
-from wakeflow.pipeline.analytic import decaying, duct_field
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.tracks import Flight, bodies_and_walls, end_lines
-from wakeflow.planning.make import make_plan
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 from wakeflow.scene.own_files import air_of
-from wakeflow.statistics.separation import separate
-from wakeflow.tracking import Fate
 
 STEEP = shapes["rhombus"](width=0.05, slope_angle=math.pi / 3)
 

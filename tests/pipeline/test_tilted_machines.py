@@ -11,21 +11,21 @@ import pytest
 
 import wakeflow as wf
 from support import DOCS, G, shipped
+from wakeflow.air.field import FlowField
+from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.core.errors import SceneError
-from wakeflow.field import FlowField
-from wakeflow.injection.feed import feedstock
-from wakeflow.injection.impact_loads import impact_loads
-from wakeflow.injection.stream import slab_stream
-from wakeflow.pipeline.gathered_force import Gathered, Gatherer
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.tracks import Flight
+from wakeflow.flight import Granules
+from wakeflow.flight.feed.feedstock import feedstock
+from wakeflow.flight.feed.impact_loads import impact_loads
+from wakeflow.flight.feed.stream import slab_stream
+from wakeflow.flight.stages.fraction_flights import Flight
+from wakeflow.flight.stages.gathered_force import Gathered, Gatherer
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.planning.lifting import lifting_line
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.uniform_fall import UniformFall
-from wakeflow.report.machine_words import feed_corners
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.tracking import Granules
+from wakeflow.show.machine_words import feed_corners
 
 EMPTY = """
 [channel]

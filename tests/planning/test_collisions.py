@@ -14,8 +14,8 @@ from wakeflow.core.errors import SceneError
 from wakeflow.planning.collision_rates import encounters
 from wakeflow.planning.collisions import MANY_IN_FLIGHT, MASS_LEVELS, MAX_IN_FLIGHT, number_rates, plan_collisions
 from wakeflow.planning.coupling import INDEPENDENT
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.terms import COLLISIONS
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 
 

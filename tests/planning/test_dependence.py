@@ -9,13 +9,13 @@ import pytest
 import wakeflow as wf
 from support import ALONE, shipped
 from wakeflow.core.errors import SceneError
+from wakeflow.flight.stages.input_samples import DrawStage, Ensemble
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.laws.size import normal_points
-from wakeflow.pipeline.input_samples import DrawStage, Ensemble
-from wakeflow.pipeline.pipeline import Pipeline
 from wakeflow.planning.dependence import Dependence, dependence
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import INPUT_SAMPLES, SAME_AIR
 from wakeflow.planning.unknowns import FARTHEST, unknowns
+from wakeflow.runs.planned import make_plan
 
 HARD, SOFT = "fraction.hard.restitution", "fraction.soft.restitution"
 WHEAT, CHAFF, AIR = "fraction.wheat.restitution", "fraction.chaff.restitution", "air.speed"

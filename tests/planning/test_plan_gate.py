@@ -16,34 +16,35 @@ import pytest
 from proofs.report import cell
 from proofs.studies import bounds as gates
 from support import CASES, landings_in, shipped
+from wakeflow.air.field import FlowField
+from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.answer.budget.budget import total_notices
+from wakeflow.answer.budget.flown_again import compared, free_ends
+from wakeflow.answer.budget.truncation import most_crossing, truncation_terms
+from wakeflow.answer.separation import separate
 from wakeflow.answer.shares import BudgetPart, BudgetRow, BudgetTotal
-from wakeflow.budget.budget import total_notices
-from wakeflow.budget.comparison import compared, free_ends
-from wakeflow.budget.truncation import most_crossing, truncation_terms
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
-from wakeflow.field import FlowField
-from wakeflow.injection.feed import feedstock
+from wakeflow.flight import Fate, Tracks
+from wakeflow.flight.feed.feedstock import feedstock
+from wakeflow.flight.stages import fraction_flights as flying
+from wakeflow.flight.stages import landings
+from wakeflow.flight.stages.fraction_flights import Flight
+from wakeflow.flight.stages.landings import Landings, load_tracked
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.laws.drag import slip_correction, terminal_velocity
 from wakeflow.laws.forces import FlightScales, forces
 from wakeflow.laws.forces.fluctuations import EDDY, WAKE_INTENSITY
 from wakeflow.laws.forces.history_force import MEMORIES, history_kernel, history_time, memories_of
 from wakeflow.laws.material import materials
 from wakeflow.laws.turbulence import crossing_times
-from wakeflow.pipeline import landings
-from wakeflow.pipeline import tracks as flying
-from wakeflow.pipeline.landings import Landings, load_tracked
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.approach import approaches
-from wakeflow.planning.make import Planner, make_plan
-from wakeflow.planning.messages import magnitude_lines
+from wakeflow.planning.make import Planner
 from wakeflow.planning.plan import Plan, whole_terms
+from wakeflow.planning.plan_messages import magnitude_lines
 from wakeflow.planning.terms import TYPICAL, bounds
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.statistics.separation import separate
-from wakeflow.tracking import Fate, Tracks
 
 FRACTIONS = ("dust", "chaff", "wheat")
 COMPUTED = [name for name in forces if forces[name].computed and name in bounds]

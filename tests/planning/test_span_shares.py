@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from support import shipped
-from wakeflow.budget.source import budget_sources
-from wakeflow.planning.make import make_plan
-from wakeflow.planning.three_dimensions import FACTORS, in_three_dimensions, span_shares
+from wakeflow.answer.budget.source import budget_sources
+from wakeflow.answer.budget.span_shares import FACTORS, in_three_dimensions, span_shares
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import RESERVED_BIN, Scene
 
 PRISM = {"body.rhombus.shape": "prism", "body.rhombus.slope_angle": "60 deg"}

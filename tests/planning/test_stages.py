@@ -15,12 +15,12 @@ from wakeflow.cli.show_plan import show_plan
 from wakeflow.core.files import write_json
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store
-from wakeflow.pipeline.cache import StageCache, StageTime, StageTimes, code_of
+from wakeflow.flight.stages.machine_rates import STARTS, learn, note_compiled, on_this_machine, to_compile
 from wakeflow.planning.cost import COMPILE, STARTED, begins, wall_seconds
-from wakeflow.planning.machine_rates import STARTS, learn, note_compiled, on_this_machine, to_compile
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
+from wakeflow.planning.stage_cache import StageCache, StageTime, StageTimes, code_of
 from wakeflow.planning.stages import OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, error_sources, stages
+from wakeflow.runs.planned import make_plan
 from wakeflow.runs.progress import RunProgress
 from wakeflow.runs.settings import expected_seconds
 
@@ -187,7 +187,7 @@ def test_a_machine_keeps_its_last_runs(plan: Plan, tmp_path: Path) -> None:
 def test_the_compilation_is_expected_until_it_is_done(
     plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wakeflow.planning.machine_rates.kernel_folder", lambda module: tmp_path / "kernels")
+    monkeypatch.setattr("wakeflow.flight.stages.machine_rates.kernel_folder", lambda module: tmp_path / "kernels")
     (compiled,) = (stage for stage in on_this_machine(plan, tmp_path)[0] if stage.name == COMPILE.name)
     assert compiled.when == "beside"
     assert compiled.memory > 1e9  # measured: 650 MB of the process that compiles, next to a run of 400 MB
@@ -198,8 +198,8 @@ def test_the_compilation_is_expected_until_it_is_done(
 def test_the_compilation_is_expected_to_take_what_it_last_took_here(
     plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wakeflow.planning.machine_rates.kernel_folder", lambda module: tmp_path / module)
-    monkeypatch.setattr("wakeflow.planning.machine_rates.kernel_root", lambda: tmp_path)
+    monkeypatch.setattr("wakeflow.flight.stages.machine_rates.kernel_folder", lambda module: tmp_path / module)
+    monkeypatch.setattr("wakeflow.flight.stages.machine_rates.kernel_root", lambda: tmp_path)
     usual = to_compile()
     assert min(usual.values()) > 10.0  # measured: tens of processor seconds each
     note_compiled("slab", 300.0)

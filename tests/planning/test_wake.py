@@ -9,25 +9,26 @@ import pytest
 
 import wakeflow as wf
 from support import ALONE, as_computed, shipped
-from wakeflow.budget.inputs import SAMPLE_SECONDS
-from wakeflow.budget.source import budget_sources
+from wakeflow.answer.budget.inputs import SAMPLE_SECONDS
+from wakeflow.answer.budget.source import budget_sources
 from wakeflow.core.errors import SceneError
-from wakeflow.injection.feed import feedstock, granules_of
+from wakeflow.flight import Body, Fate, track
+from wakeflow.flight.feed.feedstock import feedstock, granules_of
+from wakeflow.flight.stages.fraction_flights import Flight
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.laws.best_estimate import best_estimate
 from wakeflow.laws.impaction import Cylinder, Front, Impaction, Wedge, approach, fronts
 from wakeflow.laws.material import default_margins, materials
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.tracks import Flight
-from wakeflow.planning.airflow import FLAT_BELOW, LAMINAR_BELOW, SHEDDING_ABOVE, choose_airflow
+from wakeflow.planning.airflow_choice import FLAT_BELOW, LAMINAR_BELOW, SHEDDING_ABOVE, choose_airflow
+from wakeflow.planning.carried_round import Deflection, deflection
 from wakeflow.planning.cost import EACH_STAGE, airflow_cost, flown_again
-from wakeflow.planning.impaction import Deflection, deflection
-from wakeflow.planning.make import TURNING, make_plan
+from wakeflow.planning.make import TURNING
 from wakeflow.planning.plan import COMPARED, INPUT_SAMPLES, REPLICATES
 from wakeflow.planning.stages import Workload
 from wakeflow.planning.unknowns import SIGMAS, Unknown, unknown_kinds, unknowns, variation_at
 from wakeflow.planning.wake import Wake, family_of, wake_of, wakes_beside
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.tracking import Body, Fate, track
 
 OFF = {"basset-history": False}
 PRISM = {"shape": "prism", "width": 0.05, "slope_angle": "60 deg"}

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from proofs.report import Report, Row, Table, Tell
+from wakeflow.extras.verify.report import FOLDER
+from wakeflow.extras.verify.scene_curves import BinShares
 from wakeflow.scene import Scene
-from wakeflow.verify.report import FOLDER
-from wakeflow.verify.scene_curves import BinShares
 
 
 def tracker(slow: bool, tell: Tell) -> Report:

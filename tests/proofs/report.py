@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wakeflow.core.number import student
-from wakeflow.verify.report import NOTHING, Column, Report, Row, Table, Tell, cell
+from wakeflow.extras.verify.report import NOTHING, Column, Report, Row, Table, Tell, cell
 
 __all__ = [
     "NOTHING", "Column", "Report", "Row", "Table", "Tell", "cell", "mean_interval", "plus_minus",

@@ -19,10 +19,10 @@ from proofs.report import Column, Interval, Report, Row, Table, Tell, mean_inter
 from proofs.tracker.curves import BenchmarkCase, benchmark_case, shipped
 from proofs.tracker.foam import FINE_PARCELS, FoamInterpolant, fly_parcels, make_foam_interpolant
 from proofs.tracker.peer import bins_of, flown_here, landed_time
-from wakeflow.pipeline.pipeline import Pipeline
+from wakeflow.answer.spread import share_interval
+from wakeflow.flight import Tracks
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.scene import RESERVED_BIN, Scene
-from wakeflow.statistics.spread import share_interval
-from wakeflow.tracking import Tracks
 
 Array = NDArray[np.float64]
 FRACTIONS: dict[str, tuple[str, dict[str, Any]]] = {  # name: (fraction of the scene, changes of the scene)

@@ -17,19 +17,19 @@ from proofs.airflow import airflow, measured
 from proofs.airflow.measured import DustyWake, SolvedAirflow, core_seconds, estimate_without, quantities
 from proofs.airflow.published import Case, Published, cases, read_cases, verification_scenes
 from proofs.report import Row, Table
+from wakeflow.air.field import FlowField
+from wakeflow.air.kinds.airflow_table import Airflow
+from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.cli import main
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.record import from_json
-from wakeflow.field import FlowField
+from wakeflow.extras.verify import runner
 from wakeflow.laws.best_estimate import best_estimate
 from wakeflow.laws.best_estimate import wakes as wakes_data
 from wakeflow.laws.momentum import momentum_pressure
 from wakeflow.laws.shape import shapes
-from wakeflow.pipeline.airflow import Airflow
-from wakeflow.pipeline.realisations import Realisations
-from wakeflow.planning.make import make_plan
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.verify import runner
 
 VALUE = {"quantity": "cd", "value": 2.0, "source": "somebody 1999", "status": "quoted", "reported": "as an example"}
 

@@ -14,9 +14,9 @@ from proofs.crowd import clouds, liggghts, report
 from proofs.crowd.cooling import Gas, cooling_coefficients
 from proofs.crowd.liggghts import CHUNK, DEPTH, Flown, fed, fly_machine, the_machine
 from proofs.report import mean_interval
+from wakeflow.extras.verify import runner
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.planning.unknowns import SIGMAS
-from wakeflow.verify import runner
 
 BRIEF = replace(the_machine(0.1), start_up=0.08)  # 60 ms of depth: some 200 granules
 

@@ -13,9 +13,9 @@ from proofs.experiments.ideal import kept_between, on_a_cylinder, on_a_ribbon
 from proofs.experiments.rebound import MEASURED, centre_angle, landing, rebound, run_rebound
 from proofs.studies import deposition
 from wakeflow.core.number import Number
+from wakeflow.extras.verify.report import Report
+from wakeflow.flight import near_walls
 from wakeflow.scene.fraction import Fraction
-from wakeflow.tracking import near_walls
-from wakeflow.verify.report import Report
 
 
 def test_hard_spheres_rebound_as_they_were_measured() -> None:

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-import wakeflow.verify.extreme_scenes  # noqa: F401 - both register rows
+import wakeflow.extras.verify.extreme_scenes  # noqa: F401 - both register rows
 from proofs.extremes.flying import falls_in_uniform_air
 from proofs.problems.exact import DENSITY, VISCOSITY, G, of_tau
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
-from wakeflow.verify import extremes as matrix
-from wakeflow.verify.extremes import ERROR_UNITS, Extreme, Happened, extremes, fly_extreme
+from wakeflow.extras.verify import extremes as matrix
+from wakeflow.extras.verify.extremes import ERROR_UNITS, Extreme, Happened, extremes, fly_extreme
 
 GOOD = Happened(2, {"binned": 2}, True, 0.5, 3.0, 0.1)
 

@@ -12,13 +12,13 @@ import wakeflow as wf
 from proofs.tracker import cloud, flights
 from proofs.tracker.curves import travelling_wave
 from support import rhombus_spec, shipped
-from wakeflow.foam.prepare import prepare_case
-from wakeflow.foam.solver import run_segment
-from wakeflow.foam.start import first_step
-from wakeflow.foam.watch import Watch
-from wakeflow.meshing import build_mesh
-from wakeflow.tracking import Fate, Tracks
-from wakeflow.verify.report import Table
+from wakeflow.air.foam.prepare import prepare_case
+from wakeflow.air.foam.solver import run_segment
+from wakeflow.air.foam.start import first_step
+from wakeflow.air.foam.watch import Watch
+from wakeflow.air.mesh import build_mesh
+from wakeflow.extras.verify.report import Table
+from wakeflow.flight import Fate, Tracks
 
 
 def _air(cells: int = 60, half: float = 0.25) -> wf.FlowField:

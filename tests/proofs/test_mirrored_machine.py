@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
+from wakeflow.answer.separation import separate
 from wakeflow.answer.shares import Separation
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.make import make_plan
+from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.statistics.separation import separate
 
 BINS = {
     "outer-left": (-0.2, -0.1),

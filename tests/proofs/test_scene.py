@@ -13,12 +13,12 @@ from proofs.airflow.airflow import is_published
 from proofs.tracker import peer
 from proofs.tracker.peer import PEER, beside, peer_rows, why_no_peer
 from support import CASES, shipped
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.make import make_plan
+from wakeflow.answer.separation import separate
+from wakeflow.extras.verify import runner, scene_curves
+from wakeflow.extras.verify.scene_curves import EMPTY, WITH_AIR, run_curves
+from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.statistics.separation import separate
-from wakeflow.verify import runner, scene_curves
-from wakeflow.verify.scene_curves import EMPTY, WITH_AIR, run_curves
 
 
 def test_a_scene_gets_a_row_for_every_budget(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,8 +11,8 @@ import wakeflow as wf
 from proofs import shares
 from proofs.tracker.curves import BenchmarkCase
 from proofs.tracker.reference import TrackingProblem
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.make import make_plan
+from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.runs.planned import make_plan
 
 
 def _case(replicate: np.ndarray) -> BenchmarkCase:

@@ -15,16 +15,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wakeflow.air.foam.case import FlowSpec
+from wakeflow.air.foam.force_history import Tail
+from wakeflow.air.foam.prepare import prepare_case
+from wakeflow.air.foam.solver import purge, run_segment
+from wakeflow.air.foam.start import perturb
+from wakeflow.air.foam.statistics import Statistics, Stopping, evaluate
+from wakeflow.air.foam.watch import Watch
+from wakeflow.air.mesh import build_mesh, plan_mesh
 from wakeflow.core.number import Number
 from wakeflow.core.store import Store, cache_root, content_key
-from wakeflow.foam.case import FlowSpec
-from wakeflow.foam.history import Tail
-from wakeflow.foam.prepare import prepare_case
-from wakeflow.foam.solver import purge, run_segment
-from wakeflow.foam.start import perturb
-from wakeflow.foam.statistics import Statistics, Stopping, evaluate
-from wakeflow.foam.watch import Watch
-from wakeflow.meshing import build_mesh, plan_mesh
 
 WIDTH, ACCURACY, LONGER = 1.0, 0.02, 8.0
 MAX_TIMES, SPARE = (

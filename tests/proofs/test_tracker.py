@@ -16,12 +16,12 @@ from proofs.tracker.foam import FoamInterpolant, fly_parcels, make_foam_interpol
 from proofs.tracker.reference import TrackingProblem, fly_reference
 from proofs.tracker.rk4 import Ends, fly_explicit
 from support import RHOMBUS
+from wakeflow.air.mesh import plan_mesh
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
+from wakeflow.extras.verify import runner
+from wakeflow.extras.verify.runner import prove
 from wakeflow.laws.drag import drag_laws
-from wakeflow.meshing import plan_mesh
-from wakeflow.verify import runner
-from wakeflow.verify.runner import prove
 
 Array = NDArray[np.float64]
 GRAIN = {"diameter": 2e-3, "density": 600.0}

@@ -15,9 +15,9 @@ import pytest
 
 from support import CASES, working_in
 from wakeflow import cli
+from wakeflow.air.foam.watch import Watch
 from wakeflow.core.errors import FoamError
 from wakeflow.core.store import is_marked, kept_stages
-from wakeflow.foam.watch import Watch
 
 SMALL = ("--set", "feed.count=64")
 COARSE = (*SMALL, "--rung", "draft", "--set", "numerics.mesh_scale=4", "--set", "numerics.tolerance=1e-3")

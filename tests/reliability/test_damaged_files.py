@@ -15,15 +15,15 @@ from hostile import damaged
 
 import wakeflow as wf
 from support import begun_part
+from wakeflow.air.field import FlowField
 from wakeflow.answer.result import FILE, Result, kept_granules, key_in
-from wakeflow.batch.compute import WIDE
-from wakeflow.batch.work import finished
 from wakeflow.core.errors import LONGEST, SceneError
 from wakeflow.core.store import Store
-from wakeflow.field import FlowField
-from wakeflow.page.document import SceneDocument
-from wakeflow.page.stored import points_of
-from wakeflow.pipeline.cache import StageCache, StageTimes, null_listener
+from wakeflow.extras.page.document import SceneDocument
+from wakeflow.extras.page.stored import points_of
+from wakeflow.many.compute import WIDE
+from wakeflow.many.work import finished
+from wakeflow.planning.stage_cache import StageCache, StageTimes, null_listener
 from wakeflow.scene import Scene
 from wakeflow.scene.measured import read_trays
 

@@ -15,7 +15,7 @@ import wakeflow as wf
 from support import shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import LONGEST, WakeflowError
-from wakeflow.planning.make import make_plan
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 
 SEED = 31

@@ -91,7 +91,7 @@ def test_the_index_of_kernels_in_a_cache_is_not_read(tmp_path: Path) -> None:
     """A folder of results that comes with a cache, runs/.cache, as it was before: with kernels that are pickles."""
     from wakeflow.core.sources import code_key
 
-    for module, kernel in (("wakeflow.tracking.kernel.loop", "loop.fly_block"), ("wakeflow.tracking", "x")):
+    for module, kernel in (("wakeflow.flight.kernel.loop", "loop.fly_block"), ("wakeflow.flight", "x")):
         folder = tmp_path / "runs" / ".cache" / "numba" / code_key(module)[:20]
         for place in (folder, folder / "kernel_0"):
             place.mkdir(parents=True)
@@ -99,7 +99,7 @@ def test_the_index_of_kernels_in_a_cache_is_not_read(tmp_path: Path) -> None:
                 pickle.dumps("0.68.1") + pickle.dumps(Bomb(tmp_path / "ran"))
             )
     code = (
-        "import numpy as np; from wakeflow.tracking import Granules, track\n"
+        "import numpy as np; from wakeflow.flight import Granules, track\n"
         "track(None, Granules(np.zeros((1, 2)), np.ones((1, 2)), diameter=1e-3, density=1.0), until=1.0)"
     )
     environment = {key: value for key, value in os.environ.items() if key != "WAKEFLOW_CACHE"}

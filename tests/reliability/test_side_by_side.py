@@ -50,7 +50,7 @@ def begin(words: tuple[str, ...] | list[str], cache: Path, cwd: Path | None = No
 def test_a_run_does_not_wait_for_another_version_that_compiles() -> None:
     """Versions share the folder of compiled kernels, not what is in it; earlier ones hold their lock there."""
     with FileLock(kernel_root() / "compile-tracker.lock"):
-        words = "from wakeflow.pipeline import compilation; compilation.compile_tracker()"
+        words = "from wakeflow.flight.stages import compilation; compilation.compile_tracker()"
         subprocess.run([sys.executable, "-c", words], check=True, timeout=500)
 
 

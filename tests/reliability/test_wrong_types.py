@@ -9,10 +9,10 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
+from wakeflow.answer.dividers import trade_off
 from wakeflow.core.errors import SceneError
 from wakeflow.scene import Scene
 from wakeflow.scene.overrides import changes_of
-from wakeflow.statistics.dividers import trade_off
 
 MATERIAL = """
 [pea]

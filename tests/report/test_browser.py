@@ -12,8 +12,8 @@ import pytest
 
 import wakeflow as wf
 from support import MIN_CONTRAST, lowest_contrast
-from wakeflow.report.words import headline, holds
 from wakeflow.scene import Scene
+from wakeflow.show.words import headline, holds
 
 pytestmark = [pytest.mark.slow, pytest.mark.browser]
 

@@ -14,20 +14,21 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
 from support import CASES, field_of, shipped
+from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.answer.shares import BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.core.record import from_json
+from wakeflow.flight.stages.solved_case import ForceHistory, PlaneCells
 from wakeflow.laws.material import materials
-from wakeflow.pipeline.airflow import Airflow
-from wakeflow.report.air import _levels_of_bodies, suction_nodes
-from wakeflow.report.canvas import COLOURS, KNOWN, fraction_colours, new_figure, pdf_too, save
-from wakeflow.report.figures import budget, solver
-from wakeflow.report.figures.budget import draw_cost
-from wakeflow.report.figures.flights import times_in_zone
-from wakeflow.report.figures.solver import draw_forces, draw_mesh
-from wakeflow.report.many import _looks
-from wakeflow.report.sketch import draw_sketch
-from wakeflow.report.solved_case import ForceHistory, PlaneCells
 from wakeflow.scene import Scene, units_written
+from wakeflow.show.air_pictures import _levels_of_bodies, suction_nodes
+from wakeflow.show.canvas import COLOURS, KNOWN, fraction_colours, new_figure, pdf_too, save
+from wakeflow.show.figures import budget_figures as budget
+from wakeflow.show.figures import solver_figures as solver
+from wakeflow.show.figures.budget_figures import draw_cost
+from wakeflow.show.figures.flights import times_in_zone
+from wakeflow.show.figures.solver_figures import draw_forces, draw_mesh
+from wakeflow.show.many_figures import _looks
+from wakeflow.show.sketch import draw_sketch
 
 FILES = [*CASES.glob("*.toml"), *CASES.glob("paper/*.toml")]
 MACHINES = sorted(path for path in FILES if path.stem.partition("-")[0] not in ("sweep", "search"))
@@ -162,7 +163,7 @@ def test_the_time_in_the_zone_is_that_between_its_borders() -> None:
 
 
 def test_the_suction_zone_begins_at_the_bodys_widest_place_and_touches_it(rhombus: Scene) -> None:
-    from wakeflow.field import FlowField
+    from wakeflow.air.field import FlowField
 
     outline = next(iter(rhombus.body.values())).outline()
     x, y = np.linspace(-0.2, 0.2, 81), np.linspace(-0.2, 0.2, 81)  # m, with nodes on the corners

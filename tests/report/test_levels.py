@@ -11,9 +11,9 @@ import pytest
 import wakeflow as wf
 from support import G
 from wakeflow.core.errors import SceneError
-from wakeflow.report.moving import Path2D
-from wakeflow.report.pictures.levels import level_numbers, passages
+from wakeflow.extras.pictures.levels import level_numbers, passages
 from wakeflow.scene import Scene
+from wakeflow.show.moving import Path2D
 
 CURTAIN = """
 [channel]

@@ -19,22 +19,22 @@ from PIL import Image, ImageSequence
 
 import wakeflow as wf
 from support import Page, field_of, shipped
+from wakeflow.air.field import FlowField
 from wakeflow.answer.provenance import commit_of
 from wakeflow.answer.result import Request
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
-from wakeflow.field import FlowField
+from wakeflow.flight.stages.film_stage import Film
 from wakeflow.laws.material import materials
-from wakeflow.pipeline.film_stage import Film
-from wakeflow.report.canvas import BODY, bins_across, fraction_colours
-from wakeflow.report.film import BEGIN, END, show_film, still_of, write_film
-from wakeflow.report.html import render
-from wakeflow.report.html.live import FRAMES, POINTS, _frames
-from wakeflow.report.html.rows import machine_rows, material_rows, proofs_of, scene_in_full, source_of
-from wakeflow.report.moving import body_displacement
 from wakeflow.scene import Scene
 from wakeflow.scene.changes import flat
 from wakeflow.scene.rungs import rungs
+from wakeflow.show.canvas import BODY, bins_across, fraction_colours
+from wakeflow.show.film import BEGIN, END, show_film, still_of, write_film
+from wakeflow.show.html import render
+from wakeflow.show.html.live import FRAMES, POINTS, _frames
+from wakeflow.show.html.rows import machine_rows, material_rows, proofs_of, scene_in_full, source_of
+from wakeflow.show.moving import body_displacement
 
 SHIPPED = ("rhombus", "prism", "labyrinth", "aspirator", "vacuum")
 

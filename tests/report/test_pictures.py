@@ -13,14 +13,14 @@ import wakeflow as wf
 from support import ALONE, CASES
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import distance_to
-from wakeflow.injection.feed import feedstock
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.make import make_plan
-from wakeflow.report.figures import flights as figures
-from wakeflow.report.moving import Path2D, body_displacement
-from wakeflow.report.pictures import pictures
-from wakeflow.report.pictures.maps import mass_flux
+from wakeflow.extras.pictures.maps import mass_flux
+from wakeflow.flight.feed.feedstock import feedstock
+from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene, picture_tables
+from wakeflow.show.asked_pictures import pictures
+from wakeflow.show.figures import flights as figures
+from wakeflow.show.moving import Path2D, body_displacement
 
 GRAVITY = 9.81
 PAPER = CASES / "paper"

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 import wakeflow as wf
 from support import Here, Page, field_of, shipped
 from wakeflow.core import tables
-from wakeflow.report.plot import cells_left, outcome_of
+from wakeflow.show.plot import cells_left, outcome_of
 
 pytestmark = pytest.mark.usefixtures("no_screen")
 
@@ -121,7 +121,7 @@ def test_the_mesh_is_drawn_of_what_its_picture_left(tmp_path: Path) -> None:
 
 
 def test_the_air_of_a_finished_run_is_read_back(tmp_path: Path) -> None:
-    from wakeflow.report import vtk
+    from wakeflow.show import vtk
 
     field = field_of(lambda points: np.stack([points[:, 1], -points[:, 0]], axis=1), 4)
     vtk.write_field(tmp_path / "kept", field, shipped("rhombus"), None)

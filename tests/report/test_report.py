@@ -17,6 +17,8 @@ from matplotlib.figure import Figure as Canvas
 from PIL import Image
 
 from support import Page, shipped
+from wakeflow.air.field import FlowField
+from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import PartitionCurve, Separation
 from wakeflow.cli.show_result import budget_table, separation_table
@@ -24,25 +26,23 @@ from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import along, contains
 from wakeflow.core.number import UNKNOWN_ERROR, Number
 from wakeflow.core.record import from_json, to_json
-from wakeflow.field import FlowField
-from wakeflow.injection.impact_loads import impact_loads
-from wakeflow.pipeline.airflow import Airflow
-from wakeflow.planning.make import make_plan
-from wakeflow.report import Landed, Outcome, clear_report, html, is_whole, write_report
-from wakeflow.report import words as tables
-from wakeflow.report.air import window_round_body
-from wakeflow.report.canvas import FOREMOST, foremost, inside_window, new_axes, save
-from wakeflow.report.figures import Figure, air, figures, flights
-from wakeflow.report.figures import shares as share_figures
-from wakeflow.report.figures.air import draw_pressure, draw_surface, draw_vorticity
-from wakeflow.report.figures.flights import draw_residence, draw_tracks
-from wakeflow.report.figures.shares import draw_landing, draw_partition
-from wakeflow.report.html import live
-from wakeflow.report.html.document import FRONT
-from wakeflow.report.html.live import live_data
-from wakeflow.report.words import in_three_dimensions, part_words, percent
+from wakeflow.flight.feed.impact_loads import impact_loads
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 from wakeflow.scene.pictures import STANDARD_FIGURES
+from wakeflow.show import Landed, Outcome, clear_report, html, is_whole, write_report
+from wakeflow.show import words as tables
+from wakeflow.show.air_pictures import window_round_body
+from wakeflow.show.canvas import FOREMOST, foremost, inside_window, new_axes, save
+from wakeflow.show.figures import Figure, figures, flights, share_figures
+from wakeflow.show.figures import air_figures as air
+from wakeflow.show.figures.air_figures import draw_pressure, draw_surface, draw_vorticity
+from wakeflow.show.figures.flights import draw_residence, draw_tracks
+from wakeflow.show.figures.share_figures import draw_landing, draw_partition
+from wakeflow.show.html import live
+from wakeflow.show.html.live import live_data
+from wakeflow.show.html.report_page import FRONT
+from wakeflow.show.words import in_three_dimensions, part_words, percent
 
 INLET, RHO = 3.0, 1.2  # Pa, kg/m3: pressure is not measured from zero
 AIRFLOW = {
@@ -800,7 +800,7 @@ def test_a_run_without_separation_still_has_a_page(rhombus: Scene) -> None:
 def test_the_report_loads_nothing_heavy() -> None:
     from wakeflow.core.process import capture
 
-    code = "import sys, wakeflow.report, wakeflow.report.words, wakeflow.report.figures, wakeflow.report.vtk;" + (
+    code = "import sys, wakeflow.show, wakeflow.show.words, wakeflow.show.figures, wakeflow.show.vtk;" + (
         "print(sorted({'pyvista', 'vtk', 'matplotlib', 'jinja2', 'scipy'} & set(sys.modules)))"
     )
     assert capture([sys.executable, "-c", code]) == (0, "[]\n")

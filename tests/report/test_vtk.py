@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from support import field_of, shipped
+from wakeflow.air.field import FlowField
+from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.cli import main
 from wakeflow.core.record import from_json
-from wakeflow.field import FlowField
-from wakeflow.pipeline.airflow import Airflow
-from wakeflow.report.canvas import BODY, fraction_colours
-from wakeflow.report.vtk import link_field, write_field, write_landings, write_machine, write_moving, write_tracks
-from wakeflow.report.window import look
+from wakeflow.flight import Fate
 from wakeflow.scene import Scene
-from wakeflow.tracking import Fate
+from wakeflow.show.canvas import BODY, fraction_colours
+from wakeflow.show.vtk import link_field, write_field, write_landings, write_machine, write_moving, write_tracks
+from wakeflow.show.window import look
 
 LEVEL, PERIOD, FIRST = 3.0, 0.5, 0.25  # Pa, s, s
 AIRFLOW = from_json(Airflow, {"rung": "draft", "verdict": "steady", "p_inlet": LEVEL})
@@ -155,7 +155,7 @@ def test_another_run_shows_the_same_files(rhombus: Scene, tmp_path: Path) -> Non
 
 def _shown(field: FlowField, scene: Scene) -> NDArray[Any]:
     """A steady field as it is written: in a machine that is its own image, the mean of both, where both are."""
-    from wakeflow.report.air import as_flown
+    from wakeflow.show.air_pictures import as_flown
 
     return np.asarray(as_flown(field, scene).velocity)
 

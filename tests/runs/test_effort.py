@@ -14,10 +14,10 @@ from support import shipped
 from wakeflow.answer.result import Request
 from wakeflow.core.errors import SceneError
 from wakeflow.core.graded import Grade
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import gathered
 from wakeflow.runs import effort
 from wakeflow.runs.effort import QUICK, Within, seconds_of
+from wakeflow.runs.planned import make_plan
 
 ASKED = Request.asked()
 PLANS: dict[str, Any] = {}

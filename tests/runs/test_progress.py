@@ -10,7 +10,7 @@ import pytest
 import wakeflow as wf
 from support import CASES, shipped
 from wakeflow.core.quantities import duration
-from wakeflow.pipeline.cache import null_listener
+from wakeflow.planning.stage_cache import null_listener
 from wakeflow.planning.stages import StageCost
 from wakeflow.runs import progress as bars
 from wakeflow.runs.progress import FROM_CACHE, RunProgress, live

@@ -15,8 +15,8 @@ from support import shipped
 from wakeflow.answer.provenance import RefinedSettings, Refinement
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal
-from wakeflow.pipeline.cache import StageTime
-from wakeflow.planning.make import make_plan
+from wakeflow.planning.stage_cache import StageTime
+from wakeflow.runs.planned import make_plan
 from wakeflow.runs.refine import unreached_lines
 from wakeflow.runs.settings import (
     applied,
@@ -48,7 +48,7 @@ def sampling(error: float) -> BudgetPart:
 
 
 def steps(changed: int, granules: int) -> BudgetPart:
-    """What ``budget.steps`` says where so many of the granules that fly again land in another bin."""
+    """What ``answer.budget.steps`` says where so many of the granules that fly again land in another bin."""
     flown = granules // 4
     return BudgetPart("integration", beta(changed + 0.5, flown - changed + 0.5).mean(), 1.0, "companion")
 

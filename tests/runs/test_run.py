@@ -20,11 +20,11 @@ import wakeflow as wf
 from support import ALONE, shipped, working_in
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.tracks import Flight
-from wakeflow.planning.make import make_plan
+from wakeflow.flight import Fate
+from wakeflow.flight.stages.fraction_flights import Flight
+from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.tracking import Fate
 
 COUNT = 256
 
@@ -369,9 +369,9 @@ def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, mon
     scene = shipped("rhombus", {**few, "numerics.rung": "standard"})
     monkeypatch.setattr(Flight, "fly_all", flown_by_chance)
     for nothing in ("compilation.Compilation.begin", "compilation.Compilation.finish"):
-        monkeypatch.setattr(f"wakeflow.pipeline.{nothing}", lambda *_, **__: None)
+        monkeypatch.setattr(f"wakeflow.flight.stages.{nothing}", lambda *_, **__: None)
     monkeypatch.setattr("wakeflow.runs.answer.OneRun._drawn", lambda _run, result, *_: result)
-    monkeypatch.setattr("wakeflow.pipeline.blended_air.BestEstimateAir.residence", None)  # of tracers, flown too
+    monkeypatch.setattr("wakeflow.air.kinds.blended_air.BestEstimateAir.residence", None)  # of tracers, flown too
     found, order = {}, {}
     for cores in (1, 2):
         cache = tmp_path / f"cache-{cores}"
@@ -396,7 +396,7 @@ def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, mon
 def test_every_blas_has_one_thread_in_a_run() -> None:
     """One that is first loaded within it as well: its waiting threads made a mapping of fields eighty times as long."""
     code = """
-from wakeflow.runs.stages import one_thread_of_blas
+from wakeflow.runs.run_stages import one_thread_of_blas
 with one_thread_of_blas():
     import scipy.linalg, scipy.interpolate, threadpoolctl
     found = [pool["num_threads"] for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]

@@ -13,12 +13,12 @@ import pytest
 from support import CASES, shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
-from wakeflow.injection.feed import feedstock
+from wakeflow.flight.feed.feedstock import feedstock
 from wakeflow.laws.material import materials
 from wakeflow.laws.profile import crowding, profiles
 from wakeflow.planning.coupling import COUPLING, INDEPENDENT, LOADED, MODULATING
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 
 WIDTH = 0.04

@@ -23,11 +23,11 @@ from wakeflow.core.errors import SceneError
 from wakeflow.laws.collision import impact_models
 from wakeflow.laws.material import materials, near_material
 from wakeflow.laws.shape import shapes
-from wakeflow.report.html.rows import material_rows
 from wakeflow.scene import Scene
 from wakeflow.scene.messages import unit_of
 from wakeflow.scene.own_files import read_materials
 from wakeflow.scene.schema import scene_schema
+from wakeflow.show.html.rows import material_rows
 
 INLET = {"side": "left", "position": 0.0, "width": "20 mm", "velocity": 2.0}
 ABOVE = {"shape": "circle", "width": "20 mm", "at": [0.0, 0.12]}
@@ -460,7 +460,7 @@ def test_materials_state_source_and_confidence(name: str) -> None:
 
 
 def test_what_stands_over_the_first_body_is_met_first(rhombus: Scene) -> None:
-    from wakeflow.planning.make import make_plan
+    from wakeflow.runs.planned import make_plan
 
     above = rhombus.replace({"body.two": ABOVE, "feed.height": 0.16, "numerics.rung": "draft"})
     assert above.obstacles == ["two"]
@@ -472,7 +472,7 @@ def test_what_stands_over_the_first_body_is_met_first(rhombus: Scene) -> None:
 
 
 def test_symmetry_counts_pairs_of_bodies_and_streams(rhombus: Scene) -> None:
-    from wakeflow.planning.make import make_plan
+    from wakeflow.runs.planned import make_plan
 
     left, right = ({"shape": "circle", "width": 0.02, "at": [x, -0.1]} for x in (-0.1, 0.1))
     assert rhombus.symmetric

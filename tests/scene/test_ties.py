@@ -8,7 +8,7 @@ import pytest
 
 from support import CASES, shipped
 from wakeflow.core.errors import SceneError
-from wakeflow.page.form import form_of
+from wakeflow.extras.page.form import form_of
 from wakeflow.scene import Scene
 from wakeflow.scene.overrides import changes_of
 from wakeflow.scene.ties import correlation_of, margins_of, orders_of

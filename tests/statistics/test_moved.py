@@ -8,11 +8,11 @@ import pytest
 
 import wakeflow as wf
 from wakeflow.answer.cells import Ends
+from wakeflow.answer.moved import StoredLandings
 from wakeflow.answer.result import MovedBins, Result
 from wakeflow.core.errors import SceneError
 from wakeflow.core.number import Number
 from wakeflow.scene import Scene
-from wakeflow.statistics.moved import StoredLandings
 
 END = 0.12  # m: where near ends and far begins
 

@@ -13,19 +13,19 @@ from scipy.special import expit
 
 import wakeflow as wf
 from support import ALONE, landings_in, shipped
+from wakeflow.answer.dividers import Landed1D, best_stretches, cut, dividers, landed_along, purities, trade_off
 from wakeflow.answer.draws import ErrorSource
+from wakeflow.answer.ensemble import joint_answer
+from wakeflow.answer.partition import partition_curves, settling_velocities
 from wakeflow.cli import main
 from wakeflow.cli.show_result import show_dividers
 from wakeflow.core.errors import SceneError
 from wakeflow.core.number import Number
+from wakeflow.flight.stages.landings import Landings
 from wakeflow.laws.constants import STANDARD_AIR
 from wakeflow.laws.drag import drag_laws, terminal_velocity
-from wakeflow.pipeline.landings import Landings
-from wakeflow.planning.make import make_plan
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.statistics.dividers import Landed1D, best_stretches, cut, dividers, landed_along, purities, trade_off
-from wakeflow.statistics.ensemble import joint_answer
-from wakeflow.statistics.partition import partition_curves, settling_velocities
 
 SIZES, SHARPNESS = (1e-3, 4e-3), 12.0  # m; of the logistic curve in ln(x / x50)
 CUT = 2.2e-3  # m

@@ -11,18 +11,18 @@ from scipy.stats import norm, qmc
 from support import landings_in, shipped
 from wakeflow.answer.cells import LandingCells
 from wakeflow.answer.draws import DRAWS, ErrorSource, columns
+from wakeflow.answer.ensemble import change_of, changed, joint_answer, responses
+from wakeflow.answer.grid_convergence import cell_size, estimate, extrapolate, observed_order
 from wakeflow.answer.joint import Bins, JointAnswer
+from wakeflow.answer.separation import separate
 from wakeflow.answer.shares import InputPart
+from wakeflow.answer.spread import share_interval
 from wakeflow.answer.unknown_inputs import effects_in
 from wakeflow.core.errors import SceneError
 from wakeflow.core.number import Number
-from wakeflow.pipeline.input_samples import DrawnLandings, InputSamples
+from wakeflow.flight.stages.input_samples import DrawnLandings, InputSamples
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown
 from wakeflow.scene import Scene
-from wakeflow.statistics.ensemble import change_of, changed, joint_answer, responses
-from wakeflow.statistics.grid_convergence import cell_size, estimate, extrapolate, observed_order
-from wakeflow.statistics.separation import separate
-from wakeflow.statistics.spread import share_interval
 
 
 @pytest.fixture
@@ -69,7 +69,7 @@ def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
 
 def test_balanced_samples_do_not_pretend_to_be_exact() -> None:
     """With the real sampler: the interval of a share covers it at least as often as it says, for cuts anywhere."""
-    from wakeflow.injection.birth import samples
+    from wakeflow.flight.feed.birth import samples
 
     covered = total = 0
     for seed in range(40):
@@ -102,7 +102,7 @@ FIRST, SECOND = 0.12, 0.3  # m: ends of the bins near and far on the floor of th
 
 
 def points(dimensions: int, seed: int) -> np.ndarray:
-    """Where draws lie, as in ``pipeline.input_samples``."""
+    """Where draws lie, as in ``flight.stages.input_samples``."""
     sobol = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed))
     return np.clip(norm.ppf(sobol.random(FLOWN)), -FARTHEST, FARTHEST)
 

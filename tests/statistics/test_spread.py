@@ -7,12 +7,12 @@ import pytest
 from scipy.stats import binomtest, t
 
 from support import landings_in
+from wakeflow.answer.separation import separate
+from wakeflow.answer.spread import share_spreads, wilson
 from wakeflow.core.number import Number
-from wakeflow.pipeline.landings import Landings
+from wakeflow.flight.stages.landings import Landings
 from wakeflow.planning.plan import REPLICATES
 from wakeflow.scene import Scene
-from wakeflow.statistics.separation import separate
-from wakeflow.statistics.spread import share_spreads, wilson
 
 DRAWS = 500  # of each case: 95 % is found as 95 +- 1.9 %
 SIZE = 256  # granules in each replicate

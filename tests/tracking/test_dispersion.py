@@ -10,13 +10,13 @@ from scipy.stats import chi2
 
 from proofs.problems.exact import box
 from support import DENSITY, G, field_of, with_tau
+from wakeflow.air.field import FlowField
 from wakeflow.core.errors import SceneError, known
 from wakeflow.core.geometry import Boxes
-from wakeflow.field import FlowField
+from wakeflow.flight import Body, Collisions, Fate, Granules, Tracks, driver, track
+from wakeflow.flight.force_on_air import force_on_the_air
+from wakeflow.flight.residence import LONGEST, ResidenceTime, residence_time
 from wakeflow.laws.turbulence import LIFETIME
-from wakeflow.tracking import Body, Collisions, Fate, Granules, Tracks, driver, track
-from wakeflow.tracking.momentum import force_on_the_air
-from wakeflow.tracking.residence import LONGEST, ResidenceTime, residence_time
 
 HEIGHT = 1.0
 
@@ -395,7 +395,7 @@ def test_a_mirrored_scene_exerts_the_mirror_image() -> None:
     points = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
     from scipy.spatial import Delaunay
 
-    from wakeflow.field import FlowField
+    from wakeflow.air.field import FlowField
 
     field = FlowField.from_arrays(points, Delaunay(points).simplices, bent(points))
     place = np.array([[0.31, 0.6]])

@@ -15,14 +15,14 @@ from proofs.problems.exact import DENSITY, VISCOSITY, Setting, box, field_on, fl
 from proofs.problems.flights import taylor_green, two_modes
 from proofs.problems.reference_all_terms import reference_end_states
 from support import FLOOR, G, distance
-from wakeflow.field import FlowField
-from wakeflow.injection.feed import feedstock
+from wakeflow.air.field import FlowField
+from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.flight import Body, Fate, Granules, Motion, Tracks, track
+from wakeflow.flight.feed.feedstock import feedstock
+from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.laws.drag import drag_laws
-from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.tracks import Flight
-from wakeflow.planning.make import make_plan
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.tracking import Body, Fate, Granules, Motion, Tracks, track
 
 R = 1e-3
 BELOW = np.array([[-9.0, -0.5], [9.0, -0.5]])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wakeflow.core.errors import SceneError
-from wakeflow.tracking import Granules
+from wakeflow.flight import Granules
 
 
 def three() -> Granules:

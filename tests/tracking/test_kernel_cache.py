@@ -11,14 +11,14 @@ from typing import Any
 import pytest
 
 from wakeflow.core.sources import PACKAGE, kernel_folder
-from wakeflow.tracking.kernel import jit
+from wakeflow.flight.kernel import jit
 
-TRACKER = "wakeflow.tracking.kernel.loop"
+TRACKER = "wakeflow.flight.kernel.loop"
 FOLDER = f"from wakeflow.core.sources import kernel_folder; print(kernel_folder('{TRACKER}'))"
 FLY = (
-    "import numpy as np; from wakeflow.tracking import Granules, track\n"
+    "import numpy as np; from wakeflow.flight import Granules, track\n"
     "track(None, Granules(np.zeros((1, 2)), np.ones((1, 2)), diameter=1e-3, density=1.0), until=1.0)\n"
-    "from wakeflow.tracking.kernel.loop import fly_block as f\n"
+    "from wakeflow.flight.kernel.loop import fly_block as f\n"
     "print(sum(f.stats.cache_hits.values()), sum(f.stats.cache_misses.values()))"
 )
 

@@ -7,10 +7,10 @@ from scipy.stats import chi2
 from proofs.problems.exact import field_on, ring
 from proofs.studies import deposition
 from support import VISCOSITY, without_slip
+from wakeflow.air.field import FlowField
 from wakeflow.core.errors import SceneError
-from wakeflow.field import FlowField
-from wakeflow.tracking import Body, Fate, track
-from wakeflow.tracking.near_walls import hold_off, wall_edges
+from wakeflow.flight import Body, Fate, track
+from wakeflow.flight.near_walls import hold_off, wall_edges
 
 LAYER = 0.1  # radii, of the boundary layer below
 

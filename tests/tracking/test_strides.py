@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from proofs.problems.exact import box
-from wakeflow.field import FlowField
-from wakeflow.tracking import Body, Fate, Granules, Tracks, track
+from wakeflow.air.field import FlowField
+from wakeflow.flight import Body, Fate, Granules, Tracks, track
 
 PERIOD, COUNT, LENGTH = 0.4, 32, 0.1
 FORCES = ("drag", "gravity", "pressure-gradient", "added-mass", "lift", "magnus")
@@ -154,11 +154,11 @@ def test_the_air_of_a_mirror_image_is_the_original_s_with_other_signs(kind: str)
 
 AT_A_WALL = """
 import numpy as np
-from wakeflow.tracking import Body
-from wakeflow.tracking.driver import _rules
-from wakeflow.tracking.kernel import layout as at
-from wakeflow.tracking.kernel.strides import _end
-from wakeflow.tracking.pack_surroundings import pack_air, pack_lines, pack_walls
+from wakeflow.flight import Body
+from wakeflow.flight.driver import _rules
+from wakeflow.flight.kernel import layout as at
+from wakeflow.flight.kernel.strides import _end
+from wakeflow.flight.pack_surroundings import pack_air, pack_lines, pack_walls
 from tracking.test_strides import air
 
 field, h, radius = air("steady"), 1e-3, 2e-5

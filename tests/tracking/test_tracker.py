@@ -11,13 +11,13 @@ from proofs.problems.exact import Setting
 from proofs.problems.reference_all_terms import reference_end_states
 from proofs.tracker.reference import TrackingProblem, fly_reference
 from support import DENSITY, VISCOSITY, G, field_of, shaken_mesh, with_tau
+from wakeflow.air.field import FlowField
 from wakeflow.core.errors import SceneError
-from wakeflow.field import FlowField
+from wakeflow.flight import Body, Fate, Granules, Motion, Tracks, track
+from wakeflow.flight.kernel import layout as at
+from wakeflow.flight.pack import pack_granules
 from wakeflow.laws.drag import slip_correction
 from wakeflow.laws.shape import shapes
-from wakeflow.tracking import Body, Fate, Granules, Motion, Tracks, track
-from wakeflow.tracking.kernel import layout as at
-from wakeflow.tracking.pack import pack_granules
 
 
 def still(points: np.ndarray) -> np.ndarray:

@@ -8,10 +8,10 @@ from scipy.spatial import Delaunay
 
 from support import FLOOR, RHOMBUS, WIDTH, G, distance
 from wakeflow import impact
+from wakeflow.air.field import FlowField
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import contains
-from wakeflow.field import FlowField
-from wakeflow.tracking import Body, Fate, Granules, Motion, Tracks, pack_surroundings, track
+from wakeflow.flight import Body, Fate, Granules, Motion, Tracks, pack_surroundings, track
 
 
 def one(position: object, velocity: object, radius: float = 1e-3, **more: object) -> Granules:

@@ -14,9 +14,9 @@ from closed_forms import follow
 from support import G
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import contains, distance_to
+from wakeflow.flight import Body, Fate, Granules, Motion, Tracks
 from wakeflow.laws.restitution import Restitution
 from wakeflow.laws.shape import shapes
-from wakeflow.tracking import Body, Fate, Granules, Motion, Tracks
 
 D = 0.05  # m, width of the first body
 FLOOR = Body(np.array([(-2.0, -1.0), (2.0, -1.0), (2.0, 0.0), (-2.0, 0.0)]))

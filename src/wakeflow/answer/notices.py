@@ -6,19 +6,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ..air.kinds.airflow_table import Airflow, GridStudy, ResidenceTimes, WakeEnds
 from ..core.errors import known
 from ..core.graded import Notice, information, less_sure, void
 from ..core.number import Number
-from ..funnel import notices as funnel_notices
-from ..funnel.rate import FunnelSummary
-from ..pipeline.airflow import Airflow, GridStudy, ResidenceTimes, WakeEnds
-from ..pipeline.pipeline import Pipeline
-from ..pipeline.slab import SHARE_OF_SHIFT
+from ..flight.stages.pipeline import Pipeline
+from ..flight.stages.slab_stage import SHARE_OF_SHIFT
+from ..planning.feed_funnel import FunnelSummary
+from ..planning.feed_funnel import notices as funnel_notices
 from ..scene import OVER_THE_TOP, Scene
 from .shares import CollisionSummary
 
 if TYPE_CHECKING:
-    from ..pipeline.landings import Tracked
+    from ..flight.stages.landings import Tracked
 
 
 # -- What a user must know of the airflow and of how the tracks ended --------------------------------------------------

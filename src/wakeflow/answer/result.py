@@ -10,6 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from ..air.kinds.airflow_table import Airflow, MeshReport
 from ..core import sums
 from ..core.errors import SceneError
 from ..core.files import MAX_RECORD, check_tables, path_of, read_json, write_json
@@ -22,18 +23,17 @@ from ..core.record import JsonTable, column, columns, from_json, to_json
 from ..core.registry import Registry, did_you_mean
 from ..core.store import content_key
 from ..core.tables import Columns, frame_of, load_arrays
-from ..funnel.rate import FunnelSummary
-from ..injection.impact_loads import ImpactSummary
-from ..pipeline.airflow import Airflow, MeshReport
-from ..pipeline.cache import StageTime
+from ..flight.feed.impact_loads import ImpactSummary
+from ..planning.feed_funnel import FunnelSummary
 from ..planning.plan import Plan
+from ..planning.stage_cache import StageTime
 from ..scene.overrides import share_in
 from ..scene.rungs import check_rung
 from ..scene.whole import States, switched
 from .cells import Ends
-from .checks import are_granules, mistakes_in
 from .joint import JointAnswer
 from .provenance import Provenance, Refinement
+from .result_checks import are_granules, mistakes_in
 from .shares import SHARE_UNIT, BudgetRow, LandingResults, Separation, Verdict, WithShares
 
 SCHEMA = 3
@@ -183,7 +183,7 @@ class Result(WithShares):
 
     @cached_property
     def plot(self) -> Any:
-        """The pictures, each on axes of your own: ``result.plot.tracks(axes)``; see :mod:`wakeflow.report.plot`."""
+        """The pictures, each on axes of your own: ``result.plot.tracks(axes)``; see :mod:`wakeflow.show.plot`."""
         return accessors["plot"](self)
 
     @property
@@ -344,7 +344,7 @@ def _length(key: str, value: object) -> float:
     raise SceneError(f"{key} = {value!r}: needs a number in m or a string such as '90 mm'")
 
 
-accessors: Registry[Callable[[Result], Any]] = Registry("view of a result", home="wakeflow.report.views")
+accessors: Registry[Callable[[Result], Any]] = Registry("view of a result", home="wakeflow.show.views")
 
 
 def _read(folder: Path | str) -> JsonTable:

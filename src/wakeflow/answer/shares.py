@@ -10,8 +10,8 @@ from ..core.errors import SceneError, known
 from ..core.number import Number
 from ..core.record import column
 from ..core.registry import did_you_mean
-from ..pipeline.landings import Landings, fates_of
-from ..pipeline.slab import SlabFound
+from ..flight.stages.landings import Landings, fates_of
+from ..flight.stages.slab_stage import SlabFound
 from ..planning.plan import Plan
 
 

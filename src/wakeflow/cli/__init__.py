@@ -18,8 +18,9 @@ from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from ..core.errors import ProgramError, SceneError, WakeflowError, one_line
 from ..core.files import FULL
+from ..extras.trays import tray_commands as trays
 from ..scene.overrides import unquoted
-from . import batch, run, trays, view
+from . import batch, run, view
 
 __all__ = ["app", "main"]
 

@@ -34,7 +34,7 @@ from .options import (
 )  # fmt: skip
 
 if TYPE_CHECKING:
-    from ..batch.compute import Sweep
+    from ..many.compute import Sweep
     from ..scene import Scene
 
 SOME_FAILED = 1  # exit code of a sweep with scenes that failed
@@ -79,10 +79,10 @@ def sweep(
     dry_run
         Only say how many scenes there are, what they share, and what they will cost.
     """
-    from ..batch.compute import SweepEstimate, look_ahead
-    from ..batch.compute import sweep as compute
-    from ..batch.variant import asked_for
     from ..core.process import cores
+    from ..many.compute import SweepEstimate, look_ahead
+    from ..many.compute import sweep as compute
+    from ..many.variant import asked_for
     from ..runs.progress import live
     from .show_many import show_estimate, show_sweep
 
@@ -122,7 +122,7 @@ def operator_map(
     scene
         A scene file with an air.speed, a feed.rate and targets.
     """
-    from ..batch.operating import operating_map
+    from ..many.operating import operating_map
 
     return _operated(partial(operating_map, air=_values("air.speed", air)), "map", scene, feed, out, settings, pace,
                      workers, quiet)  # fmt: skip
@@ -149,7 +149,7 @@ def capacity(
     scene
         A scene file with a feed.rate and targets.
     """
-    from ..batch.operating import capacity as curve
+    from ..many.operating import capacity as curve
 
     return _operated(curve, "capacity", scene, feed, out, settings, pace, workers, quiet)
 
@@ -166,7 +166,7 @@ def _operated(
     quiet: bool,
 ) -> int:
     """A map or a curve of a scene over what an operator turns, drawn and printed."""
-    from ..batch.operating import met_up_to
+    from ..many.operating import met_up_to
     from ..runs.effort import quick_settings
     from ..runs.progress import live
     from .show_many import show_limits, show_sweep
@@ -187,7 +187,7 @@ def _operated(
 
 
 def _values(key: str, text: str | None) -> Sequence[object] | None:
-    from ..batch.axis import axis_of_text
+    from ..many.axis import axis_of_text
 
     return None if text is None else axis_of_text(f"{key}={text}").values
 
@@ -212,8 +212,8 @@ def search(
     file
         A TOML file with a [search] table (docs/search.md).
     """
-    from ..batch.designs import search as find
-    from ..batch.task import read_search_file
+    from ..extras.search.designs import search as find
+    from ..extras.search.task import read_search_file
     from ..runs.progress import live
     from ..scene.changes import run_folder
     from .show_many import show_search
@@ -242,11 +242,11 @@ def compare(
         one folder and a CSV file of measured shares (fraction,bin,share,uncertainty).
     """
     if len(run_folders) == 2 and (run_folders[1].suffix.lower() == ".csv" or run_folders[1].is_file()):
-        from .trays import beside_trays
+        from ..extras.trays.tray_commands import beside_trays
 
         beside_trays(run_folders[0], run_folders[1], out)
         return
-    from ..batch.comparison import compare as side_by_side
+    from ..many.comparison import compare as side_by_side
     from .show_many import show_comparison
 
     found = side_by_side(run_folders)
@@ -277,16 +277,16 @@ def bins(
     on
         The line: floor, top, left, right, or a bin of the scene.
     """
+    from ..answer.dividers import dividers, purities, trade_off
     from ..core import sums
-    from ..statistics.dividers import dividers, purities, trade_off
     from .show_result import show_dividers
 
     fraction, sign, asked = purity.partition("=")
     if sign:
         show_dividers([dividers(run_folder, fraction, _portion(purity, asked), stretches=stretches, on=on)], on)
         return
-    from ..report.canvas import saved
-    from ..report.curves import draw_dividers, write_dividers
+    from ..show.canvas import saved
+    from ..show.curves import draw_dividers, write_dividers
 
     levels = purities(run_folder, fraction, on)
     curve = trade_off(run_folder, fraction, levels, stretches=stretches, on=on)
@@ -330,7 +330,7 @@ def sensitivity(
     scene
         A scene file, run where it has not been, or the folder of a finished run.
     """
-    from ..batch.sensitivity import sensitivity as find
+    from ..many.sensitivity import sensitivity as find
     from ..runs.progress import live
     from .show_many import show_remaining, show_sensitivity
 

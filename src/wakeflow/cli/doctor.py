@@ -21,12 +21,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from .. import DISTRIBUTION
+from ..air.mesh import MeshSpec
 from ..core.errors import MeshError, ProgramError
 from ..core.process import call_in_child, cores, run_program
 from ..core.store import cache_root
 from ..core.user_folder import kernel_root
-from ..funnel import engine
-from ..meshing import MeshSpec
+from ..extras.funnel import engine
 from .screen import screen_table
 
 if TYPE_CHECKING:
@@ -153,7 +153,7 @@ def _tried(name: str) -> Finding:
 
 
 def _mesh(folder: Path) -> str:
-    from ..meshing import build_mesh
+    from ..air.mesh import build_mesh
 
     build_mesh(TRIANGLE, folder, timeout=PROBE)
     return f"Gmsh {version('gmsh')}"
@@ -161,11 +161,11 @@ def _mesh(folder: Path) -> str:
 
 def _solve(folder: Path) -> str:
     """Two iterations and two time steps on the triangle's mesh, with all that a run measures on its way."""
-    from ..foam.case import FlowSpec
-    from ..foam.prepare import prepare_case
-    from ..foam.programs import openfoam_version
-    from ..foam.solver import run_segment
-    from ..foam.watch import Watch
+    from ..air.foam.case import FlowSpec
+    from ..air.foam.prepare import prepare_case
+    from ..air.foam.programs import openfoam_version
+    from ..air.foam.solver import run_segment
+    from ..air.foam.watch import Watch
 
     _mesh(folder)
     steady = FlowSpec(TRIANGLE, 1.0, 1.2, 1.8e-5, "kOmegaSST")
@@ -180,7 +180,7 @@ def _solve(folder: Path) -> str:
 
 
 def _fly(folder: Path) -> str:
-    call_in_child("wakeflow.pipeline.compilation:compile_tracker", None, log=folder / "log")
+    call_in_child("wakeflow.flight.stages.compilation:compile_tracker", None, log=folder / "log")
     return f"numba {version('numba')}, compiled in {kernel_root()}"
 
 

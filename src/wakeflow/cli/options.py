@@ -140,7 +140,7 @@ def scene_and_folder(file: Path, settings: tuple[str, ...], gate: Gate, out: Pat
     """The scene of a file with its ``settings``, and the folder for its results, by default below runs/; says on
     stderr which of the settings nothing feels.
     """
-    from ..planning.messages import unfelt, unfelt_line
+    from ..planning.plan_messages import unfelt, unfelt_line
     from ..scene import Scene
     from ..scene.changes import run_folder
 

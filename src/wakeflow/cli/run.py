@@ -145,8 +145,8 @@ def verify(what: str | None = None, *, slow: bool = False, as_json: AsJson = Fal
     """
     from functools import partial
 
+    from ..extras.verify import runner
     from ..runs.progress import live
-    from ..verify import runner
 
     with live(enabled=not as_json) as listener:
         reports = runner.prove(what, slow=slow, tell=partial(listener, "verify"))

@@ -7,18 +7,18 @@ from dataclasses import replace
 from textwrap import shorten
 from typing import TYPE_CHECKING
 
+from ..answer.moves import InputMove, Remaining
 from ..answer.result import VOID, Result
-from ..answer.table import DONE, Difference, Entry, ResultTable, TableQuantity
-from ..batch.comparison import RunComparison
-from ..batch.compute import Sweep, SweepEstimate
-from ..batch.designs import FoundDesign, Search
-from ..batch.sensitivity import Sensitivity
+from ..answer.result_table import DONE, Difference, Entry, ResultTable, TableQuantity
 from ..core.errors import known
 from ..core.quantities import duration, say, speaking, split_quantity
-from ..report.many import input_words, main_quantities
-from ..report.sketch import UNITS
-from ..report.words import NO_VALUE, difference_text, percent
-from ..statistics.moves import InputMove, Remaining
+from ..extras.search.designs import FoundDesign, Search
+from ..many.comparison import RunComparison
+from ..many.compute import Sweep, SweepEstimate
+from ..many.sensitivity import Sensitivity
+from ..show.many_figures import input_words, main_quantities
+from ..show.sketch import UNITS
+from ..show.words import NO_VALUE, difference_text, percent
 from .screen import plain, print_lines, screen_table
 from .show_result import measure_next
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from ..air.kinds.airflow_kinds import airflow_kinds
 from ..core.graded import Grade, Notice
 from ..core.process import cores
 from ..core.quantities import duration, metres, say, speaking
 from ..core.store import cache_root
-from ..pipeline.airflow_kinds import airflow_kinds
+from ..flight.stages.machine_rates import on_this_machine
 from ..planning.cost import begins, typical_cells, wall_seconds
 from ..planning.lifting import floor_notices, lifting_line
-from ..planning.machine_rates import on_this_machine
 from ..planning.plan import REPLICATES, replicate_size, whole_terms
-from ..report.machine_words import fall_words, motion_words, tilt_words
+from ..show.machine_words import fall_words, motion_words, tilt_words
 from .screen import MAX_WARNINGS, plain, screen_table, warn
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ SIDE_BY_SIDE = 1.15  # parts that add up to so many times the whole run overlap
 
 def show_plan(plan: Plan, scene: Scene, units: Mapping[str, str] | None = None) -> None:
     """Print in some ten lines what is flown, what is left out, what is doubtful and what it costs; ``units`` as in
-    :func:`wakeflow.report.sketch.draw_sketch`.
+    :func:`wakeflow.show.sketch.draw_sketch`.
     """
     from rich.console import Console
     from rich.table import Table

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING
 
+from ..answer.dividers import Dividers, cut
 from ..answer.measurements import PAGE
 from ..answer.shares import SHARE_UNIT, BudgetRow, Separation, least_certain, weightiest
 from ..core.errors import known
 from ..core.number import Number
 from ..core.quantities import say
-from ..report.words import (
+from ..show.words import (
     NO_VALUE,
     SUMMED,
     TERMS,
@@ -27,15 +28,14 @@ from ..report.words import (
     source_seconds,
     verdict_lines,
 )
-from ..statistics.dividers import Dividers, cut
 from .screen import print_lines, screen_table, warn
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from ..air.kinds.airflow_table import Airflow
     from ..answer.result import Result
-    from ..funnel.rate import FunnelSummary
-    from ..pipeline.airflow import Airflow
+    from ..planning.feed_funnel import FunnelSummary
 
 
 HOW_TO_MEASURE = f"How to measure: {PAGE}. Write what you find as {{ value = ..., uncertainty = ... }}."

@@ -56,7 +56,7 @@ def plan(
         Print JSON, and draw only with --picture.
     """
     del until, workers
-    from ..planning.make import make_plan
+    from ..runs.planned import make_plan
     from ..scene import units_written
     from .show_plan import show_plan, show_whole_plan
 
@@ -108,7 +108,7 @@ def open_(
 
     if find_spec("tornado") is None:
         raise SceneError("the page needs tornado: pip install 'wakeflow-separation[page]', or sh cases/setup.sh")
-    from ..page.server import open_page
+    from ..extras.page.server import open_page
 
     open_page(what, plan_lines, port=port, browser=browser, ready=lambda address: print(address, flush=True))
 
@@ -127,8 +127,8 @@ def view(what: Path, *, picture: Picture = None, settings: Settings = ()) -> Non
         Draw it there, as PNG, and open no window.
     """
     from ..answer.result import Result
-    from ..report.window import look
     from ..scene import Scene
+    from ..show.window import look
 
     run = what if what.is_dir() else None
     scene = Scene.parse(dict(Result.load(what).scene)) if run else Scene.load(what, changes_of(settings))
@@ -172,7 +172,7 @@ def animate(
     from ..answer.result import Result, key_in
     from ..core import sums
     from ..core.store import bytes_of
-    from ..report.film import show_film
+    from ..show.film import show_film
 
     path = out or run_folder / "figures" / f"film.{format_}"
     if path.suffix != f".{format_}":
@@ -200,9 +200,9 @@ def _film(
     run_folder: Path, path: Path, lasting: float | None, fractions: tuple[str, ...], *, quiet: bool, **how: Any
 ) -> None:
     """Draw the film of a finished run, ``lasting`` so many seconds of the machine's time."""
-    from ..report.film import write_film
     from ..runs import film_of
     from ..runs.progress import live
+    from ..show.film import write_film
 
     with live(enabled=not quiet) as listener:
         scene, air, film = film_of(run_folder, lasting, fractions, listener)
@@ -258,8 +258,8 @@ def _seconds(span: str) -> float:
 
 def _draw(path: Path, asked: Scene, scene: Path, *, told: bool, show: bool) -> None:
     """Draw what a scene file asks for, in the units that it writes; print the picture's path, and open it."""
-    from ..report.sketch import write_sketch
     from ..scene import units_written
+    from ..show.sketch import write_sketch
 
     write_sketch(path, asked, units_written(scene))
     if told:

@@ -172,8 +172,8 @@ def load_on_wall(
     """The load of ``mass_flow`` (kg/s) in n samples that represent equal masses: falling straight down at
     ``fall_speed`` (n,) m/s they meet walls of unit outward ``normal`` (n, 2) that move with ``wall`` (n, 2) m/s.
 
-    The samples carry the phases in the right proportion (``injection.first_contact``), so this holds for any vibration.
-    ``mobility`` 1 / k. Without samples the load is zero.
+    The samples carry the phases in the right proportion (``flight.feed.first_contact``), so this holds for any
+    vibration. ``mobility`` 1 / k. Without samples the load is zero.
     """
     if not len(fall_speed):
         return Load(0.0, 0.0, 0.0, np.zeros(2), 0.0, np.zeros(2))

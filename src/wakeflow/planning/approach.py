@@ -15,11 +15,11 @@ from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction, term
 from ..laws.driven_jet import ENERGY
 from ..laws.forces import FlightScales
 from ..scene import Scene
-from .airflow import AirflowPlan
+from .airflow_choice import AirflowPlan
+from .carried_round import Deflection, deflection
 from .collision_rates import Encounters, encounters
 from .coupling import with_driven_air
 from .flight_scales import flights
-from .impaction import Deflection, deflection
 from .terms import LOADING, bounds, limit_of
 from .uniform_fall import UniformFall
 

@@ -1,7 +1,8 @@
 """What a plan will cost: the seconds of each stage, memory and disk, before anything is started.
 
 The program's own stages are registered here, each with what it costs. All numbers are measured: runs of the shipped
-scenes on two cores of 2020s hardware. What this machine makes of the seconds is in :mod:`.machine_rates`.
+scenes on two cores of 2020s hardware. What this machine makes of the seconds is in
+:mod:`..flight.stages.machine_rates`.
 """
 
 from __future__ import annotations
@@ -10,12 +11,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from ..funnel import CODE as POURING
-from ..funnel import estimated_seconds
 from ..laws.forces import forces
 from ..scene import Scene
-from .airflow import AirflowPlan
+from .airflow_choice import AirflowPlan
 from .collisions import CLOCK, CollisionPlan
+from .feed_funnel import CODE as POURING
+from .feed_funnel import estimated_seconds
 from .plan import (
     AT_ONCE,
     COMPARED,
@@ -342,15 +343,15 @@ def _code(*modules: str) -> tuple[str, ...]:
     return tuple(f"wakeflow.{module}" for module in modules)
 
 
-MESH = Stage("mesh", _code("meshing.spec"), "mesh", Scaling.CELLS, "airflow", _meshing)
-AIRFLOW = Stage("airflow", _code("foam.airflow"), "airflow", Scaling.AIR, "airflow", _solving)
-FIELD = Stage("field", _code("pipeline.case_field"), "field", Scaling.CELLS, "airflow", _reading)
-MOMENTUM = Stage("momentum", _code("pipeline.gathered_force"), FLIGHTS, Scaling.AIR, "air loading", _gathering)
+MESH = Stage("mesh", _code("air.mesh.spec"), "mesh", Scaling.CELLS, "airflow", _meshing)
+AIRFLOW = Stage("airflow", _code("air.foam.airflow"), "airflow", Scaling.AIR, "airflow", _solving)
+FIELD = Stage("field", _code("air.kinds.case_field"), "field", Scaling.CELLS, "airflow", _reading)
+MOMENTUM = Stage("momentum", _code("flight.stages.gathered_force"), FLIGHTS, Scaling.AIR, "air loading", _gathering)
 SLAB_MOMENTUM = Stage(
-    "slab-momentum", _code("pipeline.gathered_force"), "slab", Scaling.AIR, "air loading", _gathering_in_slab
+    "slab-momentum", _code("flight.stages.gathered_force"), "slab", Scaling.AIR, "air loading", _gathering_in_slab
 )
 DEVELOPING = Stage("early-airflow", (), "airflow", Scaling.AIR, "airflow", _developing)
-LOADED = Stage("loaded-airflow", _code("foam.airflow"), "airflow", Scaling.AIR, "air loading", _loading)
+LOADED = Stage("loaded-airflow", _code("air.foam.airflow"), "airflow", Scaling.AIR, "air loading", _loading)
 SHARED = MESH, AIRFLOW, DEVELOPING, FIELD, MOMENTUM, LOADED  # by all scenes that fly in one airflow
 COMPILE = Stage("compile", work="compile", scaling=Scaling.ONCE, heading="compilation")
 # In the order in which they are usually done. Those without a cost are part of another, or of few runs.
@@ -360,20 +361,20 @@ for _one in (
     MESH,
     AIRFLOW,
     DEVELOPING,
-    Stage("span", _code("foam.span_run"), scaling=Scaling.AIR),
-    Stage("given", _code("foam.user_case"), scaling=Scaling.ONCE),
-    Stage("duct", _code("pipeline.analytic"), scaling=Scaling.ONCE),
+    Stage("span", _code("air.foam.spanwise.span_run"), scaling=Scaling.AIR),
+    Stage("given", _code("air.foam.user_case"), scaling=Scaling.ONCE),
+    Stage("duct", _code("air.kinds.analytic"), scaling=Scaling.ONCE),
     FIELD,
-    Stage("layers", _code("pipeline.case_field"), scaling=Scaling.CELLS),
-    Stage("blend", _code("field.combined"), scaling=Scaling.CELLS),
+    Stage("layers", _code("air.kinds.case_field"), scaling=Scaling.CELLS),
+    Stage("blend", _code("air.field.combined"), scaling=Scaling.CELLS),
     MOMENTUM,
     SLAB_MOMENTUM,
     LOADED,
-    Stage("tracks", _code("pipeline.tracks", "pipeline.landings"), heading="tracks", cost=_flying),
-    Stage("slab", _code("pipeline.slab", "pipeline.landings"), "slab", Scaling.SLAB, "slab", _in_slab),
-    Stage("draws", _code("pipeline.input_samples", "field.combined"), heading="draws"),
-    Stage("residence", _code("tracking.residence"), "field", Scaling.CELLS, "airflow", _residing),
-    Stage("film", _code("pipeline.film_stage", "pipeline.slab", "pipeline.gathered_force")),
+    Stage("tracks", _code("flight.stages.fraction_flights", "flight.stages.landings"), heading="tracks", cost=_flying),
+    Stage("slab", _code("flight.stages.slab_stage", "flight.stages.landings"), "slab", Scaling.SLAB, "slab", _in_slab),
+    Stage("draws", _code("flight.stages.input_samples", "air.field.combined"), heading="draws"),
+    Stage("residence", _code("flight.residence"), "field", Scaling.CELLS, "airflow", _residing),
+    Stage("film", _code("flight.stages.film_stage", "flight.stages.slab_stage", "flight.stages.gathered_force")),
     Stage("report", heading="report"),
 ):
     stages.add(_one.name, _one)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from ..laws.forces import FlightScales
-from ..laws.forces.record import REACH
+from ..laws.forces.force import REACH
 from ..scene import Fraction, Scene
 from .collision_rates import RECIRCULATION, Encounters, ejection_speed
 from .uniform_fall import FallTimes, UniformFall

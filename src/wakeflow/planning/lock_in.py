@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from ..core.errors import SceneError, known
 from ..scene import Scene
-from .airflow import SHEDDING_ABOVE
+from .airflow_choice import SHEDDING_ABOVE
 from .terms import VIBRATION
 from .wake import family_of
 

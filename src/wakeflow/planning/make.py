@@ -19,7 +19,7 @@ from ..laws.forces import forces
 from ..scene import Scene
 from ..scene.overrides import share_in
 from ..scene.whole import States, switched
-from .airflow import JET, AirflowPlan, choose_airflow
+from .airflow_choice import JET, AirflowPlan, choose_airflow
 from .approach import Approach, approaches, arrival_at_body, feels_granules
 from .collision_rates import Encounters, shifted
 from .collisions import LIGHT, CollisionPlan, granule_masses, plan_collisions, too_many_to_collide, why_no_collisions
@@ -28,8 +28,8 @@ from .coupling import Limit, limits
 from .dependence import orders
 from .flight_scales import flights
 from .lock_in import AirMotion, vibration_of_scene
-from .messages import missing_lines, used_lines, warning_lines
 from .plan import FractionPlan, Plan, whole_terms
+from .plan_messages import missing_lines, used_lines, warning_lines
 from .terms import (
     AIR,
     COLLISIONS,

@@ -12,10 +12,10 @@ from typing import Any
 from ..core.graded import Grade, Notice
 from ..core.number import Most
 from ..core.record import column, to_json
-from .airflow import AirflowPlan
+from .airflow_choice import AirflowPlan
+from .carried_round import Deflection
 from .collisions import CollisionPlan
 from .coupling import Limit
-from .impaction import Deflection
 from .stages import StageCost
 from .terms import COLLISIONS, LeftOut
 

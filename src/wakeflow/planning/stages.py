@@ -12,7 +12,7 @@ from typing import ClassVar, NamedTuple, Protocol
 
 from ..core.registry import Registry
 from ..scene import Scene
-from .airflow import AirflowPlan
+from .airflow_choice import AirflowPlan
 from .collisions import CollisionPlan
 
 FLIGHTS, OTHER_MESHES = "flights", "other meshes"
@@ -149,4 +149,4 @@ class FliesAgain(Protocol):
         """Each stage that a run makes for it."""
 
 
-error_sources: Registry[FliesAgain] = Registry("source of the budget", home="wakeflow.budget")
+error_sources: Registry[FliesAgain] = Registry("source of the budget", home="wakeflow.answer.budget")

@@ -27,7 +27,7 @@ from ..core.record import column
 from ..core.registry import Registry, did_you_mean
 from ..laws.forces import Bound, FlightScales, forces
 from ..laws.forces.fluctuations import eddy_way
-from ..laws.forces.record import SIDEWAYS
+from ..laws.forces.force import SIDEWAYS
 from ..laws.turbulence import has_no_turbulence
 from ..scene import Fraction, Scene
 from .collisions import why_no_collisions

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..laws.drag import drag_laws, relaxed, slip_correction, terminal_velocity
-from ..laws.forces.record import REACH
+from ..laws.forces.force import REACH
 from ..scene import Air, Fraction, Scene
 
 Array = NDArray[np.float64]

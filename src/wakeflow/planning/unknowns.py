@@ -21,7 +21,7 @@ from ..core.registry import Registry
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity
 from ..laws.driven_jet import ENTRAINMENT
-from ..laws.forces.lift import SPIN_LIFT
+from ..laws.forces.lift_forces import SPIN_LIFT
 from ..laws.lift import MAGNUS_RANGE
 from ..laws.material import Moisture, default_margins, materials
 from ..laws.restitution import Restitution
@@ -29,7 +29,7 @@ from ..laws.turbulence import LIFETIME, LIFETIMES
 from ..scene import Fraction, Scene
 from ..scene.ties import margins_of
 from ..scene.uncertainty import SIGMAS as SIGMAS
-from .airflow import AirflowPlan
+from .airflow_choice import AirflowPlan
 from .plan import Plan
 from .variation import Variation
 

@@ -11,14 +11,14 @@ from ..answer.result import Result, asked_in, refinement_in
 from ..core.errors import SceneError
 from ..core.registry import did_you_mean
 from ..core.store import cache_in_use, cache_root
-from ..pipeline.cache import Listener, null_listener
+from ..planning.stage_cache import Listener, null_listener
 from ..scene import Scene
 from .one_run import run_once
-from .stages import one_thread_of_blas, stages_of
+from .run_stages import one_thread_of_blas, stages_of
 
 if TYPE_CHECKING:
-    from ..field import FlowField
-    from ..pipeline.film_stage import Film
+    from ..air.field import FlowField
+    from ..flight.stages.film_stage import Film
 
 
 def report_again(folder: Path | str, *, pdf: bool = False) -> Path:

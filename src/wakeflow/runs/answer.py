@@ -10,33 +10,33 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..air.kinds.airflow_table import Airflow, MeshReport
+from ..answer.budget.budget import flights_ahead, fly_again, make_budget, total_notices
+from ..answer.budget.inputs import UNKNOWN
+from ..answer.budget.mesh import airflow_on_grids
+from ..answer.budget.model import MODEL
+from ..answer.budget.passes import loading_effects
+from ..answer.budget.source import Flights
+from ..answer.budget.span_shares import in_three_dimensions
+from ..answer.budget.verdicts import verdicts_of
 from ..answer.joint import JointAnswer
 from ..answer.notices import notices, with_mesh_error, with_residence
+from ..answer.partition import partition_curves
 from ..answer.provenance import Refinement, provenance_of
 from ..answer.result import FILE, GRANULES, JOINT, SCHEMA, FlightResults, Request, Result, key_in, provenance_in
 from ..answer.shares import LandingResults, collisions_of
 from ..answer.unknown_inputs import effects_in, summary_of
-from ..budget.air_loading import loading_effects
-from ..budget.budget import flights_ahead, fly_again, make_budget, total_notices
-from ..budget.inputs import UNKNOWN
-from ..budget.mesh import airflow_on_grids
-from ..budget.model import MODEL
-from ..budget.source import Flights
-from ..budget.verdicts import verdicts_of
 from ..core import sums
 from ..core.graded import gravest_first
 from ..core.process import background, cores
 from ..core.tables import save_arrays
-from ..funnel.rate import FunnelSummary
-from ..pipeline.airflow import Airflow, MeshReport
-from ..pipeline.pipeline import Pipeline
-from ..planning.three_dimensions import in_three_dimensions
+from ..flight.stages.pipeline import Pipeline
+from ..planning.feed_funnel import FunnelSummary
 from ..scene import Scene
-from ..statistics.partition import partition_curves
 from .folder import COMMAND, answer_key, field_files, report_into, some_granules, versions, written_files
 
 if TYPE_CHECKING:
-    from ..pipeline.landings import Landings, Tracked
+    from ..flight.stages.landings import Landings, Tracked
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ class OneRun:
         """The result with the pictures of its report, which is drawn where it is not in the folder already; the
         ``answer``'s landings, where there is one, are in them.
         """
-        from .. import report
+        from .. import show as report
 
         folder, scene = self.folder, self.pipeline.scene
         stands = key_in(folder) == result.key

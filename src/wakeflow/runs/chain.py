@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..air.kinds.realisations import Realisations
+from ..answer.separation import separate
 from ..answer.shares import Separation, WithShares
 from ..core.record import JsonTable, to_json
-from ..pipeline.landings import Landings
-from ..pipeline.realisations import Realisations
-from ..pipeline.tracks import Flight
-from ..planning.make import make_plan
+from ..flight.stages.fraction_flights import Flight
+from ..flight.stages.landings import Landings
 from ..planning.plan import Plan
 from ..scene import Scene
-from ..statistics.separation import separate
+from .planned import make_plan
 
 
 @dataclass(frozen=True)

@@ -22,16 +22,16 @@ from ..core.process import cores
 from ..core.quantities import duration, quantity
 from ..core.record import JsonTable
 from ..core.store import FinishedStages, NotFinished, cache_root
-from ..pipeline.cache import Listener
-from ..pipeline.pipeline import Pipeline
+from ..flight.stages.machine_rates import on_this_machine
+from ..flight.stages.pipeline import Pipeline
 from ..planning.cost import REPORT, STARTED, begins, wall_seconds
-from ..planning.machine_rates import on_this_machine
-from ..planning.make import make_plan
 from ..planning.plan import Plan
+from ..planning.stage_cache import Listener
 from ..planning.stages import StageCost, StageKey
 from ..planning.terms import LOADING
 from ..scene import Scene
 from ..scene.changes import flat
+from .planned import make_plan
 
 STAGE = "budget"  # as the listener hears of it
 CLOCK: ContextVar[Callable[[], float]] = ContextVar("clock", default=time.monotonic)  # what a budget is measured by, s

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..air.kinds.airflow_table import Airflow
 from ..answer.result import FILE, GRANULES, JOINT, Request, Result, key_in
 from ..core import sums
 from ..core.record import to_json
 from ..core.sources import PACKAGE, code_key
 from ..core.store import content_key, digest_files
 from ..core.tables import Columns
-from ..pipeline.airflow import Airflow
-from ..pipeline.pipeline import Pipeline
-from ..report.solved_case import cells_of, forces_of
+from ..flight.stages.pipeline import Pipeline
+from ..flight.stages.solved_case import cells_of, forces_of
 from ..scene import Scene
 
 if TYPE_CHECKING:
-    from ..pipeline.landings import Landings, Tracked
-    from ..report import Landed
+    from ..flight.stages.landings import Landings, Tracked
+    from ..show import Landed
 
 
 # -- What answers are made for -----------------------------------------------------------------------------------------
@@ -74,7 +74,7 @@ def refuse_foreign(folder: Path) -> None:
 
 def written_files(folder: Path) -> list[Path]:
     """What is in ``folder`` of all that a run leaves or removes there."""
-    from ..report import films, pictures_of, report_files
+    from ..show import films, pictures_of, report_files
 
     drawn = (folder / "figures" / file for picture in pictures_of(folder).values() for file in picture.files)
     own = [
@@ -100,7 +100,7 @@ def report_into(
     """Draw the report of a run into its folder; ``answer``: all landings, ``granules``: the sample of them that is
     kept; ``pdf``: every figure as PDF too.
     """
-    from ..report import Outcome, write_report
+    from ..show import Outcome, write_report
 
     pipeline.listener("report", "drawing")
     scene = pipeline.scene
@@ -118,14 +118,14 @@ def field_files(pipeline: Pipeline, airflow: Airflow | None) -> Path | None:
     """The folder in the cache with the field's files for ParaView, which all runs in this airflow share; None without
     air.
     """
-    from ..report.vtk import write_field
+    from ..show.vtk import write_field
 
     scene = pipeline.scene
     if scene.air is None:
         return None
     upstream, flow = pipeline.field
     asked = scene.numerics.snapshots, scene.symmetric
-    key = content_key("vtk", upstream, *asked, code_key("wakeflow.report.vtk.air"), versions()["pyvista"])
+    key = content_key("vtk", upstream, *asked, code_key("wakeflow.show.vtk.vtk_air"), versions()["pyvista"])
 
     def work(part: Path) -> None:
         write_field(part, flow, scene, airflow)
@@ -134,7 +134,7 @@ def field_files(pipeline: Pipeline, airflow: Airflow | None) -> Path | None:
 
 
 def _landed(landing: Landings) -> Landed:
-    from ..report import Landed
+    from ..show import Landed
 
     return Landed(landing.position[:, 0], landing.position[:, 1], landing.mass_shares, landing.bin)
 

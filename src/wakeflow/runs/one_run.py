@@ -13,18 +13,18 @@ from ..core.errors import SceneError
 from ..core.files import made_folder, path_of, remove_drafts
 from ..core.process import check_workers
 from ..core.store import cache_in_use, cache_root
-from ..pipeline.cache import Listener, null_listener
-from ..planning.machine_rates import learn
-from ..planning.make import make_plan
+from ..flight.stages.machine_rates import learn
+from ..planning.stage_cache import Listener, null_listener
 from ..scene import Scene
 from ..scene.changes import stem_name
 from ..scene.whole import States
 from .answer import OneRun
 from .effort import affordable
 from .folder import LOCK, refuse_foreign
+from .planned import make_plan
 from .progress import as_listener, ignore
 from .refine import refined
-from .stages import one_thread_of_blas, stages_of
+from .run_stages import one_thread_of_blas, stages_of
 
 if TYPE_CHECKING:
     from ..planning.plan import Plan

@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 from ..core.process import cores
 from ..core.quantities import duration
 from ..core.store import cache_root
-from ..pipeline.cache import Listener, null_listener
+from ..flight.stages.machine_rates import on_this_machine
 from ..planning.cost import wall_seconds
-from ..planning.machine_rates import on_this_machine
 from ..planning.plan import Plan
+from ..planning.stage_cache import Listener, null_listener
 from ..planning.stages import StageCost
 
 if TYPE_CHECKING:

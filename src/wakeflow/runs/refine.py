@@ -11,15 +11,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import hypot, sqrt
 
+from ..answer.budget.source import INPUTS, Source, source_of
 from ..answer.provenance import RefinedSettings, Refinement, RefinementRound
 from ..answer.result import Result
 from ..answer.shares import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, InputPart, InputSummary
-from ..budget.source import INPUTS, Source, source_of
 from ..core.errors import SceneError
-from ..pipeline.cache import Listener
-from ..pipeline.compilation import COMPILED
+from ..flight.stages.compilation import COMPILED
 from ..planning.make import TURNING
 from ..planning.plan import Plan
+from ..planning.stage_cache import Listener
 from ..planning.terms import AIR, COLLISIONS, LOADING, VIBRATION, bounds, check_switches
 from ..scene import Scene
 from .settings import (

@@ -14,14 +14,14 @@ from dataclasses import dataclass, replace
 from math import ceil, log, log2, sqrt
 from typing import Any
 
+from ..answer.budget.source import landed, limited_again, source_of
+from ..answer.budget.steps import FINER, FINER_STEPS
+from ..answer.budget.total import numerical
 from ..answer.provenance import RefinedSettings
 from ..answer.shares import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow
-from ..budget.source import landed, limited_again, source_of
-from ..budget.steps import FINER, FINER_STEPS
-from ..budget.total import numerical
 from ..core.registry import Registry
-from ..pipeline.cache import StageTime
 from ..planning.plan import COMPARED, REPLICATES, Plan, replicate_size
+from ..planning.stage_cache import StageTime
 from ..planning.stages import Scaling, StageKey
 from ..planning.unknowns import SIGMAS
 from ..scene import Scene

@@ -1,6 +1,6 @@
 """[picture.NAME]: pictures that a scene asks for in addition to the usual ones, and the data behind them.
 
-Each kind is a table here and a drawing function of the same name in ``report.pictures``.
+Each kind is a table here and a drawing function of the same name in ``show.asked_pictures``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The rungs: levels of airflow fidelity that a scene can ask for, listed once.
 
 The scene's key ``numerics.rung``, the option ``--rung`` and the plan take their lists from here. A rung is a record:
-what it computes is a kind of airflow (``pipeline.airflow_kinds``), on grids of its own, to an accuracy of its own.
+what it computes is a kind of airflow (``air.kinds.airflow_kinds``), on grids of its own, to an accuracy of its own.
 """
 
 from __future__ import annotations

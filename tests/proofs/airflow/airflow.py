@@ -10,14 +10,14 @@ from proofs.airflow.measured import RESIDENCE, SolvedAirflow, estimate_without, 
 from proofs.airflow.published import Case, Published, cases, verification_scenes
 from proofs.report import NOTHING, Column, Report, Row, Table, Tell, cell
 from support import as_computed
+from wakeflow.air.kinds.airflow_table import GridEstimate
+from wakeflow.answer.grid_convergence import cell_size, estimate
 from wakeflow.core.errors import FoamError, MeshError, SceneError
 from wakeflow.core.number import Number
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.laws.momentum import momentum_pressure
-from wakeflow.pipeline.airflow import GridEstimate
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.make import make_plan
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.statistics.grid_convergence import cell_size, estimate
 
 REPORTED = "reported"  # in place of a gate
 COLUMNS: dict[str, Column] = {

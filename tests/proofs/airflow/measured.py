@@ -15,19 +15,19 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from wakeflow.air.field import FlowField
+from wakeflow.air.field.combined import blended_wake, interpolated
+from wakeflow.air.field.modes import time_shares
+from wakeflow.air.foam.case import read_parameters
+from wakeflow.air.kinds.airflow_table import Airflow
+from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.core.errors import known
 from wakeflow.core.lazy import cached_property
 from wakeflow.core.number import Number
 from wakeflow.core.registry import Registry
-from wakeflow.field import FlowField
-from wakeflow.field.combined import blended_wake, interpolated
-from wakeflow.field.modes import time_shares
-from wakeflow.foam.case import read_parameters
+from wakeflow.flight.residence import ResidenceTime, residence_time
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.laws.best_estimate import WakeEstimate, best_estimate, wakes
-from wakeflow.pipeline.airflow import Airflow
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.realisations import Realisations
-from wakeflow.tracking.residence import ResidenceTime, residence_time
 
 RESIDENCE = "residence_time"  # the quantity, here and in the wakes' data
 ENTRY = re.compile(r"^(nProcs|ExecutionTime) *[:=] *([0-9.e+]+)", re.M)
@@ -69,7 +69,7 @@ class DustyWake:
         return residence_time(fields, self.outline, self.direction, self.speed, sheddings=air.cycles)
 
     def between(self, steady: DustyWake, theta: float, strength: float) -> DustyWake:
-        """The wake between ``steady`` and this one in time, see :func:`wakeflow.field.combined.blended_wake`."""
+        """The wake between ``steady`` and this one in time, see :func:`wakeflow.air.field.combined.blended_wake`."""
 
         def blended() -> Realisations:
             air, end = self.air(), steady.air().field
@@ -141,7 +141,7 @@ class SolvedAirflow:
     @cached_property
     def last_periods(self) -> NDArray[np.float64]:
         """Rows (n, 3) of time (s), Cd, Cl over the last period of a shedding wake; all rows of another."""
-        from wakeflow.foam.history import read_table
+        from wakeflow.air.foam.force_history import read_table
 
         rows = read_table(self.case, "forceCoefficients", (HISTORY_CD, HISTORY_CL))
         period = self.found.period

@@ -18,15 +18,15 @@ from typing import Any, get_args
 
 from proofs.airflow.measured import core_seconds
 from proofs.report import Report, Row, Table, Tell
+from wakeflow.air.foam import FlowSpec, solve_airflow
+from wakeflow.air.mesh import build_mesh, plan_mesh
+from wakeflow.air.mesh.spec import Strategy
+from wakeflow.answer.grid_convergence import cell_size, estimate
 from wakeflow.core.errors import known
 from wakeflow.core.files import case_template, write_json
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key, digest_files
-from wakeflow.foam import FlowSpec, solve_airflow
 from wakeflow.laws.shape import shapes
-from wakeflow.meshing import build_mesh, plan_mesh
-from wakeflow.meshing.spec import Strategy
-from wakeflow.statistics.grid_convergence import cell_size, estimate
 
 NUMBERS = ("cd", "cp_base", "reversal")  # drag and base pressure coefficients, length of the reversed flow in widths
 FLOWS = ("triangle at Re 30", "rhombus at Re 16 500")
@@ -66,7 +66,7 @@ def solve_row(spec: FlowSpec, store: Store) -> Row:
         write_json(folder / "row.json", row)
         shutil.rmtree(folder / "case")
 
-    code = content_key(code_key("wakeflow.meshing.spec", "wakeflow.foam.airflow"), digest_files([case_template()]))
+    code = content_key(code_key("wakeflow.air.mesh.spec", "wakeflow.air.foam.airflow"), digest_files([case_template()]))
     folder, _ = store.make("meshes", content_key("meshes", asdict(spec), code), work)
     row: Row = json.loads((folder / "row.json").read_text())
     return row

@@ -21,10 +21,10 @@ from proofs.coverage.flown import Predicted, chance_of, predicted, with_bins
 from proofs.coverage.report import HELD, OVERALL
 from proofs.coverage.scenes import GROUPS, VariedScene, varied_scenes
 from proofs.report import Report, Row, Table, Tell
-from wakeflow.batch.calibration import TELLS, inputs_after
-from wakeflow.batch.calibration_update import DISCREPANCY, Updated, agreement_with, covariance_of_missed, updated
-from wakeflow.budget.agreement import DISAGREES
+from wakeflow.answer.budget.agreement import DISAGREES
 from wakeflow.core.store import Store, cache_root
+from wakeflow.extras.trays.calibration import TELLS, inputs_after
+from wakeflow.extras.trays.calibration_update import DISCREPANCY, Updated, agreement_with, covariance_of_missed, updated
 from wakeflow.planning.unknowns import SIGMAS, Unknown, unknown_kinds
 from wakeflow.scene.measured import Measured, Tray
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from proofs.coverage.flown import Predicted
 from proofs.studies.laws import left_one_out
-from wakeflow.budget.source import INPUTS
+from wakeflow.answer.budget.source import INPUTS
+from wakeflow.answer.separation import separate
 from wakeflow.planning.unknowns import SIGMAS
-from wakeflow.statistics.separation import separate
 
 MIN_DISTANCE = 1e-3  # a number that is nearer than that to 0 in value and truth, or to 1 in both, is known trivially
 ROUND_OFF = 1e-9  # of an end of an interval

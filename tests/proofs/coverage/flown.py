@@ -14,24 +14,24 @@ from numpy.typing import NDArray
 from proofs.coverage.scenes import VariedScene, divided
 from proofs.coverage.stored_air import StoredPipeline, plan_in
 from support import as_computed
+from wakeflow.air.field import FlowField
+from wakeflow.air.field.combined import varied
+from wakeflow.answer.budget.budget import fly_again, make_budget
+from wakeflow.answer.budget.source import Flights
 from wakeflow.answer.joint import JointAnswer
 from wakeflow.answer.shares import BudgetRow, Separation
-from wakeflow.budget.budget import fly_again, make_budget
-from wakeflow.budget.source import Flights
 from wakeflow.core.files import write_json
 from wakeflow.core.lazy import cached_property
 from wakeflow.core.store import Store, content_key
-from wakeflow.field import FlowField
-from wakeflow.field.combined import varied
-from wakeflow.injection.feed import feedstock
+from wakeflow.flight.feed.feedstock import feedstock
+from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.laws.forces import forces
-from wakeflow.pipeline.cache import code_of
-from wakeflow.pipeline.tracks import Flight
 from wakeflow.planning.dependence import dependence
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
+from wakeflow.planning.stage_cache import code_of
 from wakeflow.planning.unknowns import FARTHEST, Unknown, unknowns, variation_at
 from wakeflow.planning.variation import AS_GIVEN, AirVariation, Variation
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 
 Array = NDArray[np.float64]

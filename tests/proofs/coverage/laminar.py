@@ -16,13 +16,13 @@ from typing import Any
 from proofs.coverage.counted import Counted, numerical_alone
 from proofs.coverage.flown import predicted
 from proofs.coverage.scenes import SINGLE, VariedScene
+from wakeflow.answer.separation import separate
 from wakeflow.core.files import write_json
 from wakeflow.core.store import Store, cache_root
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.make import make_plan
+from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 from wakeflow.scene.uncertainty import OF_FRACTION, OF_SCENE
-from wakeflow.statistics.separation import separate
 
 FILE = Path(__file__).with_name("laminar.json")
 WIDTH, BLOCKED = 0.01, 8.0  # m, of the bodies; channel widths over it

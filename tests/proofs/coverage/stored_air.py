@@ -13,15 +13,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from wakeflow.air.field import FlowField
+from wakeflow.air.kinds.airflow_kinds import AirflowKind
+from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.core.geometry import distance_to
 from wakeflow.core.lazy import cached_property
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import content_key, digest_files
-from wakeflow.field import FlowField
-from wakeflow.pipeline.airflow import Airflow
-from wakeflow.pipeline.airflow_kinds import AirflowKind
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.airflow import AirflowPlan
+from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.planning.airflow_choice import AirflowPlan
 from wakeflow.planning.plan import Plan
 from wakeflow.scene import Scene
 
@@ -206,7 +206,7 @@ class StoredAir(AirflowKind):
 
     def make_field(self) -> tuple[str, FlowField]:
         tables = (repr(table) for table in (self.air, self.scene.air, self.scene.channel, self.scene.body))
-        key = content_key("stored", *tables, digest_files([Path(__file__)]), code_key("wakeflow.field"))
+        key = content_key("stored", *tables, digest_files([Path(__file__)]), code_key("wakeflow.air.field"))
         return key, field_of(self.air, self.scene)
 
     def make_table(self) -> Airflow:

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofs.tracker.foam import write_file
-from wakeflow.field import FlowField
-from wakeflow.foam.programs import call
+from wakeflow.air.field import FlowField
+from wakeflow.air.foam.programs import call
+from wakeflow.flight import Collisions, Granules, track
 from wakeflow.laws.constants import GRAVITY
-from wakeflow.tracking import Collisions, Granules, track
 
 Array = NDArray[np.float64]
 CASE = Path(__file__).with_name("meeting_clouds")

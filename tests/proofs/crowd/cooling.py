@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofs.report import mean_interval
-from wakeflow.tracking import Body, Collisions, Granules, track
+from wakeflow.flight import Body, Collisions, Granules, track
 
 Array = NDArray[np.float64]
 DIAMETER, DENSITY, SPEED = 4e-3, 1000.0, 1.0  # m, kg/m3, and the rms of v_x and v_y at the beginning, m/s

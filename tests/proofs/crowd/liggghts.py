@@ -30,18 +30,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wakeflow.core.files import atomic_write, scene_templates
-from wakeflow.funnel.engine import read_dump, run_script, write_settings, write_triangles
-from wakeflow.funnel.pour import POISSON
-from wakeflow.injection.first_contact import motion_of
-from wakeflow.injection.stream import slab_stream
+from wakeflow.extras.funnel.engine import read_dump, run_script, write_settings, write_triangles
+from wakeflow.extras.funnel.pour import POISSON
+from wakeflow.flight import Collisions, Granules, track
+from wakeflow.flight.feed.first_contact import motion_of
+from wakeflow.flight.feed.stream import slab_stream
+from wakeflow.flight.stages.fraction_flights import bodies_and_walls, end_lines
 from wakeflow.laws.collision import contact_time
 from wakeflow.laws.constants import GRAVITY
-from wakeflow.pipeline.tracks import bodies_and_walls, end_lines
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.variation import Variation
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.tracking import Collisions, Granules, track
 
 # -- machine -----------------------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]

@@ -19,13 +19,13 @@ from proofs.crowd.clouds import CASE, CloudFlight, fly_clouds, fly_foam_clouds, 
 from proofs.crowd.cooling import Gas, cooling_row
 from proofs.crowd.liggghts import Flown, Machine, SoftSpheres, fed, fly_liggghts, fly_machine, the_machine
 from proofs.report import Column, Interval, Report, Row, Table, Tell, cell, mean_interval, plus_minus
+from wakeflow.air.foam.programs import openfoam_version
+from wakeflow.answer.spread import share_interval
 from wakeflow.core.store import Store, cache_root, content_key, digest_files
-from wakeflow.foam.programs import openfoam_version
-from wakeflow.funnel.engine import liggghts_version
+from wakeflow.extras.funnel.engine import liggghts_version
+from wakeflow.flight import Granules
 from wakeflow.planning.unknowns import SIGMAS
 from wakeflow.scene import RESERVED_BIN
-from wakeflow.statistics.spread import share_interval
-from wakeflow.tracking import Granules
 
 FILE = "found.npz"
 HERE = Path(__file__).parent

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 
 from proofs.report import Report, Row, Table, Tell
 from wakeflow.core.number import Number
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.make import make_plan
+from wakeflow.flight.residence import residence_time
+from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.tracking.residence import residence_time
 
 SOURCE = "Sato, Vincent & Pui 1996, J. Aerosol Sci. 27, 559 (abstract read)"
 WIDTH, SPEED = 0.03, 2.0  # m, m/s: Re 4000

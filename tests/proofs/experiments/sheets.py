@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from proofs.report import Report, Row, Table, Tell
 from wakeflow import FlowField, track
 from wakeflow.core.errors import known
-from wakeflow.injection.feed import granules_of
+from wakeflow.flight.feed.feedstock import granules_of
 from wakeflow.laws.constants import GRAVITY, STANDARD_AIR
 from wakeflow.laws.material import materials
-from wakeflow.planning.make import make_plan
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 
 Array = NDArray[np.float64]

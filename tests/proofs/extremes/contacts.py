@@ -14,8 +14,8 @@ from proofs.extremes.flying import TOLERANCE, against_answer, timed_flight, what
 from proofs.problems.exact import G, Setting, box, field_on, of_tau
 from proofs.problems.flights import two_modes
 from support import without_slip
-from wakeflow.tracking import Body, Fate, Granules, Motion
-from wakeflow.verify.extremes import Happened, add_row
+from wakeflow.extras.verify.extremes import Happened, add_row
+from wakeflow.flight import Body, Fate, Granules, Motion
 
 Array = NDArray[np.float64]
 RADIUS = 1e-3  # m

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofs.problems.exact import G, Setting, fly
+from wakeflow.extras.verify.extremes import Happened
+from wakeflow.flight import Fate, Granules, Tracks, track
 from wakeflow.laws.drag import drag_laws
-from wakeflow.tracking import Fate, Granules, Tracks, track
-from wakeflow.verify.extremes import Happened
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-6  # of the row's length: the tracker's default

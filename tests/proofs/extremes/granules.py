@@ -12,12 +12,12 @@ from proofs.problems.exact import DENSITY, VISCOSITY, G, Setting, box, field_on,
 from proofs.problems.flights import taylor_green, two_modes
 from proofs.problems.reference_all_terms import reference_end_states
 from support import without_slip
-from wakeflow.field import FlowField
+from wakeflow.air.field import FlowField
+from wakeflow.extras.verify.extremes import Happened, add_row
+from wakeflow.flight import Granules
 from wakeflow.laws.drag import slip_correction, terminal_velocity
 from wakeflow.laws.gas import MEAN_FREE_PATH
 from wakeflow.laws.turbulence import brownian_diffusivity
-from wakeflow.tracking import Granules
-from wakeflow.verify.extremes import Happened, add_row
 
 Array = NDArray[np.float64]
 AIR = (DENSITY, VISCOSITY)

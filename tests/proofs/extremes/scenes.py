@@ -19,18 +19,18 @@ from numpy.typing import NDArray
 from proofs.extremes.flying import timed_flight, what_happened
 from proofs.tracker.reference import TrackingProblem, fly_reference
 from support import without_slip
+from wakeflow.air.field import FlowField
+from wakeflow.answer.budget.slab_sources import SlabStep
 from wakeflow.answer.result import Result
-from wakeflow.budget.slab import SlabStep
 from wakeflow.core.graded import Grade
-from wakeflow.field import FlowField
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.make import make_plan
+from wakeflow.extras.verify.extreme_scenes import DENSE, OUT, Options, happened_in, run_in, shipped_scene
+from wakeflow.extras.verify.extremes import Happened, add_row
+from wakeflow.flight import Body, Tracks
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.runs import run
 from wakeflow.runs.chain import chain
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.tracking import Body, Tracks
-from wakeflow.verify.extreme_scenes import DENSE, OUT, Options, happened_in, run_in, shipped_scene
-from wakeflow.verify.extremes import Happened, add_row
 
 FINER = 0.01
 CHAIN = "flights to a hundredth of the tolerance; closed forms hold these in tests/tracking"

@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 
 from proofs.problems.exact import VISCOSITY, ExactNumber, G, box, exact_numbers, field_on, of_tau, ring
 from support import without_slip
-from wakeflow.field import FlowField
+from wakeflow.air.field import FlowField
+from wakeflow.flight import Body, Fate, Motion, Tracks, driver, track
 from wakeflow.laws.turbulence import brownian_diffusivity, lifetime
-from wakeflow.tracking import Body, Fate, Motion, Tracks, driver, track
 
 # -- ensembles ---------------------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]

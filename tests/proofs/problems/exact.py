@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from support import without_slip
+from wakeflow.air.field import FlowField
 from wakeflow.core.registry import Registry
-from wakeflow.field import FlowField
-from wakeflow.tracking import Granules, Tracks, track
+from wakeflow.flight import Granules, Tracks, track
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

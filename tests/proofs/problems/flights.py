@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from proofs.problems.exact import DENSITY, Answer, G, Setting, box, field_on, of_tau, problem
 from proofs.problems.reference_all_terms import Plane, reference_end_states
 from support import without_slip
+from wakeflow.flight import Body, Fate
 from wakeflow.laws.drag import drag_table, table_factor
-from wakeflow.tracking import Body, Fate
 
 Array = NDArray[np.float64]
 DRAG_ONLY = {"forces": ("drag",), "drag": "stokes"}

@@ -17,9 +17,9 @@ from proofs.problems.ensembles import number
 from proofs.problems.exact import DENSITY, VISCOSITY, Answer, G, Setting, box, field_on, problem
 from support import without_slip
 from wakeflow.core.lazy import cached_property
+from wakeflow.flight import Body, Granules, track
 from wakeflow.laws.drag import drag_laws, terminal_velocity
 from wakeflow.laws.forces.history_force import MEMORIES, history_time, memories_of
-from wakeflow.tracking import Body, Granules, track
 
 Array = NDArray[np.float64]
 KINEMATIC = VISCOSITY / DENSITY

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofs.problems.exact import Setting
+from wakeflow.air.field import FlowField
 from wakeflow.core.errors import ProgramError
-from wakeflow.field import FlowField
 from wakeflow.laws.collision import collide
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.drag import TABLE_CELLS, TABLE_DECADES, drag_table
 from wakeflow.laws.forces import Granule, Instant, forces
-from wakeflow.laws.forces.record import drag_scale
+from wakeflow.laws.forces.force import drag_scale
 
 Array = NDArray[np.float64]
 MAX_PIECES = 20_000

@@ -11,8 +11,8 @@ from proofs.problems.exact import DENSITY, VISCOSITY, Answer, G, Setting, box, f
 from proofs.problems.flights import taylor_green
 from proofs.problems.reference_all_terms import reference_end_states
 from support import without_slip
+from wakeflow.flight import Granules
 from wakeflow.laws.lift import magnus_factor
-from wakeflow.tracking import Granules
 
 Array = NDArray[np.float64]
 DOWN = np.array([0.0, -G])

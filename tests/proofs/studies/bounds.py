@@ -25,17 +25,17 @@ import numpy as np
 
 import wakeflow as wf
 from support import CASES, as_computed, shipped
-from wakeflow.field import FlowField
-from wakeflow.injection.feed import feedstock, granules_of
+from wakeflow.air.field import FlowField
+from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.flight import Fate, track
+from wakeflow.flight.feed.feedstock import feedstock, granules_of
+from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.laws.forces import forces
 from wakeflow.laws.impaction import Cylinder, approach
-from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.tracks import Flight
-from wakeflow.planning.impaction import deflection, front_of
+from wakeflow.planning.carried_round import deflection, front_of
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.terms import bounds
-from wakeflow.report.words import percent
-from wakeflow.tracking import Fate, track
+from wakeflow.show.words import percent
 
 from .common import BARE, COARSE, Pipeline, Row, make_plan, piped, separation, show
 

@@ -4,7 +4,7 @@ crowd_draws: How far the unknown numbers of a scene move the shares of granules 
 alone. The slope is that of the slab's changes of all bin shares over those of granules alone: 1 where what an answer
 takes for it holds. Changes alone are of two halves of the granules, one the other's instrument, so that their sampling
 does not lower the slope; its interval is a jackknife's over the draws. *Taken* is the factor that an answer takes
-(src/wakeflow/budget/comparison.py). docs/uncertainty.md.
+(src/wakeflow/answer/budget/flown_again.py). docs/uncertainty.md.
 
 crowd_speed: How fast granules that meet fly, and in how much memory: a stream of wheat and chaff through air that rises
 in a channel past the rhombus. docs/collisions.md: --granules 3000
@@ -33,22 +33,22 @@ from scipy.spatial import Delaunay
 
 import wakeflow as wf
 from support import shipped
+from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.answer.budget.flown_again import AmongOthers
+from wakeflow.answer.separation import separate
 from wakeflow.answer.shares import Separation
-from wakeflow.budget.comparison import AmongOthers
 from wakeflow.core.number import student
 from wakeflow.core.store import content_key
 from wakeflow.core.tables import Columns
-from wakeflow.pipeline.cache import code_of
-from wakeflow.pipeline.landings import Landings
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.pipeline.realisations import Realisations
+from wakeflow.flight.stages.landings import Landings
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.planning.collision_rates import encounters
 from wakeflow.planning.plan import INPUT_SAMPLES, SAME_AIR, replicate_size
+from wakeflow.planning.stage_cache import code_of
 from wakeflow.planning.terms import COLLISIONS, LOADING, limit_of
 from wakeflow.planning.variation import Variation
-from wakeflow.report.canvas import fraction_colours
-from wakeflow.report.words import percent
-from wakeflow.statistics.separation import separate
+from wakeflow.show.canvas import fraction_colours
+from wakeflow.show.words import percent
 
 from .common import COARSE, HOUR, MEET, Row, collisions_of, picture, piped, separation, show
 

@@ -15,14 +15,14 @@ import numpy as np
 
 import wakeflow as wf
 from proofs.report import Column, Row, cell
+from wakeflow.air.foam.case import FlowSpec
+from wakeflow.air.foam.prepare import prepare_case
+from wakeflow.answer.separation import separate
 from wakeflow.core.files import write_json
-from wakeflow.foam.case import FlowSpec
-from wakeflow.foam.prepare import prepare_case
-from wakeflow.pipeline.compilation import compile_slab, compile_tracker
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.make import make_plan
+from wakeflow.flight.stages.compilation import compile_slab, compile_tracker
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.planning.terms import COLLISIONS
-from wakeflow.statistics.separation import separate
+from wakeflow.runs.planned import make_plan
 
 __all__ = ["Pipeline", "Row", "compile_slab", "compile_tracker", "make_plan"]  # handed on
 

@@ -41,27 +41,27 @@ import numpy as np
 
 import wakeflow as wf
 from support import CASES, shipped
+from wakeflow.air.foam.case import FlowSpec, write_parameters
+from wakeflow.air.foam.force_history import Tail
+from wakeflow.air.foam.programs import call, scatter
+from wakeflow.air.foam.start import first_step, start_from
+from wakeflow.air.foam.statistics import cycles
+from wakeflow.air.kinds.airflow_kinds import flow_spec, mesh_spec
+from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.air.mesh import build_mesh
 from wakeflow.core.files import read_json, write_json
 from wakeflow.core.process import cores
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import content_key
-from wakeflow.foam.case import FlowSpec, write_parameters
-from wakeflow.foam.history import Tail
-from wakeflow.foam.programs import call, scatter
-from wakeflow.foam.start import first_step, start_from
-from wakeflow.foam.statistics import cycles
-from wakeflow.injection.feed import feedstock
-from wakeflow.meshing import build_mesh
-from wakeflow.pipeline.airflow_kinds import flow_spec, mesh_spec
-from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.tracks import Flight
+from wakeflow.extras.verify.scene_curves import one_cache
+from wakeflow.flight import Granules
+from wakeflow.flight.driver import BLOCK
+from wakeflow.flight.feed.feedstock import feedstock
+from wakeflow.flight.stages.fraction_flights import Flight
+from wakeflow.flight.stages.machine_rates import on_this_machine
 from wakeflow.planning.cost import wall_seconds
-from wakeflow.planning.machine_rates import on_this_machine
 from wakeflow.planning.plan import REPLICATES
 from wakeflow.runs.progress import DONE, FROM_CACHE
-from wakeflow.tracking import Granules
-from wakeflow.tracking.driver import BLOCK
-from wakeflow.verify.scene_curves import one_cache
 
 from .common import Row, compile_slab, compile_tracker, fresh_case, make_plan, piped, show, solver_seconds
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from proofs.problems.exact import VISCOSITY, of_tau
 from support import DENSITY
-from wakeflow.field import FlowField
-from wakeflow.tracking import Body, Fate, Granules, Tracks, track
+from wakeflow.air.field import FlowField
+from wakeflow.flight import Body, Fate, Granules, Tracks, track
 
 from .common import Row, show
 

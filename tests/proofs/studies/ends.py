@@ -33,19 +33,19 @@ from numpy.typing import NDArray
 import wakeflow as wf
 from foam.test_statistics import STEPS, TRUTH, record
 from support import shipped
-from wakeflow.foam.case import FlowSpec
-from wakeflow.foam.history import CD, CL, read_table, upward_crossings
-from wakeflow.foam.mesh_motion import MeshMotion
-from wakeflow.foam.read import CaseFields, time_folders
-from wakeflow.foam.solver import run_segment
-from wakeflow.foam.start import perturb, start_from
-from wakeflow.foam.statistics import Stopping, evaluate
-from wakeflow.foam.watch import Watch
+from wakeflow.air.foam.case import FlowSpec
+from wakeflow.air.foam.force_history import CD, CL, read_table, upward_crossings
+from wakeflow.air.foam.mesh_motion import MeshMotion
+from wakeflow.air.foam.read import CaseFields, time_folders
+from wakeflow.air.foam.solver import run_segment
+from wakeflow.air.foam.start import perturb, start_from
+from wakeflow.air.foam.statistics import Stopping, evaluate
+from wakeflow.air.foam.watch import Watch
+from wakeflow.air.mesh import build_mesh, ends, plan_mesh
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.laws.shape import shapes
-from wakeflow.meshing import build_mesh, ends, plan_mesh
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.make import make_plan
 from wakeflow.planning.terms import VIBRATION
+from wakeflow.runs.planned import make_plan
 
 from .common import BARE, Row, fresh_case, kept, mean_and_error, show, with_one_fraction
 

@@ -15,10 +15,10 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.injection.feed import feedstock
-from wakeflow.pipeline.tracks import Flight
+from wakeflow.flight import driver
+from wakeflow.flight.feed.feedstock import feedstock
+from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.planning.plan import REPLICATES
-from wakeflow.tracking import driver
 
 from .common import COARSE, Row, piped, show
 

@@ -33,18 +33,18 @@ import numpy as np
 
 import wakeflow as wf
 from support import CASES, shipped
-from wakeflow.budget.comparison import shares_of
+from wakeflow.air.field import FlowField
+from wakeflow.air.foam.airflow_result import AirflowResult
+from wakeflow.air.foam.momentum_source import SOURCE
+from wakeflow.air.foam.steady import MOST
+from wakeflow.answer.budget.flown_again import shares_of
 from wakeflow.core.record import load
-from wakeflow.field import FlowField
-from wakeflow.foam.airflow_result import AirflowResult
-from wakeflow.foam.momentum_source import SOURCE
-from wakeflow.foam.steady import MOST
+from wakeflow.flight.stages import air_loading as air_loading_stage
+from wakeflow.flight.stages.air_loading import AirLoading
+from wakeflow.flight.stages.track_stage import PerturbedRerun
 from wakeflow.laws.best_estimate import NUMBER_OF, by_source, wakes
 from wakeflow.laws.best_estimate import best_estimate as estimated
 from wakeflow.laws.material import materials
-from wakeflow.pipeline import air_loading as air_loading_stage
-from wakeflow.pipeline.air_loading import AirLoading
-from wakeflow.pipeline.track_stage import PerturbedRerun
 
 from .common import ALONE, BARE, Pipeline, Row, piped, separation, show
 

@@ -15,16 +15,16 @@ from typing import Any
 
 import numpy as np
 
+from wakeflow.air.foam import time_resolved
+from wakeflow.air.foam.airflow import solve_airflow
+from wakeflow.air.foam.case import FlowSpec
+from wakeflow.air.mesh import MeshSpec, build_mesh, plan_mesh
 from wakeflow.core.errors import FoamError, MeshError
 from wakeflow.core.files import case_template, write_json
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key, digest_files
-from wakeflow.foam import time_resolved
-from wakeflow.foam.airflow import solve_airflow
-from wakeflow.foam.case import FlowSpec
 from wakeflow.laws.shape import shapes
-from wakeflow.meshing import MeshSpec, build_mesh, plan_mesh
-from wakeflow.planning.airflow import LAMINAR_BELOW
+from wakeflow.planning.airflow_choice import LAMINAR_BELOW
 
 from .common import Row, show, solver_seconds
 
@@ -154,7 +154,7 @@ def short_runs() -> Iterator[None]:
 
 def outcome(case: Case) -> dict[str, Any]:
     """Solve a case, or take its outcome from the cache: the airflow's table, or ``error`` with the one line said."""
-    code = [code_key("wakeflow.meshing", "wakeflow.foam.airflow"), digest_files([case_template(), Path(__file__)])]
+    code = [code_key("wakeflow.air.mesh", "wakeflow.air.foam.airflow"), digest_files([case_template(), Path(__file__)])]
 
     def work(folder: Path) -> None:
         before = solver_seconds()

@@ -15,12 +15,12 @@ import numpy as np
 
 import wakeflow as wf
 from support import shipped
+from wakeflow.answer.result_table import TableQuantity
 from wakeflow.answer.shares import Separation
-from wakeflow.answer.table import TableQuantity
-from wakeflow.batch.axis import Axis
-from wakeflow.batch.designs import explore
-from wakeflow.batch.history import DesignPoint, Evaluation, Proposer, at_random, by_estimator
-from wakeflow.batch.task import Goal, QuantityLimit, SearchTask
+from wakeflow.extras.search.designs import explore
+from wakeflow.extras.search.search_history import DesignPoint, Evaluation, Proposer, at_random, by_estimator
+from wakeflow.extras.search.task import Goal, QuantityLimit, SearchTask
+from wakeflow.many.axis import Axis
 
 from .common import Row, show
 

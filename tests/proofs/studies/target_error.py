@@ -23,12 +23,8 @@ import wakeflow as wf
 from support import shipped
 from wakeflow.answer.provenance import RefinedSettings
 from wakeflow.answer.result import Result
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.make import make_plan
-from wakeflow.runs.settings import applied, cheapest, knobs, own_settings
-from wakeflow.scene import Scene
-from wakeflow.statistics.separation import separate
-from wakeflow.verify.scene_curves import (
+from wakeflow.answer.separation import separate
+from wakeflow.extras.verify.scene_curves import (
     OTHER_SEED,
     BinShares,
     bin_shares,
@@ -36,6 +32,10 @@ from wakeflow.verify.scene_curves import (
     one_cache,
     shares_of,
 )
+from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.runs.planned import make_plan
+from wakeflow.runs.settings import applied, cheapest, knobs, own_settings
+from wakeflow.scene import Scene
 
 from .common import Row, compile_tracker, show, with_one_fraction
 

@@ -4,7 +4,7 @@ The shipped scene with each of the BODIES, 12.5 % blocked, Re 16 500, downward a
 defaults, 40 minutes with --set numerics.mesh_scale=1.6; what is in the cache goes on or is read. --second-span: all
 of them on another depth for longer, after which the first depth is known to be enough, or not. --analyse FOLDER reads
 a run made by hand instead: ``flat`` the one-layer case, ``deep`` the extruded one, ``packed`` and ``layers.npz`` as
-of ``wakeflow.foam.span_record``; its name begins with the body's. The tables of docs/three-dimensions.md.
+of ``wakeflow.air.foam.spanwise.span_record``; its name begins with the body's. The tables of docs/three-dimensions.md.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from numpy.typing import NDArray
 import wakeflow as wf
 from proofs.airflow.measured import core_seconds
 from support import shipped
+from wakeflow.air.field import FlowField
+from wakeflow.air.field.combined import cross_faded
+from wakeflow.air.foam.airflow_result import AirflowResult
+from wakeflow.air.foam.case import FlowSpec, axis_points
+from wakeflow.air.foam.read import CaseFields
+from wakeflow.air.foam.spanwise.span_measure import measure_span
+from wakeflow.air.foam.spanwise.span_record import SpanRecord, lead_of, read_layers
+from wakeflow.air.kinds.airflow_kinds import flow_spec, mesh_spec
+from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.core.number import Number
 from wakeflow.core.store import Store, cache_root
-from wakeflow.field import FlowField
-from wakeflow.field.combined import cross_faded
-from wakeflow.foam.airflow_result import AirflowResult
-from wakeflow.foam.case import FlowSpec, axis_points
-from wakeflow.foam.read import CaseFields
-from wakeflow.foam.span_measure import measure_span
-from wakeflow.foam.span_record import SpanRecord, lead_of, read_layers
-from wakeflow.injection.feed import feedstock
-from wakeflow.pipeline.airflow_kinds import flow_spec, mesh_spec
-from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.tracks import Flight, landing_columns
+from wakeflow.flight.feed.feedstock import feedstock
+from wakeflow.flight.residence import residence_time
+from wakeflow.flight.stages.fraction_flights import Flight, landing_columns
 from wakeflow.planning.plan import REPLICATES
 from wakeflow.scene.overrides import changes_of
-from wakeflow.tracking.residence import residence_time
 
 from .common import BARE, Pipeline, Row, make_plan, show
 

@@ -28,16 +28,16 @@ from proofs.tracker.curves import (
 from proofs.tracker.foam import FoamInterpolant, fly_parcels, make_foam_interpolant, start_up
 from proofs.tracker.reference import fly_reference
 from proofs.tracker.rk4 import Ends, fly_explicit
+from wakeflow.air.field import FlowField
 from wakeflow.core.errors import known
 from wakeflow.core.files import scene_templates
 from wakeflow.core.record import JsonTable
-from wakeflow.field import FlowField
-from wakeflow.pipeline.cache import Listener
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.make import make_plan
+from wakeflow.extras.verify.report import Report, Table, Tell
+from wakeflow.flight import Fate, Granules, track
+from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.planning.stage_cache import Listener
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.tracking import Fate, Granules, track
-from wakeflow.verify.report import Report, Table, Tell
 
 Fly = Callable[[Granules], tuple[Ends, float]]
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)

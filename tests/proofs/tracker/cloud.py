@@ -22,15 +22,15 @@ from proofs.tracker.curves import as_spheres
 from proofs.tracker.flights import REFERENCE, WANTED, FlownKind
 from proofs.tracker.foam import CLOUD, FoamInterpolant, interpolant, write_cloud, write_gravity, write_properties
 from proofs.tracker.rk4 import KNOWN_FORCES
+from wakeflow.air.field import FlowField
+from wakeflow.air.foam.case import write_parameters
+from wakeflow.air.foam.polymesh import read_polymesh
+from wakeflow.air.foam.programs import call
+from wakeflow.air.foam.read import time_folders
+from wakeflow.air.foam.solver import last_state, states
 from wakeflow.core.record import JsonTable
-from wakeflow.field import FlowField
-from wakeflow.foam.case import write_parameters
-from wakeflow.foam.polymesh import read_polymesh
-from wakeflow.foam.programs import call
-from wakeflow.foam.read import time_folders
-from wakeflow.foam.solver import last_state, states
-from wakeflow.tracking import Granules
-from wakeflow.verify.report import Tell
+from wakeflow.extras.verify.report import Tell
+from wakeflow.flight import Granules
 
 Array = NDArray[np.float64]
 SOLVER = "pimpleFoam"

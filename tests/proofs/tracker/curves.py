@@ -19,19 +19,19 @@ from numpy.typing import NDArray
 
 from proofs.tracker.reference import TrackingProblem
 from proofs.tracker.rk4 import Ends
+from wakeflow.air.field import FlowField
 from wakeflow.core.errors import known
 from wakeflow.core.files import scene_templates
 from wakeflow.core.geometry import contains, distance_to
 from wakeflow.core.record import JsonTable
-from wakeflow.field import FlowField
-from wakeflow.injection.feed import feedstock
-from wakeflow.injection.first_contact import motion_of
-from wakeflow.pipeline.cache import Listener
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.make import make_plan
+from wakeflow.flight import Body, Granules
+from wakeflow.flight.feed.feedstock import feedstock
+from wakeflow.flight.feed.first_contact import motion_of
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.planning.plan import Plan
+from wakeflow.planning.stage_cache import Listener
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.tracking import Body, Granules
 
 Array = NDArray[np.float64]
 KINDS = {  # name: (fraction of the scene, changes of the scene)

@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofs.tracker.curves import timed
+from wakeflow.air.field import FlowField
+from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.core.record import JsonTable
-from wakeflow.field import FlowField
-from wakeflow.injection.feed import feedstock
-from wakeflow.pipeline.realisations import Realisations
-from wakeflow.pipeline.tracks import Flight
-from wakeflow.planning.make import make_plan
+from wakeflow.extras.verify.report import Tell
+from wakeflow.flight import Granules, Tracks
+from wakeflow.flight.feed.feedstock import feedstock
+from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.planning.plan import REPLICATES
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.tracking import Granules, Tracks
-from wakeflow.verify.report import Tell
 
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4)
 REFERENCE = 1e-7  # the tolerance that landings are compared with

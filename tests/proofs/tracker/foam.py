@@ -18,17 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofs.tracker.rk4 import Ends
+from wakeflow.air.field import FlowField
+from wakeflow.air.foam.case import FlowSpec
+from wakeflow.air.foam.polymesh import FoamMesh, read_polymesh
+from wakeflow.air.foam.prepare import prepare_case
+from wakeflow.air.foam.programs import call
+from wakeflow.air.foam.reconstruction import PlaneMesh
+from wakeflow.air.mesh import MeshSpec, build_mesh
 from wakeflow.core.errors import FoamError
 from wakeflow.core.record import JsonTable
-from wakeflow.field import FlowField
-from wakeflow.foam.case import FlowSpec
-from wakeflow.foam.polymesh import FoamMesh, read_polymesh
-from wakeflow.foam.prepare import prepare_case
-from wakeflow.foam.programs import call
-from wakeflow.foam.reconstruction import PlaneMesh
+from wakeflow.flight import Granules
 from wakeflow.laws.constants import GRAVITY
-from wakeflow.meshing import MeshSpec, build_mesh
-from wakeflow.tracking import Granules
 
 Array = NDArray[np.float64]
 HEADER = "FoamFile\n{{\n    version 2.0;\n    format ascii;\n    class {kind};\n    object {name};\n}}\n\n"

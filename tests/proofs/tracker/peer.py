@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 
 from proofs.tracker.curves import BenchmarkCase, benchmark_case
 from proofs.tracker.foam import FINE_PARCELS, FoamInterpolant, fly_parcels, make_foam_interpolant
+from wakeflow.air.field import FlowField
 from wakeflow.core.idle_clock import IdleClock
 from wakeflow.core.process import cores
-from wakeflow.field import FlowField
-from wakeflow.pipeline.pipeline import Pipeline
-from wakeflow.planning.make import make_plan
+from wakeflow.extras.verify.report import Row, Tell
+from wakeflow.extras.verify.scene_curves import BinShares, largest_error, one_cache
+from wakeflow.flight import Tracks, track
+from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.planning.terms import LOADING
+from wakeflow.runs.planned import make_plan
 from wakeflow.scene import RESERVED_BIN, Scene
-from wakeflow.tracking import Tracks, track
-from wakeflow.verify.report import Row, Tell
-from wakeflow.verify.scene_curves import BinShares, largest_error, one_cache
 
 Array = NDArray[np.float64]
 PEER = "OpenFOAM's parcels"

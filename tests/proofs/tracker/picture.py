@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wakeflow.report.canvas import fraction_colours, new_figure, save
+from wakeflow.show.canvas import fraction_colours, new_figure, save
 
 MARKERS = "os^Dv"
 

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofs.tracker.rk4 import Ends, fly_explicit
-from wakeflow.field import FlowField
+from wakeflow.air.field import FlowField
+from wakeflow.flight import Body, Granules
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.drag import relaxation_time
-from wakeflow.tracking import Body, Granules
 
 STEP = 5e-5  # s, longest of the reference
 OF_RELAXATION = 0.05  # longest step over a granule's relaxation time

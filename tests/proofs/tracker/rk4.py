@@ -21,24 +21,24 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from wakeflow.air.field import FlowField
 from wakeflow.core.errors import SceneError
 from wakeflow.core.process import cores
 from wakeflow.core.sources import kernel_folder
 from wakeflow.core.store import digest_files
-from wakeflow.field import FlowField
+from wakeflow.flight.bodies import Body
+from wakeflow.flight.granules import Granules
+from wakeflow.flight.kernel import layout as at
+from wakeflow.flight.kernel.air import shares
+from wakeflow.flight.kernel.forces import drag_rate
+from wakeflow.flight.kernel.jit import OPTIONS, compiled, inlined
+from wakeflow.flight.kernel.locate import anywhere, barycentric, walk
+from wakeflow.flight.kernel.strike import restitution_of
+from wakeflow.flight.kernel.walls import grasp, inside, overlap
+from wakeflow.flight.pack import pack_granules, pack_tables
+from wakeflow.flight.pack_surroundings import pack_air, pack_lines, pack_walls
 from wakeflow.laws.collision import collide
 from wakeflow.laws.constants import GRAVITY
-from wakeflow.tracking.bodies import Body
-from wakeflow.tracking.granules import Granules
-from wakeflow.tracking.kernel import layout as at
-from wakeflow.tracking.kernel.air import shares
-from wakeflow.tracking.kernel.forces import drag_rate
-from wakeflow.tracking.kernel.jit import OPTIONS, compiled, inlined
-from wakeflow.tracking.kernel.locate import anywhere, barycentric, walk
-from wakeflow.tracking.kernel.rebound import restitution_of
-from wakeflow.tracking.kernel.walls import grasp, inside, overlap
-from wakeflow.tracking.pack import pack_granules, pack_tables
-from wakeflow.tracking.pack_surroundings import pack_air, pack_lines, pack_walls
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -58,7 +58,7 @@ _collide = compiled(collide)
 
 def _entry(function: Any) -> Any:
     """Compiled once for these sources and the tracker's, as ``kernel.jit.entry`` compiles the package's own."""
-    before, tracker = numba.config.CACHE_DIR, kernel_folder("wakeflow.tracking.driver")
+    before, tracker = numba.config.CACHE_DIR, kernel_folder("wakeflow.flight.driver")
     numba.config.CACHE_DIR = str(tracker.with_name(f"{tracker.name}-{digest_files([Path(__file__)])[:12]}"))
     try:
         return numba.njit(cache=True, **OPTIONS)(function)

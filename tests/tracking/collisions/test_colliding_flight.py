@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 import wakeflow as wf
 from proofs.problems.exact import box
 from support import RHOMBUS
-from wakeflow.tracking import ClockStep
-from wakeflow.tracking.collisions import driver as collisions
+from wakeflow.flight import ClockStep
+from wakeflow.flight.collisions import slab_driver as collisions
 
 BELOW = [np.array([[-1.0, -0.15], [1.0, -0.15]])]
 

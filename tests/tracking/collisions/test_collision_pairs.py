@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 import wakeflow as wf
+from wakeflow.flight import Fate
 from wakeflow.laws.collision import collide_pair
-from wakeflow.tracking import Fate
 
 Array = NDArray[np.float64]
 DEPTH = 0.06

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from .basic import ADDED_MASS, BUOYANCY, DRAG, GRAVITY_FORCE, PRESSURE_GRADIENT
 from .fluctuations import BROWNIAN_MOTION, DISPERSION
+from .force import Bound, FlightScales, Force, Granule, Instant, forces
 from .history_force import HISTORY_FORCE
-from .lift import SHEAR_LIFT, SPIN_LIFT
-from .record import Bound, FlightScales, Force, Granule, Instant, forces
+from .lift_forces import SHEAR_LIFT, SPIN_LIFT
 
 __all__ = ["Bound", "FlightScales", "Force", "Granule", "Instant", "forces"]
 

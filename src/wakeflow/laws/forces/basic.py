@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.errors import known
-from .record import (
+from .force import (
     AirProperties,
     Array,
     Bound,

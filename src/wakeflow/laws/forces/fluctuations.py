@@ -6,7 +6,7 @@ import math
 
 from ..drag import slip_correction
 from ..turbulence import brownian_diffusivity, crossing_times
-from .record import AirProperties, Bound, FlightScales, Force, Grains, Slots
+from .force import AirProperties, Bound, FlightScales, Force, Grains, Slots
 
 # -- Dispersion --------------------------------------------------------------------------------------------------------
 WAKE_INTENSITY = 0.3  # u' / U behind a bluff body; chosen: an estimate, and the bound's reason says so

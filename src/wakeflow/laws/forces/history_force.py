@@ -24,7 +24,7 @@ from functools import cache
 import numpy as np
 
 from ..drag import relaxation_time, terminal_velocity
-from .record import SIDEWAYS, AirProperties, Array, Bound, FlightScales, Force, Grains, Granule, Slots, drag_scale
+from .force import SIDEWAYS, AirProperties, Array, Bound, FlightScales, Force, Grains, Granule, Slots, drag_scale
 
 SLOWEST = 0.1  # of the typical slip: what the slip seldom falls below; chosen, and tried along recorded tracks
 NODES = 2001  # of the quadrature in time^(1/4): error below 1e-4

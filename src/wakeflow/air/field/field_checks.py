@@ -1,0 +1,116 @@
+"""Checks of what a flow field is made of; SceneError names what is wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...core.arrays import number, numbers, truths, whole
+from ...core.errors import SceneError
+from .triangles import double_area
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+FLAT = 1e-12  # area over the square of its longest edge below which a triangle has none: round-off
+
+
+def finite(name: str, values: ArrayLike, unit: str = "1") -> Array:
+    """A contiguous copy in double precision, in ``unit``; every value is finite."""
+    array = numbers(name, values, unit)
+    bad = ~np.isfinite(array)
+    if bad.any():
+        first = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise SceneError(f"{name}: {int(bad.sum())} of {array.size} values are not finite, the first at {first}")
+    return array
+
+
+def points(values: ArrayLike) -> Array:
+    """Points (N, 2) m, at least three."""
+    nodes = finite("points", values, "m")
+    if nodes.ndim != 2 or nodes.shape[1] != 2 or len(nodes) < 3:
+        raise SceneError(f"points: shape {nodes.shape}, expected (N, 2) with N of at least 3")
+    return nodes
+
+
+def positive(name: str, value: float, unit: str = "1", *, or_zero: bool = False) -> float:
+    """A number in ``unit`` that is positive, or ``or_zero``, and finite."""
+    found = number(name, value, unit)
+    if not (np.isfinite(found) and (found > 0 or (or_zero and found == 0))):
+        raise SceneError(f"{name} = {found:g} must be positive{' or 0' if or_zero else ''} and finite")
+    return found
+
+
+def of_shape(name: str, values: ArrayLike, shape: tuple[int, ...], unit: str = "1") -> Array:
+    """Numbers in ``unit`` of exactly this shape."""
+    array = finite(name, values, unit)
+    if array.shape != shape:
+        raise SceneError(f"{name}: shape {array.shape}, expected {shape}")
+    return array
+
+
+def flags(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Truth values, or numbers that are one where they are not 0, of exactly this shape."""
+    array = truths(name, values)
+    if array.shape != shape:
+        raise SceneError(f"{name}: shape {array.shape}, expected {shape}")
+    return array
+
+
+def optional(name: str, values: ArrayLike | None, shape: tuple[int, ...], unit: str = "1") -> Array | None:
+    """The same, or None."""
+    return None if values is None else of_shape(name, values, shape, unit)
+
+
+def cells(triangles: ArrayLike, nodes: Array) -> Index:
+    """Triangles (M, 3) of numbers of the ``nodes`` (N, 2), each with an area; clockwise ones are turned round."""
+    cells = whole("triangles", triangles)
+    if cells.ndim != 2 or cells.shape[1] != 3 or not len(cells):
+        raise SceneError(f"triangles: shape {cells.shape}, expected (M, 3) of integers")
+    if cells.min() < 0 or cells.max() >= len(nodes):
+        raise SceneError(f"triangles: node {int(cells.max())} and {int(cells.min())}, allowed 0 to {len(nodes) - 1}")
+    double = double_area(nodes, cells)
+    cells[double < 0] = cells[double < 0][:, ::-1]
+    p = nodes[cells]
+    longest = np.max(np.sum((p - np.roll(p, 1, axis=1)) ** 2, axis=2), axis=1)
+    flat = np.abs(double) <= FLAT * longest
+    if flat.any():
+        raise SceneError(
+            f"triangles: {int(flat.sum())} of {len(cells)} have no area, the first is {int(flat.argmax())}"
+        )
+    return np.ascontiguousarray(cells)
+
+
+def times(values: ArrayLike | None, period: float | None) -> Array | None:
+    """Increasing times (T,) s that span no more than the ``period`` (s); None without times, then without a period."""
+    if values is None:
+        if period is not None:
+            raise SceneError(f"period = {period} s needs the times of the snapshots")
+        return None
+    clock = finite("times", values, "s")
+    if clock.ndim != 1 or not len(clock):
+        raise SceneError(f"times: shape {clock.shape}, expected (T,)")
+    if np.any(np.diff(clock) <= 0):
+        raise SceneError(f"times: must increase, but do not after entry {int(np.argmax(np.diff(clock) <= 0))}")
+    if period is not None and not (np.isfinite(period) and period > 0 and period >= clock[-1] - clock[0]):
+        raise SceneError(f"period = {period:g} s is shorter than the {clock[-1] - clock[0]:g} s the times span")
+    return clock
+
+
+def coefficients(values: ArrayLike, knots: Array | None, period: float | None) -> Array:
+    """Coefficients (T, R) of splines whose ``knots`` (T,) s are the times: uniform over the period, at least four."""
+    array = finite("coefficients", values)
+    if knots is None or period is None or len(knots) < 4:
+        raise SceneError("coefficients: need a period and at least four times, the knots of the splines")
+    if array.ndim != 2 or array.shape[0] != len(knots) or array.shape[1] < 1:
+        raise SceneError(f"coefficients: shape {array.shape}, expected ({len(knots)}, R), a row for each time")
+    if not np.allclose(np.diff(knots), period / len(knots), rtol=1e-6, atol=0.0):
+        raise SceneError("coefficients: the times, the knots of the splines, must be uniform over the period")
+    if not (np.allclose(array[:, 0], 1.0) and np.allclose(array[:, 1:].mean(axis=0), 0.0, atol=1e-9)):
+        raise SceneError("coefficients: the first column must be 1, for the mean, and the others have the mean 0")
+    return array
+
+
+def motion(values: ArrayLike) -> tuple[tuple[float, float], float, float]:
+    """Amplitude (x, y) m, omega (rad/s) and, where it is given, phase (rad) of a moving mesh from a flat list."""
+    x, y, omega, *phase = finite("motion", values).ravel().tolist()
+    return (x, y), omega, phase[0] if phase else 0.0

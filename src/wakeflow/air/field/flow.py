@@ -1,0 +1,340 @@
+"""FlowField: velocity and pressure on a triangle mesh, steady or in time; linear inside every triangle.
+
+Three forms, told apart by what is given with the nodal arrays: nothing (steady), ``times`` (snapshots, between which
+the field is linear in time; with a ``period`` it repeats, without one it stands still before the first and after the
+last), or ``times``, ``period`` and ``coefficients`` (a mean and modes, whose functions of time are periodic cubic
+splines).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import astuple, dataclass, replace
+from pathlib import Path
+from typing import Any
+from weakref import ref
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...core import sums
+from ...core.arrays import number, numbers
+from ...core.errors import SceneError, known
+from ...core.lazy import cached_property
+from ...core.tables import load_arrays, save_arrays
+from ...laws.gas import MEAN_FREE_PATH, PRESSURE, TEMPERATURE
+from ...laws.gas import mean_free_path as path_in_gas
+from . import field_checks as checks
+from .mirror import MeshOscillation, mirrored, reflected
+from .modes import TimeAxis, Truncation, compress, design
+from .recovery import gradient_operators
+from .triangles import Divergence, Triangles, divergence_of
+
+Array = NDArray[np.float64]
+POSITIVE = ("k", "dissipation")
+SCALARS = ("period", "density", "viscosity", "temperature", "mean_free_path")
+NODAL = ("velocity", "pressure", *POSITIVE, "given_gradient")  # the arrays with a value at every node
+MIN_TURBULENCE_RATIO = (
+    0.05  # of their means: k and dissipation of a compressed field are no smaller. Chosen: a lifetime stays finite
+)
+
+
+@dataclass(frozen=True, eq=False)
+class FlowField(Triangles):
+    """Arrays on N nodes and M triangles; SI units. Make one with :meth:`from_arrays` or :meth:`from_openfoam`.
+
+    ``points`` (N, 2) m, ``triangles`` (M, 3) counter-clockwise, ``velocity`` (.., N, 2) m/s, ``pressure`` (.., N) Pa,
+    ``k`` (.., N) m2/s2, ``dissipation`` (.., N) m2/s3, ``times`` (T,) s, ``density`` kg/m3, ``viscosity`` dynamic, Pa
+    s, ``temperature`` K, ``mean_free_path`` of the gas's molecules m, 0 in a liquid. Nodal arrays have a leading axis T
+    when ``times`` is given: the snapshots; or R, when ``coefficients`` (T, R) is given too: the mean and R - 1 modes,
+    ``times`` being the splines' uniform knots, and ``truncation`` what was cut off. ``motion``: the mesh swings as a
+    rigid whole, ``points`` being its middle position; velocities are absolute.
+    """
+
+    velocity: Array
+    pressure: Array | None = None
+    times: Array | None = None
+    period: float | None = None
+    k: Array | None = None
+    dissipation: Array | None = None
+    density: float = 1.2
+    viscosity: float = 1.8e-5
+    given_gradient: Array | None = None
+    coefficients: Array | None = None
+    motion: MeshOscillation | None = None
+    truncation: Truncation | None = None
+    temperature: float = TEMPERATURE
+    mean_free_path: float = MEAN_FREE_PATH
+
+    @classmethod
+    def from_arrays(
+        cls,
+        points: ArrayLike,
+        triangles: ArrayLike,
+        velocity: ArrayLike,
+        pressure: ArrayLike | None = None,
+        times: ArrayLike | None = None,
+        period: float | None = None,
+        k: ArrayLike | None = None,
+        dissipation: ArrayLike | None = None,
+        density: float | None = None,
+        viscosity: float | None = None,
+        pressure_gradient: ArrayLike | None = None,
+        coefficients: ArrayLike | None = None,
+        motion: ArrayLike | None = None,
+        truncation: ArrayLike | None = None,
+        walls: ArrayLike | None = None,
+        temperature: float = TEMPERATURE,
+        mean_free_path: float | None = None,
+    ) -> FlowField:
+        """A checked field; clockwise triangles are turned round. Shapes and units as in the class.
+
+        ``pressure_gradient`` (.., N, 2) Pa/m replaces the one recovered from ``pressure``. ``walls`` (N,) tells which
+        nodes lie on no-slip walls: whatever ``k`` says, it is 0 there. Those on the boundary whose air rests while
+        other air moves are known without it. Density and viscosity are 1.2 and 1.8e-5 by default; ``mean_free_path``
+        is then that of air, and 0 where one of them is given, so that fine granules do not slip; ``wakeflow.laws.gas``
+        has that of other gases. Raises SceneError for wrong shapes, NaN, indices out of range, degenerate triangles,
+        times that do not increase, a period shorter than the time they span, density, viscosity and temperature that
+        are not positive, or a mean free path that is negative.
+        """
+        nodes = checks.points(points)
+        cells = checks.cells(triangles, nodes)
+        period = None if period is None else number("period", period, "s")
+        clock = checks.times(times, period)
+        parts = None if coefficients is None else checks.coefficients(coefficients, clock, period)
+        lead = (len(nodes),) if clock is None else ((clock if parts is None else parts.T).shape[0], len(nodes))
+        speed = checks.of_shape("velocity", velocity, (*lead, 2), "m/s")
+        scalars = (("pressure", pressure, "Pa"), ("k", k, "m^2/s^2"), ("dissipation", dissipation, "m^2/s^3"))
+        nodal: dict[str, Any] = {name: checks.optional(name, values, lead, unit) for name, values, unit in scalars}
+        gradient = checks.optional("pressure_gradient", pressure_gradient, (*lead, 2), "Pa/m")
+        if walls is not None and nodal["k"] is not None:
+            nodal["k"][..., checks.flags("walls", walls, (len(nodes),))] = 0.0
+        lost = None if truncation is None else Truncation.from_array(checks.finite("truncation", truncation))
+        field = cls(
+            nodes, cells, speed, times=clock, period=period,
+            given_gradient=gradient, coefficients=parts, truncation=lost, **nodal,
+            **_gas(density, viscosity, temperature, mean_free_path),
+        )  # fmt: skip
+        return field if motion is None else field.moving(*checks.motion(motion))
+
+    @classmethod
+    def from_openfoam(
+        cls, case_dir: Path | str, time: str | float = "latest", density: float | None = None
+    ) -> FlowField:
+        """Read an OpenFOAM case: one ``time`` ("latest" or s), "mean", or "all"; p becomes Pa with ``density`` (kg/m3).
+
+        Without a density it is that of air, 1.2, and the mean free path is that of a gas of the case's viscosity; with
+        one it is 0, as for :meth:`from_arrays`. Raises FoamError for a case that cannot be read, see
+        :func:`wakeflow.air.foam.read_flow`.
+        """
+        from ..foam.read import read_flow
+
+        flow = read_flow(Path(case_dir), time, 1.2 if density is None else density)
+        path = path_in_gas(flow["density"], flow["viscosity"], TEMPERATURE, PRESSURE) if density is None else 0.0
+        return cls.from_arrays(**flow, mean_free_path=path)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy and another process get: nothing that was made on first use, such as a weak reference."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+
+    # -- values ----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def pressure_gradient(self) -> Array | None:
+        """Pressure gradient at the nodes (.., N, 2) Pa/m, second order up to the boundary; None without pressure."""
+        if self.given_gradient is not None or self.pressure is None:
+            return self.given_gradient
+        along_x, along_y = gradient_operators(self.points, self.triangles)
+        flat = np.atleast_2d(self.pressure).T
+        gradient = np.stack([(along_x @ flat).T, (along_y @ flat).T], axis=-1)
+        return np.ascontiguousarray(gradient.reshape(*self.pressure.shape, 2))
+
+    @cached_property
+    def time_axis(self) -> TimeAxis:
+        """The field's functions of time."""
+        return TimeAxis(self.times, self.period, self.coefficients)
+
+    def weights(self, t: float) -> Array:
+        """The weight of each snapshot or part (R,) in the field at time ``t`` (s); a lone 1 when steady."""
+        return self.time_axis.weights(number("t", t, "s"))
+
+    def polynomial(self, t: float) -> tuple[float, float, Array]:
+        """The piece of time from ``t`` (s) on in which the field is a polynomial: its origin and end (s), and the
+        weights (P, R) of the snapshots or parts in the coefficient of each power of the time since the origin.
+        """
+        return self.time_axis.polynomial(t)
+
+    def sample(self, x: ArrayLike, t: float = 0.0) -> tuple[Array, Array, Array]:
+        """Velocity (n, 2), pressure (n,) and pressure gradient (n, 2) at points (n, 2) and time ``t``; NaN outside.
+
+        The tracker's interpolant: linear in triangles, in time as the class says; in a moving mesh where it is then.
+        """
+        points, t = np.atleast_2d(numbers("x", x, "m")), number("t", t, "s")
+        if self.motion is not None:
+            points = points - self.motion.displacement(t)
+        triangle = self.locate(points)
+        inside = triangle >= 0
+        weight = self.barycentric(triangle[inside], points[inside])
+        corner = self.triangles[triangle[inside]]
+        shares = self.weights(t)
+
+        def value(nodal: Array | None, shape: tuple[int, ...]) -> Array:
+            result = np.full((len(points), *shape), np.nan)
+            if nodal is not None:
+                now = nodal if self.times is None else np.tensordot(shares, nodal, axes=1)
+                result[inside] = np.einsum("nk,nk...->n...", weight, now[corner])
+            return result
+
+        return value(self.velocity, (2,)), value(self.pressure, ()), value(self.pressure_gradient, (2,))
+
+    def divergence(self) -> Divergence:
+        """Divergence of the interpolated velocity in every triangle, and how large it is against U / h."""
+        if self.coefficients is not None:
+            return self.snapshots().divergence()
+        return divergence_of(self, self.velocity)
+
+    # -- other fields ----------------------------------------------------------------------------------------------
+
+    def mean(self) -> FlowField:
+        """The time mean as a steady field: trapezoidal rule over the snapshots, round the period if there is one."""
+        if self.times is None:
+            return self
+        share = self.time_axis.mean_weights()
+        steady: dict[str, Any] = {"times": None, "period": None, "coefficients": None, "truncation": None}
+        return self.mapped(lambda nodal: np.tensordot(share, nodal, axes=1)).with_values(**steady)
+
+    def compressed(self, error: float = 0.01, knots: int | None = None) -> FlowField:
+        """Snapshots over a period as mean and modes with smooth functions of time; see :mod:`.modes`.
+
+        ``error``: rms error of velocity and of pressure over the rms of their fluctuations; ``truncation`` says what it
+        became, and what k and the dissipation lost. ``knots`` of the functions of time, as few as needed by default.
+        Nodal values are rounded to single precision. Raises SceneError without a period or with fewer than eight
+        snapshots. A field that is compressed already, or steady, comes back as it is.
+        """
+        if self.times is None or self.coefficients is not None:
+            return self
+        parts, coefficients, lost = compress(
+            self.times, self.period, nodal(self), self.node_area, error=error, knots=knots
+        )
+        assert self.period is not None
+        start = self.times[0] + np.arange(len(coefficients)) * (self.period / len(coefficients))
+        changes: dict[str, Any] = {**parts, "truncation": replace(lost, knots=len(coefficients))}
+        return self.with_values(**changes, times=start, coefficients=coefficients)
+
+    def snapshots(self) -> FlowField:
+        """Mean and modes as snapshots at the knots; other fields as they are."""
+        if self.coefficients is None:
+            return self
+        values: dict[str, Any] = {name: self.at_knots(name) for name in nodal(self)}
+        return self.with_values(**values, coefficients=None, truncation=None)
+
+    def at_knots(self, name: str) -> Array:
+        """A nodal array (T, N, ..) at the knots of a field of mean and modes.
+
+        k and dissipation, of which a truncation may leave nothing or less where they are small, are kept above a
+        twentieth of their means: an eddy's lifetime is their quotient.
+        """
+        times, parts = known(self.times), getattr(self, name)
+        drawn = design(times, float(times[0]), known(self.period), len(times)) @ known(self.coefficients)
+        values: Array = np.tensordot(drawn, parts, axes=1)
+        return np.maximum(values, MIN_TURBULENCE_RATIO * parts[0]) if name in POSITIVE else values
+
+    def moving(self, amplitude: ArrayLike, omega: float, phase: float = 0.0) -> FlowField:
+        """The field on a mesh that swings by ``amplitude`` (2,) m times sin(``omega`` t + ``phase``), rad/s and rad.
+
+        The points are those of the middle position; velocities stay what they are, absolute. A field in time must
+        repeat after a whole number of swings, which is a SceneError otherwise.
+        """
+        across, along = checks.of_shape("amplitude", amplitude, (2,), "m").tolist()
+        swing = MeshOscillation(across, along, number("omega", omega, "rad/s"), number("phase", phase, "rad"))
+        swing.check(self.times is not None, self.period)
+        return self.with_values(motion=swing)
+
+    def mirrored(self, x: float = 0.0) -> FlowField:
+        """The whole field of a half domain (all points on one side of the vertical line at ``x``); nodes on it are
+        shared.
+
+        The x components of velocity and pressure gradient change sign across the axis and are zero on it.
+        Raises SceneError when points lie on both sides, or none on the axis.
+        """
+        points, triangles, whole = mirrored(self.points, self.triangles, nodal(self), x)
+        if self.motion is not None and self.motion.x != 0.0:
+            raise SceneError("mirrored: the mesh moves across the axis")
+        return replace(self, points=points, triangles=triangles, **whole)
+
+    def reflected(self, x: float = 0.0) -> FlowField:
+        """The mirror image of the field about the vertical line at ``x``."""
+        points, triangles, image = reflected(self.points, self.triangles, nodal(self), x)
+        motion = None if self.motion is None else self.motion._replace(x=-self.motion.x)
+        return replace(self, points=points, triangles=triangles, motion=motion, **image)
+
+    @cached_property
+    def image(self) -> FlowField:
+        """The mirror image about x = 0, made once."""
+        made = self.reflected()
+        made.__dict__.update(geometry=self.geometry.setdefault("image", {}), original=ref(self))
+        return made
+
+    @cached_property
+    def original(self) -> ref[FlowField] | None:
+        """The field that this one is the ``image`` of, node by node; it may be gone by now."""
+        return None
+
+    def mapped(self, function: Callable[[Array], Array]) -> FlowField:
+        """The same field with ``function`` applied to every nodal array."""
+        return self.with_values(**{name: function(values) for name, values in nodal(self).items()})
+
+    def with_values(self, **changes: Any) -> FlowField:
+        """Another field on the same mesh."""
+        made = replace(self, **changes)
+        made.__dict__["geometry"] = self.geometry
+        return made
+
+    # -- files -----------------------------------------------------------------------------------------------------
+
+    def save(self, path: Path | str) -> None:
+        """Write all arrays to one .npz file, whole or not at all; nodal arrays of modes in single precision."""
+        names = (name for name in self.__dataclass_fields__ if getattr(self, name) is not None)
+        short = NODAL if self.coefficients is not None else ()
+        arrays = {name: getattr(self, name) for name in names}
+        if self.truncation is not None:
+            arrays["truncation"] = astuple(self.truncation)
+        save_arrays(path, {n: np.asarray(a, dtype=np.float32 if n in short else None) for n, a in arrays.items()})
+
+    @classmethod
+    def load(cls, path: Path | str) -> FlowField:
+        """Read what :meth:`save` wrote. Raises SceneError when the file is missing or is no field."""
+        file = Path(path)
+        try:
+            content: dict[str, Any] = load_arrays(file, AGAIN)
+        except OSError as problem:
+            raise SceneError(f"{path}: cannot be read as a flow field ({problem.strerror})") from None
+        if not {"points", "triangles", "velocity"} <= set(content) <= set(cls.__dataclass_fields__):
+            raise SceneError(f"{path}: is not a flow field written by wakeflow")
+        sums.check(file.parent, file.name, AGAIN)
+        try:
+            scalars = {n: float(content.pop(n)) for n in SCALARS if n in content}
+            gradient = content.pop("given_gradient", None)
+            return cls.from_arrays(**content, pressure_gradient=gradient, **scalars)
+        except (TypeError, IndexError, ValueError) as problem:
+            raise SceneError(f"{path}: is damaged ({problem}); {AGAIN}") from None
+
+
+AGAIN = "it cannot be read as a flow field; the run that wrote it writes it anew"
+
+
+def nodal(field: FlowField) -> dict[str, Any]:
+    """The nodal arrays that a ``field`` has, by name."""
+    return {name: values for name in NODAL if (values := getattr(field, name)) is not None}
+
+
+def _gas(density: float | None, viscosity: float | None, temperature: float, path: float | None) -> dict[str, Any]:
+    """What the air is, checked: its density and viscosity by default, and its mean free path where both are."""
+    if path is None:
+        path = MEAN_FREE_PATH if density is None and viscosity is None else 0.0
+    return {
+        "density": checks.positive("density", 1.2 if density is None else density, "kg/m^3"),
+        "viscosity": checks.positive("viscosity", 1.8e-5 if viscosity is None else viscosity, "Pa*s"),
+        "temperature": checks.positive("temperature", temperature, "K"),
+        "mean_free_path": checks.positive("mean_free_path", path, "m", or_zero=True),
+    }

@@ -1,0 +1,208 @@
+"""Triangles: a mesh of triangles, its geometry, and which triangle holds a point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...core.errors import SceneError
+from ...core.lazy import cached_property
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Value = TypeVar("Value")
+INSIDE = -1e-9  # smallest barycentric coordinate that still counts as inside a triangle
+PER_TRIANGLE = 2  # cells of the grid of nearest triangles
+
+
+def double_area(points: Array, triangles: Index) -> Array:
+    """Twice the signed area of every triangle (M,), positive where it runs counter-clockwise."""
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+
+
+class of_mesh(cached_property[Value]):
+    """A property that all fields on one mesh share."""
+
+    def place(self, instance: Any) -> dict[str, Any]:
+        return instance.geometry  # type: ignore[no-any-return]
+
+
+@dataclass(frozen=True, eq=False)
+class Triangles:
+    """``points`` (N, 2) m and ``triangles`` (M, 3) of point numbers, counter-clockwise."""
+
+    points: Array
+    triangles: Index
+
+    @cached_property
+    def geometry(self) -> dict[str, Any]:
+        """What was made of the mesh alone, by name."""
+        return {}
+
+    @of_mesh
+    def box(self) -> tuple[Array, Array]:
+        """The least and the largest coordinates (2,) m."""
+        return self.points.min(axis=0), self.points.max(axis=0)
+
+    @of_mesh
+    def area(self) -> Array:
+        """Area of every triangle (M,), m2."""
+        return 0.5 * double_area(self.points, self.triangles)
+
+    @of_mesh
+    def node_area(self) -> Array:
+        """The share of the whole area that each node represents (N,): a third of each triangle around it."""
+        area = np.bincount(self.triangles.ravel(), np.repeat(self.area / 3, 3), len(self.points))
+        return np.asarray(area / area.sum(), dtype=np.float64)
+
+    @of_mesh
+    def neighbours(self) -> Index:
+        """Triangle across each edge (M, 3); edge k lies opposite corner k; -1 on the boundary.
+
+        Raises SceneError when an edge belongs to more than two triangles.
+        """
+        cells = self.triangles
+        ends = np.sort(np.concatenate([cells[:, [1, 2]], cells[:, [2, 0]], cells[:, [0, 1]]]), axis=1)
+        key = ends[:, 0] * np.int64(len(self.points)) + ends[:, 1]
+        order = np.argsort(key, kind="stable")
+        same = key[order][1:] == key[order][:-1]
+        if np.any(same[1:] & same[:-1]):
+            raise SceneError("triangles: an edge belongs to more than two triangles")
+        first, second = order[:-1][same], order[1:][same]
+        across = np.full(len(key), -1, dtype=np.int64)
+        across[first], across[second] = second % len(cells), first % len(cells)
+        return np.ascontiguousarray(across.reshape(3, -1).T)
+
+    @of_mesh
+    def boundary(self) -> Index:
+        """The nodes on edges that belong to one triangle only, in order."""
+        triangle, opposite = np.nonzero(self.neighbours < 0)
+        return np.unique([self.triangles[triangle, (opposite + step) % 3] for step in (1, 2)])
+
+    @of_mesh
+    def gradients(self) -> Array:
+        """Gradient of every triangle's three barycentric coordinates (M, 3, 2), 1/m."""
+        p = self.points[self.triangles]
+        across = np.roll(p, -2, axis=1) - np.roll(p, -1, axis=1)
+        return np.stack([-across[..., 1], across[..., 0]], axis=2) / (2 * self.area)[:, None, None]
+
+    @of_mesh
+    def _centres(self) -> Any:
+        """Tree of the triangles' centroids."""
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.points[self.triangles].mean(axis=1))
+
+    def locate(self, points: ArrayLike) -> Index:
+        """The triangle that holds each point (n, 2); -1 outside the mesh. A point on the boundary is inside."""
+        x = np.atleast_2d(np.asarray(points, dtype=float))
+        found = np.full(len(x), -1, dtype=np.int64)
+        low, high = self.box
+        slack = 1e-9 * (high - low)
+        todo = np.flatnonzero(np.all((x >= low - slack) & (x <= high + slack), axis=1))
+        if not len(todo):
+            return found
+        at = self._centres.query(x[todo])[1].astype(np.int64)
+        for _ in range(len(self.triangles)):
+            coordinate = self.barycentric(at, x[todo])
+            lowest = coordinate.argmin(axis=1)
+            inside = coordinate[np.arange(len(todo)), lowest] >= INSIDE
+            found[todo[inside]] = at[inside]
+            onward = self.neighbours[at, lowest]
+            go = ~inside & (onward >= 0)
+            lost = todo[~inside & (onward < 0)]
+            found[lost] = -2  # met the boundary: outside, or behind a body
+            todo, at = todo[go], onward[go]
+            if not len(todo):
+                break
+        found[todo] = -2
+        lost = np.flatnonzero(found == -2)
+        found[lost] = self._search(x[lost])
+        return found
+
+    def _search(self, x: Array) -> Index:
+        """Every triangle that may hold them tried, for points whose walk met the boundary: those whose boxes do.
+
+        Boxes are looked up on a regular grid, about one triangle a cell.
+        """
+        start, member, low, pitch, side = self._grid
+        place = np.clip(((x - low) / pitch).astype(np.int64), 0, side - 1)
+        cell = place[:, 1] * side + place[:, 0]
+        count = start[cell + 1] - start[cell]
+        point = np.repeat(np.arange(len(x)), count)
+        inner = np.arange(len(point)) - np.repeat(np.cumsum(count) - count, count)
+        near = member[np.repeat(start[cell], count) + inner]
+        least = self.barycentric(near, x[point]).min(axis=1)
+        found = np.full(len(x), -1, dtype=np.int64)
+        order = np.argsort(least, kind="stable")  # the last one written, the deepest inside, stays
+        order = order[least[order] >= INSIDE]
+        found[point[order]] = near[order]
+        return found
+
+    @of_mesh
+    def _grid(self) -> tuple[Index, Index, Array, Array, int]:
+        """Triangles by the cells of a regular grid that their boxes touch: first member of each cell, members, corner
+        and pitch of the grid, cells a side.
+        """
+        p = self.points[self.triangles]
+        corner, top = self.box
+        side = max(1, int(np.sqrt(len(p))))
+        pitch = (top - corner) / side
+        slack = 1e-9 * np.ptp(p, axis=1).max(axis=1, keepdims=True)
+        low = np.clip(((p.min(axis=1) - slack - corner) / pitch).astype(np.int64), 0, side - 1)
+        high = np.clip(((p.max(axis=1) + slack - corner) / pitch).astype(np.int64), 0, side - 1)
+        wide = high - low + 1
+        count = wide.prod(axis=1)
+        owner = np.repeat(np.arange(len(p)), count)
+        inner = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+        column = low[owner, 0] + inner % wide[owner, 0]
+        row = low[owner, 1] + inner // wide[owner, 0]
+        cell = row * side + column
+        order = np.argsort(cell, kind="stable")
+        start = np.searchsorted(cell[order], np.arange(side * side + 1))
+        return start, owner[order], corner, pitch, side
+
+    @of_mesh
+    def nearest_by_cell(self) -> tuple[Index, Array, Array, int]:
+        """The triangle whose centroid is nearest to the middle of each cell of a regular grid, row by row; corner and
+        pitch of the grid, cells a side.
+        """
+        corner, top = self.box
+        side = max(1, int(np.sqrt(PER_TRIANGLE * len(self.triangles))))
+        pitch = (top - corner) / side
+        row, column = np.divmod(np.arange(side * side), side)
+        nearest = self._centres.query(corner + (np.stack([column, row], axis=1) + 0.5) * pitch)[1]
+        return nearest.astype(np.int64), corner, pitch, side
+
+    def barycentric(self, triangle: Index, x: Array) -> Array:
+        """Barycentric coordinates (n, 3) of points ``x`` (n, 2) in the given triangles (n,)."""
+        offset = x - self.points[self.triangles[triangle, 0]]
+        result: Array = np.einsum("nkd,nd->nk", self.gradients[triangle], offset)
+        result[:, 0] += 1.0
+        return result
+
+
+# -- The discrete divergence of a velocity on triangles ----------------------------------------------------------------
+@dataclass(frozen=True)
+class Divergence:
+    """Discrete divergence: ``values`` (M,) or (T, M) 1/s, and rms and max of |div u| h / U.
+
+    h is the root of twice a triangle's area, U the rms speed over the mesh.
+    """
+
+    values: Array
+    rms: float
+    max: float
+
+
+def divergence_of(mesh: Triangles, velocity: Array) -> Divergence:
+    """Of the nodal ``velocity`` (N, 2) or (T, N, 2) m/s, linear in every triangle."""
+    values = np.einsum("mkd,...mkd->...m", mesh.gradients, velocity[..., mesh.triangles, :])
+    speed = float(np.sqrt(np.mean(np.sum(velocity**2, axis=-1))))
+    relative = np.abs(values) * np.sqrt(2 * mesh.area) / (speed or 1.0)
+    rms = float(np.sqrt(np.average(np.atleast_2d(relative**2).mean(axis=0), weights=mesh.area)))
+    return Divergence(values, rms, float(relative.max()))

@@ -1,0 +1,158 @@
+"""The numbers of one airflow, as its solver's stage keeps them in airflow.json."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...core.number import Number
+from ...core.record import column
+
+SPANNED = 0.99  # channel widths: a suction zone as wide as this reaches both walls, but for a cell at each
+
+
+@dataclass(frozen=True)
+class SuctionZone:
+    """The suction zone behind the first body: Cp below the threshold, downstream of its widest place, connected to it.
+    Both sides count.
+    """
+
+    threshold: float = column("1", "the pressure coefficient below which air counts")
+    cp_min: float = column("1", "lowest pressure coefficient in it")
+    length: float = column("m", "along the air, from the body's rear-most point")
+    width: float = column("m", "across the air")
+    area: float = column("m2", "of both sides together")
+    reversal_length: float | None = column(
+        "m", "how far behind the body the mean air on its axis runs backwards", default=None
+    )
+
+    def spans(self, channel: float) -> bool:
+        """Whether it reaches both walls of a channel so wide (m), but for a cell at each."""
+        return self.width > SPANNED * channel
+
+
+@dataclass(frozen=True)
+class MeshMotionSummary:
+    """How the mesh moves where the body vibrates in the air: amplitude sin(omega t + phase). The stored field belongs
+    to positions less that.
+    """
+
+    amplitude: tuple[float, ...] = column("m", "x and y")
+    omega: float = column("rad/s", "angular frequency")
+    phase: float = column("rad", "at the start of the stored loop")
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A solution that failed before the settings that served were found, see
+    :mod:`wakeflow.air.foam.fallback_settings`.
+    """
+
+    settings: str = column("", "the settings it was tried with")
+    cause: str = column("", "why it failed, in a word")
+    message: str = column("", "why it failed, in a line")
+
+
+@dataclass(frozen=True)
+class CheckMesh:
+    """What OpenFOAM's checkMesh says of the cells."""
+
+    non_orthogonality: float | None = column("deg", "largest non-orthogonality", default=None)
+    mean_non_orthogonality: float | None = column("deg", "mean non-orthogonality", default=None)
+    skewness: float | None = column("1", "largest skewness", default=None)
+
+
+@dataclass(frozen=True)
+class RunStatistics:
+    """What the averages of a time-resolved run rest on."""
+
+    periods: int = column("1", "whole shedding periods averaged")
+    start_up: float = column("s", "time dropped at the beginning")
+    accuracy: float = column("1", "relative half width of the intervals that was asked for")
+    excess: float = column("1", "largest half width over the one asked for")
+
+
+@dataclass(frozen=True)
+class AxisProfiles:
+    """The mean wake behind the first body on its axis, rms values of what is resolved next to what is modelled."""
+
+    behind: tuple[float, ...] = column("body widths", "places, from the body's rear")
+    speed: tuple[float, ...] = column("air speeds", "mean velocity along the air")
+    along: tuple[float, ...] = column("air speeds", "rms of the velocity along the air")
+    across: tuple[float, ...] = column("air speeds", "rms of the velocity across it, in the picture")
+    coherent: tuple[float, ...] = column(
+        "air speeds", "rms over time of its mean over the span: what of it moves alike along the whole span"
+    )
+    spanwise: tuple[float, ...] = column("air speeds", "rms of the velocity along the span")
+    modelled: tuple[float, ...] = column("air speeds", "what the model adds to each: sqrt(2k/3)")
+
+
+@dataclass(frozen=True)
+class SpanwiseMotion:
+    """Of an airflow in three dimensions: what moves along its span, in the near wake."""
+
+    depth: float = column("m", "of the periodic span")
+    layers: int = column("1", "layers of cells over it")
+    recorded: float = column("s", "time that means and fields rest on")
+    snapshots: int = column("1", "of all layers in that time")
+    w_rms: float = column("air speeds", "rms of the velocity along the span")
+    uv_rms: float = column("air speeds", "rms of the other components about their mean over the span")
+    quarters: tuple[float, ...] = column("air speeds", "w_rms in each quarter of the time: growing or dying")
+    integral_lengths: tuple[float, ...] = column("m", "along the span: of the velocity across, along the air, spanwise")
+    flown: tuple[int, ...] = column("1", "the layers that granules are flown in, each a plane airflow")
+    axis: AxisProfiles = column("", "on the body's axis")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AirflowResult:
+    """What was measured on an airflow, or is known of it; null where nothing is.
+
+    Coefficients use the inlet's mean speed and, for Cd and Cl, the first body's projected width; with several bodies Cd
+    and Cl are of all of them together. Cp = (p - mean p on the inlet) / (rho U^2 / 2), p static: OpenFOAM's without
+    2k/3, k being 0 at no-slip walls. ``cp_base`` and ``cp_front`` are taken where the vertical line through the middle
+    of the first body meets its rear and its front.
+
+    Intervals: of a steady run the range over its last iterations, of one that did not settle over those of its late
+    states; of a time-resolved one 95 % intervals of the long-time mean (:mod:`wakeflow.air.foam.statistics`).
+
+    Cd is OpenFOAM's forceCoeffs. Its pressure part uses OpenFOAM's p, which is right: at a wall k = 0, and p there is
+    the static pressure (p, static pressure plus normal stress 2k/3, does not change across the layer next to it).
+    """
+
+    stepping: str | None = column("", "steady, time-resolved or given", default=None)
+    verdict: str = column(
+        "",
+        "steady, periodic, broadband, given, driven (by granules alone), or the profile of air that is known",
+        default="",
+    )
+    turbulence: str | None = column("", "turbulence model", default=None)
+    cells: int | None = column("1", "mesh cells", default=None)
+    reynolds: float | None = column("1", "Reynolds number on the first body's width, inlet's speed", default=None)
+    cd: Number | None = column("1", "drag coefficient of all bodies on the first one's width", default=None)
+    cl_rms: Number | None = column("1", "lift coefficient, root mean square", default=None)
+    strouhal: Number | None = column("1", "Strouhal number f D / U of the shedding; null when steady", default=None)
+    cp_base: Number | None = column("1", "base pressure coefficient, behind the first body", default=None)
+    cp_front: float | None = column("1", "pressure coefficient at the first body's front", default=None)
+    p_inlet: float | None = column("Pa", "mean static pressure on the inlet", default=None)
+    pressure_drop: float | None = column("Pa", "inlet less outlet", default=None)
+    flow_rate: float | None = column("m2/s", "air flow of the whole channel, per metre of depth", default=None)
+    mass_error: float | None = column("1", "inflow less outflow, over inflow", default=None)
+    suction: SuctionZone | None = column("", "the suction zone behind the first body", default=None)
+    y_plus: tuple[float, ...] | None = column("1", "least and largest y+ of the cells at the bodies", default=None)
+    steps: int | None = column("1", "iterations or time steps of the solver", default=None)
+    seconds: float | None = column("s", "wall time of the solver", default=None)
+    field_time: str | None = column("", "what the tracker reads: latest, mean, all or states", default=None)
+    period: float | None = column("s", "length of the stored loop; null when steady", default=None)
+    motion: MeshMotionSummary | None = column("", "of the mesh; null where it rests", default=None)
+    loop_mismatch: float | None = column(
+        "1", "rms velocity jump where the loop joins over rms fluctuation", default=None
+    )
+    residuals: dict[str, float] | None = column("1", "last residual of every equation", default=None)
+    mesh: CheckMesh | None = column("", "how good the cells are", default=None)
+    statistics: RunStatistics | None = column("", "of a time-resolved run", default=None)
+    notes: tuple[str, ...] | None = column("", "what a reader must know of the solution", default=None)
+    cd_of: dict[str, float] | None = column("1", "each body's part of cd, where there are several", default=None)
+    settings: str | None = column("", "the solver's settings that served", default=None)
+    attempts: tuple[Attempt, ...] | None = column("", "solutions that failed before", default=None)
+    checks: dict[str, float] | None = column("1", "share of every sanity limit that is taken up", default=None)
+    span: SpanwiseMotion | None = column("", "of an airflow in three dimensions; null in the plane", default=None)
+    half: bool | None = column("", "whether a given case is the right half of the channel", default=None)

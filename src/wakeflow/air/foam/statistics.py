@@ -1,0 +1,260 @@
+"""What a history of drag, lift and base pressure says so far: means with 95 % intervals, and whether they suffice.
+
+The signals are cut into whole shedding periods (from one rise of the lift through its mean to the next). The start-up
+ends where each quantity first comes as near to its mean over the later half of the periods as these are wont to be
+(after Fishman's rule of crossing the mean, "Concepts and Methods in Discrete Event Digital Simulation", 1973) and half
+as many periods again. The intervals are those of a first-order autoregressive sequence with a value a period: Student's
+t, widened by sqrt((1 + r)/(1 - r)) for the correlation r of neighbours, and by what a significant drift would still
+change. Few periods tell little of r: it counts with USUAL, as if so many periods more (WEIGHT) had shown that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.number import Number, student
+from .force_history import upward_crossings
+
+Array = NDArray[np.float64]
+# Chosen by trials on records of known statistics (tests/foam/test_statistics.py) where no source is given.
+MIN_PERIODS = 6  # whole periods after the start-up
+PIECES = 32  # of a wake without a rhythm
+BATCHES = 8  # parts that a drift is looked for in, at most about twice as many
+USUAL, WEIGHT = 0.1, 20  # correlation of neighbouring periods before any is seen, and periods that it counts for
+FEW = 20  # periods whose intervals may be twice as wide as they seem; see `Statistics.stands`
+MARGIN = 1.5  # of the periods up to the crossing: what is left of the start-up there goes too
+DRIFTING = 3.0  # t statistic of a slope over the batches that a stationary signal seldom reaches (2 % at 8 batches)
+SHARED = -0.6  # periods share their ends: what one is longer by, its neighbour is shorter; not trusted beyond this
+OFTEN = 1.3  # looked at often, a spread that is small by chance ends the run: wider by what that costs in trials
+SURE = 0.4  # of the width asked: so narrow that the fewest periods are enough
+RESOLVED = 0.05  # of the half-width asked: no interval is narrower, slower changes than the run lasted go unseen
+MIN_DRAG = 0.1  # Cd, and as a share of Cd the lift's rms: smaller ones are measured against this (see `wanted`)
+MIN_PRESSURE = 0.5  # base pressure coefficient: the same
+STRONGEST = 0.8  # correlation of neighbouring periods, at most: a stronger one cannot be estimated from few
+NO_SLOWING = 0.9  # ratio of successive thirds' changes with which a drift that does not slow down is extrapolated
+SHORTEST = 0.1  # of the mean period: the lower end of its interval is no lower
+FAINT = 0.01  # of the drag: lift below it has no rhythm of its own
+# A wake at rest: for REST convective times, after REST_AFTER at the earliest, nothing moves by more than RESTING of the
+# drag, of the base pressure coefficient (or of 1), and of a lift coefficient of 1.
+RESTING = 1e-3
+REST, REST_AFTER = 10.0, 30.0  # convective times
+LATER = 0.1  # of the record: so much more of it before it is looked at again
+LOOSER = {"cd": 1.0, "strouhal": 2.0, "cp_base": 1.0, "cl_rms": 2.0}  # times the accuracy asked; see `wanted`
+PERIODIC = {"length": 0.01, "drag": 0.01, "lift": 0.03}  # relative spread from period to period of a periodic wake
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Means since ``begin`` (s, the end of the start-up) over ``periods`` whole periods of mean length ``period`` (s).
+
+    ``frequency`` (1/s) and ``period`` are None where the lift shows no shedding; the mean is then taken over equal
+    pieces of the record. ``cp_base`` is in the units of the history. ``excess``: the largest of half-width over the
+    half-width asked; the answer is settled when it is at most 1.
+    """
+
+    begin: float
+    period: float | None
+    periods: int
+    cd: Number
+    cl_rms: Number
+    frequency: Number | None
+    cp_base: Number
+    excess: float
+    verdict: str
+
+    @property
+    def stands(self) -> bool:
+        """Whether every interval is as narrow as asked, or the narrower the fewer periods show it: the spread of few is
+        often small by chance. That also keeps the run's end from following that chance: of n periods it asks for
+        intervals that fall far faster than as 1/sqrt(n).
+        """
+        return self.excess <= max(SURE, 1.0 / (1.0 + (FEW / self.periods) ** 3))
+
+
+def evaluate(rows: Array, accuracy: float) -> Statistics | None:
+    """The statistics of ``rows`` (n, 4): time (s), Cd, Cl, base pressure coefficient; None with too few periods.
+
+    ``accuracy``: half-width of the 95 % intervals asked, relative; see :func:`wanted` for small values. An interval
+    covers what the mean would become if the run went on; not the error of mesh, time step or model.
+    """
+    table = cycles(rows)
+    shedding = len(table) > 0
+    if not shedding:
+        table = _pieces(rows)
+    if len(table) < MIN_PERIODS:
+        return None
+    first = start_up_of(table)
+    kept = table[first:]
+    weight = kept[:, 1]
+    lift = float(np.average(kept[:, 3], weights=weight))
+    square = kept[:, 4] - 2 * lift * kept[:, 3] + lift**2
+    drag, mean_square, pressure, length = (_interval(x) for x in (kept[:, 2], square, kept[:, 5], kept[:, 1]))
+    parts = {"cd": drag, "cl_rms": _root(mean_square), "cp_base": pressure}
+    if shedding:
+        parts["strouhal"] = _inverse(length)
+    asked = wanted({name: part.value for name, part in parts.items()}, accuracy)
+    found = {name: _at_least(part, RESOLVED * asked[name]) for name, part in parts.items()}
+    return Statistics(
+        begin=float(kept[0, 0]),
+        period=length.value if shedding else None,
+        periods=len(kept),
+        cd=found["cd"],
+        cl_rms=found["cl_rms"],
+        frequency=found.get("strouhal"),
+        cp_base=found["cp_base"],
+        excess=max(max(part.high - part.value, part.value - part.low) / asked[name] for name, part in found.items()),
+        verdict=_verdict(kept, square) if shedding else "broadband",
+    )
+
+
+def wanted(values: dict[str, float], accuracy: float) -> dict[str, float]:
+    """The half-width asked of each quantity: ``accuracy`` of it.
+
+    The lift's rms and the Strouhal number are asked half as sharply: from one period to the next they vary several
+    times as much as the means (7 % against 1 % behind a rhombus at Re 16 500), and nothing downstream depends on them
+    as directly; a small rms is measured against a tenth of Cd, a small base pressure against half the
+    dynamic pressure, so that a quantity near zero does not keep the run going.
+    """
+    floor = {"cd": MIN_DRAG, "cl_rms": MIN_DRAG * abs(values["cd"]), "cp_base": MIN_PRESSURE}
+    scale = {name: max(abs(value), floor.get(name, 0.0)) for name, value in values.items()}
+    return {name: LOOSER[name] * accuracy * size for name, size in scale.items()}
+
+
+def cycles(rows: Array) -> Array:
+    """(m, 6): begin, length (s), mean Cd, mean Cl, mean Cl^2, mean base pressure of every whole shedding period.
+
+    The lift's mean and rms, which decide what counts as a period, are those of the second half of the record: the push
+    that starts the shedding is not among them.
+    """
+    if len(rows) < 8:
+        return np.zeros((0, 6))
+    late = rows[rows[:, 0] >= 0.5 * (rows[0, 0] + rows[-1, 0]), 2]
+    return _means(rows, upward_crossings(rows[:, 0], rows[:, 2], late))
+
+
+def _pieces(rows: Array) -> Array:
+    """A wake without a rhythm, cut into equal PIECES."""
+    return _means(rows, np.linspace(rows[0, 0], rows[-1, 0], PIECES + 1)) if len(rows) > 1 else np.zeros((0, 6))
+
+
+def _means(rows: Array, cuts: Array) -> Array:
+    """Mean of each signal between neighbouring ``cuts`` (s), by trapezoids on the steps of the run."""
+    if len(cuts) < 2:
+        return np.zeros((0, 6))
+    time = rows[:, 0]
+    signals = np.column_stack([rows[:, 1], rows[:, 2], rows[:, 2] ** 2, rows[:, 3]])
+    steps = np.diff(time)[:, None]
+    integral = np.vstack([np.zeros(4), np.cumsum(0.5 * steps * (signals[1:] + signals[:-1]), axis=0)])
+    at = np.clip(np.searchsorted(time, cuts, side="right") - 1, 0, len(time) - 2)
+    ahead = (cuts - time[at])[:, None]
+    there = signals[at] + ahead / steps[at] * (signals[at + 1] - signals[at])
+    until = integral[at] + 0.5 * ahead * (signals[at] + there)
+    length = np.diff(cuts)
+    return np.column_stack([cuts[:-1], length, np.diff(until, axis=0) / length[:, None]])
+
+
+def start_up_of(table: Array) -> int:
+    """How many leading rows of :func:`cycles` belong to the start-up: at most half, and never the last MIN_PERIODS."""
+    count = len(table)
+    half = count // 2
+    last = 0
+    for signal in (table[:, 1], table[:, 2], table[:, 4], table[:, 5]):
+        late = signal[half:]
+        last = max(last, int(np.argmax(np.abs(signal - late.mean()) <= late.std())))
+    return max(min(int(np.ceil(MARGIN * min(last, half))), count - MIN_PERIODS), 0)
+
+
+def _interval(values: Array) -> Number:
+    """Mean of a sequence, one value a period, and its 95 % interval."""
+    mean, count = float(values.mean()), len(values)
+    off = values - mean
+    square = float((off**2).sum())
+    if square == 0:
+        return Number(mean, mean, mean)
+    seen = (off[1:] * off[:-1]).sum() / square + 1 / count  # its mean is less by that
+    correlation = float(np.clip((count * seen + WEIGHT * USUAL) / (count + WEIGHT), SHARED, STRONGEST))
+    spread = np.sqrt(square / (count - 1) / count * (1 + correlation) / (1 - correlation))
+    half = OFTEN * student(count - 1) * spread + _drift(values)
+    return Number(mean, float(mean - half), float(mean + half))
+
+
+def _drift(values: Array) -> float:
+    """What a drift may still change: nothing unless the slope over the batches is significant.
+
+    From the means a, b, c of three thirds: a geometric approach, c - b = q (b - a), ends at c + (c - b) q/(1 - q); an
+    approach that does not slow down counts with q = NO_SLOWING.
+    """
+    size = max(len(values) // BATCHES, 1)
+    count = len(values) // size
+    batches = values[len(values) - count * size :].reshape(count, size).mean(axis=1)
+    order = np.arange(count) - 0.5 * (count - 1)
+    slope = (order * batches).sum() / (order**2).sum()
+    rest = batches - batches.mean() - slope * order
+    error = np.sqrt((rest**2).sum() / (count - 2) / (order**2).sum())
+    if abs(slope) <= DRIFTING * error:
+        return 0.0
+    a, b, c = (float(part.mean()) for part in np.array_split(values, 3))
+    ratio = float(np.clip((c - b) / (b - a), 0.0, NO_SLOWING)) if b != a else NO_SLOWING
+    return abs(c + (c - b) * ratio / (1 - ratio) - float(batches.mean()))
+
+
+def _root(square: Number) -> Number:
+    return Number(*(float(np.sqrt(max(x, 0.0))) for x in square))
+
+
+def _inverse(length: Number) -> Number:
+    """1/length; a lower end at or below zero (a few wild periods) counts as a tenth of the mean."""
+    return Number(1 / length.value, 1 / length.high, 1 / max(length.low, SHORTEST * length.value))
+
+
+def _at_least(part: Number, half: float) -> Number:
+    return Number(part.value, min(part.low, part.value - half), max(part.high, part.value + half))
+
+
+def _verdict(kept: Array, square: Array) -> str:
+    """periodic when length, mean drag and lift's rms repeat from period to period (PERIODIC), else broadband."""
+    drag = float(np.abs(kept[:, 2]).mean())
+    lift = np.sqrt(np.maximum(square, 0.0))
+    spread = {
+        "length": kept[:, 1].std() / kept[:, 1].mean(),
+        "drag": kept[:, 2].std() / max(drag, 1e-300),
+        "lift": lift.std() / max(lift.mean(), FAINT * drag),
+    }
+    return "periodic" if all(spread[name] <= most for name, most in PERIODIC.items()) else "broadband"
+
+
+def is_still(rows: Array, scale: float, *, swings: bool = False) -> bool:
+    """Whether the wake has come to rest: over ten convective times (``scale``, s) drag and base pressure stay within
+    0.1 % (of the dynamic pressure at least), lift within 1e-3 and shrinking.
+
+    Where the body vibrates (``swings``) drag and pressure never rest: there the lift decides.
+    """
+    if rows[-1, 0] < REST_AFTER * scale:
+        return False
+    recent = rows[rows[:, 0] > rows[-1, 0] - REST * scale]
+    half = len(recent) // 2
+    shrinks = np.ptp(recent[half:, 2]) <= np.ptp(recent[:half, 2])
+    drag = swings or np.ptp(recent[:, 1]) < RESTING * abs(recent[:, 1].mean())
+    pressure = swings or np.ptp(recent[:, 3]) < RESTING * max(abs(float(recent[:, 3].mean())), 1.0)
+    return bool(drag and pressure and np.ptp(recent[:, 2]) < RESTING and shrinks)
+
+
+class Stopping:
+    """Whether a growing record may end: every tenth of it (and two periods at least) it is looked at."""
+
+    def __init__(self, accuracy: float) -> None:
+        self.accuracy = accuracy
+        self.next = 0.0
+
+    def look(self, rows: Array) -> bool:
+        """Look at the record so far; cheap between two looks."""
+        now, first = float(rows[-1, 0]), float(rows[0, 0])
+        if now < self.next:
+            return False
+        found = evaluate(rows, self.accuracy)
+        period = (found.period if found else None) or 0.0
+        self.next = now + max(LATER * (now - first), 2 * period)
+        return found is not None and found.stands

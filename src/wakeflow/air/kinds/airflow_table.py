@@ -1,0 +1,156 @@
+"""What is known of an airflow: the ``airflow`` table of result.json. The solver's stage begins it, others end it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ...core.errors import known
+from ...core.number import Number
+from ...core.record import column
+from ...laws.best_estimate import WakeEstimate
+from ...laws.momentum import momentum_pressure
+from ..field.modes import Truncation
+from ..foam.airflow_result import AirflowResult, SuctionZone
+from ..mesh.spec import MeshReport as MeshReport  # handed on
+
+if TYPE_CHECKING:
+    from ...scene import Scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridEstimate(Number):
+    """A number with its mesh error: the finest grid's value, and round it the grid convergence index, or a multiple of
+    the grids' range, the statistical interval added in quadrature; of "range-statistics" the range of all grids with
+    their statistical intervals.
+    """
+
+    order: float | None = column("1", "observed order of convergence; null where none was")
+    kind: str = column("", "richardson, two-grid, range-oscillating or range-statistics")
+    why: str = column("", "the kind in words")
+    extrapolated: float | None = column("as the quantity", "to cells of no size", default=None)
+    gci_fine: float | None = column("as the quantity", "half band between the two finest grids", default=None)
+    gci_coarse: float | None = column(
+        "as the quantity", "half band between the second and the third grid", default=None
+    )
+    asymptotic: float | None = column(
+        "1", "gci_coarse / (r21^p gci_fine), near 1 in the asymptotic range; p the order, at most the formal one",
+        default=None,
+    )  # fmt: skip
+    noise: float = column(
+        "as the quantity", "of half the interval: by statistics alone, were the grids alike", default=0.0
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridStudy(GridEstimate):
+    """A quantity of the airflow on several grids, and what they say about the error of the mesh."""
+
+    quantity: str = column("", "cd, cp_base or reversal_length (m)")
+    cells: tuple[int, ...] = column("1", "mesh cells of every grid, the answer's first")
+    values: tuple[float, ...] = column("as the quantity", "what each grid gave")
+
+
+@dataclass(frozen=True)
+class FieldDivergence:
+    """How well the field that the tracker reads conserves volume: |div u| h / U over its triangles."""
+
+    rms: float = column("1", "root mean square")
+    max: float = column("1", "largest")
+
+
+@dataclass(frozen=True)
+class MomentumModel:
+    """The paper's momentum model of the first body, for comparison."""
+
+    cp_front: float = column("1", "pressure coefficient, mean over the front")
+    cd: float = column("1", "drag coefficient, with the computed base pressure")
+
+
+@dataclass(frozen=True)
+class WakeEnd:
+    """What one of the two ends alone has."""
+
+    cd: Number | None = column("1", "drag coefficient of all bodies on the first one's width", default=None)
+    cl_rms: Number | None = column("1", "lift coefficient, root mean square", default=None)
+    cp_base: Number | None = column("1", "base pressure coefficient, behind the first body", default=None)
+    suction: SuctionZone | None = column("", "the suction zone behind the first body", default=None)
+    residence_time: Number | None = column("1", "of fine dust in the near wake, times U / D", default=None)
+
+
+@dataclass(frozen=True)
+class WakeEnds:
+    """The two ends between which a best estimate lies."""
+
+    steady: WakeEnd = column("", "the steady wake")
+    time_resolved: WakeEnd = column("", "the wake in time, in two dimensions")
+
+
+@dataclass(frozen=True)
+class AirLoadingSummary:
+    """The granules' force on the air, and what it makes of the steady airflow, in which it is gathered."""
+
+    passes: int = column("1", "solutions of the steady airflow under the force; the last by granules that meet, if any")
+    change: float = column("1", "largest change of a share in the steady airflow by the last pass")
+    force: tuple[float, ...] = column("N/m", "x and y, of all granules on the air of the last pass, per metre of depth")
+    given: float = column("N/m", "y, given to the air of the last pass")
+    imbalance: float = column("1", "force less what the granules lost, over the latter")
+    unanswered: float = column(
+        "1", "how far the force gathered in the air of the last pass is from what that air was given, over the former"
+    )
+    sampling: float = column(
+        "1", "half of the 95 % interval of the force by the granules that it is gathered from, over the force"
+    )
+    cd_without: Number | None = column(
+        "1", "drag coefficient of the steady airflow without the force; null without a body", default=None
+    )
+    cd: Number | None = column("1", "drag coefficient of the steady airflow with it; null without a body", default=None)
+    verdict: str = column("", "of the steady airflow with it; driven where nothing else moves the air", default="")
+    cells: int = column("1", "mesh cells that feel a force; 0 where nothing is meshed", default=0)
+    sources: int = column("1", "sources in OpenFOAM's momentum equation; 0 where it is not solved", default=0)
+    speed: float | None = column(
+        "m/s", "largest speed of air that the granules alone drive; left out where other air is moved", absent=True,
+        default=None,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ResidenceTimes:
+    """H = tau U / D of fine dust in the near wake; infinite for what is longer than tracers are followed."""
+
+    answer: Number = column("1", "in the answer's air")
+    steady: Number | None = column("1", "in the steady wake; null where it is no end", default=None)
+    time_resolved: Number | None = column("1", "in the wake in time; null where it is no end", default=None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Airflow(AirflowResult):
+    """What was measured on the airflow, or is known of it; null where nothing is."""
+
+    rung: str = column("", "analytic, draft, standard, reference, 3d or given", default="")
+    grids: tuple[GridStudy, ...] | None = column("", "quantities on several grids; null with one", default=None)
+    residence_time: Number | None = column("1", "of fine dust in the near wake, times U / D", default=None)
+    wake: WakeEstimate | None = column("", "how the air lies between its ends; null where it is one", default=None)
+    ends: WakeEnds | None = column("", "what each end alone has; null where there are none", default=None)
+    momentum: MomentumModel | None = column("", "the paper's model; null without a body", default=None)
+    loading: AirLoadingSummary | None = column(
+        "", "the granules' force that it is solved under; null where the air does not feel them", default=None
+    )
+    divergence: FieldDivergence | None = column("", "of the field that the tracker reads", default=None)
+    truncation: Truncation | None = column("", "of a time-resolved field; null for a steady one", default=None)
+
+    @property
+    def safer_settings(self) -> str | None:
+        """A line that says which safer settings solved the airflow, and why; None where the usual ones did."""
+        from ..foam.fallback_settings import warning
+
+        return warning(self.settings or "normal", self.attempts or ())
+
+    def by_momentum(self, scene: Scene) -> MomentumModel | None:
+        """The paper's momentum model of the first body, for comparison: pressure on its front, and Cd with the computed
+        base pressure; None without one of both.
+        """
+        if not scene.body or self.cp_base is None:
+            return None
+        model = momentum_pressure(next(iter(scene.body.values())).outline(), known(scene.air).direction)
+        return MomentumModel(model.front, model.drag(self.cp_base.value))

@@ -1,0 +1,1 @@
+"""air/kinds/every_kind.py."""

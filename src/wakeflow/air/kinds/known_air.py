@@ -1,0 +1,102 @@
+"""The kinds of airflow that nobody has to solve: none, that of an empty channel, and the user's own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...core.errors import SceneError, known
+from ...core.record import save
+from ...core.store import content_key, digest_files
+from ...planning.stage_cache import code_of
+from ..mesh.spec import MeshReport
+from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
+from .airflow_table import Airflow
+
+if TYPE_CHECKING:
+    from ..field import FlowField
+
+
+# -- The kinds of airflow that nobody has to solve ---------------------------------------------------------------------
+@airflow_kinds.register("none")
+class NoAir(AirflowKind):
+    """No air: granules fly in a vacuum."""
+
+    means = "left out, granules fly in parabolas from impact to impact"
+    at_once = True
+
+    def make_field(self) -> None:
+        return None
+
+    def make_table(self) -> Airflow:
+        raise SceneError("the granules fly in a vacuum: there is no airflow to tell of")
+
+
+@airflow_kinds.register("analytic")
+class AnalyticAir(AirflowKind):
+    """The air of a channel without bodies, or at rest but for what the granules drive; made in no time, so not kept."""
+
+    means = "known everywhere, nothing is solved"
+    at_once = True
+
+    def make_field(self) -> tuple[str, FlowField]:
+        from .analytic import duct_field, jet_field
+
+        loading = self.loading()
+        if loading is not None:
+            return loading.key, jet_field(self.scene, loading.force)
+        air, channel, turbulence = self.scene.air, self.scene.channel, self.plan.airflow.turbulence
+        asked = (repr(air), channel.width, channel.top, channel.bottom, turbulence)
+        key = content_key("duct", asked, code_of("duct"))
+        return key, duct_field(self.scene, turbulent=turbulence == "decaying")
+
+    def make_table(self) -> Airflow:
+        from .analytic import duct_airflow, jet_airflow
+
+        loading = self.loading()
+        if loading is not None:
+            return replace(jet_airflow(self.scene, loading.force), turbulence=self.plan.airflow.turbulence)
+        return replace(duct_airflow(self.scene), turbulence=self.plan.airflow.turbulence)
+
+    def unknown_parts(self) -> tuple[str, ...]:
+        return ("airflow-model",)  # nothing is solved; how far a real duct's air is from it nobody says
+
+
+# -- The kind of airflow that the user brings --------------------------------------------------------------------------
+@airflow_kinds.register("given")
+class GivenAir(CaseAir):
+    """A solved OpenFOAM case of the user's: it is measured, not solved."""
+
+    means = "a solved case of yours"
+
+    @property
+    def case(self) -> Path:
+        return Path(known(self.scene.airstream.case))
+
+    @property
+    def half(self) -> bool:
+        return bool(self.measured.half)
+
+    def make_solution(self) -> tuple[str, Path]:
+        """Its files are in the key: a new solution counts."""
+        from ..foam.user_case import case_files, measure_given
+
+        time = self.scene.airstream.time or "latest"
+        files = digest_files(case_files(self.case, time))
+        key = content_key("given", repr(self.flow_spec), time, files, code_of("given"))
+
+        def work(part: Path) -> None:
+            self.cache.tell("airflow", f"measuring {self.case}")
+            (part / "case").mkdir(exist_ok=True)
+            save(part / "case" / "airflow.json", measure_given(self.flow_spec, self.case, time))
+
+        return key, self.cache.make("airflow", key, work)
+
+    @property
+    def mesh_quality(self) -> MeshReport:
+        return MeshReport(cells=known(self.measured.cells))
+
+    @property
+    def model_is_unknown(self) -> bool:
+        return True

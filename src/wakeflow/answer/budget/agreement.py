@@ -1,0 +1,177 @@
+"""An answer beside measured shares: both with their intervals, and whether they agree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from math import hypot, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.number import Number
+from ...core.tables import CellTable
+from ...planning.unknowns import SIGMAS
+from ...scene import Scene
+from ...scene.measured import Measured
+from ..joint import JointAnswer, Of
+from ..result import Result
+
+Array = NDArray[np.float64]
+AGREES, DISAGREES, CANNOT_TELL = "agrees", "disagrees", "cannot tell"
+RARE = 0.01  # a misfit that is less probable than that is none of chance
+COARSE = 0.1  # of a share: a comparison that no tray would notice less of says nothing
+TINY = 1e-10  # of the largest eigenvalue: a combination of trays that is known no better is no test of its own
+SEED = 20110  # of what is measured of every draw: any, but always the same
+COLUMNS = {
+    "fraction": "fraction", "bin": "bin", "measured": "found", "measured low": "found_low",
+    "measured high": "found_high", "computed": "value", "computed low": "low", "computed high": "high",
+    "part of the interval": "used", "from the other trays (standard deviations)": "pull",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ComparedTray:
+    """One tray: its share as ``measured`` and as ``computed``; the part of both intervals together that their
+    difference takes (``used``: 1 is the end of the 95 %), and its distance from what all other trays let expect
+    (``pull``, standard deviations).
+    """
+
+    fraction: str | None
+    bin: str
+    measured: Number
+    computed: Number
+    used: float
+    pull: float
+
+    @property
+    def about(self) -> str:
+        """The tray in words."""
+        return f"{self.fraction or 'all fractions'} in {self.bin}"
+
+    found = property(lambda self: self.measured.value)
+    found_low = property(lambda self: self.measured.low)
+    found_high = property(lambda self: self.measured.high)
+    value = property(lambda self: self.computed.value)
+    low = property(lambda self: self.computed.low)
+    high = property(lambda self: self.computed.high)
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Measured shares beside those of an answer: a row a tray; how far they are off together, which knows how the
+    errors of bins go together; the least difference of a share that any tray would have shown (``notices``).
+    """
+
+    trays: tuple[ComparedTray, ...]
+    chi_square: float
+    freedom: int
+    chance: float
+    notices: float
+
+    @property
+    def verdict(self) -> str:
+        """Agrees, disagrees, or cannot tell."""
+        if self.chance < RARE:
+            return DISAGREES
+        return CANNOT_TELL if self.notices > COARSE else AGREES
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in a sentence."""
+        test = f"chi-square {self.chi_square:.3g} of {self.freedom}, probability {self.chance:.2g}"
+        if self.verdict == DISAGREES:
+            worst = max(self.trays, key=lambda tray: abs(tray.pull))
+            return (
+                f"The measurement disagrees with the computation ({test}): {worst.about} is {abs(worst.pull):.1f} "
+                f"standard deviations {'above' if worst.pull > 0.0 else 'below'} what the other trays let expect."
+            )
+        if self.verdict == CANNOT_TELL:
+            return (
+                f"The measurement cannot tell ({test}): no tray would show a difference below "
+                f"{100 * self.notices:.2g} points."
+            )
+        return (
+            f"The measurement agrees with the computation ({test}); the best tray would show a difference of "
+            f"{100 * self.notices:.2g} points."
+        )
+
+    def cells(self) -> CellTable:
+        """A row a tray, as the CSV file has it: shares from 0 to 1."""
+        return CellTable.of(self.trays, COLUMNS)
+
+
+def trays_in(joint: JointAnswer, measured: Measured) -> Array:
+    """What each tray (n,) holds in every draw (copies and draws, n). Raises SceneError for a tray of a fraction or bin
+    that there is not.
+    """
+    return _tables(joint) @ weights_in(joint, measured).T
+
+
+def weights_in(joint: JointAnswer, measured: Measured) -> Array:
+    """What each tray (n, shares) holds of all shares."""
+    places = [(name, place) for name in joint.fractions for place in joint.own.names]
+    return measured.weights(places, dict(zip(joint.fractions, joint.mass, strict=True)))
+
+
+def _tables(joint: JointAnswer) -> Array:
+    """The shares of every draw, of a machine and its image one after the other (copies and draws, shares)."""
+    tables = joint.own.tables()
+    return tables.reshape(tables.shape[0] * tables.shape[1], -1)
+
+
+def agreement_of(joint: JointAnswer, measured: Measured, missed: Array | None = None) -> Agreement:
+    """Of ``measured`` shares with a joint answer that knows nothing of them; ``missed``: covariance (shares, shares) of
+    what the model itself may miss.
+
+    How probable a misfit as large is, is counted over the draws, each measured as the trays were: shares are seldom
+    normal. Raises SceneError for a tray of a fraction or bin that there is not.
+    """
+    weights, told = weights_in(joint, measured), trays_in(joint, measured)
+    noise = measured.covariance + (0.0 if missed is None else weights @ missed @ weights.T)
+    off = measured.shares - told.mean(axis=0)
+    inverse, freedom = inverse_of(np.atleast_2d(np.cov(told.T)) + noise)
+    seen = (
+        told - told.mean(axis=0) + np.random.default_rng(SEED).multivariate_normal(np.zeros(len(off)), noise, len(told))
+    )
+    squares, square = np.einsum("ni,ij,nj->n", seen, inverse, seen), float(off @ inverse @ off)
+    chance = (1.0 + float((squares >= square).sum())) / (1.0 + len(squares))
+    alone = np.diag(inverse)
+    pulls = np.divide(inverse @ off, np.sqrt(alone), out=np.zeros_like(off), where=alone > 0.0)
+    trays, least = [], np.inf
+    for row, (place, share) in enumerate(zip(measured.places, measured.numbers(), strict=True)):
+        own = joint.own.number(of_tray(weights[row]))
+        both = hypot(own.half, SIGMAS * sqrt(float(measured.covariance[row, row])))
+        away = abs(share.value - own.value)
+        trays.append(ComparedTray(*place, share, own, away / both if both > 0.0 else 0.0, float(pulls[row])))
+        least = min(least, both)
+    return Agreement(tuple(trays), square, freedom, chance, float(least))
+
+
+def of_tray(weights: Array) -> Of:
+    """What a tray holds, by its ``weights`` (shares,)."""
+    return partial(_tray, weights)
+
+
+def _tray(weights: Array, table: Array) -> Array:
+    return np.asarray(table.reshape(*table.shape[:-2], -1) @ weights)
+
+
+def inverse_of(covariance: Array) -> tuple[Array, int]:
+    """The inverse over the combinations that are free, and how many these are."""
+    sizes, ways = np.linalg.eigh(covariance)
+    free = sizes > TINY * max(float(sizes.max()), TINY)
+    return (ways[:, free] / sizes[free]) @ ways[:, free].T, int(free.sum())
+
+
+def agreement_in(result: Result, measured: Measured) -> Agreement:
+    """Of ``measured`` shares with a finished run. Raises SceneError where that ended before its shares, or has no such
+    fraction or bin.
+    """
+    return agreement_of(result.joint, measured)
+
+
+def measured_in(result: Result) -> Measured | None:
+    """What was measured, as the scene of a run says; None without it."""
+    trays = Scene.parse(result.scene).measured if result.scene.get("measured") else []
+    return Measured.of(trays) if trays else None

@@ -1,0 +1,200 @@
+"""Sources of the budget of granules that meet: part of the slab's replicates flown again with one thing changed.
+
+Granules that meet part ways after a few collisions whatever is changed, so that a difference holds the sampling error
+of the replicates that fly again. Its variance is taken off the square of the difference: what is left is expected to be
+the change's alone, and is nothing where the two agree within their noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from math import copysign, sqrt
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from ...core.errors import known
+from ...core.number import student
+from ...flight.stages.slab_stage import CollisionRerun, SlabFound
+from ...planning.cost import slab_again
+from ...planning.stages import Scaling, Stage, StageCost, Workload, stages
+from ...planning.unknowns import half_of
+from ..draws import ErrorSource as Column
+from ..provenance import RefinedSettings
+from ..shares import PERTURBED_RERUN, BudgetPart
+from .source import FractionResults, Parts, Source, add, sampled, signed_column
+
+if TYPE_CHECKING:
+    from ...flight.stages.landings import Tracked
+    from ...flight.stages.pipeline import Pipeline
+
+COARSER = 2.0  # step of the companion over the answer's: changes more than the answer's own step errs
+SURE = 2.0  # standard errors
+THINNER = 0.5  # depth of the companion's slab over the answer's
+
+
+class _SlabAgain(Source[tuple[SlabFound, ...]]):
+    """Some replicates of the slab under a companion's change, the same granules, compared with the slab or with others,
+    each replicate with the same one.
+    """
+
+    how = PERTURBED_RERUN
+    companion: ClassVar[CollisionRerun]
+    part_of_slab: ClassVar[float]  # its run time over the slab's
+
+    def costs(self, work: Workload) -> Iterable[StageCost]:
+        return (cost for name in self.flown for cost in slab_again(work, name, self.part_of_slab))
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> tuple[SlabFound, ...] | None:
+        del tracked
+        again = pipeline.crowd(self.companion)
+        return None if again is None else (again,)
+
+    def shares(self, fraction: FractionResults) -> Parts:
+        found, ends = self._compared(fraction), fraction.flights.of(self) or ()
+        seconds = sum(map(fraction.pipeline.spent, self.flown[: len(ends)]))
+        return {place: [self.part(abs(moved), seconds, note)] for place, (moved, note) in found.items()}
+
+    def _compared(self, fraction: FractionResults) -> dict[str, tuple[float, str | None]]:
+        """What the change is of the fraction's share in every bin, beyond chance, and what was compared in words."""
+        found, slab = fraction.flights.of(self), fraction.flights.crowd
+        if found is None or slab is None:
+            return {}
+        both = (*found, slab)[:2]
+        bins, images = len(fraction.shares) - 1, fraction.pipeline.scene.images
+        changed, own = (found.landings[fraction.name].counts(bins, images) for found in both)
+        paired = all(_apart(found, fraction) for found in both)
+        if paired:
+            own = own[: len(changed)]
+        return {
+            place: beyond_chance(changed[:, i], own[:, i], paired=paired, part=1.0 / len(found))
+            for i, place in enumerate(fraction.shares)
+        }
+
+    @property
+    def flown(self) -> tuple[str, ...]:
+        """The stages in which replicates fly again."""
+        return (self.companion.name,)
+
+    def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
+        """A difference of replicates that go apart: sampling in all but the name."""
+        return sampled(part.error or 0.0, now, then)
+
+
+class SlabStep(_SlabAgain):
+    """The time step in which granules that meet are moved: part of the replicates with one twice as long."""
+
+    name, place = "slab-time-step", 21
+    companion, part_of_slab = CollisionRerun("slab longer steps", step=COARSER), 0.18
+
+
+class _BetweenGranules(_SlabAgain):
+    """How granules rebound from each other: part of the replicates with the number at the upper end of its interval,
+    beside the same feed as it is. Where that shows (:func:`shows`), or the upper end is cut off at the ``most`` that
+    the number can be, the lower end flies too, and it is half of the difference of both.
+    """
+
+    beyond_computing, part_of_slab = True, 0.25
+    number: ClassVar[str]
+    most: ClassVar[float]
+    below: ClassVar[CollisionRerun]
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> tuple[SlabFound, ...] | None:
+        del tracked
+        scene, own = pipeline.scene, pipeline.crowd()
+        value = getattr(scene.collisions, self.number)
+        half = half_of(scene, f"collisions.{self.number}", "collisions", value)
+        if own is None or not half:
+            return None
+        above: dict[str, Any] = {self.number: half}
+        below: dict[str, Any] = {self.number: -half}
+        upper = known(pipeline.crowd(replace(self.companion, **above)))
+        if value + half <= self.most and not shows(upper, own, len(scene.bin)):
+            return (upper,)
+        return upper, known(pipeline.crowd(replace(self.below, **below)))
+
+    def costs(self, work: Workload) -> Iterable[StageCost]:
+        """Of the end that always flies."""
+        return slab_again(work, self.companion.name, self.part_of_slab)
+
+    def column(self, fractions: Sequence[FractionResults]) -> Column | None:
+        return signed_column(
+            self.name, [{place: moved for place, (moved, _) in self._compared(one).items()} for one in fractions]
+        )
+
+    @property
+    def flown(self) -> tuple[str, ...]:
+        return self.companion.name, self.below.name
+
+    def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
+        """No setting makes a number of the scene better known."""
+        del now, then
+        return part.error or 0.0
+
+
+class BetweenGranulesRestitution(_BetweenGranules):
+    """The restitution of one granule on another."""
+
+    name, place, number, most = "collisions.restitution", 16, "restitution", 1.0
+    companion, below = CollisionRerun("livelier meetings"), CollisionRerun("duller meetings")
+
+
+class BetweenGranulesFriction(_BetweenGranules):
+    """The friction of one granule on another."""
+
+    name, place, number, most = "collisions.friction", 17, "friction", math.inf
+    companion, below = CollisionRerun("rougher meetings"), CollisionRerun("smoother meetings")
+
+
+class SlabDepth(_SlabAgain):
+    """The slab's depth, beyond which it repeats itself: of part of the replicates half of the depth, cut off."""
+
+    name, place = "slab-depth", 22
+    companion, part_of_slab = CollisionRerun("thinner slab", depth=THINNER), 0.14
+
+
+def _apart(found: SlabFound, fraction: FractionResults) -> bool:
+    """Whether each replicate that was flown is a row of its own, or the two of an airflow and its image: not where some
+    were put together since one alone had nothing of a fraction.
+    """
+    pipeline = fraction.pipeline
+    images = 2 if pipeline.plan.airflow.mirrored and pipeline.field[1] is not None else 1
+    return 1 + int(found.landings[fraction.name].replicate.max()) == -(-found.replicates // images)
+
+
+def shows(changed: SlabFound, own: SlabFound, bins: int) -> bool:
+    """Whether a change moves the share of any fraction in any bin by more than SURE standard errors, as if none of its
+    granules were the same: what so few replicates show of their own spread is itself chance.
+    """
+    for name, landings in own.landings.items():
+        share, other = ((one.tally(bins).sum(axis=(0, 2)) / one.size) for one in (landings, changed.landings[name]))
+        both = np.clip(0.5 * (share + other), 0.0, 1.0)  # sums of weights may pass 1 by a rounding
+        error = np.sqrt(both * (1.0 - both) * (1.0 / landings.size + 1.0 / changed.landings[name].size))
+        if np.any(np.abs(share - other) > SURE * error):
+            return True
+    return False
+
+
+def beyond_chance(changed: np.ndarray, own: np.ndarray, *, paired: bool, part: float = 1.0) -> tuple[float, str | None]:
+    """Of the difference of two means, of which a ``part`` is the error, what is beyond chance, with its sign, and what
+    was compared in words; the whole difference where too few replicates show no chance.
+    """
+    apart = float(changed.mean() - own.mean())
+    if min(len(changed), len(own)) < 2:
+        return part * apart, None
+    if paired:
+        which, variance = f"between the same {len(own)} replicates", (changed - own).var(ddof=1) / len(own)
+    else:
+        which = f"of {len(changed)} replicates from {len(own)}"
+        variance = changed.var(ddof=1) / len(changed) + own.var(ddof=1) / len(own)
+    of, chance = "" if part == 1.0 else "half of ", 100 * student(len(changed) - 1) * sqrt(variance)
+    note = f"{of}a difference {which} of {100 * apart:+.2g} points, of which chance alone may make {chance:.2g}"
+    return part * copysign(sqrt(max(0.0, apart**2 - variance)), apart), note
+
+
+for _source in (SlabStep(), SlabDepth(), BetweenGranulesRestitution(), BetweenGranulesFriction()):
+    add(_source)
+    for _name in _source.flown:
+        stages.add(_name, Stage(_name, work="slab", scaling=Scaling.SLAB, heading="slab"))

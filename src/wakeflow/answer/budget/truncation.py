@@ -1,0 +1,140 @@
+"""The source that is the terms left out: what each could change a share by.
+
+The plan bounds how far each term could move a landing. What lands no farther than that from a bin's end could land on
+its other side: all of what is inside, or all of what is outside, whichever is more, is the most by which the bin's
+share could change. It is a true bound, however the landings heap up at the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.errors import known
+from ...flight.stages.landings import Landings
+from ...planning.lock_in import vibration_of_scene
+from ...planning.plan import Plan
+from ...planning.terms import COLLISIONS, VIBRATION, LeftOut
+from ...planning.unknowns import Unknown
+from ...scene import RESERVED_BIN, Scene
+from ..shares import CALIBRATED, LEFT_OUT, NOT_COMPUTED, BudgetPart, InputPart
+from ..spread import upper_limit
+from .flown_again import free_ends, points_of
+from .inputs import UNKNOWN
+from .source import FractionResults, Parts, Source, add
+
+Array = NDArray[np.float64]
+AIR_SPEED = "air.speed"  # the unknown that represents what the air beside a body that vibrates does
+NO_EFFECT = InputPart(half=0.0, variance=0.0, error=0.0, rise=0.0)  # on a share that was the same in all draws
+
+
+class LeftOutTerms(Source[None]):
+    """Every term that is not computed, each a part of its own name."""
+
+    name, how, place = "terms-left-out", CALIBRATED, 30
+
+    def shares(self, fraction: FractionResults) -> Parts:
+        pipeline, flights = fraction.pipeline, fraction.flights
+        found = truncation_terms(pipeline.scene, pipeline.plan, fraction.name, fraction.landings)
+        if VIBRATION in pipeline.plan.force:
+            return found
+        draws, answer = flights.of(UNKNOWN), fraction.answer
+        speed = next((one for one in (() if draws is None else draws.unknowns) if one.key == AIR_SPEED), None)
+        for place, parts in found.items():
+            if any(part.source == VIBRATION for part in parts):
+                effect = None
+                if speed is not None:
+                    effects = answer.effects(answer.of_share(fraction.name, [place]), fraction.name)
+                    effect = effects.get(AIR_SPEED, NO_EFFECT)
+                found[place] = [swung(pipeline.scene, pipeline.plan, part, effect, speed) for part in parts]
+        return found
+
+
+def truncation_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> dict[str, list[BudgetPart]]:
+    """Parts of the budget for every bin of fraction ``name``: what each left-out term could change its share by.
+
+    Without a body the whole floor and top are bins and no end is near; there a term that could matter counts by its
+    bound, as for granules spread over one channel width.
+    """
+    asked = scene.feed.rate is not None  # without one the question is that of single granules
+    rows = [row for row in plan.left_out if row.fraction == name and row.bound is not None]
+    rows = [row for row in rows if asked or row.name != COLLISIONS]
+    ends = free_ends(scene)
+    parts: dict[str, list[BudgetPart]] = {place: [] for place in [*scene.bin, RESERVED_BIN]}
+    if not rows or not len(landing.bin):
+        return parts
+    limit = plan.fractions[name].limit or 0.0
+    distance = {point: np.linalg.norm(landing.position - point, axis=1) / scene.width for point in points_of(ends)}
+    number = {place: index for index, place in enumerate(scene.bin)} | {RESERVED_BIN: -1}
+    places, own = list(parts), range(len(parts))
+    for i, found in enumerate(parts.values()):
+        pair = [places[i], places[(scene.images or own)[i]]]  # the bin and its image: once each, or itself twice
+        away = np.concatenate([_nearest([distance[point] for point in ends[one]], landing) for one in pair])
+        inside = np.concatenate([landing.bin == number[one] for one in pair])
+        weight = 0.5 * np.tile(np.ones(len(landing.bin)) if landing.weight is None else landing.weight, 2)
+        for row in rows:
+            error = most_crossing(away, inside, known(row.bound), weight)
+            kind = LEFT_OUT if known(row.bound) <= limit else NOT_COMPUTED
+            if kind == NOT_COMPUTED and not scene.body:  # it may turn back a granule on its way to either end
+                error = max(error, min(1.0, known(row.bound)))
+            found.append(_part(row, error, kind, scene.unit))
+    return parts
+
+
+def _nearest(distances: Sequence[Array], landing: Landings) -> Array:
+    """The distance (n,) to the nearest of some ends; infinite where there are none."""
+    return np.asarray(np.min([np.full(len(landing.bin), np.inf), *distances], axis=0))
+
+
+def _part(row: LeftOut, error: float, kind: str, unit: str) -> BudgetPart:
+    note = f"all that lands within {row.bound:.2g} {unit} of the bin's ends on one side of them"
+    return BudgetPart(row.name, error, 0.0, CALIBRATED, kind, note=note)
+
+
+def swung(scene: Scene, plan: Plan, part: BudgetPart, effect: InputPart | None, speed: Unknown | None) -> BudgetPart:
+    """The part of air that does not see the body vibrate, where a bound on single flights says little: in a wake that
+    sheds any small shift grows, and the shares, which are means over all phases, do not change with it.
+
+    By how much they do was measured of bodies like the shipped rhombus (``planning.lock_in``). Elsewhere they change
+    as the mean wake does, whose drag and base pressure differ by no more than was measured: as if the air were faster
+    by that part, ``effect`` being what its ``speed`` does to the share. Any other ``part`` comes back as it is, and so
+    does this one where nothing was drawn.
+    """
+    if part.source != VIBRATION or plan.airflow.stepping != "time-resolved":
+        return part
+    motion = vibration_of_scene(scene, plan.airflow.accuracy)
+    if motion is None or motion.used:
+        return part
+    ways: list[tuple[float, str]] = []
+    if motion.moved is not None:
+        measured = "measured: no share moved by more in air that sees the body vibrate"
+        ways.append((motion.moved, f"{measured}; {motion.why}"))
+    if part.kind == NOT_COMPUTED and effect is not None and speed is not None:
+        faster = f"as an air faster by {100.0 * motion.bound:.2g} %: so much may drag and base pressure differ"
+        ways.append((effect.half * motion.bound * speed.value / speed.high, f"{faster}; {motion.why}"))
+    if not ways:
+        return part
+    error, note = min([*ways, (part.error or 0.0, part.note or "")])
+    return replace(part, error=error, kind=LEFT_OUT, note=note)
+
+
+def most_crossing(distance: Array, inside: NDArray[np.bool_], shift: float, weight: Array | None = None) -> float:
+    """The most by which a landing ``shift`` (body widths) could change the share of a bin, from whose ends granules
+    land at a ``distance`` (n,), those that are ``inside`` (n,) among them.
+
+    Upper 95 % limit of the share that lands within the shift inside the ends, or of that outside them where it is
+    larger; where none lands so near, of the share as near as the first that does, over how many times farther off that
+    is. ``weight`` (n,) of each granule, by default 1.
+    """
+    each = np.ones(len(distance)) if weight is None else weight
+    near, total = distance <= shift, round(float(each.sum()))
+    if not near.any():
+        return upper_limit(0, total) * max(0.0, shift) / float(distance.min(initial=np.inf))
+    sides = (round(float(each[near & side].sum())) for side in (inside, ~inside))
+    return upper_limit(max(sides), total)
+
+
+add(LeftOutTerms())

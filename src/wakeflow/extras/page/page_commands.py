@@ -1,0 +1,1 @@
+"""extras/page/page_commands.py."""

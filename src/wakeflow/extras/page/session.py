@@ -1,0 +1,525 @@
+"""What one page works on: a scene, its plan, its runs, finished runs; and every action that the browser can ask for.
+
+An action takes and gives plain JSON and raises SceneError for what a person did wrong, and those in ACTIONS pydantic's
+ValidationError for JSON of another shape. None knows of HTTP.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+import threading
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+from pydantic import ConfigDict, Field, validate_call
+
+from ...answer.budget.verdicts import judged
+from ...answer.moved import StoredLandings
+from ...answer.result import FILE, VOID, Result
+from ...answer.result_table import difference_of
+from ...answer.shares import Separation
+from ...core.errors import SceneError, WakeflowError
+from ...core.files import scene_templates
+from ...core.number import Number
+from ...core.registry import did_you_mean
+from ...runs.planned import make_plan
+from ...scene import Scene
+from ...show.canvas import fraction_colours
+from ...show.many_figures import main_quantities
+from ...show.sketch import sketch_svg
+from ...show.words import calibrated_with, difference_text, percent, rate_words, verdict_lines
+from .document import SceneDocument, merged
+from .form import addable, first_keys, form_of
+from .handles import dragged, handles_of, step_of
+from .queue import RUN, RunQueue
+from .stored import differs, inside, listing, parts_of, points_of, scene_of
+from .tasks import TASKS, task_of
+from .within import within
+
+if TYPE_CHECKING:
+    from ...planning.plan import Plan
+
+Lines = Callable[..., list[tuple[str, str]]]  # the plan's lines, as the command line prints them
+Say = Callable[[str, dict[str, object]], None]  # tells every open page: kind, data
+Place = Annotated[float, Field(ge=-1e6, le=1e6)]  # m
+Ends = Mapping[str, tuple[Place, Place]]  # of each bin: from, to
+checked = validate_call(config=ConfigDict(allow_inf_nan=False))
+KEPT = 8  # finished runs whose landings are kept in memory
+
+
+class Session:
+    """The state behind the page; ``say`` is called from any thread. Actions of one kind come one at a time."""
+
+    def __init__(self, what: Path | None, lines: Lines, say: Say, runs: Path | None = None) -> None:
+        self.home, self.runs = Path.cwd(), runs or Path("runs")
+        self._lines, self._say = lines, say
+        self._drawing = threading.Lock()  # matplotlib's fonts are everyone's
+        self._landings: dict[Path, StoredLandings] = {}
+        self.shown: str | None = None  # the run that the page was opened for
+        self.document = self._first(what)
+        self._compared = Path(tempfile.mkdtemp(prefix="wakeflow-page-"))
+        self.queue = RunQueue(self._queue_changed)
+        self._drawn: dict[str, object] = {}
+        self._planned: dict[str, object] = {}
+        self._held: Scene | None = None  # what is dragged is dragged from there
+
+    def close(self) -> None:
+        """End what is computed."""
+        self.queue.close()
+        shutil.rmtree(self._compared, ignore_errors=True)
+
+    def _first(self, what: Path | None) -> SceneDocument:
+        """The scene that is opened: a file, that of a run, the only one of a folder, or one to start from."""
+        if what is None:
+            return _template("rhombus")
+        if what.name in ("", ".."):
+            what = what.resolve()  # it needs a name
+        if (what / FILE).is_file():
+            self.runs, self.shown = what.parent, what.name
+            return self._of_run(what)
+        if what.is_dir():
+            self.home, self.runs = what, what if any(what.glob(f"*/{FILE}")) else what / "runs"
+            for path in sorted(what.glob("*.toml")):
+                with suppress(SceneError):  # a folder, say
+                    return SceneDocument.load(path)
+            return _template("rhombus")
+        if not what.exists():
+            raise SceneError(
+                f"no scene file, run or folder {str(what)!r}; make a scene with: wakeflow new rhombus {what}"
+            )
+        self.home = what.parent
+        return SceneDocument.load(what)
+
+    def _of_run(self, folder: Path) -> SceneDocument:
+        result = Result.load(folder)
+        return SceneDocument(Scene.parse(result.scene).as_toml(), name=folder.name)
+
+    # -- the scene -----------------------------------------------------------------------------------------------------
+    def state(self) -> dict[str, object]:
+        """All of the scene as the page shows it."""
+        document, look = self.document, self.document.look
+        undo, redo = document.steps
+        if look.scene is not None:
+            self._drawn = self._draw(look.scene, look.units)
+        return {
+            "version": document.version, "text": document.text, "name": document.name,
+            "file": None if document.path is None else str(document.path), "changed": document.changed,
+            "conflict": document.conflict, "mistake": look.mistake, "undo": undo, "redo": redo,
+            **self._form(), **self._drawn,
+        }  # fmt: skip
+
+    def _form(self) -> dict[str, object]:
+        """The fields as they are written; None where the text is no TOML."""
+        import tomlkit
+
+        if self.document.look.data is None:
+            return {"form": None, "addable": []}
+        data = tomlkit.parse(self.document.text)
+        return {"form": form_of(data), "addable": addable(data)}
+
+    def _draw(self, scene: Scene, units: Mapping[str, str]) -> dict[str, object]:
+        with self._drawing:
+            drawn = sketch_svg(scene, units)
+        return {
+            "svg": drawn.svg, "origin": drawn.origin, "scale": drawn.scale, "step": step_of(scene),
+            "handles": [one.table() for one in handles_of(scene).values()],
+            "bodies": {name: body.outline().tolist() for name, body in scene.body.items()},
+        }  # fmt: skip
+
+    def edit(
+        self, *, text: str | None = None, before: str | None = None, set: Mapping[str, str | None] | None = None,
+        drag: str | None = None, x: Place = 0.0, y: Place = 0.0, add: str | None = None, undo: bool = False,
+        redo: bool = False, gesture: str | None = None,
+    ) -> dict[str, object]:  # fmt: skip
+        """Change the scene: the whole ``text``, where it was ``before``; keys to ``set`` (None takes one out); a handle
+        to ``drag`` to a place ``x``, ``y`` (m); a table to ``add``; or ``undo`` and ``redo``.
+        """
+        document = self.document
+        if text is not None:
+            both = merged(document.text if before is None else before, text, document.text)
+            if both is None:
+                raise SceneError("another page has changed the same lines: its text is shown now; change it again")
+            document.write(both, gesture)
+        elif set is not None:
+            document.set(set, gesture)
+        elif drag is not None:
+            self._drag(drag, x, y, gesture)
+        elif add is not None:
+            self._add(add)
+        elif undo:
+            document.undo()
+        elif redo:
+            document.redo()
+        return self._tell_scene()
+
+    def _drag(self, name: str, x: float, y: float, gesture: str | None) -> None:
+        """Move a handle of the machine as it was when the gesture began: dividers that meet on the way stay two."""
+        document, look = self.document, self.document.look
+        if look.data is None:
+            raise SceneError(look.mistake, look.mistake.splitlines())
+        if look.scene is not None and (gesture is None or document.gesture != gesture or self._held is None):
+            self._held = look.scene
+        if self._held is None:
+            raise SceneError(look.mistake)
+        handle = handles_of(self._held).get(name)
+        if handle is None:
+            raise SceneError(f"nothing called {name!r} in this machine")
+        document.set(dragged(handle, self._held, look.data, x, y), gesture)
+
+    def _add(self, table: str) -> None:
+        scene = self.document.look.scene
+        keys = first_keys(table, 0.4 if scene is None else scene.channel.width)
+        if not keys:
+            raise SceneError(f"{table}: write [{table}] and its keys into the text")
+        self.document.set({f"{table}.{key}": typed for key, typed in keys.items()})
+
+    def _tell_scene(self) -> dict[str, object]:
+        state = self.state()
+        self._say("scene", state)
+        return state
+
+    def save(self, *, name: str | None = None) -> dict[str, object]:
+        """Write the scene to its file, or to a new one called ``name`` in the folder of the first."""
+        self.document.save(None if name is None else _new_file(self.home, name))
+        return self._tell_scene()
+
+    def settle(self, *, keep: bool) -> dict[str, object]:
+        """End a conflict with the disk: ``keep`` the text here or take the file's."""
+        self.document.settle(keep=keep)
+        return self._tell_scene()
+
+    def watch(self) -> None:
+        """Look whether another program has changed the file."""
+        if self.document.compare_with_disk():
+            self._tell_scene()
+
+    def open(
+        self, *, file: str | None = None, run: str | None = None, kind: str = "rhombus", drop: bool = False
+    ) -> dict[str, object]:
+        """Take up another scene: the ``file`` of the folder, a shipped ``kind`` to start from, or that of a ``run``.
+        Raises SceneError where the one that is open is not saved, unless ``drop`` says that it may go.
+        """
+        if self.document.changed and any(self.document.steps) and not drop:
+            raise SceneError(f"{self.document.name} is not saved: save it, or open the other one again to drop it")
+        if file is not None:
+            found = SceneDocument.load(inside(self.home, file))
+        elif run is not None:
+            found = self._of_run(self._run(run))
+        else:
+            found = _template(kind)
+        found.version = self.document.version + 1
+        self.document, self._drawn, self._held = found, {}, None
+        return self._tell_scene()
+
+    # -- the plan ------------------------------------------------------------------------------------------------------
+    def plan(self) -> dict[str, object]:
+        """The plan's lines, and of each fraction whether the air lifts it; of a wrong scene nothing. Every open page
+        asks for it: it is made once a version.
+        """
+        if self._planned.get("version") != self.document.version:
+            self._planned = self._plan()
+        return self._planned
+
+    def _plan(self) -> dict[str, object]:
+        version = self.document.version  # before its text, which another thread may change meanwhile
+        look = self.document.look
+        if look.scene is None:
+            return {"version": version, "lines": None}
+        try:
+            made = make_plan(look.scene)
+            lines = self._lines(made, look.scene, look.units)
+        except WakeflowError as problem:
+            return {"version": version, "lines": None, "mistake": str(problem)}
+        return {"version": version, "lines": lines, "notes": _notes(made), "falls": _falls(made, look.scene),
+                "air": None if look.scene.air is None else look.scene.air.speed}  # fmt: skip
+
+    # -- runs ----------------------------------------------------------------------------------------------------------
+    def run(
+        self, *, name: str | None = None, quick: bool = False, full: bool = True, kind: str = RUN, typed: str = ""
+    ) -> dict[str, object]:
+        """Put the scene as it is now at the end of the list of runs, with a first look before it where ``quick`` asks
+        for it; or another ``kind`` of task with what is ``typed`` for it. Raises SceneError where it is wrong.
+        """
+        document, look = self.document, self.document.look
+        if look.scene is None:
+            raise SceneError(look.mistake)
+        if kind != RUN:
+            task_of(kind, look.scene, typed, self.home)
+        free = self._free(name or (document.name if kind == RUN else f"{document.name}-{kind}"), look.scene, kind)
+        asked: dict[str, Any] = {
+            "text": document.text, "base": document.base, "scene": document.name, "kind": kind, "typed": typed,
+            "files": self.home,
+        }  # fmt: skip
+        if quick and kind != "search":  # whose levels begin with one
+            folder = self.runs / f"{free}-first-look"
+            self.queue.add(name=f"{free} first look", folder=folder, options={"quick": True}, **asked)
+        if full:
+            self.queue.add(name=free, folder=self.runs / free, **asked)
+        return self.list()
+
+    def _free(self, name: str, scene: Scene, kind: str = RUN) -> str:
+        """The name of a run's folder: one that is free, or holds the answer of this very scene."""
+        if not name or name.startswith(".") or any(letter in name for letter in "/\\\0"):
+            raise SceneError(f"{name!r}: name a run without slashes, not beginning with a dot")
+        for number in range(1, 1000):
+            free = name if number == 1 else f"{name}-{number}"
+            folder = self.runs / free
+            asked = [one for one in self.queue.runs if one.folder == folder and one.state not in ("done", "failed")]
+            one_run = kind in (RUN, "protocol")
+            there = (folder / FILE).exists() if one_run else folder.exists()
+            if not asked and (not there or (one_run and _same(folder, scene))):
+                return free
+        raise SceneError(f"a thousand runs are called {name}: choose another name")
+
+    def job(self, *, act: str, number: int) -> dict[str, object]:
+        """``stop`` a run, ``go_on`` with it, or ``drop`` it from the list, by its ``number``."""
+        acts = {"stop": self.queue.stop, "go_on": self.queue.go_on, "drop": self.queue.drop}
+        if act not in acts:
+            raise SceneError(f"unknown act {act!r}{did_you_mean(act, list(acts))}")
+        acts[act](number)
+        return self.list()
+
+    def list(self) -> dict[str, object]:
+        """The runs that were asked for, and what is on the disk."""
+        return {
+            "queue": [one.table() for one in self.queue.runs], "kinds": list(scene_templates()),
+            "shown": self.shown, "tasks": list(TASKS), **listing(self.runs, self.home),
+        }  # fmt: skip
+
+    def _queue_changed(self) -> None:
+        self._say("queue", {"queue": [one.table() for one in self.queue.runs]})
+
+    # -- finished runs -------------------------------------------------------------------------------------------------
+    def _run(self, name: str) -> Path:
+        folder = inside(self.runs, name)
+        if not (folder / FILE).is_file():
+            raise SceneError(f"{name} holds no finished run")
+        return folder
+
+    def file(self, name: str, kind: str = "report.html") -> Path:
+        """The page of a finished run, or of a comparison. Raises SceneError where there is none."""
+        if kind == "compare.html":
+            return inside(self._compared, f"{name}/compare.html")
+        path = self._run(name) / kind
+        if not path.is_file():
+            raise SceneError(f"{name} has no {kind}; draw it with: wakeflow report {self.runs / name}")
+        return inside(self.runs, f"{name}/{kind}")
+
+    def figure(self, name: str) -> Path:
+        """A picture of a sweep. Raises SceneError where there is none."""
+        path = inside(self.runs, name)
+        if path.parent.name != "figures" or path.suffix != ".png" or not path.is_file():
+            raise SceneError(f"no picture {name!r}")
+        return path
+
+    def _stored(self, name: str) -> StoredLandings:
+        folder = self._run(name)
+        made = (folder / FILE).stat().st_mtime_ns
+        key = folder / str(made)
+        if key not in self._landings:
+            while len(self._landings) >= KEPT:
+                del self._landings[next(iter(self._landings))]
+            self._landings[key] = StoredLandings.of(Result.load(folder))
+        return self._landings[key]
+
+    def landings(self, *, run: str) -> dict[str, object]:
+        """Of a finished ``run``: where its granules landed, its dividers, its shares."""
+        stored = self._stored(run)
+        scene, channel = stored.scene, stored.scene.channel
+        half = channel.width / 2
+        level, upright = (-half, half), (channel.bottom, channel.top)
+        with self._drawing:
+            drawn = sketch_svg(scene)
+        return {
+            "svg": drawn.svg, "origin": drawn.origin, "scale": drawn.scale,
+            "walls": {"left": -half, "right": half, "floor": channel.bottom, "top": channel.top},
+            "run": run, "folder": str(stored.result.folder), "calibrated": calibrated_with(stored.result),
+            "report": (stored.result.folder / "report.html").is_file(),
+            "protocol": (stored.result.folder / "protocol.html").is_file(),
+            "colours": fraction_colours(list(scene.fraction)),
+            "targets": {name: list(one.targets) for name, one in scene.fraction.items()},
+            "sides": {
+                on: {"span": level if on in ("floor", "top") else upright, "profile": profile}
+                for on, profile in stored.profile().items()
+            },
+            "on": {name: one.side for name, one in scene.bin.items() if one.side},
+            "ends": stored.ends, "step": step_of(scene), **self._answer(stored, stored.ends),
+        }  # fmt: skip
+
+    def inside(self, *, run: str) -> dict[str, object]:
+        """Tracks and air of a finished ``run``, to be drawn within its machine."""
+        return within(self._stored(run).result)
+
+    def dividers(self, *, run: str, ends: Ends) -> dict[str, object]:
+        """The answer of a finished ``run`` with its bins between other ``ends`` (m)."""
+        return self._answer(self._stored(run), ends)
+
+    def _answer(self, stored: StoredLandings, ends: Ends) -> dict[str, object]:
+        found, void = stored.result.between(ends).shares, stored.result.void
+
+        def told(numbers: Mapping[str, Number | None]) -> dict[str, object]:
+            return {
+                key: None if one is None else [one.value, *one.ends, percent(one, void=void)]
+                for key, one in numbers.items()
+            }
+
+        return {
+            "shares": {name: told(row) for name, row in found.fractions.items()},
+            "purity": {place: told(row) for place, row in found.purity.items() if row},
+            **{kind: told(getattr(found, kind)) for kind in ("recovery", "loss", "dirt")},
+            "lost": {name: rate_words(one, void=void) for name, one in found.lost.items()},
+            "limits": _verdicts(stored, ends, found),
+        }
+
+    def before(self, *, run: str) -> dict[str, object]:
+        """A finished ``run`` next to the one before it with the same fractions and bins: both main numbers and what
+        differs; nothing where there is none.
+        """
+        from ...many.comparison import compare
+
+        rows = listing(self.runs, self.home)["runs"]
+        names = [str(row["name"]) for row in rows]
+        place = names.index(run) if run in names else len(names)
+        scenes = [scene_of(self.runs / name) for name in names[place:]]
+        alike = (i for i, one in enumerate(scenes) if i and parts_of(one) == parts_of(scenes[0]))
+        if (other := next(alike, None)) is None:
+            return {"run": run, "other": None}
+        table = compare([self._run(names[place + other]), self._run(run)]).table
+        first, last = table.entries
+        void = [one.reason == VOID for one in table.entries]
+        found = [(name, difference_of(first, last, name)) for name in main_quantities(table)]
+        return {
+            "run": run, "other": rows[place + other], "differs": differs(scenes[other], scenes[0]),
+            "rows": [
+                [name.replace(".", " of ", 1).replace(".", ", "), percent(first.by_name.get(name), void=void[0]),
+                 percent(last.by_name.get(name), void=void[1]),
+                 VOID if any(void) else "" if one is None else difference_text(one), one is not None and one.clear]
+                for name, one in found
+            ],
+        }  # fmt: skip
+
+    def compare(self, *, runs: tuple[str, ...]) -> dict[str, object]:
+        """Write the page of several ``runs`` side by side; returns its name."""
+        from ...many.comparison import compare
+
+        found = compare([self._run(name) for name in runs])
+        place = Path(tempfile.mkdtemp(dir=self._compared))
+        with self._drawing:
+            found.write(place)
+        return {"page": place.name, "differs": {key: [str(entry.inputs.get(key, "")) for entry in found.table.entries]
+                                                for key in found.table.inputs}}  # fmt: skip
+
+    def sweep(self, *, sweep: str) -> dict[str, object]:
+        """A sweep's points."""
+        return points_of(inside(self.runs, sweep))
+
+    def measured(self, *, run: str, rows: tuple[tuple[str, str, str], ...], error: str) -> dict[str, object]:
+        """Put the calibration of a ``run`` by measured trays at the end of the list: ``rows`` of fraction, bin and
+        percent as it is typed, ``error`` of each in points. What cannot be read is returned as ``wrong``, by its place.
+        """
+        folder, wrong = self._run(run), dict[str, str]()
+
+        def part(where: str, typed: str) -> float:
+            try:
+                found = percent_typed(typed)
+            except ValueError as problem:
+                wrong[where] = str(problem)
+                return 0.0
+            return found
+
+        shares = [part(f"{fraction} in {place}", typed) for fraction, place, typed in rows]
+        sure = part("±", error)
+        if not rows:
+            wrong["trays"] = "type the percent of at least one, such as 26.5"
+        if not wrong and sure == 0.0:
+            wrong["±"] = "needs a number above 0: no tray is weighed exactly"
+        if wrong:
+            return {"wrong": wrong}
+        result = Result.load(folder)
+        self.queue.add(
+            name=f"{folder.name} and what was measured", folder=folder, base=self.home, scene=folder.name,
+            text=Scene.parse(result.scene).as_toml(),
+            options={"rung": result.options.rung, "force": result.options.force},
+            measured={
+                "fraction": [row[0] for row in rows], "bin": [row[1] for row in rows], "share": shares,
+                "uncertainty": [sure] * len(rows),
+            },
+        )  # fmt: skip
+        return self.list()
+
+    ACTIONS: ClassVar = {one.__name__: checked(one) for one in (
+        state, edit, save, settle, open, plan, run, job, list, landings, inside, dividers, before, compare, sweep,
+        measured,
+    )}  # fmt: skip
+
+
+def _verdicts(stored: StoredLandings, ends: Ends, found: Separation) -> list[str]:
+    """Of each limit of a run whether it is kept with its bins between ``ends``, in the words of the report."""
+    result = stored.result
+    if dict(ends) == stored.ends:
+        return verdict_lines(result)
+    parts = {"loss": found.loss, "dirt": found.dirt}
+    now = [(one, parts[kind].get(of)) for one in result.limits for kind, _, of in [one.limit.partition(".")]]
+    moved = [replace(one, value=value, verdict=judged(result, value, one.most), decides="") for one, value in now]
+    return verdict_lines(replace(result, limits=tuple(moved)))
+
+
+def percent_typed(typed: str) -> float:
+    """A share from what is typed as percent, with a point or a comma, with or without the sign. Raises ValueError.
+
+    >>> percent_typed("26,5"), percent_typed("26.5 %")
+    (0.265, 0.265)
+    """
+    found = re.fullmatch(r"\s*(\d+(?:[.,]\d*)?|[.,]\d+)\s*%?\s*", typed, re.ASCII)
+    if found is None:
+        raise ValueError(f"{typed!r} is no percent; write a number such as 26.5 or 26,5")
+    part = float(found[1].replace(",", "."))
+    if part > 100.0:
+        raise ValueError(f"{typed!r}: of a fraction at most 100 % lie in a tray")
+    return part / 100.0
+
+
+def _template(kind: str) -> SceneDocument:
+    known = scene_templates()
+    if kind not in known:
+        raise SceneError(f"unknown scene {kind!r}{did_you_mean(kind, list(known))} (known: {', '.join(known)})")
+    return SceneDocument(known[kind].read_text(encoding="utf-8"), name=kind, base=known[kind].parent)
+
+
+def _new_file(home: Path, name: str) -> Path:
+    if not name or Path(name).name != name or name.startswith(".") or not name.isprintable() or "\\" in name:
+        raise SceneError(f"{name!r}: a name without a folder, not beginning with a dot")
+    return home / (name if name.endswith(".toml") else f"{name}.toml")
+
+
+def _same(folder: Path, scene: Scene) -> bool:
+    try:
+        return bool(Result.load(folder).scene == scene.tables())
+    except SceneError:
+        return False
+
+
+def _notes(plan: Plan) -> dict[str, list[str]]:
+    """All that the plan says beyond its lines, by heading."""
+    left = dict.fromkeys(f"{one.name}: {one.why}" for one in plan.left_out)
+    return {"computed": list(plan.used), "left out": list(left), "notes": list(plan.warnings)}
+
+
+def _falls(plan: Plan, scene: Scene) -> list[dict[str, object]]:
+    """Of each fraction its terminal velocity (m/s) and what the air does with it far from the bodies."""
+    found: list[dict[str, object]] = []
+    for name, one in plan.fractions.items():
+        speed = one.terminal_velocity
+        if scene.air is None or speed is None:
+            told = "falls freely"
+        elif scene.air.rises:
+            told = "is lifted" if speed < scene.air.speed else "falls"
+        else:
+            told = f"falls at {scene.air.speed + speed:.3g} m/s at most"
+        found.append({"name": name, "terminal": speed, "told": told})
+    return found

@@ -1,0 +1,120 @@
+"""What a page can ask for beside a run: many scenes, a search, what to weigh. Each is read before it waits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...core.errors import SceneError
+from ...core.quantities import say, speaking
+from ...core.registry import did_you_mean
+from ...many.axis import axis_of_text
+from ...many.compute import Sweep, sweep
+from ...many.operating import RATE, SPEED, capacity, met_up_to, operating_map
+from ...many.variant import variants
+from ...scene import Scene
+from ...show.sketch import UNITS
+from ..search.designs import search
+from ..search.task import read_search_file
+from ..trays.protocol import protocol, wanted_share
+from .stored import inside
+
+Work = Callable[..., str]  # (folder, listener, planned, how): does it, and says what came out
+Task = Callable[
+    [Scene, str, Path], Work
+]  # (scene, what is typed, folder of files): raises SceneError where it is wrong
+
+
+def _swept(scene: Scene, typed: str, _: Path) -> Work:
+    found = variants(scene, _parts(typed))
+
+    def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
+        del planned
+        return _outcome(sweep(found, folder, listener=listener, **how))
+
+    return work
+
+
+def _mapped(scene: Scene, typed: str, _: Path) -> Work:
+    axes = _axes(scene, typed, (SPEED, RATE))
+
+    def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
+        del planned
+        found = operating_map(scene, folder, air=axes.get(SPEED), feed=axes.get(RATE), listener=listener, **how)
+        return _outcome(found[0])
+
+    return work
+
+
+def _capacity(scene: Scene, typed: str, _: Path) -> Work:
+    axes = _axes(scene, typed, (RATE,))
+
+    def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
+        del planned
+        found, _ = capacity(scene, folder, feed=axes.get(RATE), listener=listener, **how)
+        with speaking(UNITS):
+            met = [
+                f"{name} at most {100 * scene.limit.asked[name]:.4g} %: met "
+                + ("at none of these rates" if rate is None else f"up to {say(rate, 'kg/s', 4)}")
+                for name, rate in met_up_to(found.table, scene.limit.asked).items()
+            ]
+        return "; ".join([_outcome(found), *met])
+
+    return work
+
+
+def _searched(scene: Scene, typed: str, base: Path) -> Work:
+    del scene
+    task = read_search_file(inside(base, typed))
+
+    def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
+        del planned, how
+        found = search(task, folder, listener=listener)
+        best = ", ".join(f"{key} = {value}" for key, value in found.recommended.changes.items())
+        kept = "" if found.recommended.allowed else "; no design keeps the limits, this one comes nearest"
+        return f"recommended: {best}{kept}; within the intervals {len(found.rivals)} others may be as good"
+
+    return work
+
+
+def _protocol(scene: Scene, typed: str, _: Path) -> Work:
+    wanted_share(scene, typed or None)
+
+    def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
+        return protocol(scene, folder, of=typed or None, listener=listener, planned=planned, **how).sentence
+
+    return work
+
+
+TASKS: Mapping[str, Task] = {
+    "sweep": _swept, "map": _mapped, "capacity": _capacity, "search": _searched, "protocol": _protocol,
+}  # fmt: skip
+
+
+def task_of(kind: str, scene: Scene, typed: str, base: Path) -> Work:
+    """What does a ``kind`` of task; ``typed``: axes of a sweep, a map or a capacity curve as of ``--set``, between
+    semicolons, the search file in the folder ``base``, or the share that a protocol is for. Raises SceneError.
+    """
+    if kind not in TASKS:
+        raise SceneError(f"unknown task {kind!r}{did_you_mean(kind, list(TASKS))} (known: {', '.join(TASKS)})")
+    return TASKS[kind](scene, typed.strip(), base)
+
+
+def _parts(typed: str) -> list[str]:
+    return [part.strip() for part in typed.split(";") if part.strip()]
+
+
+def _axes(scene: Scene, typed: str, known: Sequence[str]) -> dict[str, Sequence[object]]:
+    given = {RATE: scene.feed.rate, SPEED: scene.air and scene.air.speed}
+    if lacking := [key for key in known if not given[key]]:
+        raise SceneError(f"the scene has no {lacking[0]} to vary: give it one")
+    found = {axis.key: axis.values for axis in map(axis_of_text, _parts(typed))}
+    if wrong := [key for key in found if key not in known]:
+        raise SceneError(f"{wrong[0]}: write {' or '.join(known)}, as in {known[-1]}='200:800:4 kg/hour'")
+    return found
+
+
+def _outcome(found: Sweep) -> str:
+    failed = "; ".join(f"{name}: {why}" for name, why in found.failed.items())
+    return f"{found.table!r}" + (f"; {failed}" if failed else "")

@@ -1,0 +1,1 @@
+"""extras/search/search_commands.py."""

@@ -1,0 +1,1 @@
+"""extras/search/show_search.py."""

@@ -1,0 +1,342 @@
+"""calibrate(): what measured shares say of the numbers that a scene does not say exactly, and of all other shares.
+
+The joint answer of a run is moved to where it is as measured (:mod:`.calibration_update`). Where the numbers as stated
+cannot reach the trays, what would have to be otherwise is found first, as history matching does with a conflict of
+prior and data (White et al. 2020, PEST++ v5, 9.1.13): the input whose stated uncertainty must grow least, or else how
+far the model itself must miss shares. What nothing explains is not calibrated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...answer.budget.agreement import Agreement, of_tray, weights_in
+from ...answer.budget.source import INPUTS
+from ...answer.joint import JointAnswer, Of
+from ...answer.result import Calibration, Result, key_in
+from ...answer.shares import BudgetPart, BudgetRow, BudgetTotal, InputSummary, Separation
+from ...answer.unknown_inputs import effects_in
+from ...core import sums
+from ...core.errors import SceneError, known
+from ...core.files import atomic_write, made_folder, path_of, write_json
+from ...core.number import Number
+from ...core.record import to_json
+from ...core.store import cache_in_use, cache_root, content_key
+from ...core.tables import CellTable
+from ...planning.stage_cache import Listener
+from ...runs import run
+from ...runs.planned import make_plan
+from ...runs.progress import as_listener
+from ...runs.run_stages import one_thread_of_blas
+from ...scene import Scene
+from ...scene.measured import Measured, Tray, read_trays, trays_of_columns
+from ...scene.overrides import share_in
+from ...scene.whole import States, switched
+from .calibrated_materials import materials_text
+from .calibration_match import Matched, matched
+from .calibration_update import DISCREPANCY, Updated, half_of, left_by
+
+if TYPE_CHECKING:
+    from ...planning.plan import Plan
+
+Array = NDArray[np.float64]
+TELLS = 0.9  # an input whose interval became narrower by this factor has learnt something
+MEASURED_SHARES = "measured shares"
+COMMAND, MATERIALS = "calibrate", "materials.toml"
+TABLES = ("inputs.csv", "agreement.csv", "correlations.csv", "shares.csv", "calibration.json")
+
+
+# -- The calibration of a scene ----------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class CalibratedInput:
+    """One number of the scene: what was known of it ``before``, and what is known ``after`` the measurement."""
+
+    key: str
+    unit: str
+    before: Number
+    after: Number
+    narrower: float
+
+    value = property(lambda self: self.after.value)
+    low = property(lambda self: self.after.low)
+    high = property(lambda self: self.after.high)
+    value_before = property(lambda self: self.before.value)
+    low_before = property(lambda self: self.before.low)
+    high_before = property(lambda self: self.before.high)
+
+
+INPUT_COLUMNS = {
+    "input": "key", "unit": "unit", "before": "value_before", "before low": "low_before", "before high": "high_before",
+    "after": "value", "after low": "low", "after high": "high", "interval after over before": "narrower",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """What a measurement makes of a scene: its ``inputs`` by key, those that learnt most first; the ``result`` with the
+    new shares, recoveries and purities, next to the one ``before``; the ``agreement`` of the measurement with what the
+    scene says; the ``conflict``: what would have to be otherwise for the two to agree, empty where they do; each tray
+    as it is known now (``trays``); the correlation of each pair of inputs that learnt something; of each tray how much
+    wider the widest recovery would be without it (``wider_without``); what to measure next (``next``: what it would
+    leave of the widest recovery's interval). Where nothing agrees there is no ``result`` and nothing is known of any
+    input.
+    """
+
+    folder: Path
+    before: Result
+    result: Result | None
+    inputs: Mapping[str, CalibratedInput]
+    agreement: Agreement
+    conflict: str
+    trays: tuple[Number, ...]
+    correlations: tuple[tuple[str, str, float], ...]
+    wider_without: tuple[tuple[str, float], ...]
+    next: tuple[tuple[str, float], ...]
+    rounds: int
+    stands: bool
+    source: str
+
+    def save(self, path: Path | str) -> Path:
+        """Write the materials file: ``materials = "..."`` at the head of the next scene takes it, each fraction that is
+        fed here as the material ``measured-NAME``.
+
+        Raises SceneError where the measurement contradicts what the scene says of its inputs.
+        """
+        if self.conflict:
+            raise SceneError(f"no materials are written: {self.conflict} Weigh it again, or mend the scene")
+        file, scene = path_of(path, "materials file"), Scene.parse(self.before.scene)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_write(file) as stream:
+            stream.write(materials_text(scene, {k: one.after for k, one in self.inputs.items()}, self.source))
+        return file
+
+    def cells(self) -> CellTable:
+        """A row an input, as inputs.csv has it."""
+        return CellTable.of(self.inputs.values(), INPUT_COLUMNS)
+
+
+def calibrate(
+    scene: Scene | Path | str,
+    measured: Path | str | Mapping[str, Sequence[object]] | Sequence[Tray] | Any,
+    out: Path | str | None = None,
+    *,
+    discrepancy: float | str = DISCREPANCY,
+    rung: str | None = None,
+    force: States | None = None,
+    workers: int | None = None,
+    listener: Listener | None = None,
+    planned: Callable[[Plan], object] | None = None,
+) -> Posterior:
+    """Say what measured shares tell of the unknown numbers of ``scene``, and of all its shares.
+
+    ``measured``: a CSV file (fraction, bin, share, uncertainty), columns by these names, or a frame of them. The scene
+    is run where it has not been, in the folder ``out`` (as :func:`wakeflow.run`), where the files of the calibration
+    are written too. ``discrepancy``: half of the 95 % interval by which the model itself may miss a share of a half,
+    0.02 or "2 %".
+
+    Raises SceneError for wrong input.
+    """
+    asked, trays, missed = Scene.of(scene), _trays_of(measured), share_in(discrepancy, "discrepancy")
+    if not 0.0 < missed <= 0.5:
+        raise SceneError(f"discrepancy = {discrepancy!r}: needs a share above 0, at most 0.5; no model is exact")
+    found = Measured.of(trays)
+    found.weights([(f, b) for f in asked.fraction for b in (*asked.bin, "elsewhere")], asked.mass_shares())
+    heard, planned = as_listener(listener, planned)
+    if why := make_plan(asked, rung=rung, force=switched(force)).why_void:
+        raise SceneError(f"calibrate: the answer would be void: {why}")
+    if out is not None:
+        _claim(path_of(out, "out"))
+    result = run(scene, out, rung=rung, force=force, workers=workers, listener=heard, planned=planned, report=False)
+    if result.void:
+        raise SceneError(f"calibrate: the answer of {result.folder} is void, {result.warnings[0]}")
+    with cache_in_use(cache_root()), one_thread_of_blas():
+        agreed = matched(result, found, missed, workers, heard)
+        posterior = _posterior(result, agreed, found, _source(measured))
+    _write(posterior, agreed)
+    return posterior
+
+
+def _trays_of(measured: object) -> list[Tray]:
+    """The trays of a file, of columns by their names, or as they are."""
+    if isinstance(measured, Path | str):
+        return read_trays(measured)
+    if isinstance(measured, Sequence) and measured and all(isinstance(one, Tray) for one in measured):
+        return list(measured)
+    heads = getattr(measured, "columns", None)
+    columns = measured if heads is None else {head: measured[head] for head in heads}  # type: ignore[index]
+    if not isinstance(columns, Mapping):
+        raise SceneError("measured: give a CSV file, columns by their names, or a frame of them")
+    return trays_of_columns(columns)
+
+
+def _source(measured: object) -> str:
+    return Path(measured).name if isinstance(measured, Path | str) else "measured shares"
+
+
+# -- What came out -----------------------------------------------------------------------------------------------------
+def inputs_after(update: Updated) -> dict[str, CalibratedInput]:
+    """What is known of every input, those whose interval became narrowest first."""
+    found = []
+    for place, one in enumerate(update.unknowns):
+        apart = float(update.z[:, place].std() / update.before.z[:, place].std())
+        found.append(CalibratedInput(one.key, one.unit, Number(one.value, *one.ends), update.known(place), apart))
+    return {one.key: one for one in sorted(found, key=lambda one: one.narrower)}
+
+
+def correlations_after(update: Updated) -> Iterator[tuple[str, str, float]]:
+    """Of each pair of inputs that learnt something, the strongest first."""
+    apart = update.z.std(axis=0) / np.maximum(update.before.z.std(axis=0), 1e-12)
+    learnt = [i for i, size in enumerate(apart) if 0.0 < size < TELLS]
+    together = np.atleast_2d(np.corrcoef(update.z.T))
+    keys = update.before.keys
+    pairs = [(keys[i], keys[j], float(together[i, j])) for place, i in enumerate(learnt) for j in learnt[place + 1 :]]
+    yield from sorted(pairs, key=lambda pair: -abs(pair[2]))
+
+
+def widest_recovery(joint: JointAnswer) -> tuple[str, Of]:
+    """The recovery that is known worst and its name; where no fraction has a target, a share."""
+    own = joint.own
+    wanted = {
+        f"recovery of {name}": own.of_share(name, targets) for name, targets in joint.targets.items() if targets
+    } or {f"{name} in {place}": own.of_share(name, [place]) for name in joint.fractions for place in own.names}
+    return max(wanted.items(), key=lambda one: own.number(one[1]).half)
+
+
+def wider_without(update: Updated, measured: Measured) -> list[tuple[str, float]]:
+    """Of each tray how many times wider the interval of the recovery that was known worst would be without it; never
+    wider than with no tray at all.
+    """
+    before, weights = update.before, weights_in(update.before, measured)
+    of = widest_recovery(before)[1]
+    wanted, noise = before.own.values(of)[0], measured.covariance
+    after = max(half_of(update.after.own.values(of)[0]), 1e-12)
+    every, most, found = max(left_by(before, wanted, weights, noise), 1e-12), half_of(wanted) / after, []
+    for row, (fraction, place) in enumerate(measured.places):
+        kept = [other for other in range(len(measured.places)) if other != row]
+        without = left_by(before, wanted, weights[kept], noise[np.ix_(kept, kept)]) if kept else half_of(wanted)
+        times = max(1.0, min(without / every, most))
+        found.append((f"{fraction or 'all fractions'} in {place}", times))
+    return sorted(found, key=lambda one: -one[1])
+
+
+def measure_next_after(after: JointAnswer, most: int = 5) -> list[tuple[str, float]]:
+    """Each input that is worth measuring, with the part of the widest recovery's interval that would be left once it
+    were known exactly.
+    """
+    of = widest_recovery(after)[1]
+    total = after.own.number(of).half
+    if total <= 0.0:
+        return []
+    left = [(key, min(1.0, after.own.known_better(of, {key: 0.0}).half / total)) for key in after.keys]
+    return sorted(left, key=lambda one: one[1])[:most]
+
+
+def _posterior(before: Result, agreed: Matched, measured: Measured, source: str) -> Posterior:
+    update = agreed.update
+    if update is None:
+        return Posterior(before.folder, before, None, {}, agreed.agreement, agreed.conflict, (), (), (), (), 0, False,
+                         source)  # fmt: skip
+    landings, own, inputs = known(before.landings), update.after.own, inputs_after(update)
+    separation = _numerical(own.separation(), landings.separation)
+    summary = {
+        key: InputSummary(*one.after, unit=one.unit, why=f"{MEASURED_SHARES}, {source}") for key, one in inputs.items()
+    }
+    parts, of_targets = effects_in(own)
+    after = replace(
+        landings, separation=separation, inputs=summary, measure_next=parts, of_targets=of_targets,
+        without_collisions=None, bracket=None, air_loading=None, three_dimensions=None,
+        budget=tuple(_rows(separation)), joint=update.after.record(),
+    )  # fmt: skip
+    key = content_key("calibrated", before.key, repr(measured), update.discrepancy, agreed.conflict)
+    told = Calibration(source, agreed.conflict, agreed.agreement.sentence)
+    trays = tuple(update.after.own.number(of_tray(row)) for row in weights_in(update.after, measured))
+    result = replace(before, landings=after, key=key, calibration=told).with_joint(update.after)
+    return Posterior(
+        before.folder, before, result, inputs, agreed.agreement, agreed.conflict, trays,
+        tuple(correlations_after(update)), tuple(wider_without(update, measured)),
+        tuple(measure_next_after(update.after)), update.rounds, update.stands, source,
+    )  # fmt: skip
+
+
+def _numerical(after: Separation, before: Separation) -> Separation:
+    """What computing adds is as it was, but for what the trays say of that too."""
+
+    def alike(one: Number, then: Number) -> Number:
+        return replace(one, numerical=None if then.numerical is None else min(then.numerical, one.half))
+
+    fractions = {
+        name: {place: alike(one, before.fractions[name][place]) for place, one in places.items()}
+        for name, places in after.fractions.items()
+    }
+    recovery = {name: one and alike(one, known(before.recovery[name])) for name, one in after.recovery.items()}
+    return replace(after, fractions=fractions, recovery=recovery)
+
+
+def _rows(separation: Separation) -> Iterator[BudgetRow]:
+    """The whole error of each share as one part: what is left once the shares were measured."""
+    for name, places in separation.fractions.items():
+        for place, one in places.items():
+            low, high, half = one.low - one.value, one.high - one.value, max(one.high - one.value, one.value - one.low)
+            part = BudgetPart(INPUTS, half, 0.0, "companion", low=low, high=high, note=f"after {MEASURED_SHARES}")
+            total = BudgetTotal(half, 0.0, one.low, one.high, one.numerical)
+            yield BudgetRow(f"share.{name}.{place}", None, (part,), total)
+
+
+def _files(folder: Path) -> list[Path]:
+    from ...show.canvas import saved
+
+    return [*(folder / name for name in (*TABLES, MATERIALS)), *saved(folder / "figures" / "calibration.png")]
+
+
+def _claim(folder: Path) -> None:
+    """Raise SceneError where a calibration in ``folder`` would replace what the program did not write, or materials
+    that were changed since.
+    """
+    sums.refuse_foreign(folder, _files(folder), COMMAND)
+    sums.refuse_changed(folder / MATERIALS, COMMAND)
+
+
+def _write(found: Posterior, agreed: Matched) -> None:
+    """The tables and the picture of a calibration, and the calibrated answer as that of a run, into its folder."""
+    _claim(made_folder(found.folder))
+    if key_in(found.folder) not in (None, found.before.key):
+        raise SceneError(f"{found.folder} holds another answer now; the same command calibrates it")
+    with sums.writing(found.folder, lambda: _files(found.folder), COMMAND):
+        _write_tables(found, found.folder)
+        materials = found.folder / MATERIALS
+        if found.conflict:
+            materials.unlink(missing_ok=True)
+        else:
+            with sums.replacing(materials, COMMAND) as draft:
+                found.save(draft)
+    answer = found.before if found.result is None else found.result
+    agreed.run.written(answer, agreed.flights.tracked, agreed.flights.landings, answer.joint)
+
+
+def _write_tables(found: Posterior, folder: Path) -> None:
+    from ...show.figures.measured_figures import draw_measured
+
+    draw_measured(folder / "figures" / "calibration.png", found.agreement, found.trays or None)
+    found.cells().write_csv(folder / "inputs.csv")
+    found.agreement.cells().write_csv(folder / "agreement.csv")
+    CellTable(("input", "other input", "correlation"), found.correlations).write_csv(folder / "correlations.csv")
+    after = None if found.result is None else known(found.result.landings).separation
+    before = known(found.before.landings).separation.fractions
+    rows = [] if after is None else [
+        [n, p, *before[n][p], *one] for n, places in after.fractions.items() for p, one in places.items()
+    ]  # fmt: skip
+    heads = ("fraction", "bin", "before", "before low", "before high", "after", "after low", "after high")
+    CellTable(heads, rows).write_csv(folder / "shares.csv")
+    write_json(folder / "calibration.json", {
+        "verdict": found.agreement.verdict, "chi_square": found.agreement.chi_square,
+        "freedom": found.agreement.freedom, "chance": found.agreement.chance, "conflict": found.conflict,
+        "rounds": found.rounds, "stands": found.stands, "wider_without": found.wider_without, "next": found.next,
+        "inputs": {key: {"value": one.value, "low": one.low, "high": one.high} for key, one in found.inputs.items()},
+        "separation": None if after is None else to_json(after),
+    })  # fmt: skip

@@ -1,0 +1,281 @@
+"""What measured shares say of all shares and inputs: the draws of the joint answer that are as measured.
+
+Draws of the inputs and of all other errors go from what was known before to what the trays leave of it by a sequential
+Monte Carlo (:mod:`.tempering`); the shares of a draw follow from its inputs by the response. About the inputs that come
+out granules are flown again, and the response is made anew of all flights, until that moves the inputs no more.
+
+Next to the inputs the model has errors of its own, which no measurement takes away: each share has a *discrepancy*, so
+that many exact trays do not make an input known beyond what the model bears.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...answer.budget.agreement import RARE, Agreement, agreement_of, inverse_of, weights_in
+from ...answer.budget.budget import make_budget
+from ...answer.budget.inputs import UNKNOWN
+from ...answer.budget.source import Flights
+from ...answer.draws import less_at_ends
+from ...answer.ensemble import change_of, responses
+from ...answer.joint import DRAWS, LACK, JointAnswer, bounded, column, quantiles, tied_root
+from ...answer.response import Response
+from ...core.errors import known
+from ...core.lazy import cached_property
+from ...core.number import Number
+from ...flight.stages.input_samples import DrawnLandings, Ensemble, InputSamples
+from ...planning.unknowns import FARTHEST, Unknown, unknown_kinds
+from ...scene.measured import Measured
+from .tempering import Likelihood, tempered
+
+Array = NDArray[np.float64]
+DISCREPANCY = 0.02  # half of the 95 % interval by which the model itself may miss a share of a half. Chosen
+LEAST_DISCREPANCY = 0.1  # of that, for a share of 0 or 1
+LARGEST_DISCREPANCY = 0.3  # of a share of a half: a model that misses by more says nothing
+MOST_ROUNDS = 5  # of flights
+STANDS = 0.25  # standard deviations by which an input may still move at the end
+NARROWEST = 0.5  # standard deviations of the first range: narrower draws would show nothing but noise
+TINY = 1e-10  # of the largest eigenvalue: a combination of trays that is known no better is no test of its own
+HALVINGS = 20  # of the range in which the least discrepancy is looked for
+
+
+@dataclass(frozen=True)
+class Updated:
+    """What is known of all shares and inputs, ``before`` the measurement and ``after`` it; the ``agreement`` of the
+    measurement with what was known before; ``rounds`` of flights, and whether the last moved no input (``stands``);
+    the ``discrepancy`` that was taken; the inputs after it, ``z`` (DRAWS, keys), in standard deviations of what was
+    known of them before.
+    """
+
+    unknowns: tuple[Unknown, ...]
+    before: JointAnswer
+    after: JointAnswer
+    agreement: Agreement
+    rounds: int
+    stands: bool
+    discrepancy: float
+    z: Array
+
+    def known(self, place: int) -> Number:
+        """What is known of an input after it."""
+        one, z = self.unknowns[place], self.z[:, place]
+        ends = (z.mean(), *quantiles(z, (0.025, 0.975)))
+        return Number(*(float(np.clip(one.at(x), *unknown_kinds[one.kind].span)) for x in ends))
+
+
+def missed_by(joint: JointAnswer, half: float) -> Array:
+    """Half (fractions, bins + 1) of the 95 % interval by which the model itself may miss each share: ``half`` of a
+    share of a half, less towards 0 and 1, and nowhere nothing.
+    """
+    value = np.clip(joint.own.value, 0.0, 1.0)
+    return np.asarray(half * (LEAST_DISCREPANCY + (1.0 - LEAST_DISCREPANCY) * 2.0 * np.sqrt(value * (1.0 - value))))
+
+
+def covariance_of_missed(joint: JointAnswer, half: float) -> Array:
+    """The covariance (shares, shares) of what the model itself may miss."""
+    roots = [tied_root(row) for row in missed_by(joint, half)]
+    many, bins = len(roots), len(roots[0])
+    found = np.zeros((many * bins, many * bins))
+    for number, root in enumerate(roots):
+        here = slice(number * bins, (number + 1) * bins)
+        found[here, here] = root @ root.T
+    return found
+
+
+def agreement_with(joint: JointAnswer, measured: Measured, discrepancy: float) -> Agreement:
+    """Of ``measured`` shares with a joint answer whose model may miss shares by a ``discrepancy``."""
+    return agreement_of(joint, measured, covariance_of_missed(joint, discrepancy))
+
+
+def least_discrepancy(joint: JointAnswer, measured: Measured, first: float) -> float | None:
+    """The smallest discrepancy, ``first`` at least, at which trays and model agree; None where that says nothing."""
+    low, high = first, LARGEST_DISCREPANCY
+    if agreement_with(joint, measured, high).chance < RARE:
+        return None
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if agreement_with(joint, measured, middle).chance >= RARE else (middle, high)
+    return high
+
+
+def updated(flights: Flights, measured: Measured, discrepancy: float = DISCREPANCY) -> Updated:
+    """What ``measured`` says of the shares of ``flights`` and of their inputs, not all of which are known exactly.
+
+    Raises SceneError for a tray of a fraction or bin that there is not.
+    """
+    draws = known(flights.of(UNKNOWN))
+    joint, _ = make_budget(flights)
+    agreement, model = agreement_with(joint, measured, discrepancy), _Model.of(flights, joint, draws, discrepancy)
+    start = columns_of(joint)
+    found, rounds, stands = tempered(model.likelihood(measured), start), 1, False
+    while rounds < MOST_ROUNDS and not stands:
+        z = model.inputs(found)
+        mean, spread = z.mean(axis=0), np.atleast_2d(np.cov(z.T))
+        more = known(flights.pipeline.draws_of(Ensemble(mean, _wide_enough(spread))))
+        flown = _joined(model.flown, more)
+        model = replace(model, flown=flown, how=responses(flights.pipeline.scene, flown, joint.cells))
+        found, rounds = tempered(model.likelihood(measured), start), rounds + 1
+        z = model.inputs(found)
+        stands = bool(np.max(np.abs(z.mean(axis=0) - mean) / np.maximum(z.std(axis=0), NARROWEST)) <= STANDS)
+    return Updated(tuple(draws.unknowns), joint, _posterior(model, found), agreement, rounds, stands, discrepancy,
+                   model.inputs(found))  # fmt: skip
+
+
+def columns_of(joint: JointAnswer) -> Array:
+    """What is not known before, as independent standard normal numbers (DRAWS, keys + shares): those of the inputs,
+    then of each share one of all other errors together.
+    """
+    others = (f"error.{name}.{i}" for name in joint.fractions for i in range(len(joint.cells.bins) + 1))
+    return np.stack([column(name) for name in (*joint.keys, *others)], axis=1)
+
+
+@dataclass(frozen=True)
+class _Model:
+    """What draws (n, keys + shares) of such numbers make of all shares: by the response (``how``) of what was
+    ``flown``, whose lack of fit depends on the inputs, and by all other errors, each fraction's with a covariance,
+    ``beside`` (fractions, bins + 1, bins + 1).
+    """
+
+    flights: Flights
+    joint: JointAnswer
+    flown: InputSamples
+    how: Mapping[str, Response]
+    beside: Array
+
+    @classmethod
+    def of(cls, flights: Flights, joint: JointAnswer, draws: InputSamples, discrepancy: float) -> _Model:
+        error = sum(
+            (one for name, one in joint.errors.items() if name != LACK), np.zeros((DRAWS, *joint.own.value.shape))
+        )
+        beside = []
+        for number, halves in enumerate(missed_by(joint, discrepancy)):
+            missed = tied_root(halves)
+            beside.append(np.atleast_2d(np.cov(error[:, number].T)) + missed @ missed.T)
+        return cls(flights, joint, draws, responses(flights.pipeline.scene, draws, joint.cells), np.array(beside))
+
+    @cached_property
+    def _roots(self) -> list[tuple[Array, Array]]:
+        """Of each fraction a root (bins + 1, bins + 1) of ``beside`` by whose columns the lack of fit goes too, and the
+        variance that this has in each of them (bins + 1,).
+        """
+        found = []
+        for name, covariance in zip(self.joint.fractions, self.beside, strict=True):
+            sizes, ways = np.linalg.eigh(covariance)
+            free = sizes > TINY * sizes.max()
+            lack = (ways[:, free] / np.sqrt(sizes[free])).T @ self.how[name].root
+            more, turn = np.linalg.eigh(lack @ lack.T)
+            found.append(((ways[:, free] * np.sqrt(sizes[free])) @ turn, np.clip(more, 0.0, None)))
+        return found
+
+    def inputs(self, draws: Array) -> Array:
+        """The inputs (n, keys) of ``draws``, in standard deviations, that move together by their ties."""
+        return np.clip(known(self.flights.ties).joined(draws[:, : len(self.joint.keys)]), -FARTHEST, FARTHEST)
+
+    def changes(self, z: Array, *, by_bin: bool) -> tuple[Array, Array]:
+        """What inputs ``z`` (n, keys) change (n, fractions, cells), or ``by_bin`` (n, fractions, bins + 1), and the
+        standard deviation (n, fractions) of its lack of fit.
+        """
+        among, scene = self.flights.among, self.flights.pipeline.scene
+        moved, doubts = [], []
+        for name in self.joint.fractions:
+            factor = 1.0 if among is None else among.factor(name)
+            change, doubt = change_of(scene, self.flown.unknowns, name, self.how[name], z, by_bin=by_bin)
+            moved.append(factor * change)
+            doubts.append(factor * doubt)
+        return np.stack(moved, axis=1), np.stack(doubts, axis=1)
+
+    def errors(self, draws: Array, doubt: Array, shares: Array) -> Array:
+        """What else ``draws`` add to the ``shares`` (n, fractions, bins + 1) that inputs make of them, where the lack
+        of fit has the standard deviation ``doubt`` (n, fractions).
+        """
+        own = draws[:, len(self.joint.keys) :].reshape(len(draws), len(self.joint.fractions), -1)
+        told = [
+            (own[:, number, : len(more)] * np.sqrt(1.0 + doubt[:, number, None] ** 2 * more)) @ root.T
+            for number, (root, more) in enumerate(self._roots)
+        ]
+        value = self.joint.base @ self.joint.cells.parts()
+        return np.stack(told, axis=1) * less_at_ends(shares, value * (1.0 - value))
+
+    def likelihood(self, measured: Measured) -> Likelihood:
+        """The logarithm of how likely the trays are in draws, of which those that break an order are impossible."""
+        weights, (inverse, _) = weights_in(self.joint, measured), inverse_of(measured.covariance)
+        value = self.joint.base @ self.joint.cells.parts()
+
+        def likely(draws: Array) -> Array:
+            z = self.inputs(draws)
+            change, doubt = self.changes(z, by_bin=True)
+            shares = bounded(value + change + self.errors(draws, doubt, value + change))
+            off = measured.shares - shares.reshape(len(draws), -1) @ weights.T
+            found = -0.5 * np.einsum("ni,ij,nj->n", off, inverse, off)
+            return np.where(known(self.flights.ties).kept(z), found, -np.inf)
+
+        return likely
+
+
+def _posterior(model: _Model, draws: Array) -> JointAnswer:
+    """The joint answer of draws: the mean of their shares is its value, and no source is told apart any more."""
+    joint, z, parts = model.joint, model.inputs(draws), model.joint.cells.parts()
+    change, doubt = model.changes(z, by_bin=False)
+    cells = joint.base + change
+    cells += np.einsum("nfb,fcb->nfc", model.errors(draws, doubt, cells @ parts), _within(joint.base, parts))
+    # Shares have bounds, and not cells: what noise takes from one cell of an empty bin, it gives to the next
+    shares = bounded(cells @ parts).mean(axis=0)
+    middle = np.einsum("fb,fcb->fc", shares, _within(np.clip(cells.mean(axis=0), 0.0, None), parts))
+    rest = (cells - middle).astype(np.float16).astype(np.float32)
+    apart = z.std(axis=0)  # inputs by what is known of them now
+    own = ((z - z.mean(axis=0)) / np.where(apart > 0.0, apart, 1.0)).astype(np.float32).astype(float)
+    return replace(joint, base=middle, change=rest, z=own, sources=(), images=None)
+
+
+def _within(base: Array, parts: Array) -> Array:
+    """Of what is added to a bin, the part (fractions, cells, bins + 1) that is in every cell: as its mass is, and
+    evenly where it is empty.
+    """
+    mass = base[:, :, None] * parts
+    total = mass.sum(axis=1)[:, None]
+    even = np.broadcast_to(parts / np.maximum(parts.sum(axis=0), TINY), mass.shape)
+    return np.asarray(np.where(total > TINY, mass / np.maximum(total, TINY), even))
+
+
+def _joined(one: InputSamples, other: InputSamples) -> InputSamples:
+    """Two lots of draws as one."""
+    varied, own = (
+        {name: _both(a[name], b[name]) for name in one.varied}
+        for a, b in ((one.varied, other.varied), (one.own, other.own))
+    )
+    return InputSamples(one.unknowns, np.vstack([one.z, other.z]), varied, own)
+
+
+def _both(one: DrawnLandings, other: DrawnLandings) -> DrawnLandings:
+    return DrawnLandings(np.concatenate([one.position, other.position]), np.concatenate([one.bin, other.bin]))
+
+
+def _wide_enough(spread: Array) -> Array:
+    """The covariance (K, K) of draws that are nowhere narrower than NARROWEST."""
+    sizes, ways = np.linalg.eigh(spread)
+    return np.asarray((ways * np.maximum(sizes, NARROWEST**2)) @ ways.T)
+
+
+# -- what trays would leave, whatever they show ------------------------------------------------------------------------
+def left_by(joint: JointAnswer, wanted: Array, weights: Array, noise: Array, key: str = "") -> float:
+    """Half of the 95 % interval of a number ``wanted`` (DRAWS,) that is left once ``weights`` (n, shares) of all shares
+    are measured with the covariance ``noise`` (n, n), whatever they show: the part of its draws that does not go with
+    what the trays of the same draws would show. Never more than it is now.
+    """
+    shares = joint.own.tables()[0].reshape(DRAWS, -1)
+    sizes, ways = np.linalg.eigh(noise)
+    drawn = np.stack([column(f"noise.{key}.{i}") for i in range(len(noise))], axis=1)
+    shown = shares @ weights.T + drawn @ (ways * np.sqrt(np.clip(sizes, 0.0, None))).T
+    off = shown - shown.mean(axis=0)
+    gain = np.linalg.lstsq(off.T @ off, off.T @ (wanted - wanted.mean()), rcond=TINY)[0]
+    return min(half_of(wanted), half_of(wanted - off @ gain))
+
+
+def half_of(values: Array) -> float:
+    """Half of the middle 95 % of draws (DRAWS,)."""
+    low, high = quantiles(values, (0.025, 0.975))
+    return 0.5 * float(high - low)

@@ -1,0 +1,86 @@
+"""What a person at a terminal sees of measured shares: beside a run, after a calibration, and as a plan to weigh."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...cli.screen import print_lines, screen_table
+from ...core.errors import known
+from ...core.quantities import say, speaking
+from ...show.sketch import UNITS
+from ...show.words import percent
+from .calibration import TELLS
+
+if TYPE_CHECKING:
+    from ...answer.budget.agreement import Agreement
+    from .calibration import CalibratedInput, Posterior
+    from .protocol import Protocol
+
+MOST = 8  # inputs that are shown; all are in inputs.csv
+WORTH = 0.97  # of an interval: what would leave more of it is not worth measuring
+NARROWER = 1.05  # times wider without it: a tray that tells less is not named
+
+
+def show_agreement(found: Agreement) -> None:
+    """Print a row a tray, both shares with their 95 % intervals, and the verdict in a sentence."""
+    from rich.console import Console
+
+    rows = [
+        [tray.about, percent(tray.measured), percent(tray.computed), f"{100 * tray.used:.0f}", f"{tray.pull:+.1f}"]
+        for tray in found.trays
+    ]
+    heads = ["tray", "measured, %", "computed, %", "of the interval, %", "from the others, sd"]
+    caption = "of the interval: the part of both 95 % intervals together that the difference takes"
+    Console().print(screen_table(heads, rows, "measured and computed shares", caption))
+    print_lines([found.sentence])
+
+
+def show_calibration(found: Posterior) -> None:
+    """Print what became known: shares, inputs, whether the model fits; which tray told most, what to measure next."""
+    from rich.console import Console
+
+    console = Console()
+    if found.conflict:
+        print_lines([found.conflict])
+    show_agreement(found.agreement)
+    if found.result is None:
+        print_lines(["Nothing is calibrated: weigh the trays again, or mend the scene.", f"results: {found.folder}"])
+        return
+    before, after = (known(one.landings) for one in (found.before, found.result))
+    rows = [
+        [f"{name} recovered", percent(share), percent(after.separation.recovery[name])]
+        for name, share in before.separation.recovery.items() if share is not None
+    ]  # fmt: skip
+    rows += [
+        [f"{name} in {place}", percent(before.separation.fractions[name][place]), percent(share)]
+        for name, places in after.separation.fractions.items() for place, share in places.items()
+    ]  # fmt: skip
+    console.print(screen_table(["share", "before, %", "after, %"], rows, "shares"))
+    learnt = [one for one in found.inputs.values() if one.narrower < TELLS][:MOST]
+    cells = [[one.key, *_said(one), f"{100 * one.narrower:.0f}"] for one in learnt]
+    console.print(screen_table(["input", "before", "after", "interval left, %"], cells, "inputs that became narrower"))
+    lines = [f"rounds of flights: {found.rounds}{'' if found.stands else '; the inputs still moved in the last'}"]
+    lines += [f"{tray}: without it the widest recovery would be {times:.2g} times as wide"
+              for tray, times in found.wider_without if times > NARROWER]  # fmt: skip
+    lines += [f"measure next: {key}, which would leave {100 * left:.0f} % of the widest recovery's interval"
+              for key, left in found.next if left < WORTH]  # fmt: skip
+    print_lines([*lines, f"results: {found.folder}"])
+
+
+def _said(one: CalibratedInput) -> list[str]:
+    """The number before and after, in the units of measures."""
+    with speaking(UNITS):
+        return [
+            f"{say(number.value, one.unit, 3)} ({say(number.low, one.unit, 3)} to {say(number.high, one.unit, 3)})"
+            for number in (one.before, one.after)
+        ]
+
+
+def show_protocol(found: Protocol) -> None:
+    """Print which trays to weigh, how often, and what each buys."""
+    from rich.console import Console
+
+    rows = [[step.about, f"{step.kernels}", f"{step.repetitions}", f"± {100 * step.half:.1f}"] for step in found.steps]
+    title = f"{found.wanted}: ± {100 * found.half:.1f} points now"
+    Console().print(screen_table(["weigh or count", "kernels", "repetitions", "then known to, points"], rows, title))
+    print_lines([found.sentence, f"{found.page}\n{found.form}"])

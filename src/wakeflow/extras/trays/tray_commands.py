@@ -1,0 +1,132 @@
+"""The commands around measured shares: calibrate, protocol; and the comparison of a run with them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from ...cli.options import GATE, Folder, Gate, Quiet, Settings, Threads, scene_and_folder
+from ...core.errors import SceneError
+from ...scene.overrides import share_of
+
+Missed = Annotated[
+    float | None,
+    Parameter(
+        help="Half of the 95 % interval by which the model itself may miss a share of a half; default 2 points.",
+        converter=lambda _, tokens: share_of(tokens[0].value),
+    ),
+]
+
+
+def calibrate(
+    scene: Path,
+    measured: Path,
+    *,
+    out: Folder = None,
+    settings: Settings = (),
+    gate: Gate = GATE,
+    discrepancy: Missed = None,
+    workers: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Say what measured shares tell of the numbers that a scene does not say exactly, and of all its shares.
+
+    Prints the shares before and after, which numbers became narrower, whether measurement and model agree, which tray
+    told most and what to measure next; writes inputs.csv, shares.csv, agreement.csv, a picture, and materials.toml for
+    the next scene. Where they disagree no materials are written.
+
+    Parameters
+    ----------
+    scene
+        A scene file, run where it has not been.
+    measured
+        A CSV file: fraction,bin,share,uncertainty. Share from 0 to 1, or the column mass or count; an empty fraction is
+        a tray that was not sorted.
+    """
+    from ...runs.progress import live
+    from .calibration import calibrate as find
+    from .calibration_update import DISCREPANCY
+    from .show_trays import show_calibration
+
+    asked, folder = scene_and_folder(scene, settings, gate, out)
+    with live(enabled=not quiet) as listener:
+        found = find(
+            asked, measured, folder, discrepancy=DISCREPANCY if discrepancy is None else discrepancy, workers=workers,
+            listener=listener, planned=listener.planned, **gate.how,
+        )  # fmt: skip
+    if not quiet:
+        show_calibration(found)
+
+
+def protocol(
+    scene: Path,
+    *,
+    of: Annotated[
+        str | None, Parameter(help="What to know better: FRACTION, its recovery, or FRACTION.BIN; default the worst.")
+    ] = None,
+    kernels: Annotated[int, Parameter(help="Kernels of a fraction that you count in one repetition.")] = 300,
+    out: Folder = None,
+    settings: Settings = (),
+    gate: Gate = GATE,
+    workers: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Say what to weigh: which trays, how many kernels and how often, until the interval of a share is half as wide.
+
+    Writes protocol.html, a page to print with the drawing of the machine, and measured.csv, the form that it fills.
+
+    Parameters
+    ----------
+    scene
+        A scene file, run where it has not been, or the folder of a finished run.
+    """
+    from ...answer.result import Result
+    from ...runs.progress import live
+    from .protocol import protocol as plan_trays
+    from .protocol import protocol_of
+    from .show_trays import show_protocol
+
+    if scene.is_dir():
+        if settings or gate != GATE:
+            raise SceneError("a finished run has its numbers, rung and terms; give its scene file to change them")
+        made = protocol_of(Result.load(scene), of, kernels, out)
+        if not quiet:
+            show_protocol(made)
+        return
+    asked, folder = scene_and_folder(scene, settings, gate, out)
+    with live(enabled=not quiet) as listener:
+        found = plan_trays(
+            asked, folder, of=of, kernels=kernels, workers=workers, listener=listener, planned=listener.planned,
+            **gate.how,
+        )  # fmt: skip
+    if not quiet:
+        show_protocol(found)
+
+
+def beside_trays(run_folder: Path, file: Path, out: Path | None) -> None:
+    """Print a finished run beside the measured shares of a CSV file; ``out``: folder for the table and the picture."""
+    from ...answer.budget.agreement import agreement_in
+    from ...answer.result import Result
+    from ...scene.measured import Measured, read_trays
+    from .show_trays import show_agreement
+
+    found = agreement_in(Result.load(run_folder), Measured.of(read_trays(file)))
+    show_agreement(found)
+    if out is not None:
+        from ...core import sums
+        from ...core.files import made_folder
+        from ...show.canvas import saved
+        from ...show.figures.measured_figures import draw_measured
+
+        table, figure = out / "agreement.csv", out / "measured.png"
+        files = [table, *saved(figure)]
+        sums.refuse_foreign(made_folder(out), files, "trays")
+        with sums.writing(out, lambda: files, "trays"):
+            found.cells().write_csv(table)
+            draw_measured(figure, found)
+        print(f"{table}\n{figure}")
+
+
+COMMANDS = (calibrate, protocol)

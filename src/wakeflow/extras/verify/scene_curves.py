@@ -1,0 +1,172 @@
+"""``wakeflow verify SCENE``: error against run time, as a person who has so much time meets it.
+
+The scene is answered within each budget, from an empty cache and once more with its airflows there, report included.
+The error is that of the bin shares, model and all, against the best that the program has: the airflow of the reference
+rung, other random numbers, four times the granules, a tenth of the tolerance. It is shown beside the interval that the
+answer states. Seconds are those of idle cores, so that other programs may run meanwhile. In a checkout OpenFOAM's own
+parcels are on the same axes (``tests/proofs/tracker``).
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from ... import runs
+from ...answer.result import Result
+from ...answer.shares import Separation
+from ...core.errors import SceneError
+from ...core.idle_clock import IdleClock
+from ...core.process import cores
+from ...core.quantities import duration
+from ...core.store import cache_root
+from ...flight.stages.compilation import compile_ahead
+from ...planning.stages import stages
+from ...runs import effort
+from ...runs.planned import make_plan
+from ...scene import Scene
+from .report import Report, Row, Table, Tell
+
+BUDGETS = (5.0, 15.0, 30.0, 60.0, 120.0, 300.0, 1200.0)  # s
+EMPTY, WITH_AIR = "empty cache", "airflows in the cache"
+AIR = ("airflow", "air loading")  # headings of the stages that stay in it then
+BinShares = Mapping[tuple[str, str], float]  # by fraction and bin
+Beside = Callable[[Scene, BinShares, Tell], tuple[list[Row], list[str]]]  # rows of another program, and notes
+MORE, FINER = 4, 0.1  # of the best answer: granules and tolerance, times the scene's
+OTHER_SEED = 1009  # added to the scene's: the best answer is another sample
+COLUMNS = {
+    "": "{knob}", "budget, granules": "{setting}", "chosen": "{chosen}", "error, points": "{error:.2g*100}",
+    "half of the interval, points": "{half:.2g*100}", "shares inside": "{inside}", "s": "{seconds:.3g}",
+}  # fmt: skip
+
+
+def run_curves(
+    path: Path, folder: Path, *, slow: bool, tell: Tell = lambda _: None, beside: Beside | None = None
+) -> Report:
+    """Rows (knob, setting, chosen, error, half, inside, seconds) of the scene in a file: with what in the cache, the
+    budget, the settings that it bought, the largest error of a bin share against the best answer, the largest half of
+    the intervals, how many of these hold the best answer, and the seconds of the whole run on idle cores. Without
+    ``slow`` the best answer is the scene's own, of another sample, as it is on the rung that the plan chooses.
+    ``beside``: what another program makes of the scene. Written to ``folder`` as CSV, PNG and SVG.
+    """
+    from ...show.curves import draw_settings, write_settings
+
+    scene, rows, notes = Scene.load(path), list[Row](), list[str]()
+    with TemporaryDirectory(prefix="wakeflow-") as scratch, one_cache(Path(scratch, "cache")):
+        compile_ahead()
+        tell("the best answer")
+        truth = best_shares(scene, Path(scratch, "best"), slow=slow)
+        for budget in BUDGETS:
+            finest = [row for row in rows if row["chosen"] == effort.EFFORTS[-1].name]
+            if len(finest) == 2:  # more time buys the same
+                rows += [{**row, "setting": duration(budget)} for row in finest]
+                continue
+            shutil.rmtree(cache_root(), ignore_errors=True)
+            for known in (EMPTY, WITH_AIR):
+                tell(f"{duration(budget)}, {known}")
+                rows.append({"knob": known, **_within(scene, budget, Path(scratch, "run"), truth)})
+                forget_all_but_air()
+    if beside is not None:
+        theirs, more = beside(scene, truth, tell)
+        rows, notes = rows + [{"chosen": "", "inside": "", **row} for row in theirs], notes + more
+    rows.sort(key=lambda row: (EMPTY, WITH_AIR).index(str(row["knob"])) if row["knob"] in (EMPTY, WITH_AIR) else 2)
+    name, facts = f"curves-{path.stem}", {"scene": str(path), "cores": cores(), "rows": rows}
+    folder.mkdir(parents=True, exist_ok=True)
+    write_settings(folder / f"{name}.csv", rows)
+    draw_settings(folder / f"{name}.png", [row for row in rows if row["error"] is not None], path.stem)
+    return Report(name, [Table("error against run time", COLUMNS, rows)], facts, notes)
+
+
+@contextmanager
+def one_cache(folder: Path) -> Iterator[None]:
+    """While the block runs this process keeps its stages in ``folder``."""
+    before = os.environ.get("WAKEFLOW_CACHE")
+    os.environ["WAKEFLOW_CACHE"] = str(folder)
+    try:
+        yield
+    finally:
+        del os.environ["WAKEFLOW_CACHE"]
+        if before is not None:
+            os.environ["WAKEFLOW_CACHE"] = before
+
+
+def best_shares(scene: Scene, folder: Path, *, slow: bool) -> BinShares:
+    """The shares of another sample of ``scene``, of more granules in finer steps; with ``slow`` in the airflow of the
+    reference rung, where the plan's is one in time.
+    """
+    count = None if scene.collisions.count is None else MORE * scene.collisions.count
+    plan = make_plan(scene)
+    if plan.crowd is not None:
+        count = MORE * plan.crowd.count
+    finer = scene.replace({
+        "feed.seed": scene.feed.seed + OTHER_SEED,
+        "feed.count": MORE * scene.feed.count,
+        "numerics.tolerance": FINER * scene.numerics.tolerance,
+    } | ({} if count is None else {"collisions.count": count}))  # fmt: skip
+    rung = "reference" if slow and plan.airflow.stepping == "time-resolved" else None
+    return bin_shares(runs.run(finer, folder, rung=rung, report=False))
+
+
+def _within(scene: Scene, budget: float, folder: Path, truth: BinShares) -> Row:
+    """What a ``budget`` (s) buys."""
+    shutil.rmtree(folder, ignore_errors=True)
+    try:
+        result, clock = timed_run(scene, folder, budget=budget)
+    except SceneError as problem:
+        if not str(problem).startswith("budget = "):
+            raise
+        refused = str(problem).partition(": ")[2].partition(";")[0]
+        return {
+            "setting": duration(budget), "chosen": f"refused: {refused}", "error": None, "half": None, "inside": "",
+            "seconds": None,
+        }  # fmt: skip
+    found = {(name, place): result.share(name, place) for name, place in truth}
+    inside = sum(one.low <= truth[place] <= one.high for place, one in found.items())
+    return {
+        "setting": duration(budget),
+        "chosen": result.options.effort,
+        "error": largest_error({place: one.value for place, one in found.items()}, truth),
+        "half": max(0.5 * (one.high - one.low) for one in found.values()),
+        "inside": f"{inside} of {len(found)}",
+        "seconds": clock.now,
+    }
+
+
+def timed_run(scene: Scene, folder: Path, **how: Any) -> tuple[Result, IdleClock]:
+    """A run of a scene by ``how``, with the clock by which its budget was measured. The cache learns nothing of how
+    fast this machine is, which may be busy.
+    """
+    with IdleClock(cores()) as clock:
+        before = effort.CLOCK.set(clock)
+        try:
+            return runs.run(scene, folder, workers=cores(), listener=lambda *_: None, **how), clock
+        finally:
+            effort.CLOCK.reset(before)
+
+
+def forget_all_but_air() -> None:
+    """Leave in the cache only what computes an airflow."""
+    for name in stages:
+        if stages[name].heading not in AIR:
+            shutil.rmtree(cache_root() / name, ignore_errors=True)
+
+
+def bin_shares(result: Result) -> BinShares:
+    """The shares of a finished run."""
+    assert result.landings is not None
+    return shares_of(result.landings.separation)
+
+
+def shares_of(found: Separation) -> BinShares:
+    """All shares of a separation."""
+    return {(name, place): share.value for name, row in found.fractions.items() for place, share in row.items()}
+
+
+def largest_error(shares: BinShares, truth: BinShares) -> float:
+    """The largest error of a bin share against the ``truth``."""
+    return max(abs(shares[place] - share) for place, share in truth.items())

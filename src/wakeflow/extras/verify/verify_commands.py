@@ -1,0 +1,1 @@
+"""extras/verify/verify_commands.py."""

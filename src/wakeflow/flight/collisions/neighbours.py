@@ -1,0 +1,202 @@
+"""Who is near whom: a ball about the way that a granule goes in a step, and a larger one, its range, about the ways of
+many steps. Pairs whose ranges touch are in a list; in a step only they are looked at, and of them only those can meet
+whose balls touch.
+
+A range lies ahead of its granule, so that it holds it for ``AHEAD`` steps unless it is struck, and when it is left,
+that granule alone is listed anew, with a new range (Verlet lists, one granule at a time: Verlet, L. 1967, Phys. Rev.
+159, 98). Who is about it then is asked of cells as wide as two of the largest ranges, in the buckets of a hash, which
+needs no bounds and no room for empty cells (Teschner, M. et al. 2003, Vision, Modeling, Visualization, 47).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..kernel import layout as at
+from ..kernel.jit import compiled, inlined
+from . import slab_layout as of
+
+PX, PY, PZ = np.int64(73856093), np.int64(19349663), np.int64(83492791)  # primes of Teschner et al.
+AHEAD = 16.0  # steps for which a range is meant at most; measured: twice and half of it are slower
+WIDE = 2.5  # a range is no larger than so many of the largest balls: cells stay small
+SPARE_WAY, SPARE_RADIUS = 0.25, 0.1  # of a range: for ways that bend, and for what moves little
+ANEW = 128  # steps after which the cells' width is chosen anew
+MAX_PAIRS, MIN_PAIRS = 8, 3  # pairs a granule, above which ranges become shorter and below which they grow again
+
+
+@inlined
+def across(z, depth):
+    """A distance across the slab, to the nearest image."""
+    return z - depth * round(z / depth)
+
+
+@inlined
+def near(balls, i, j, depth):
+    """Whether the balls of two granules touch."""
+    dx, dy = balls[i, of.BALL_X] - balls[j, of.BALL_X], balls[i, of.BALL_Y] - balls[j, of.BALL_Y]
+    reach = balls[i, of.BALL] + balls[j, of.BALL]
+    flat = dx * dx + dy * dy
+    if flat > reach * reach:
+        return False
+    dz = across(balls[i, of.BALL_Z] - balls[j, of.BALL_Z], depth)
+    return flat + dz * dz <= reach * reach
+
+
+@inlined
+def _wrap(own, grain, ball):
+    """The ball about the way that a granule goes since its last strike; returns its radius."""
+    s = own[of.LEG_END] - own[of.LEG_BEGIN]
+    half, sag = 0.5 * s, 0.125 * s * s
+    vx, vy, vz = own[of.LEG_VX], own[of.LEG_VY], own[of.LEG_VZ]
+    ax, ay, az = own[of.LEG_AX], own[of.LEG_AY], own[of.LEG_AZ]
+    ball[of.BALL_X] = own[of.LEG_X] + half * vx + sag * ax
+    ball[of.BALL_Y] = own[of.LEG_Y] + half * vy + sag * ay
+    ball[of.BALL_Z] = own[of.LEG_Z] + half * vz + sag * az
+    way = half * math.sqrt(vx * vx + vy * vy + vz * vz) + 3.0 * sag * math.sqrt(ax * ax + ay * ay + az * az)
+    ball[of.BALL] = (1.0 + of.SPARE_BALL) * (grain[at.GIRTH] + way)
+    return ball[of.BALL]
+
+
+@inlined
+def _in_range(ball, reach, depth):
+    """Whether a granule's ball lies within its range; not if it has none."""
+    spare = reach[of.BALL] - ball[of.BALL]
+    if spare < 0.0:
+        return False
+    dx, dy = ball[of.BALL_X] - reach[of.BALL_X], ball[of.BALL_Y] - reach[of.BALL_Y]
+    dz = across(ball[of.BALL_Z] - reach[of.BALL_Z], depth)
+    return dx * dx + dy * dy + dz * dz <= spare * spare
+
+
+@inlined
+def _reach_out(own, grain, ball, reach, clock):
+    """The range of a granule: about where it will be, as fast as it is, for some steps; returns its radius."""
+    s = own[of.LEG_END] - own[of.LEG_BEGIN]
+    vx, vy, vz = own[of.LEG_VX] + s * own[of.LEG_AX], own[of.LEG_VY] + s * own[of.LEG_AY], own[of.LEG_VZ]
+    vz += s * own[of.LEG_AZ]
+    ahead = 0.5 * (clock[of.AHEAD] - 1.0) * clock[of.STEP]
+    way = (1.0 + SPARE_WAY) * ahead * math.sqrt(vx * vx + vy * vy + vz * vz)
+    least = ball[of.BALL] + SPARE_RADIUS * grain[at.GIRTH]
+    most = max(0.5 * clock[of.WIDTH] - least, 0.0)
+    if way > most:
+        ahead, way = ahead * (most / way), most
+    reach[of.BALL_X] = ball[of.BALL_X] + ahead * vx
+    reach[of.BALL_Y] = ball[of.BALL_Y] + ahead * vy
+    reach[of.BALL_Z] = ball[of.BALL_Z] + ahead * vz
+    reach[of.BALL] = least + way
+    return reach[of.BALL]
+
+
+@inlined
+def _bucket(x, y, z, mask):
+    """Where the granules of a cell are listed."""
+    return ((x * PX) ^ (y * PY) ^ (z * PZ)) & mask
+
+
+@compiled
+def unlist(cells, counts, i):
+    """Take a granule out of its cell, and its pairs out of the list; nothing if it is in none."""
+    if cells.ranges[i, of.BALL] == 0.0:
+        return
+    b = _bucket(cells.where[i, 0], cells.where[i, 1], cells.where[i, 2], counts[of.MASK])
+    j = cells.heads[b]
+    if j == i:
+        cells.heads[b] = cells.next[i]
+    else:
+        while cells.next[j] != i:
+            j = cells.next[j]
+        cells.next[j] = cells.next[i]
+    cells.ranges[i, of.BALL] = 0.0
+    cells.stamps[i] += 1
+
+
+@inlined
+def _pair(crowd, cells, counts, i, j):
+    """List a pair, a tracer first. Tracers do not meet each other."""
+    first, second = (j, i) if crowd.tally[j, of.TRACER] == 1 else (i, j)
+    if crowd.tally[second, of.TRACER] == 1:
+        return
+    k = counts[of.PAIRS]
+    if k == cells.pairs.shape[0]:
+        counts[of.FULL] = 1
+        return
+    cells.pairs[k, of.FIRST], cells.pairs[k, of.SECOND] = first, second
+    cells.pairs[k, of.FIRST_STAMP], cells.pairs[k, of.SECOND_STAMP] = cells.stamps[first], cells.stamps[second]
+    counts[of.PAIRS] = k + 1
+
+
+@compiled
+def relist(crowd, cells, clock, counts, i):
+    """Give a granule a new range from the way that it goes now, its cell, and its pairs with all whose ranges touch it;
+    they follow those that ``counts[PAIRS]`` counted before.
+    """
+    unlist(cells, counts, i)
+    cells.stamps[i] += 1
+    _wrap(crowd.own[i], crowd.grains[i], cells.balls[i])
+    reach = _reach_out(crowd.own[i], crowd.grains[i], cells.balls[i], cells.ranges[i], clock)
+    clock[of.MOST] = max(clock[of.MOST], reach)
+    per, high, mask = 1.0 / clock[of.WIDTH], int(clock[of.ROWS]), counts[of.MASK]
+    column = np.int64(math.floor(cells.ranges[i, of.BALL_X] * per))
+    row = np.int64(math.floor(cells.ranges[i, of.BALL_Y] * per))
+    layer = np.int64(math.floor(cells.ranges[i, of.BALL_Z] * (high / clock[of.DEPTH])))
+    layer -= high * np.int64(math.floor(layer / high))
+    wide = max(1, math.ceil((reach + clock[of.MOST]) * per - of.SPARE_BALL))
+    low, top = (-wide, wide) if high > 2 * wide else (0, high - 1)
+    for dx in range(-wide, wide + 1):
+        for dy in range(-wide, wide + 1):
+            for dz in range(low, top + 1):
+                x, y, z = column + dx, row + dy, layer + dz
+                z = z + high if z < 0 else (z - high if z >= high else z)
+                j = cells.heads[_bucket(x, y, z, mask)]
+                while j >= 0:
+                    if near(cells.ranges, i, j, clock[of.DEPTH]):
+                        its = cells.where[j]  # other cells may share the bucket
+                        if its[0] == x and its[1] == y and its[2] == z:
+                            _pair(crowd, cells, counts, i, j)
+                    j = cells.next[j]
+    b = _bucket(column, row, layer, mask)
+    cells.where[i, 0], cells.where[i, 1], cells.where[i, 2] = column, row, layer
+    cells.next[i] = cells.heads[b]
+    cells.heads[b] = i
+
+
+@compiled
+def _begin_anew(crowd, cells, clock, counts):
+    """Empty the list and all cells, whose width and number follow the crowd as it is now."""
+    largest, living, size = 0.0, counts[of.LIVING], 64
+    while size < 4 * living and size < cells.heads.shape[0]:  # as few buckets as do: they stay in the cache
+        size *= 2
+    cells.heads[:] = -1
+    cells.ranges[:, of.BALL] = 0.0
+    for k in range(living):
+        largest = max(largest, cells.balls[crowd.living[k], of.BALL])
+    if counts[of.PAIRS] > MAX_PAIRS * living or counts[of.FULL] == 1:
+        clock[of.AHEAD] = max(1.0, 0.5 * clock[of.AHEAD])
+    elif counts[of.PAIRS] < MIN_PAIRS * living:
+        clock[of.AHEAD] = min(AHEAD, 2.0 * clock[of.AHEAD])
+    clock[of.WIDTH], counts[of.MASK] = 2.0 * WIDE * largest, size - 1
+    rows = math.floor(clock[of.DEPTH] / clock[of.WIDTH])
+    clock[of.ROWS] = rows if rows >= 3 else 1  # fewer are all each other's neighbours
+    clock[of.MOST] = 0.0
+    counts[of.PAIRS] = counts[of.FULL] = 0
+    counts[of.ANEW] = counts[of.STEPS] + ANEW
+
+
+@compiled
+def keep_lists(crowd, cells, clock, counts):
+    """Put a ball about the way of every granule in this step, and list those anew that have left their ranges."""
+    for k in range(counts[of.LIVING]):
+        i = crowd.living[k]
+        _wrap(crowd.own[i], crowd.grains[i], cells.balls[i])
+    if counts[of.STEPS] >= counts[of.ANEW] or clock[of.MOST] > (0.5 + of.SPARE_BALL) * clock[of.WIDTH]:
+        _begin_anew(crowd, cells, clock, counts)
+    while True:
+        for k in range(counts[of.LIVING]):
+            i = crowd.living[k]
+            if not _in_range(cells.balls[i], cells.ranges[i], clock[of.DEPTH]):
+                relist(crowd, cells, clock, counts, i)
+        if counts[of.FULL] == 0 or clock[of.AHEAD] == 1.0:
+            break
+        _begin_anew(crowd, cells, clock, counts)

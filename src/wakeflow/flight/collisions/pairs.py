@@ -1,0 +1,220 @@
+"""Two granules: when they meet on the ways that they go in a step, and what the meeting does to them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...laws.impaction import sphere_caught
+from ..kernel import layout as at
+from ..kernel.dispersion import random_normals
+from ..kernel.forces import drag_rate
+from ..kernel.jit import compiled, inlined
+from ..kernel.strike import spin_flung
+from . import slab_layout as of
+from .flight import PULLS, pair_law
+from .neighbours import across
+
+_caught = compiled(sphere_caught)
+NEVER, MEETS, TOUCHES, OVERLAPS = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
+LOOKS = 12  # Newton-like looks for the time of a meeting; each gains the digits of pull x time / speed
+CLOSE = 1e-12  # of the sum of radii: nearer is contact
+LAST_BIT = 1e-15  # of a step: no time is known better
+
+
+@compiled
+def _first_root(dd, du, uu, reach2):
+    """The first time from 0 at which |d + u s| falls to the distance whose square is reach2; -1.0 if it does not."""
+    if du >= 0.0:
+        return -1.0
+    under = du * du - uu * (dd - reach2)
+    if under < 0.0:
+        return -1.0
+    return max((dd - reach2) / (-du + math.sqrt(under)), 0.0)
+
+
+@compiled
+def _relative(one, other, begin, depth):
+    """Relative place, velocity and acceleration of two pieces of way at a time of the step."""
+    s, t = begin - one[of.LEG_BEGIN], begin - other[of.LEG_BEGIN]
+    ax, ay = one[of.LEG_AX] - other[of.LEG_AX], one[of.LEG_AY] - other[of.LEG_AY]
+    az = one[of.LEG_AZ] - other[of.LEG_AZ]
+    ux = one[of.LEG_VX] - other[of.LEG_VX] + s * one[of.LEG_AX] - t * other[of.LEG_AX]
+    uy = one[of.LEG_VY] - other[of.LEG_VY] + s * one[of.LEG_AY] - t * other[of.LEG_AY]
+    uz = one[of.LEG_VZ] - other[of.LEG_VZ] + s * one[of.LEG_AZ] - t * other[of.LEG_AZ]
+    dx = one[of.LEG_X] - other[of.LEG_X] + s * (one[of.LEG_VX] + 0.5 * s * one[of.LEG_AX])
+    dx -= t * (other[of.LEG_VX] + 0.5 * t * other[of.LEG_AX])
+    dy = one[of.LEG_Y] - other[of.LEG_Y] + s * (one[of.LEG_VY] + 0.5 * s * one[of.LEG_AY])
+    dy -= t * (other[of.LEG_VY] + 0.5 * t * other[of.LEG_AY])
+    dz = one[of.LEG_Z] - other[of.LEG_Z] + s * (one[of.LEG_VZ] + 0.5 * s * one[of.LEG_AZ])
+    dz = across(dz - t * (other[of.LEG_VZ] + 0.5 * t * other[of.LEG_AZ]), depth)
+    return dx, dy, dz, ux, uy, uz, ax, ay, az
+
+
+@compiled
+def contact_time(one, other, r, depth, weight):
+    """What two granules do on their pieces of way in this step: (MEETS, time), (OVERLAPS, time) where they overlap
+    already and approach, (TOUCHES, 0) for contact that lasts, (NEVER, 0). ``one`` and ``other`` are rows of
+    ``Crowd.own``, ``r`` the sum of radii, ``weight`` (m/s2) what presses granules on each other that lie.
+
+    Straight relative motion, as in a vacuum, is solved exactly; where the ways bend it is solved again from the time
+    found, which converges like pull x step / speed.
+    """
+    begin, end = max(one[of.LEG_BEGIN], other[of.LEG_BEGIN]), min(one[of.LEG_END], other[of.LEG_END])
+    if end < begin:
+        return NEVER, 0.0
+    dx, dy, dz, ux, uy, uz, ax, ay, az = _relative(one, other, begin, depth)
+    span, pull = end - begin, math.sqrt(ax * ax + ay * ay + az * az)
+    dd, du, uu = dx * dx + dy * dy + dz * dz, dx * ux + dy * uy + dz * uz, ux * ux + uy * uy + uz * uz
+    way, r2 = r + span * (math.sqrt(uu) + 0.5 * span * pull), r * r
+    if dd > way * way:
+        return NEVER, 0.0
+    now, slow = 0.0, (at.SLOW + PULLS * span * max(pull, weight)) * r
+    if dd <= r2 * (1.0 + CLOSE):
+        return (OVERLAPS, begin) if -du > slow else (TOUCHES, 0.0)
+    for _ in range(LOOKS):
+        root = _first_root(dd, du, uu, r2)
+        if root < 0.0 or now + root > span:
+            return NEVER, 0.0
+        now += root
+        if pull == 0.0 or root <= LAST_BIT * span:
+            break
+        half = 0.5 * now
+        px, py, pz = dx + now * (ux + half * ax), dy + now * (uy + half * ay), dz + now * (uz + half * az)
+        qx, qy, qz = ux + now * ax, uy + now * ay, uz + now * az
+        dd, du, uu = px * px + py * py + pz * pz, px * qx + py * qy + pz * qz, qx * qx + qy * qy + qz * qz
+        if dd <= r2 * (1.0 + CLOSE):
+            break
+    return (MEETS, begin + now) if -du > slow else (TOUCHES, 0.0)
+
+
+@compiled
+def roll_back(state, ints, own, clock, when):
+    """Put a granule where it was at a time of the step on its last piece of way."""
+    s = when - own[of.LEG_BEGIN]
+    state[at.X] = own[of.LEG_X] + s * (own[of.LEG_VX] + 0.5 * s * own[of.LEG_AX])
+    state[at.Y] = own[of.LEG_Y] + s * (own[of.LEG_VY] + 0.5 * s * own[of.LEG_AY])
+    own[of.Z] = own[of.LEG_Z] + s * (own[of.LEG_VZ] + 0.5 * s * own[of.LEG_AZ])
+    state[at.VX] = own[of.LEG_VX] + s * own[of.LEG_AX]
+    state[at.VY] = own[of.LEG_VY] + s * own[of.LEG_AY]
+    own[of.VZ] = own[of.LEG_VZ] + s * own[of.LEG_AZ]
+    own[of.WX], own[of.WY], state[at.SPIN] = own[of.LEG_WX], own[of.LEG_WY], own[of.LEG_WZ]
+    span = own[of.LEG_END] - own[of.LEG_BEGIN]
+    kept = s / span if span > 0.0 else 0.0
+    state[at.GAIN_X] = own[of.LEG_GAIN_X] + kept * (state[at.GAIN_X] - own[of.LEG_GAIN_X])
+    state[at.GAIN_Y] = own[of.LEG_GAIN_Y] + kept * (state[at.GAIN_Y] - own[of.LEG_GAIN_Y])
+    state[at.T] = clock[of.NOW] + when
+    ints[at.FATE], ints[at.LINE] = at.FLYING, -1
+    own[of.ROOM] = 0.0
+
+
+@inlined
+def reach_of(one, other):
+    """The distance (m) between centres at which two granules of random orientation meet: the radius of their mean
+    section (``laws.flake``), of two balls the sum of their radii.
+    """
+    return math.sqrt(one[at.SECTION] + other[at.SECTION] + 2.0 * one[at.GIRTH] * other[at.GIRTH])
+
+
+@compiled
+def room_between(crowd, depth, i, j):
+    """The room between the surfaces of i and j where they are now (m, negative: they overlap), and the unit normal from
+    j to i.
+    """
+    dx, dy = crowd.states[i, at.X] - crowd.states[j, at.X], crowd.states[i, at.Y] - crowd.states[j, at.Y]
+    dz = across(crowd.own[i, of.Z] - crowd.own[j, of.Z], depth)
+    d = math.sqrt(dx * dx + dy * dy + dz * dz)
+    room = d - reach_of(crowd.grains[i], crowd.grains[j])
+    if d > 0.0:
+        return room, dx / d, dy / d, dz / d
+    return room, 0.0, 1.0, 0.0
+
+
+@compiled
+def _receive(state, ints, own, grain, rules, mass, j, torque, normal, centre, draws):
+    """What the impulse j (N s), with n x j = ``torque`` and the part ``normal``, does to a granule of inverse ``mass``:
+    velocity and spin. A flake's spin is drawn by what it has lost seen from the ``centre`` of mass; where the contact
+    lasts (``draws`` 0) it keeps it.
+    """
+    sx, sy, sz = state[at.VX] - centre[0], state[at.VY] - centre[1], own[of.VZ] - centre[2]
+    freed = sx * sx + sy * sy + sz * sz
+    sx, sy, sz = sx + mass * j[0], sy + mass * j[1], sz + mass * j[2]
+    freed -= sx * sx + sy * sy + sz * sz
+    state[at.VX] += mass * j[0]
+    state[at.VY] += mass * j[1]
+    own[of.VZ] += mass * j[2]
+    own[of.DRAG] = 0.0
+    if grain[at.TOSS] == 0.0:
+        turn = abs(mass) * grain[at.BLOW] / grain[at.RADIUS]
+        own[of.WX] -= turn * torque[0]
+        own[of.WY] -= turn * torque[1]
+        state[at.SPIN] -= turn * torque[2]
+    elif draws != 0.0:
+        xi, _ = random_normals(ints, rules)
+        size = abs(mass)
+        state[at.SPIN] = spin_flung(state[at.SPIN], grain[at.TOSS], size * normal, size * torque[2], freed, xi)
+
+
+@compiled
+def collide(crowd, laws, rules, depth, i, j, rebounds):
+    """The collision of i and j where they are now; ``rebounds`` 0: contact that lasts, without. Returns whether they
+    approached. A tracer takes the other for a wall.
+    """
+    one, other, state, its = crowd.own[i], crowd.own[j], crowd.states[i], crowd.states[j]
+    first, second = crowd.grains[i], crowd.grains[j]
+    _, nx, ny, nz = room_between(crowd, depth, i, j)
+    q1, q2 = first[at.BLOW], second[at.BLOW]
+    arm1, arm2 = (first[at.RADIUS] if q1 > 0.0 else 0.0), (second[at.RADIUS] if q2 > 0.0 else 0.0)
+    light = one[of.LIGHT]
+    heavy = 0.0 if crowd.tally[i, of.TRACER] == 1 else other[of.LIGHT]
+    a, b = crowd.tally[i, of.FRACTION], crowd.tally[j, of.FRACTION]
+    ux, uy, uz = state[at.VX] - its[at.VX], state[at.VY] - its[at.VY], one[of.VZ] - other[of.VZ]
+    jx, jy, jz, jn = pair_law(
+        ux, uy, uz, arm1 * one[of.WX] + arm2 * other[of.WX], arm1 * one[of.WY] + arm2 * other[of.WY],
+        arm1 * state[at.SPIN] + arm2 * its[at.SPIN], nx, ny, nz, light, heavy, q1, q2,
+        rebounds * laws.restitution[a, b], laws.friction[a, b], laws.tangential[a, b],
+    )  # fmt: skip
+    if jn <= 0.0:
+        return False
+    torque = ny * jz - nz * jy, nz * jx - nx * jz, nx * jy - ny * jx
+    share = heavy / (light + heavy)
+    centre = its[at.VX] + share * ux, its[at.VY] + share * uy, other[of.VZ] + share * uz
+    _receive(state, crowd.counts[i], one, first, rules, light, (jx, jy, jz), torque, jn, centre, rebounds)
+    _receive(its, crowd.counts[j], other, second, rules, -heavy, (jx, jy, jz), torque, jn, centre, rebounds)
+    return True
+
+
+@compiled
+def part(crowd, depth, i, j):
+    """Push two granules that overlap apart, each by the other's share of their mass."""
+    one, other, state, its = crowd.own[i], crowd.own[j], crowd.states[i], crowd.states[j]
+    room, nx, ny, nz = room_between(crowd, depth, i, j)
+    deep = -room
+    if deep <= 0.0:
+        return
+    share = one[of.LIGHT] / (one[of.LIGHT] + other[of.LIGHT])
+    state[at.X] += share * deep * nx
+    state[at.Y] += share * deep * ny
+    one[of.Z] += share * deep * nz
+    its[at.X] -= (1.0 - share) * deep * nx
+    its[at.Y] -= (1.0 - share) * deep * ny
+    other[of.Z] -= (1.0 - share) * deep * nz
+    one[of.ROOM] -= deep
+    other[of.ROOM] -= deep
+
+
+@compiled
+def hit_tracer(crowd, tables, i, j, rules):
+    """Whether a tracer i on the way to a granule j meets it: it does with the probability of impaction."""
+    state, its, grain = crowd.states[i], crowd.states[j], crowd.grains[i]
+    ux, uy = state[at.VX] - its[at.VX], state[at.VY] - its[at.VY]
+    uz = crowd.own[i, of.VZ] - crowd.own[j, of.VZ]
+    uu = ux * ux + uy * uy + uz * uz
+    rate = drag_rate(grain, tables[crowd.table_of[i]], uu)
+    if rate <= 0.0:
+        return True
+    xi, eta = random_normals(crowd.counts[i], rules)
+    uniform = math.exp(-0.5 * (xi * xi + eta * eta))  # of two normal numbers (Box & Muller)
+    other = crowd.grains[j]
+    return uniform < _caught(math.sqrt(uu) / (rate * 2.0 * other[at.RADIUS]), math.sqrt(other[at.REYNOLDS2] * uu))

@@ -1,0 +1,348 @@
+"""The front of the crowd: packs granules as their time comes, lets the slab march, and takes out those that ended.
+
+The tracker flies the sample too, each granule by steps of its own and far finer than the tolerance. Nine of ten must
+land where it says, to the tolerance; the tenth is for paths that a corner splits. The scheme is of second order, so the
+step of the next trial is known, and an error that does not fall with the step is not the step's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.errors import SceneError, known
+from ...laws.forces import forces as all_forces
+from ...laws.forces.lift_forces import SPIN_LIFT
+from ..frame import to_frame
+from ..granules import Granules
+from ..kernel import layout as at
+from ..kernel.layout import PackedAir
+from ..pack import Packed, pack_granules, pack_state
+from ..tracks import ClockStep, CollisionFlight, Tracks
+from . import slab_layout as of
+from .collision_settings import Collisions
+from .neighbours import AHEAD
+from .slab import march_slab
+from .slab_layout import Cells, Colliding, Laws, Nodes, Room
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+BATCH = 4096  # granules packed at a time, in the order of birth
+PAIRS = 16  # a slot, in the list of who is near whom: more than touch each other where granules lie densely
+CALL = 20_000  # steps of granules between two looks at the clock on the wall: some 10 ms
+SAMPLES = 64  # of how many granules lie still, from the first birth to the last
+PI_6 = np.pi / 6.0
+
+
+@dataclass(frozen=True)
+class Slab(Packed):
+    """What a crowd flies in; walls and granules in the lab."""
+
+    collisions: Collisions
+
+
+def places_across(grains: Granules, collisions: Collisions, seed: int) -> Array:
+    """Places across the slab (n,) m: the granules' own, or drawn evenly."""
+    if grains.depth is not None:
+        return np.asarray(grains.depth - collisions.depth * np.floor(grains.depth / collisions.depth))
+    return np.random.default_rng([seed, 13]).random(len(grains)) * collisions.depth
+
+
+@dataclass
+class _Pool:
+    """Slots of granules that fly or are about to, and who is in them; grows as they become more."""
+
+    points: int
+    rows: Colliding = field(init=False)
+    who: Index = field(init=False)  # (S,) index of the granule in a slot, -1: free
+
+    def __post_init__(self) -> None:
+        self.rows, self.who = self._empty(0), np.zeros(0, dtype=np.int64)
+
+    def _empty(self, count: int) -> Colliding:
+        return Colliding(
+            np.zeros((count, at.FLOATS)), np.zeros((count, at.INTS), dtype=np.int64), np.zeros((count, at.CONSTANTS)),
+            np.zeros(count, dtype=np.int64), np.zeros((count, of.OWN)), np.zeros((count, of.TALLY), dtype=np.int64),
+            np.zeros((count, self.points, at.RECORD)), np.zeros(count, dtype=np.int64), np.zeros(0, dtype=np.int64),
+        )  # fmt: skip
+
+    def free(self, count: int) -> Index:
+        """So many free slots, in order."""
+        open_ = np.flatnonzero(self.who < 0)
+        if len(open_) < count:
+            size = max(2 * len(self.who), len(self.who) + count)
+            more = self._empty(size - len(self.who))
+            longer = [np.concatenate([old, new]) for old, new in zip(self.rows[:-1], more[:-1], strict=True)]
+            self.rows = Colliding._make([*longer, self.rows.waiting])
+            self.who = np.concatenate([self.who, np.full(size - len(self.who), -1)])
+            open_ = np.flatnonzero(self.who < 0)
+        return open_[:count]
+
+
+class _Run:
+    """One run of the slab."""
+
+    def __init__(self, slab: Slab, step: float, seed: int) -> None:
+        self.slab, self.step = slab, step
+        self.across = places_across(slab.grains, slab.collisions, seed)
+        self.order = np.argsort(slab.grains.time, kind="stable")
+        self.fed = 0  # granules packed so far
+        self.pool = _Pool(slab.points)
+        laws = slab.collisions.tables(slab.grains)
+        self.laws = Laws(*laws, slab.tables)
+        self.tracer = np.isin(slab.grains.fraction, np.asarray(slab.collisions.tracers, dtype=np.int64))
+        air = slab.air
+        self.timed = len(air.corners) > 0 and (len(air.times) > 1 or air.smooth[at.KNOT_RATE] != 0.0)
+        self.nodes = _nodes(air, timed=self.timed, rates="added-mass" in slab.forces)
+        self.clock = np.zeros(of.CLOCK)
+        self.clock[of.STEP], self.clock[of.DEPTH] = step, slab.collisions.depth
+        self.clock[of.AHEAD] = AHEAD
+        self.clock[of.NOW] = float(slab.grains.time.min(initial=slab.rules.until))
+        self.counts = np.zeros(of.COUNTS, dtype=np.int64)
+        self.room = Room(
+            np.zeros(at.PATH), np.zeros(at.AFFINE), np.zeros(at.CONSTRAINT), np.zeros(at.FLOATS),
+            np.zeros(at.INTS, dtype=np.int64), np.zeros(at.FLOATS), np.zeros(at.INTS, dtype=np.int64), np.zeros(of.OWN),
+        )  # fmt: skip
+        self.cells = _cells(0)
+        self.standing: list[tuple[float, int, int]] = []  # time, lying still, born
+
+    def feed(self) -> float:
+        """Pack the next batch; returns until when (s) the slab may march with it."""
+        slab, rows = self.slab, self.order[self.fed : self.fed + BATCH]
+        self.fed += len(rows)
+        slots = self.pool.free(len(rows))
+        crowd = self.pool.rows
+        some = slab.grains[rows]
+        floats, ints = pack_state(to_frame(some, slab.swing), 0, slab.field, slab.air, slab.solids, slab.reach)
+        floats[:, [at.X, at.Y]], floats[:, [at.VX, at.VY]] = some.position, some.velocity
+        ints[:, at.STREAM] = rows
+        inside = ints[:, at.GAP] >= 0
+        ints[inside, at.TRI] = slab.air.covered[ints[inside, at.GAP], at.COVER_TRI] if inside.any() else 0
+        crowd.states[slots], crowd.counts[slots] = floats, ints
+        crowd.grains[slots] = self._constants(some)
+        crowd.table_of[slots] = slab.table_of[rows]
+        crowd.own[slots], crowd.tally[slots], crowd.records[slots] = 0.0, 0, 0.0
+        crowd.own[slots, of.Z] = self.across[rows]
+        crowd.own[slots, of.LIGHT] = 1.0 / (PI_6 * some.density * some.diameter**3)
+        crowd.tally[slots, of.FRACTION], crowd.tally[slots, of.TRACER] = some.fraction, self.tracer[rows]
+        crowd.tally[slots, of.PARTNER] = -1
+        self.pool.who[slots] = rows
+        unborn = crowd.waiting[self.counts[of.BORN] :]
+        self.pool.rows = crowd._replace(waiting=np.concatenate([unborn, slots]))
+        self.counts[of.BORN] = 0
+        self.clock[of.PULL] = max(self.clock[of.PULL], _pull(crowd.grains[slots]))
+        if len(self.cells.next) < len(crowd.living):
+            self.cells = _cells(len(crowd.living))
+            self.counts[of.PAIRS] = self.counts[of.ANEW] = 0
+        more = self.fed < len(self.order)
+        return min(slab.rules.until, float(slab.grains.time[self.order[self.fed]])) if more else slab.rules.until
+
+    def _constants(self, some: Granules) -> Array:
+        """Those of the tracker (n, CONSTANTS), of the forces of each granule's fraction."""
+        slab, own = self.slab, self.slab.collisions.forces
+        if not own:
+            return pack_granules(some, slab.field, slab.forces, slab.gravity)
+        found = np.zeros((len(some), at.CONSTANTS))
+        for number in np.unique(some.fraction):
+            mine, acting = some.fraction == number, [name for name in slab.forces if name in own[number]]
+            found[mine] = pack_granules(some[mine], slab.field, acting, slab.gravity)
+        return found
+
+    def march(self, stop: float) -> bool:
+        """Some steps; whether the clock shows ``stop``, or all is over."""
+        slab = self.slab
+        steps = max(1, CALL // max(1, int(self.counts[of.LIVING])))
+        return bool(march_slab(
+            self.pool.rows, self.laws, slab.air, self.nodes, slab.walls, slab.rules, self.clock, self.room,
+            self.cells, self.counts, stop, steps, self.timed, self.fed == len(self.order),
+        ))  # fmt: skip
+
+    def harvest(self, found: Tracks, *, all_of_them: bool = False) -> int:
+        """Take those that ended out of their slots; returns how many."""
+        crowd, who = self.pool.rows, self.pool.who
+        taken = who >= 0
+        if all_of_them:
+            self._end(taken)
+        slots = np.flatnonzero(taken & (crowd.counts[:, at.FATE] != at.FLYING))
+        self._write(found, slots, who[slots])
+        who[slots] = -1
+        return len(slots)
+
+    def _end(self, taken: NDArray[np.bool_]) -> None:
+        """Give those that have not ended a fate: at rest, or still in the air."""
+        crowd, rest = self.pool.rows, self.slab.rules.rest
+        flying = taken & (crowd.counts[:, at.FATE] == at.FLYING)
+        lies = flying & (crowd.states[:, at.HELD] > rest)
+        crowd.counts[flying, at.FATE] = at.AIRBORNE
+        crowd.counts[lies, at.FATE] = at.RESTING
+        crowd.states[lies, at.T] -= crowd.states[lies, at.HELD] - rest
+
+    def _write(self, found: Tracks, slots: Index, rows: Index) -> None:
+        crowd = self.pool.rows
+        found.keep(rows, crowd.states[slots], crowd.counts[slots])
+        known(found.meetings)[rows] = crowd.tally[slots, of.MEETINGS]
+        if found.recorded is not None:
+            for slot, row in zip(slots, rows, strict=True):
+                found.recorded[row] = crowd.records[slot, : crowd.counts[slot, at.KEPT]].copy()
+
+
+def _nodes(air: PackedAir, *, timed: bool, rates: bool) -> Nodes:
+    """Room for the air at the nodes; the air itself where it is steady."""
+    now = np.array(air.values[0]) if len(air.values) else np.zeros((0, 2))
+    if timed:
+        count = len(air.values) if air.smooth[at.KNOT_RATE] != 0.0 else air.values.shape[1]
+        now = np.zeros((count, air.values.shape[2]))
+    return Nodes(
+        np.ascontiguousarray(now), np.zeros((len(now) if timed and rates else 0, 2)),
+        np.zeros(len(now), dtype=np.int64), np.zeros(3, dtype=np.int64), np.zeros(2 * of.RATES),
+    )  # fmt: skip
+
+
+def _pull(grains: Array) -> float:
+    return float(np.hypot(grains[:, at.GX], grains[:, at.GY]).max(initial=0.0))
+
+
+def _cells(slots: int) -> Cells:
+    """Room for meetings of so many granules: two buckets a granule, and the next power of two."""
+    size = 1 << max(10, int(2 * slots - 1).bit_length())
+    return Cells(
+        np.zeros((slots, 4)), np.zeros((slots, 4)), np.zeros((slots, 3), dtype=np.int64),
+        np.zeros(slots, dtype=np.int64), np.full(size, -1, dtype=np.int64), np.full(slots, -1, dtype=np.int64),
+        np.zeros((PAIRS * slots + 64, of.EVENT), np.int64), np.zeros(4 * slots + 64),
+        np.zeros((4 * slots + 64, of.EVENT), np.int64), np.zeros((8 * slots + 64, 2), dtype=np.int64),
+    )  # fmt: skip
+
+
+def fly_slab(
+    slab: Slab, found: Tracks, step: float, seed: int, progress: Callable[[int, int], object] | None = None
+) -> dict[str, Any]:
+    """Let the crowd fly with a clock of ``step`` (s), filling ``found``; returns the numbers of its steps and how many
+    lay still over the time of the feed.
+    """
+    run, done = _Run(slab, step, seed), 0
+    if not step > 0:
+        raise SceneError(f"collisions: step = {step:g} s must be positive")
+    born_last = min(float(slab.grains.time.max()), slab.rules.until)
+    looks = iter(np.linspace(run.clock[of.NOW], born_last, SAMPLES).tolist())
+    look: float | None = next(looks)
+    while True:
+        stop, over = run.feed(), False
+        while not over:
+            over = run.march(stop if look is None else min(stop, look)) and (look is None or stop <= look)
+            done += run.harvest(found)
+            if progress is not None:
+                progress(done, len(slab.grains))
+            born = run.fed - len(run.pool.rows.waiting) + int(run.counts[of.BORN])
+            while look is not None and run.clock[of.NOW] >= look:
+                run.standing.append((look, int(run.counts[of.LEANING]), born))
+                look = next(looks, None)
+        if run.fed == len(run.order):
+            break
+    done += run.harvest(found, all_of_them=True)
+    if progress is not None:
+        progress(done, len(slab.grains))
+    return {"flown": int(run.counts[of.FLOWN]), "steps": int(run.counts[of.STEPS]), "standing": run.standing}
+
+
+# -- How long the step of a crowd's clock may be -----------------------------------------------------------------------
+SAMPLE = 384  # granules: of a quarter of them the error varies by 20 times from seed to seed, of these by 2.5
+NINE_OF_TEN = 0.9
+HOP = 0.5  # of the largest diameter: what a granule goes in a step at most, so that cells stay small
+ALONE = 0.5  # of the length, in place of that diameter where tracers fly alone
+SHAKE = 0.05  # rad of a vibration
+CHANGE = 0.25  # of the time in which the air changes
+ORDER = 2.0  # of the scheme
+SAFE, SHORTER, MAX_TRIALS = 0.8, 0.25, 6  # of the step that should do; of the step before, at least; trials
+PATIENCE = 2  # trials in a row whose error does not fall with the step: no step makes it smaller
+HALF = 0.5
+
+
+def fly_colliding(
+    slab: Slab,
+    found: Tracks,
+    alone: Callable[[Index, Sequence[str]], Tracks],
+    seed: int,
+    progress: Callable[[int, int], object] | None,
+) -> Tracks:
+    """Let the crowd fly; ``alone(rows, forces)`` flies some of its granules by themselves."""
+    slab.collisions.tables(slab.grains)
+    found = replace(found, meetings=np.zeros(len(found), dtype=np.int64))
+    if slab.collisions.step is not None:
+        clock = ClockStep(slab.collisions.step)
+    else:
+        clock = measured_step(slab, alone)
+        if slab.collisions.measured is not None:
+            slab.collisions.measured(clock)
+    told: dict[str, Any] = {"flown": 0, "steps": 0, "standing": []}
+    if len(found):
+        told = fly_slab(slab, found, clock.step, seed, progress)
+    standing = np.array(told["standing"], dtype=float).reshape(-1, 3)
+    return replace(found, crowd=CollisionFlight(clock, told["steps"], told["flown"], standing, _jammed(standing)))
+
+
+def _jammed(standing: NDArray[np.float64]) -> bool:
+    """Whether most of what is born in the second half of the births still lies there when the last is born."""
+    born = standing[:, 2]
+    if len(standing) < 4 or not born[-1] > 0:
+        return False
+    first, last = np.searchsorted(born, [HALF * born[-1], born[-1]])
+    if last <= first:
+        return False
+    return bool(standing[last, 1] - standing[first, 1] > HALF * (born[last] - born[first]))
+
+
+def measured_step(slab: Slab, alone: Callable[[Index, Sequence[str]], Tracks]) -> ClockStep:
+    """The step of a crowd's clock, judged on a sample that ``alone`` flies far finer than the tolerance."""
+    count, tolerance = len(slab.grains), slab.rules.allowance * slab.rules.extent / slab.rules.length
+    if not count:
+        return ClockStep(1.0, 0.0, tolerance)
+    rows = np.unique(np.linspace(0, count - 1, min(SAMPLE, count)).round().astype(np.int64))
+    by_chance = {SPIN_LIFT.name} if bool(slab.grains.flake.any()) else set()  # a flake's spin is drawn at each impact
+    calm = [name for name in slab.forces if not all_forces[name].random and name not in by_chance]
+    right = alone(rows, calm)
+    everybody = tuple(np.unique(slab.grains.fraction).tolist())
+    lonely = replace(slab.collisions, tracers=everybody, forces=())  # tracers meet each other never
+    sample = replace(
+        slab, grains=slab.grains[rows], forces=calm, points=0, table_of=slab.table_of[rows], collisions=lonely
+    )
+
+    def error_of(step: float) -> float:
+        tracks = Tracks.empty(len(rows))
+        fly_slab(sample, replace(tracks, meetings=np.zeros(len(rows), dtype=np.int64)), step, 0)
+        away = np.linalg.norm(tracks.position - right.position, axis=1)
+        return float(np.quantile(away, NINE_OF_TEN)) / slab.rules.length
+
+    return chosen_step(_longest(slab, right), error_of, tolerance)
+
+
+def chosen_step(longest: float, error_of: Callable[[float], float], tolerance: float) -> ClockStep:
+    """The first step (s) from the ``longest`` on that errs by no more than the ``tolerance``; where none does, the
+    longest that no shorter one betters by at least the ratio of the two: half of what the order of the scheme promises.
+    """
+    step, in_vain, trials = longest, 0, 0
+    kept = ClockStep(step, np.inf)
+    while in_vain < PATIENCE and trials < MAX_TRIALS and not kept.step_error <= tolerance:
+        error, trials = error_of(step), trials + 1
+        in_vain += 1
+        if error <= tolerance or error < kept.step_error * step / kept.step:
+            kept, in_vain = ClockStep(step, error), 0
+        step *= max(SHORTER, SAFE * (tolerance / max(error, tolerance)) ** (1.0 / ORDER))
+    return kept._replace(asked=tolerance, trials=trials)
+
+
+def _longest(slab: Slab, right: Tracks) -> float:
+    """The longest step worth trying (s)."""
+    grains, rules = slab.grains, slab.rules
+    solid = ~np.isin(grains.fraction, np.asarray(slab.collisions.tracers, dtype=np.int64))
+    thick = float(grains.diameter[solid].max(initial=0.0)) or ALONE * rules.length
+    speeds = np.concatenate([np.linalg.norm(grains.velocity, axis=1), np.linalg.norm(right.velocity, axis=1)])
+    fall = float(np.hypot(*np.asarray(slab.gravity, dtype=float)) * rules.length) ** 0.5
+    step = HOP * thick / max(float(speeds.max(initial=0.0)), fall, 1e-9 * rules.length)
+    paces = [body.motion.pace for body in slab.solids if body.motion is not None and body.motion.moves]
+    if paces:
+        step = min(step, SHAKE / max(paces))
+    return float(min(step, CHANGE * rules.coarse))

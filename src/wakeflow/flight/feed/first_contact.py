@@ -1,0 +1,109 @@
+"""When a falling granule first meets a slope that moves, and how fast the wall is then.
+
+A stream that is uniform in time meets the phases with density 1 + V_eta / V_n as long as the slope is nowhere faster
+than the granules fall; above that earlier crests cast shadows, and the first contact is looked for on the path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.geometry import halved_all
+from ...scene import Scene
+from .. import Motion
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+PIECE = 0.4  # rad of the vibration looked at in one piece, as the tracker does
+HALVINGS, ROUGHLY = 60, 12  # of a bracket: for a contact; for a dip, whose depth is missed by their square only
+
+
+def motion_of(scene: Scene) -> Motion | None:
+    """How the bodies of a scene move; None at rest."""
+    vibration = scene.vibration
+    if vibration is None:
+        return None
+    if vibration.samples is not None:
+        return Motion.sampled(vibration.samples.time, vibration.samples.acceleration, tuple(vibration.along))
+    return Motion(tuple(vibration.displacement), 1.0 / vibration.period)
+
+
+@dataclass(frozen=True, eq=False)
+class _Gap:
+    """Distance of granules (n,) from their slopes along the normal: -n_y (V s + pull s^2 / 2) - n . d(t)."""
+
+    fall_speed: Array
+    pull: Array
+    normal: Array
+    passing: Array
+    motion: Motion
+
+    def at(self, t: Array, i: Index) -> Array:
+        """Distance (m) of granules i at times t (s); s = t - passing."""
+        s, n = t - self.passing[i], self.normal[i]
+        moved = np.einsum("ij,ij->i", n, self.motion.at(t)[0])
+        return np.asarray(-n[:, 1] * s * (self.fall_speed[i] + 0.5 * self.pull[i] * s) - moved)
+
+    def rate(self, t: Array, i: Index) -> Array:
+        """Its rate (m/s)."""
+        s, n = t - self.passing[i], self.normal[i]
+        moving = np.einsum("ij,ij->i", n, self.motion.at(t)[1])
+        return np.asarray(-n[:, 1] * (self.fall_speed[i] + self.pull[i] * s) - moving)
+
+    def window(self) -> tuple[Array, Array]:
+        """Times (n,) s at which granules pass the highest place of the slope and the lowest."""
+        crest = np.abs(self.normal @ np.asarray(self.motion.amplitude, dtype=float)) / self.normal[:, 1]
+        v2, more = self.fall_speed**2, 2 * self.pull * crest
+        before = 2 * crest / (self.fall_speed + np.sqrt(np.maximum(v2 - more, 0.0)))
+        return self.passing - before, self.passing + 2 * crest / (self.fall_speed + np.sqrt(np.maximum(v2 + more, 0.0)))
+
+
+def first_contact(
+    fall_speed: Array,
+    normal: Array,
+    passing: Array,
+    motion: Motion | None,
+    pull: Array | float = 0.0,
+    halvings: int = HALVINGS,
+) -> tuple[Array, Array]:
+    """When granules first meet a slope that follows ``motion``, (n,) s, and the wall's velocity then, (n, 2) m/s.
+
+    ``passing`` (n,) s: when each would touch the slope at rest, with ``fall_speed`` (n,) m/s straight down, which grows
+    by ``pull`` (n,) m/s2; ``normal`` (n, 2) of the slope, upward. The first root of the distance along the normal is
+    looked for from above all crests on, in pieces that are short against the vibration, each halved ``halvings`` times.
+    """
+    if motion is None or not motion.moves or not len(passing):
+        return passing.copy(), np.zeros((len(passing), 2))
+    gap = _Gap(fall_speed, np.broadcast_to(np.asarray(pull, dtype=float), passing.shape), normal, passing, motion)
+    low, last = gap.window()
+    left, begin, end = np.arange(len(passing)), low.copy(), last.copy()
+    while len(left):
+        high = np.minimum(low + PIECE / motion.pace, last[left])
+        to = _lowest(gap, left, low, high)
+        met = (gap.at(to, left) <= 0) | (high >= last[left])
+        begin[left[met]], end[left[met]] = low[met], to[met]
+        left, low = left[~met], high[~met]
+    time = _end_of(gap.at, np.arange(len(passing)), begin, end, above=True, halvings=halvings)
+    return time, motion.at(time)[1]
+
+
+def _lowest(gap: _Gap, i: Index, low: Array, high: Array) -> Array:
+    """Where in pieces (low, high) the gap of granules i is least, as far as it matters: at the end, or in a dip that
+    comes back above zero.
+    """
+    to = high.copy()
+    dips = (gap.at(high, i) > 0) & (gap.rate(low, i) < 0) & (gap.rate(high, i) > 0)
+    if dips.any():
+        to[dips] = _end_of(gap.rate, i[dips], low[dips], high[dips], above=False, halvings=ROUGHLY)
+    return to
+
+
+def _end_of(
+    value: Callable[[Array, Index], Array], i: Index, low: Array, high: Array, *, above: bool, halvings: int
+) -> Array:
+    """The time within (low, high) up to which a value is above zero, or not above; (n,), by bisection."""
+    return halved_all(lambda time: (value(time, i) > 0) == above, low, high, halvings)[1]

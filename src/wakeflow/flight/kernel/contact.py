@@ -1,0 +1,316 @@
+"""A granule in contact: the strike, sliding, and being held by friction; ``contact_ends`` has how each of them ends.
+
+Sliding is flight under a constraint (see ``walls.constrain``): the same steps, the same dense output, the same events.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ...laws.collision import collide
+from . import events
+from . import layout as at
+from .dense_output import along
+from .dispersion import mirror
+from .events import first_below, wall_displacement
+from .forces import free_force
+from .jit import compiled, inlined
+from .rest import STATIC, caught, held, hold_still, tangent, unwedge, wedge
+from .strike import flake_spin, restitution_of, stays, tilted
+from .walls import constrain, grasp, inside
+
+# -- A granule in contact ----------------------------------------------------------------------------------------------
+_collide = compiled(collide)
+AT_REST = 1e-13  # of a body's length per s and of the free acceleration: slower is at rest, to round-off
+ROLLS = 1e-12  # of sliding and turning speed: a slip below it is the round-off of their difference
+
+
+@compiled
+def settle(state, ints, hold, walls, rolls):
+    """Put a granule in contact exactly on its surface, moving along it; where it rolls its contact point is at rest."""
+    _, off = grasp(hold, walls, ints[at.CONTACT], ints[at.FEATURE], hold[at.ARM], state[at.X], state[at.Y], state[at.T])
+    nx, ny = hold[at.NX], hold[at.NY]
+    state[at.X] -= off * nx
+    state[at.Y] -= off * ny
+    _, _, wx, wy, _, _ = wall_displacement(walls.bodies, ints[at.BODY], state[at.T])
+    vn = (state[at.VX] - wx) * nx + (state[at.VY] - wy) * ny
+    state[at.VX] -= vn * nx
+    state[at.VY] -= vn * ny
+    if rolls:
+        state[at.SPIN] = (nx * (state[at.VY] - wy) - ny * (state[at.VX] - wx)) / hold[at.ARM]
+
+
+@inlined
+def _collision(state, ints, hold, grain, walls, body, friction, last, one, seed):
+    """Velocity and spin after the impact on the wall in ``hold``; a granule that it throws back for ever at the wall
+    (last, one) stops. Returns the restitution, the normal impulse, the wall's velocity and its acceleration.
+
+    Only granules that come flying are scattered: not those that lie on another wall, or rattle between two.
+    """
+    nx, ny = hold[at.NX], hold[at.NY]
+    _, _, wx, wy, px, py = wall_displacement(walls.bodies, body, state[at.T])
+    e = restitution_of(state, grain, walls, body, nx, ny, wx, wy)
+    mobility, radius, back = grain[at.BLOW], grain[at.RADIUS], grain[at.GIVES_BACK]
+    mx, my = nx, ny
+    if grain[at.SCATTER] != 0.0 and last == at.FREE:
+        mx, my = tilted(state, ints, hold, grain, wx, wy, e, friction, seed)
+    vx, vy, spin, normal, _ = _collide(
+        state[at.VX], state[at.VY], state[at.SPIN], mx, my, wx, wy, e, friction, mobility, radius, back
+    )
+    if grain[at.TOSS] != 0.0:
+        rx, ry, spin = state[at.VX] - wx, state[at.VY] - wy, state[at.SPIN]
+        spin = flake_spin(ints, grain, spin, rx, ry, vx - wx, vy - wy, mx, my, seed)
+    if grain[at.NOISE] != 0.0:
+        mirror(state, ints, nx, ny)
+    if normal > 0.0:
+        ints[at.IMPACTS] += 1
+    if last != at.FREE and caught(state, hold, walls, last, one, body, vx - wx, vy - wy, e, ints[at.STUCK]):
+        vx, vy = wx, wy
+    state[at.VX], state[at.VY], state[at.SPIN] = vx, vy, spin
+    return e, normal, wx, wy, px, py
+
+
+@compiled
+def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
+    """The granule touches a feature: collision, and sliding from then on where no bounce worth following is left."""
+    body, off = grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
+    before, other = ints[at.CONTACT], ints[at.FEATURE]
+    nx, ny = hold[at.NX], hold[at.NY]
+    mx, my = nx, ny
+    if before != at.FREE:  # put right along the wall that it is on, so as not to enter that one
+        mx, my = tangent(walls, before, other, nx, ny, state)
+    state[at.X] -= off * mx
+    state[at.Y] -= off * my
+    last, one = (ints[at.PAIR], ints[at.PAIRED]) if before == at.FREE and ints[at.STUCK] > 1 else (before, other)
+    ints[at.CONTACT] = ints[at.PAIR] = at.FREE
+    _, _, wx, wy, _, _ = wall_displacement(walls.bodies, body, state[at.T])
+    if stays(state, ints, grain, walls, body, nx, ny, wx, wy):
+        hold[at.KIND] = at.FREE
+        return
+    f = walls.bodies[body, at.BODY_FRICTION]
+    f = grain[at.FRICTION] if f < 0.0 else f
+    e, normal, wx, wy, px, py = _collision(state, ints, hold, grain, walls, body, f, last, one, rules.seed)
+    vx, vy = state[at.VX], state[at.VY]
+    fx, fy, _, _, _ = free_force(affine, grain, table, state[at.X], state[at.Y], vx, vy, state[at.T], state[at.SPIN])
+    rebound, slide = (vx - wx) * nx + (vy - wy) * ny, -ny * (vx - wx) + nx * (vy - wy)
+    lift = (fx - px) * nx + (fy - py) * ny
+    if kind == at.ON_VERTEX:
+        lift += slide * slide / grain[at.RADIUS]
+    if lift < 0.0 and (rebound <= at.SLOW or rebound * rebound <= -2.0 * lift * rules.tiny):
+        ints[at.CONTACT], ints[at.FEATURE], ints[at.BODY] = kind, which, body
+        hold[at.MU] = f
+        state[at.VX] -= rebound * nx
+        state[at.VY] -= rebound * ny
+        state[at.H_ERROR] = math.inf
+        if before != at.FREE:
+            wedge(state, ints, hold, walls, rules, fx, fy, before, other, e)
+    elif before != at.FREE and normal == 0.0:  # it only touches: it stays on the wall that it is on
+        grasp(hold, walls, before, other, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
+        ints[at.CONTACT] = before
+    else:
+        hold[at.KIND] = at.FREE
+        ints[at.PAIR], ints[at.PAIRED] = kind, which
+
+
+@compiled
+def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
+    """For a granule in contact: lifted off, held by static friction, rolling or sliding. Returns whether it was dealt
+    with.
+
+    Rolling takes the friction force free / (1 + m r^2 / I) (Routh 1897, ch. 4); where the wall cannot give that, the
+    contact point slips.
+    """
+    hold[at.SIGN] = hold[at.ROLL] = 0.0
+    if ints[at.PAIR] != at.FREE and unwedge(state, ints, hold, grain, walls, fx, fy):
+        hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
+        return True
+    _, _, press, free, slide = constrain(
+        hold, fx, fy, state[at.X], state[at.Y], state[at.VX], state[at.VY], state[at.T]
+    )
+    if press <= 0.0:
+        state[at.HELD] = 0.0
+        ints[at.CONTACT] = at.FREE
+        hold[at.KIND] = at.FREE
+        return False
+    mobility, around = grain[at.MOBILITY], grain[at.RADIUS] * state[at.SPIN]
+    slip = slide - around if mobility > 0.0 else slide
+    still = AT_REST * (rules.length + abs(free))
+    if abs(slide) <= still and abs(slip) <= still and held(hold, grain, press, free):
+        state[at.SPIN] = 0.0 if mobility > 0.0 else state[at.SPIN]
+        hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
+        return True
+    state[at.HELD] = 0.0
+    if abs(slip) <= still + (ROLLS * (abs(slide) + abs(around)) if mobility > 0.0 else 0.0):
+        part = 1.0 / (1.0 + mobility)
+        if mobility > 0.0 and abs(free) * part <= hold[at.MU] * press:
+            hold[at.ROLL] = part
+            state[at.SPIN] = slide / grain[at.RADIUS]
+            return False
+        slip = free
+    hold[at.SIGN] = 1.0 if slip > 0.0 else -1.0
+    return False
+
+
+@inlined
+def rescue(state, ints, hold, affine, grain, table, walls, rules):
+    """No centre is ever left inside a body: put it back on the nearest edge, as a contact."""
+    for body in range(walls.bodies.shape[0]):
+        dx, dy, _, _, _, _ = wall_displacement(walls.bodies, body, state[at.T])
+        within, nearest = inside(walls, body, state[at.X] - dx, state[at.Y] - dy)
+        if within:
+            strike(state, ints, hold, affine, grain, table, walls, rules, at.ON_EDGE, nearest)
+
+
+# -- How contact ends --------------------------------------------------------------------------------------------------
+SLIVER = 1e-3  # of the skin: how near to the end of a face a granule must be to slide off it at once
+
+
+@compiled
+def friction_turn(path, h, state, affine, grain, table, hold):
+    """Coefficients of s, s^2, s^3 of the spin that friction gives a slipping granule over a step h (Simpson's rule)."""
+    if hold[at.ROLL] != 0.0 or grain[at.MOBILITY] == 0.0:
+        return 0.0, 0.0, 0.0
+    spin, t0 = state[at.SPIN], state[at.T]
+    a, _ = _pressed(path, 0.0, t0, affine, grain, table, hold, spin)
+    b, _ = _pressed(path, 0.5 * h, t0, affine, grain, table, hold, spin)
+    c, _ = _pressed(path, h, t0, affine, grain, table, hold, spin)
+    size = hold[at.SIGN] * hold[at.MU] * grain[at.MOBILITY] / grain[at.RADIUS]
+    return size * a, size * (4.0 * b - 3.0 * a - c) / (2.0 * h), size * (a - 2.0 * b + c) * 2.0 / (3.0 * h * h)
+
+
+@compiled
+def _slip(path, s, t0, hold, walls, body, spin, radius):
+    """Velocity of the contact point along the moving wall."""
+    x, y, vx, vy = along(path, s)
+    dx, dy, wx, wy, _, _ = wall_displacement(walls.bodies, body, t0 + s)
+    nx, ny = hold[at.NX], hold[at.NY]
+    if hold[at.KIND] == at.ON_VERTEX:
+        nx, ny = x - dx - hold[at.OX], y - dy - hold[at.OY]
+        d = math.sqrt(nx * nx + ny * ny)
+        nx, ny = nx / d, ny / d
+    return nx * (vy - wy) - ny * (vx - wx) - radius * spin
+
+
+@compiled
+def takes_hold(path, s, state, ints, hold, grain, walls, turn):
+    """When within [0, s] the contact point of a slipping granule that can turn comes to rest (bisection): (time, did
+    it).
+    """
+    if hold[at.ROLL] != 0.0 or grain[at.MOBILITY] == 0.0:
+        return s, False
+    a, b, c = turn
+    spin, body, radius, sign = state[at.SPIN], ints[at.BODY], grain[at.RADIUS], hold[at.SIGN]
+    if sign * _slip(path, s, state[at.T], hold, walls, body, spin + s * (a + s * (b + s * c)), radius) > 0.0:
+        return s, False
+    low, high = 0.0, s
+    for _ in range(60):
+        m = 0.5 * (low + high)
+        if sign * _slip(path, m, state[at.T], hold, walls, body, spin + m * (a + m * (b + m * c)), radius) > 0.0:
+            low = m
+        else:
+            high = m
+    return high, True
+
+
+@compiled
+def _beside(path, s, t0, hold, bodies, body):
+    """Position from the constraint's origin and velocity, both seen from the wall, at time s of the step."""
+    x, y, vx, vy = along(path, s)
+    dx, dy, wx, wy, _, _ = wall_displacement(bodies, body, t0 + s)
+    return x - dx - hold[at.OX], y - dy - hold[at.OY], vx - wx, vy - wy
+
+
+@inlined
+def _end_of_face(path, ints, hold, walls, rules, s, t0, stops):
+    """``ends_of_slide`` on a face: where it stops, and the corners at its start and end."""
+    bodies, body, feature = walls.bodies, ints[at.BODY], ints[at.FEATURE]
+    event, kind, which = events.NOTHING, at.FREE, at.NOBODY
+    qx, qy, rx, ry = _beside(path, 0.0, t0, hold, bodies, body)
+    _, _, ux, uy = _beside(path, s, t0, hold, bodies, body)
+    ox, oy, sign, skin = hold[at.OX], hold[at.OY], hold[at.SIGN], SLIVER * rules.skin
+    tx, ty, size = -hold[at.NY], hold[at.NX], walls.edges[feature, at.LENGTH]
+    wa, wb = sign * (tx * rx + ty * ry), sign * (tx * ux + ty * uy)
+    if stops and wa > 0.0 and wb < 0.0:
+        dx, dy = sign * tx, sign * ty
+        s = first_below(path, t0, bodies, body, events.SPEED, 0.0, 0.0, 0.0, dx, dy, 0.0, wa, 0.0, s, wb, 0.0, 0.0)
+        event = events.HALTED
+    for end in range(2):
+        ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)  # s may have become less
+        q0 = 0.0 if end == 0 else size
+        dx, dy = (tx, ty) if end == 0 else (-tx, -ty)
+        fa, fb = q0 + dx * qx + dy * qy, q0 + dx * ex + dy * ey
+        ra, rb = dx * rx + dy * ry, dx * ux + dy * uy
+        if fa < -rules.skin and ra >= 0.0:
+            continue
+        found = first_below(path, t0, bodies, body, events.PLANE, ox, oy, q0, dx, dy, 0.0, fa, ra, s, fb, rb, skin)
+        if 0.0 <= found <= s and (fb < 0.0 or found < s):
+            s, event = found, events.SLID_OFF
+            which = walls.edge_links[feature, at.BEFORE + end]
+            kind = at.ON_VERTEX if which >= 0 else at.FREE
+    return s, event, kind, which
+
+
+@inlined
+def _end_of_corner(path, ints, hold, walls, rules, s, t0, stops):
+    """``ends_of_slide`` round a corner: where it stops, and the faces before and after."""
+    bodies, body = walls.bodies, ints[at.BODY]
+    event, kind, which = events.NOTHING, at.FREE, at.NOBODY
+    qx, qy, rx, ry = _beside(path, 0.0, t0, hold, bodies, body)
+    ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)
+    ox, oy, sign, skin = hold[at.OX], hold[at.OY], hold[at.SIGN], SLIVER * rules.skin
+    wa, wb = sign * (qx * ry - qy * rx), sign * (ex * uy - ey * ux)
+    if stops and wa > 0.0 and wb < 0.0:
+        s = first_below(path, t0, bodies, body, events.SPIN, ox, oy, sign, 0.0, 0.0, 0.0, wa, 0.0, s, wb, 0.0, 0.0)
+        event = events.HALTED
+    for end in range(2):  # beyond the direction of the edge that ends here, before that of the edge that starts here
+        e = walls.vertex_links[ints[at.FEATURE], at.BEFORE + end]
+        if e < 0:
+            continue
+        ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)
+        tx, ty = -walls.edges[e, at.OUT_Y], walls.edges[e, at.OUT_X]
+        dx, dy = (tx, ty) if end == 0 else (-tx, -ty)
+        fa, fb = dx * qx + dy * qy, dx * ex + dy * ey
+        ra, rb = dx * rx + dy * ry, dx * ux + dy * uy
+        found = first_below(path, t0, bodies, body, events.PLANE, ox, oy, 0.0, dx, dy, 0.0, fa, ra, s, fb, rb, skin)
+        if 0.0 <= found <= s and (fb < 0.0 or found < s):
+            s, event, kind, which = found, events.SLID_OFF, at.ON_EDGE, e
+    return s, event, kind, which
+
+
+@compiled
+def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
+    """The first of: sliding stops, or the end of the face or corner is reached. Returns (time, event, next kind, next
+    feature). What can turn does not stop when it stops sliding.
+    """
+    stops = grain[at.MOBILITY] == 0.0
+    if hold[at.KIND] == at.ON_EDGE:
+        return _end_of_face(path, ints, hold, walls, rules, s, t0, stops)
+    return _end_of_corner(path, ints, hold, walls, rules, s, t0, stops)
+
+
+@compiled
+def _pressed(path, s, t0, affine, grain, table, hold, spin):
+    """How hard the wall presses at time s of the step, and whether a rolling granule's grip is enough."""
+    x, y, vx, vy = along(path, s)
+    fx, fy, _, _, _ = free_force(affine, grain, table, x, y, vx, vy, t0 + s, spin)
+    _, _, press, free, _ = constrain(hold, fx, fy, x, y, vx, vy, t0 + s)
+    return press, hold[at.ROLL] == 0.0 or abs(free) * hold[at.ROLL] <= (hold[at.MU] + STATIC) * press
+
+
+@compiled
+def lets_go(path, s, state, affine, grain, table, hold):
+    """When within [0, s] the wall stops pressing, or rolling becomes slipping (bisection): (time, event)."""
+    spin, t0 = state[at.SPIN], state[at.T]
+    press, firm = _pressed(path, s, t0, affine, grain, table, hold, spin)
+    if press > 0.0 and firm:
+        return s, events.NOTHING
+    low, high = 0.0, s
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        press, firm = _pressed(path, middle, t0, affine, grain, table, hold, spin)
+        if press > 0.0 and firm:
+            low = middle
+        else:
+            high = middle
+    press, _ = _pressed(path, high, t0, affine, grain, table, hold, spin)
+    return high, events.LIFTED if press <= 0.0 else events.SLIPS

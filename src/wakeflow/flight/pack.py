@@ -1,0 +1,193 @@
+"""What is constant of a granule for the kernel, and its state at birth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..air.field import FlowField, MeshOscillation
+from ..core.arrays import numbers
+from ..core.errors import SceneError
+from ..laws.drag import drag_laws, drag_table
+from ..laws.flake import section
+from ..laws.forces import Force
+from ..laws.forces import forces as all_forces
+from ..laws.restitution import Restitution
+from .bodies import Body
+from .granules import Granules, toss_of
+from .kernel import layout as at
+from .kernel.layout import PackedAir, Rules, Walls
+
+# -- What is constant of a call and of a granule for the kernel --------------------------------------------------------
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+MAX_TABLES = 4096
+BY_LAW = -1.0  # in place of a granule's restitution: look it up at the approach speed
+
+
+@dataclass(frozen=True)
+class Packed:
+    """What all blocks of granules of one call share, most of it as the kernel takes it."""
+
+    field: FlowField | None
+    grains: Granules
+    forces: Sequence[str]
+    gravity: Sequence[float]
+    solids: Sequence[Body]
+    swing: MeshOscillation | None  # how the mesh moves, in whose frame granules fly
+    reach: float  # m, how near to a body the mesh's edge counts as covered by it
+    points: int  # kept of a path, 0: none
+    walls: Walls
+    air: PackedAir
+    rules: Rules
+    tables: Array  # of the drag law
+    table_of: Index  # which of them each granule uses
+
+
+def check_forces(forces: Sequence[str], field: FlowField | None) -> None:
+    """Raise SceneError for a force that is unknown, not computed, or lacks what it needs of the field."""
+    for name in forces:
+        force = all_forces[name]
+        if not force.computed:
+            computed = ", ".join(known for known in all_forces if all_forces[known].computed)
+            raise SceneError(f"force {name!r} is only bounded, not computed (computed: {computed})")
+        lacking = None if field is None else force.lacks(field)
+        if lacking is not None:
+            raise SceneError(f"forces: {name} needs {lacking}")
+
+
+def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[str], gravity: Sequence[float]) -> Array:
+    """Constants of every granule (n, CONSTANTS), see ``layout``: those of its walls, and those of each force.
+
+    ``gravity`` (2,) m/s2. Without a field only forces act that need none. Raises SceneError for a gravity that is no
+    finite vector.
+    """
+    rows = np.zeros((len(grains), at.CONSTANTS))
+    g = numbers("gravity", gravity, "m/s^2")
+    if g.shape != (2,) or not np.all(np.isfinite(g)):
+        raise SceneError(f"gravity = {gravity}, expected two finite numbers in m/s2")
+    rows[:, at.RADIUS] = grains.diameter / 2
+    rows[:, at.RESTITUTION] = BY_LAW if isinstance(grains.restitution, Restitution) else grains.restitution
+    rows[:, at.FRICTION] = grains.friction
+    rows[:, at.BLOW] = 1.0 / grains.inertia
+    rows[:, at.MOBILITY] = np.where(grains.flake, 0.0, rows[:, at.BLOW])
+    rows[:, at.TOSS] = toss_of(grains)
+    area, perimeter = section(grains.shape, grains.flake)
+    rows[:, at.SECTION], rows[:, at.GIRTH] = area * rows[:, at.RADIUS] ** 2, perimeter * rows[:, at.RADIUS]
+    rows[:, at.SCATTER], rows[:, at.GIVES_BACK] = grains.scatter, grains.tangential_restitution
+    rows[:, at.CAPTURE] = grains.capture_speed
+    acting = [
+        all_forces[name] for name in all_forces if name in forces and (field is not None or all_forces[name].in_vacuum)
+    ]
+    pull = np.zeros((len(grains), 2))
+    for force in acting:
+        if force.acceleration is not None:
+            pull += force.acceleration(grains, field, g)
+    rows[:, [at.GX, at.GY]] = pull
+    if field is not None:
+        rows[:, at.REYNOLDS2] = (field.density * grains.diameter / field.viscosity) ** 2
+        rows[:, at.VORTICITY] = field.density * grains.diameter**2 / field.viscosity
+        _fill_by_air(rows, acting, grains, field)
+    return rows
+
+
+def _fill_by_air(rows: Array, acting: Sequence[Force], grains: Granules, field: FlowField) -> None:
+    """The constants of the ``acting`` forces of the air, in place; added mass divides all accelerations by 1 + chi."""
+    inertia = np.ones(len(grains))
+    for force in acting:
+        if force.inertia is not None:
+            inertia += force.inertia(grains, field)
+    rows[:, [at.GX, at.GY]] /= inertia[:, None]
+    for force in acting:
+        factors = {} if force.factors is None else force.factors(grains, field)
+        constants = {} if force.constants is None else force.constants(grains, field)
+        for slot, values in factors.items():
+            rows[:, getattr(at, slot)] = values / inertia
+        for slot, values in constants.items():
+            rows[:, getattr(at, slot)] = values
+        if force.by_gradient:
+            rows[:, at.EXTRA] = np.maximum(rows[:, at.EXTRA], _any_of(rows, factors))
+        if force.random:
+            rows[:, at.NOISE] = np.maximum(rows[:, at.NOISE], _any_of(rows, constants))
+
+
+def _any_of(rows: Array, slots: Iterable[str]) -> NDArray[np.bool_]:
+    """Which granules (n,) have a number other than zero in one of the ``slots``."""
+    return np.asarray(np.any(rows[:, [getattr(at, slot) for slot in slots]] != 0.0, axis=1))
+
+
+def pack_tables(law: str | Sequence[str], sphericity: Array, fraction: Index) -> tuple[Array, Index]:
+    """Tables of the drag law (k, cells, 4), one for every sphericity that occurs, and which one each granule uses; of
+    several laws each granule's is the one at the place of its ``fraction``. Raises SceneError where there are too few.
+    """
+    if isinstance(law, str):
+        return _tables_of(law, sphericity)
+    if len(fraction) and not 0 <= fraction.min() <= fraction.max() < len(law):
+        raise SceneError(f"drag: {len(law)} laws, granules of fraction {fraction.min()} to {fraction.max()}")
+    tables, which, count = [], np.zeros(len(sphericity), dtype=np.int64), 0
+    for name in dict.fromkeys(law):
+        own = np.isin(fraction, [i for i, one in enumerate(law) if one == name])
+        found, used = _tables_of(name, sphericity[own])
+        which[own] = count + used
+        tables.append(found)
+        count += len(found)
+    return np.concatenate(tables), which
+
+
+def _tables_of(law: str, sphericity: Array) -> tuple[Array, Index]:
+    if not drag_laws[law].uses_sphericity:
+        return drag_table(law)[None], np.zeros(len(sphericity), dtype=np.int64)
+    values, which = np.unique(sphericity, return_inverse=True)
+    if len(values) > MAX_TABLES:
+        raise SceneError(f"granule sphericity: {len(values)} different values, allowed {MAX_TABLES}; round them")
+    if not len(values):
+        values = np.ones(1)
+    return np.stack([drag_table(law, float(value)) for value in values]), which.astype(np.int64)
+
+
+# -- From granules at birth to the state arrays of the kernel ----------------------------------------------------------
+PAIRS = 1024  # granules whose distances from all covered edges are in memory at a time
+
+
+def pack_state(
+    grains: Granules, first: int, field: FlowField | None, air: PackedAir, bodies: Sequence[Body], reach: float
+) -> tuple[Array, Index]:
+    """State arrays at birth of granules numbered from ``first``; one in the room a vibrating body has left begins at
+    the boundary edge it is next to.
+    """
+    floats = np.zeros((len(grains), at.FLOATS))
+    floats[:, at.X], floats[:, at.Y] = grains.position.T
+    floats[:, at.VX], floats[:, at.VY] = grains.velocity.T
+    floats[:, [at.LAG, at.LAG + 1]] = grains.velocity if grains.arrival is None else grains.arrival
+    floats[:, at.SPIN], floats[:, at.T], floats[:, at.BORN] = grains.spin, grains.time, grains.time
+    ints = np.zeros((len(grains), at.INTS), dtype=np.int64)
+    ints[:, [at.FATE, at.LINE, at.FEATURE, at.GAP, at.TRI]] = -1
+    ints[:, at.FATE] = at.FLYING
+    ints[:, at.STREAM] = first + np.arange(len(grains))
+    if field is not None and len(grains):
+        ints[:, at.TRI] = field.locate(grains.position)
+        outside = np.flatnonzero(ints[:, at.TRI] < 0)
+        if len(outside) and len(air.covered):
+            ints[outside, at.GAP] = _nearest_covered(grains.position[outside], field, air, bodies, reach)
+    return floats, ints
+
+
+def _nearest_covered(x: Array, field: FlowField, air: PackedAir, bodies: Sequence[Body], reach: float) -> Index:
+    """Covered edge next to each point outside the mesh, -1 where none is as near as its body may have moved."""
+    motions = (body.motion for body in bodies if body.motion is not None)
+    swing = max((float(np.hypot(motion.amplitude[0], motion.amplitude[1])) for motion in motions), default=0.0)
+    triangle, edge = air.covered[:, at.COVER_TRI], air.covered[:, at.COVER_EDGE]
+    a = field.points[field.triangles[triangle, (edge + 1) % 3]]
+    along = field.points[field.triangles[triangle, (edge + 2) % 3]] - a
+    found = np.full(len(x), -1, dtype=np.int64)
+    for low in range(0, len(x), PAIRS):
+        offset = x[low : low + PAIRS, None] - a
+        w = np.clip(np.einsum("nci,ci->nc", offset, along) / np.einsum("ci,ci->c", along, along), 0.0, 1.0)
+        distance = np.linalg.norm(offset - w[..., None] * along, axis=2)
+        best = distance.argmin(axis=1)
+        near = distance[np.arange(len(best)), best] <= swing + reach
+        found[low : low + PAIRS] = np.where(near, best, -1)
+    return found

@@ -1,0 +1,402 @@
+"""The air feels the granules: their force on it, gathered along tracks, is given to the airflow.
+
+Pass after pass, granules fly through the steady airflow as it is known so far, one way; what they exert on the air is
+gathered (``gathered_force``), and the steady airflow is made anew under that force: OpenFOAM solves it on, and air at
+rest becomes a jet (``laws.driven_jet``). Each granule flies alone until the shares no longer change; where granules
+meet, those of the slab give the force of one pass more. An airflow that leads only to the next pass need not have
+settled: OpenFOAM solves each on from the one before for few iterations, and the last one to its end. Under the force of
+the last pass every airflow of the scene is solved: the steady one on all grids, and from it the one in time.
+"""
+
+from __future__ import annotations
+
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...air.field import FlowField
+from ...air.kinds.airflow_kinds import AirflowKind, CaseAir
+from ...air.kinds.airflow_table import Airflow, AirLoadingSummary
+from ...air.kinds.analytic import jet_field, jet_of
+from ...air.kinds.case_field import case_field
+from ...air.kinds.solved_air import SolvedAir
+from ...core.errors import known
+from ...core.geometry import ForceDensity
+from ...core.lazy import cached_property
+from ...core.record import JsonTable, load
+from ...core.store import content_key
+from ...planning.plan import GATHERED, PASSING, Plan, gathered
+from ...planning.stage_cache import StageCache, code_of, version_of
+from ...scene import Scene
+from .compilation import COMPILED, Compilation
+from .gathered_force import Gathered, Gatherer, boxes_of, resolved
+from .slab_stage import steady_after
+
+Array = NDArray[np.float64]
+Made = tuple[str, Path | None]  # key of an airflow, and its folder where it is in one
+SHARES = (0.05, 1.0)  # of the way to the force gathered last, at least and at most; chosen
+ON_THE_WAY = 200  # iterations of a pass before the last, where the air follows a force that changes itself; chosen
+WITHOUT_SOLVER = 8  # passes where no solver runs for one where it does; chosen
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One pass: the ``force`` (N/m3) that the airflow was made under, that airflow's ``key`` and ``folder`` (None where
+    it is in none), what granules alone ``gathered`` in it and the largest ``change`` of their shares from the pass
+    before; how far the force is known by ``source``, those that it was gathered from, and what they would exert on that
+    airflow (``exerted``, (2,) N/m).
+    """
+
+    force: ForceDensity
+    key: str
+    folder: Path | None
+    gathered: Gathered
+    change: float
+    source: Gathered
+    exerted: Array
+
+    @property
+    def unanswered(self) -> float:
+        """How far the force that the air was given is from the one that granules exert in it, over the latter."""
+        off, whole = (float(np.linalg.norm(force)) for force in (self.exerted - self.force.total, self.exerted))
+        return off / max(whole, 1e-300)
+
+
+class _Early(NamedTuple):
+    """A ``force`` on the air as it is known first, and the ``key`` of the airflow that it was gathered in."""
+
+    force: ForceDensity
+    key: str
+
+
+class _Way(NamedTuple):
+    """The ``passes`` before the last, what granules gathered ``before`` it and the airflow that it has to ``start``
+    from, its ``force``, and what gathered that ``among`` others.
+    """
+
+    passes: tuple[Pass, ...]
+    before: Gathered
+    start: Made
+    force: ForceDensity
+    among: Gathered | None
+
+
+@dataclass
+class AirLoading(ABC):
+    """The granules' force on the airflow of a scene, gathered in the steady one; ``steady``: that one where it does not
+    feel them yet.
+    """
+
+    scene: Scene
+    plan: Plan  # of the steady airflow
+    cache: StageCache
+    steady: AirflowKind
+    compilation: Compilation
+    workers: int | None = None
+    answered: ClassVar[float]  # of the force: what the air may lack of it; chosen
+
+    @property
+    @abstractmethod
+    def summary(self) -> AirLoadingSummary:
+        """What the passes found."""
+
+    @property
+    @abstractmethod
+    def bare(self) -> Made:
+        """The steady airflow that does not feel the granules."""
+
+    @property
+    @abstractmethod
+    def unloaded(self) -> tuple[str, FlowField]:
+        """Key and field of that airflow."""
+
+    @abstractmethod
+    def under(self, force: ForceDensity, before: Made, *, last: bool) -> Made:
+        """The steady airflow under a ``force``, from the one ``before``; settled where it is the ``last``."""
+
+    @abstractmethod
+    def field_in(self, force: ForceDensity, made: Made) -> FlowField:
+        """The field of the steady airflow that was ``made`` under a ``force``."""
+
+    def settled(self, made: Pass) -> bool:
+        """Whether one pass more is enough: neither shares nor the force change."""
+        return made.change <= self.plan.target_error and made.unanswered <= self.answered
+
+    @property
+    def most(self) -> int:
+        """Passes under the force of granules alone, at most."""
+        return self.scene.numerics.loading_passes
+
+    @property
+    def met(self) -> bool:
+        """Whether the force of the last pass is that of granules that meet."""
+        return self.plan.crowd is not None and self.scene.numerics.loading_passes > 1
+
+    @cached_property
+    def passes(self) -> tuple[Pass, ...]:
+        """Every pass: one more once the shares are within the accuracy asked for, or as many as the scene allows."""
+        way = self._way
+        return *way.passes, self._pass(way.force, way.start, way.before, way.among, last=True)
+
+    @property
+    def force(self) -> ForceDensity:
+        """The force that the answer's air is solved under; known before the steady airflow under it."""
+        return self._way.force
+
+    @property
+    def key(self) -> str:
+        """Of the steady airflow under it."""
+        return self.passes[-1].key
+
+    @property
+    def early(self) -> _Early:
+        """The force that granules exert on the air that does not feel them."""
+        return _Early(self.first.force, self.bare[0])
+
+    @cached_property
+    def first(self) -> Gathered:
+        """What granules exert on the air that does not feel them."""
+        key, field = self.unloaded
+        return self._alone(key, lambda: field, PASSING if self.met else GATHERED)
+
+    def _summary(self, given: float, **further: Any) -> AirLoadingSummary:
+        """What the passes found; ``given``: force (N/m, y) on the air of the last one."""
+        last = self.passes[-1]
+        return AirLoadingSummary(
+            passes=len(self.passes),
+            change=last.change,
+            force=tuple(last.exerted.tolist()),
+            given=given,
+            imbalance=last.source.imbalance,
+            unanswered=last.unanswered,
+            sampling=self.sampling,
+            **further,
+        )
+
+    @property
+    def sampling(self) -> float:
+        """Half of the 95 % interval of that force by the granules that it is gathered from, over it."""
+        return self.passes[-1].source.sampling
+
+    def last_change(self, name: str, place: int) -> float:
+        """What the last pass changed of a fraction's share in bin number ``place``, in the steady airflow."""
+        before = self.passes[-2].gathered if len(self.passes) > 1 else self.first
+        return self.passes[-1].gathered.shares[name][place] - before.shares[name][place]
+
+    @cached_property
+    def _way(self) -> _Way:
+        """The passes before the last, in airflows that need not settle, until one more is enough or allowed."""
+        made: list[Pass] = []
+        before, start, force = self.first, self.bare, self.first.force
+        share, lacked = 1.0, force.density  # the whole way from no force
+        while len(made) < self.most - (not self.met) and not (made and self.settled(made[-1])):
+            one = self._pass(force, start, before, last=False)
+            made.append(one)
+            lacking = one.gathered.force.density - force.density
+            share, lacked = relaxed(share, lacked, lacking), lacking
+            before, start, force = one.gathered, (one.key, one.folder), force.towards(one.gathered.force, share)
+            self.cache.tell("air-loading", f"pass {len(made)}: shares moved by up to {100 * one.change:.2g} points")
+        among = self._among_others(made[-1]) if self.met else None
+        return _Way(tuple(made), before, start, force if among is None else among.force, among)
+
+    def _pass(
+        self, force: ForceDensity, start: Made, before: Gathered, among: Gathered | None = None, *, last: bool
+    ) -> Pass:
+        """The steady airflow under a force, from ``start``, where granules alone gathered ``before``; ``among``: what
+        gathered that force there instead of them. The ``last`` one settles.
+        """
+        key, folder = made = self.under(force, start, last=last)
+        after = self._alone(key, partial(self.field_in, force, made), PASSING if self.met else GATHERED)
+        source, other = (after, 0.0) if among is None else (among, among.force.total - before.force.total)
+        return Pass(force, key, folder, after, _farthest(before, after), source, after.force.total + other)
+
+    def _alone(self, key: str, field: Callable[[], FlowField], most: int) -> Gathered:
+        """What granules that fly alone, at ``most`` so many of a fraction, exert on the air of a field, made where its
+        key does not have it.
+        """
+        bins, count = (
+            [(name, repr(bin_)) for name, bin_ in self.scene.bin.items()],
+            gathered(self.scene.feed.count, most),
+        )
+        made = content_key("momentum", key, exerted_by(self.scene, self.plan), bins, count, code_of("momentum"))
+        return self._gathered("momentum", made, lambda part: self._gatherer("momentum", field()).alone(count, part))
+
+    def _among_others(self, last: Pass) -> Gathered:
+        """What granules that meet in the slab exert on the air of the ``last`` pass, and more of them above it."""
+        field = partial(self.field_in, last.force, (last.key, last.folder))
+        alone = self._alone(last.key, field, GATHERED)
+        stage, start_up = "slab-momentum", steady_after(self.plan, alone.late.__getitem__)
+        made = content_key(stage, last.key, exerted_by(self.scene, self.plan), start_up, code_of("slab-momentum"))
+
+        def work(part: Path) -> None:
+            self.compilation.finish_slab(self.cache)
+            self._gatherer(stage, field()).among_others(start_up, alone.before, part)
+
+        return self._gathered(stage, made, work)
+
+    def _gathered(self, stage: str, key: str, gather: Callable[[Path], None]) -> Gathered:
+        """From the cache, or gathered now."""
+
+        def work(part: Path) -> None:
+            if COMPILED not in self.cache.seconds:
+                self.compilation.finish(self.cache)
+            gather(part)
+
+        return Gathered.load(self.cache.make(stage, key, work))
+
+    def _gatherer(self, stage: str, field: FlowField) -> Gatherer:
+        return Gatherer(self.scene, self.plan, field, self.workers, partial(self.cache.tell, stage))
+
+
+@dataclass
+class LoadedCase(AirLoading):
+    """That on an airflow which OpenFOAM solves."""
+
+    steady: CaseAir
+    answered = 0.1
+
+    @property
+    def summary(self) -> AirLoadingSummary:
+        from ...air.foam.momentum_source import SOURCE
+
+        case = known(self.passes[-1].folder) / "case"
+        laid = json.loads((case / SOURCE).read_text())
+        before, after = self.steady.measured, load(Airflow, case / "airflow.json")
+        return self._summary(
+            (2.0 if self.steady.half else 1.0) * laid["force"][1],
+            cd_without=before.cd,
+            cd=after.cd,
+            verdict=after.verdict,
+            cells=laid["cells"],
+            sources=laid["sources"],
+        )
+
+    @property
+    def bare(self) -> Made:
+        return self.steady.solution
+
+    @property
+    def unloaded(self) -> tuple[str, FlowField]:
+        return known(self.steady.field)
+
+    def under(self, force: ForceDensity, before: Made, *, last: bool) -> Made:
+        key, folder = before
+        return self._solved(self.steady, force, key, known(folder), None if last else ON_THE_WAY)
+
+    def field_in(self, force: ForceDensity, made: Made) -> FlowField:
+        del force  # in the case
+        case = known(made[1]) / "case"
+        time = known(load(Airflow, case / "airflow.json").field_time)
+        return self.steady.in_gas(case_field(case, time, self.scene.airstream.density, half=self.steady.half))
+
+    def solution_on(self, air: CaseAir) -> tuple[str, Path]:
+        """Key and folder of the steady airflow under that force, on the grid of ``air``, which does not feel it."""
+        before = air.solution  # another core gathers the force meanwhile
+        last = self.passes[-1]
+        if air.grid == self.steady.grid:
+            return last.key, known(last.folder)
+        return self._solved(air, last.force, *before)
+
+    def _solved(
+        self, air: CaseAir, force: ForceDensity, from_key: str, start: Path, most: int | None = None
+    ) -> tuple[str, Path]:
+        """Key and folder of the steady ``air`` under ``force``, from the cache or solved on from another's; after
+        ``most`` iterations, None: once it has settled.
+        """
+        from ...air.foam import solve_airflow
+        from ...air.foam.fallback_settings import schemes_in
+        from ...air.foam.steady import MOST
+
+        assert isinstance(air, SolvedAir)
+        spec, msh, before = air.solved_spec, air.mesh[1] / "mesh.msh", start / "case"
+        key = content_key("loaded-airflow", from_key, force.digest, most, code_of("loaded-airflow"))
+
+        def work(part: Path) -> None:
+            solve_airflow(
+                replace(spec, settings=schemes_in(before)),  # what served before
+                msh,
+                part / "case",
+                start=before,
+                force=force,
+                most=most or MOST,
+                listener=lambda now: air.cache.tell("loaded-airflow", str(now)),
+            )
+
+        return key, air.cache.make("loaded-airflow", key, work)
+
+
+@dataclass
+class DrivenAir(AirLoading):
+    """That on air at rest, which is a jet under it. The speed of granules follows the force where no share does."""
+
+    answered = 0.01
+
+    @property
+    def summary(self) -> AirLoadingSummary:
+        last = self.passes[-1]
+        speed = float(jet_of(self.scene, last.force).speed.max())
+        return self._summary(float(last.force.total[1]), verdict="driven", speed=speed)
+
+    @property
+    def bare(self) -> Made:
+        return known(self.steady.field)[0], None
+
+    @property
+    def unloaded(self) -> tuple[str, FlowField]:
+        boxes = boxes_of(self.scene)
+        none = ForceDensity(boxes, np.zeros((boxes.rows, boxes.columns, 2)))
+        key, _ = self.under(none, self.bare, last=True)
+        return key, jet_field(self.scene, none)  # air at rest, with the jet's eddies: none
+
+    def under(self, force: ForceDensity, before: Made, *, last: bool) -> Made:
+        del before, last  # no solver starts from it
+        feed = self.scene.feed
+        curtain = self.scene.level, feed.position, feed.width, repr(feed.profile)
+        return content_key("jet", self.bare[0], curtain, force.digest, code_of("duct")), None
+
+    def field_in(self, force: ForceDensity, made: Made) -> FlowField:
+        del made
+        return jet_field(self.scene, force)
+
+    @property
+    def most(self) -> int:
+        """A pass takes a flight of few granules, and no solution."""
+        return WITHOUT_SOLVER * super().most
+
+
+def relaxed(share: float, lacked: Array, lacking: Array) -> float:
+    """Which share of the way to the force gathered last the next one goes, after one of ``share`` that led from an air
+    which ``lacked`` a force density to one that is ``lacking`` another: Aitken's relaxation, as of Irons & Tuck 1969,
+    Int. J. Numer. Meth. Eng. 1, 275. Slower air drags less, and air as fast as the granules not at all, so that the
+    whole way oversteps.
+    """
+    change = lacking - lacked  # summed without a BLAS, whose threads decide the last digit, and that the next key
+    asked = -share * float(np.sum(lacked * change)) / max(float(np.sum(change**2)), 1e-300)
+    return float(np.clip(asked, *SHARES))
+
+
+def exerted_by(scene: Scene, plan: Plan) -> JsonTable:
+    """What the granules' force on an air depends on beside that air and where the bins stand."""
+    tables: JsonTable = scene.model_dump(mode="json", by_alias=True)
+    for name in ("numerics", "picture", "report", "funnel", "force", "uncertainty", "bin", "limit", "price"):
+        del tables[name]
+    tables["feed"]["count"] = gathered(scene.feed.count)
+    del tables["collisions"]["count"]
+    crowd = None if plan.crowd is None else [plan.crowd.depth, dict(plan.crowd.tracers)]
+    how = {name: row.tracked for name, row in resolved(plan).fractions.items()}
+    versions = [version_of(package) for package in ("numpy", "scipy", "numba")]
+    made = {"how": repr(how), "crowd": crowd, "symmetric": plan.airflow.symmetric, "versions": versions}
+    return {**tables, **made}
+
+
+def _farthest(before: Gathered, after: Gathered) -> float:
+    """The largest change of any share."""
+    rows = ((before.shares[name], after.shares[name]) for name in after.shares)
+    return max(abs(new - old) for olds, news in rows for old, new in zip(olds, news, strict=True))

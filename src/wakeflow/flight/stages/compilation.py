@@ -1,0 +1,110 @@
+"""The compilation of the tracker's two kernels: by set-up, in the background of a run, or where granules first fly."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Event, Thread
+
+import numpy as np
+
+from ... import flight as tracking
+from ...core.errors import ProgramError
+from ...core.process import call_in_child, cores
+from ...core.quantities import duration
+from ...core.sources import kernel_folder
+from ...core.user_folder import kernel_root
+from ...planning.stage_cache import StageCache, StageTime
+from ...planning.stages import OWN, StageKey
+from .machine_rates import note_compiled, to_compile
+
+COMPILED = StageKey(OWN, "compile")  # the tracker is compiled once a run, whatever airflow it flies in
+TRACKER, SLAB = "compile_tracker", "compile_slab"  # functions of this module that a child process calls
+_here, _slab_here = Event(), Event()  # this process has the tracker; and the slab's kernel
+
+
+def compile_tracker(_: None = None) -> None:
+    """Have the tracker compiled, or read from its cache, before time is taken; by one process for all that ask."""
+    _fly_once("tracker", None)
+
+
+def compile_slab(_: None = None) -> None:
+    """Have the slab's kernel compiled, or read from its cache, before it is needed; by one process for all that ask."""
+    _fly_once("slab", tracking.Collisions(depth=0.1, step=1e-4))
+
+
+def compile_ahead() -> None:
+    """Have both kernels compiled side by side, where the cache has not got them yet: for set-up."""
+    if to_compile():
+        children = [_in_child(function, kernel_root() / f"log.{function}") for function in (TRACKER, SLAB)]
+        for child in children:
+            child.join()
+
+
+def _fly_once(kernel: str, collisions: tracking.Collisions | None) -> None:
+    """Fly two granules for a moment; other processes that compile this ``kernel`` of these sources are waited for."""
+    from filelock import FileLock
+
+    place, speed = np.array([[0.0, 0.0], [0.0, 1.0]]), np.zeros((2, 2))
+    still = tracking.Granules(position=place, velocity=speed, diameter=1e-3, density=1e3)
+    root = kernel_folder("wakeflow.flight.kernel.loop")  # not above: another version's compilation is none of these
+    root.mkdir(parents=True, exist_ok=True)
+    with FileLock(root / f"compile-{kernel}.lock"):
+        anew, started = kernel in to_compile(), time.monotonic()
+        tracking.track(None, still, until=1e-3, length=1.0, forces=("gravity",), collisions=collisions)
+        if anew:
+            note_compiled(kernel, time.monotonic() - started)
+
+
+@dataclass
+class Compilation:
+    """The tracker's compilation, which a run waits for at most once: beside OpenFOAM, or before the first tracks."""
+
+    children: list[Thread] = field(default_factory=list)
+    of_the_slab: list[Thread] = field(default_factory=list)
+
+    def begin(self, log: Path, *, slab: bool) -> None:
+        """Have the tracker, and the ``slab``'s own kernel, compiled into their cache by other processes, where a core
+        is free for them and this process has not got it yet.
+        """
+        if not self.children and cores() > 1 and not (_slab_here if slab else _here).is_set():
+            self.children.append(_in_child(TRACKER, log))
+            if slab:
+                self.of_the_slab.append(_in_child(SLAB, log.with_name(f"{log.name}-slab")))
+
+    def finish_slab(self, cache: StageCache) -> None:
+        """Wait for the slab's kernel, where another process compiles it."""
+        if seconds := to_compile().get("slab"):
+            cache.tell("compile", f"the slab's kernel is compiled: about {duration(seconds)}, once for each version")
+        for child in self.of_the_slab:
+            child.join()
+        _slab_here.set()
+
+    def finish(self, cache: StageCache) -> None:
+        """Have it compiled here, or read from the cache, before the time of the tracks is taken."""
+        started = time.monotonic()
+        seconds = to_compile().get("tracker")
+        known = f"compiled: about {duration(seconds)}, once for each version" if seconds else "read from the cache"
+        cache.tell("compile", f"the tracker is {known}")
+        for child in self.children:
+            child.join()
+        compile_tracker()
+        _here.set()
+        spent = time.monotonic() - started
+        cache.seconds[COMPILED] = StageTime(spent, cached=False)
+        cache.tell("compile", f"done ({spent:.1f} s)")
+
+
+def _in_child(function: str, log: Path) -> Thread:
+    """A thread that waits for another process to call a ``function`` of this module."""
+
+    def wait() -> None:
+        log.parent.mkdir(parents=True, exist_ok=True)
+        with contextlib.suppress(ProgramError):  # only time is lost: a kernel compiles where it is first used
+            call_in_child(f"{__name__}:{function}", None, log=log)
+
+    thread = Thread(target=wait, daemon=True)
+    thread.start()
+    return thread

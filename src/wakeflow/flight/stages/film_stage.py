@@ -1,0 +1,170 @@
+"""The stage of a film: the granules that are in the machine over a short while, with their tracks, on one clock.
+
+Where granules meet each other, a thin slab is flown as the answer's is, at the true feed rate, and recorded. Elsewhere
+each flies alone, released above the bodies at the true rate. Flown only when a film is asked for.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...core.errors import known
+from ...core.files import write_json
+from ...core.lazy import cached_property
+from ...core.store import content_key
+from ...core.tables import Columns
+from ...planning.collisions import number_rates
+from ...planning.plan import REPLICATES, Plan
+from ...planning.stage_cache import StageCache, code_of
+from ...scene import Scene
+
+if TYPE_CHECKING:
+    from ...air.kinds.realisations import Realisations
+    from .. import Granules, Tracks
+    from .landings import Landings
+
+
+IN_VIEW = 400.0  # granules of a slab that are in flight at a time; chosen: more hide each other
+THINNEST = 0.2  # of the answer's slab: depth; three widths of its coarsest granules
+SINGLY = 120.0  # of a fraction in flight at a time, where each flies alone
+LATE = 0.9  # share of a fraction's granules, each alone, that are down when the machine counts as full
+POINTS = 256  # kept of a track
+TOLERANCE = 1e-2  # body widths: nobody sees less
+STREAM = 5 * REPLICATES  # of the random forces, apart from those of other flights
+FILE = "film.json"
+
+
+@dataclass(frozen=True)
+class Film:
+    """Tracks on the airflow's clock, by fraction, of all granules that are there from ``begin`` (s) on for ``span``
+    (s), in a slice of the machine of ``depth`` (m); of a fraction that is too many to be drawn ``one_in`` so many.
+    ``met``: they met each other.
+    """
+
+    begin: float
+    span: float
+    depth: float
+    one_in: dict[str, float]
+    met: bool
+    paths: Mapping[str, list[Columns]]
+
+
+@dataclass(frozen=True)
+class FilmStage:
+    """Films of one scene under one plan in its ``airs``, through which its granules flew to their ``landings``;
+    ``upstream``: everything that those depend on.
+    """
+
+    scene: Scene
+    plan: Plan
+    cache: StageCache
+    airs: Realisations
+    upstream: str
+    landings: Mapping[str, Landings]
+    workers: int | None = None
+
+    @cached_property
+    def start_up(self) -> float:
+        """Seconds until the machine is as full as it stays: a long flight."""
+        from .slab_stage import late_in, steady_after
+
+        if self.plan.crowd is not None:
+            return steady_after(self.plan, late_in(self.landings))
+        return max(float(np.quantile(self.landings[name].time, LATE)) for name in self.scene.fraction)
+
+    def fly(self, span: float | None = None) -> Film:
+        """``span`` (s) of the machine's time, by default as long as the slowest granules fly."""
+        from .landings import load_recorded_tracks
+
+        lasting = self.start_up if span is None else span
+        rate = self.scene.feed.mass_flow, self.scene.feed.depth, self.scene.mass_shares()
+        crowd = None if self.plan.crowd is None else (repr(self.plan.crowd), repr(self.scene.collisions))
+        key = content_key("film", self.upstream, lasting, rate, crowd, code_of("film"))
+        folder = self.cache.make("film", key, partial(self._work, lasting))
+        told = json.loads((folder / FILE).read_text())
+        paths = {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in self.scene.fraction}
+        return Film(**told, paths=paths)
+
+    def _work(self, span: float, folder: Path) -> None:
+        from .landings import paths_of, save_recorded_tracks
+
+        film, flown = self._slab(span) if self.plan.crowd is not None else self._alone(span)
+        for name, tracks, grains in flown:
+            paths = paths_of(tracks, grains, len(self.scene.bin))
+            shown = [one for one in paths if one["time"][0] < film.begin + span and one["time"][-1] > film.begin]
+            save_recorded_tracks(folder / f"{name}.drawn.npz", shown)
+        write_json(folder / FILE, {key: value for key, value in asdict(film).items() if key != "paths"})
+
+    # -- granules that meet --------------------------------------------------------------------------------------------
+
+    def _slab(self, span: float) -> tuple[Film, Iterator[tuple[str, Tracks, Granules]]]:
+        from .slab_stage import SlabFlight
+
+        crowd = known(self.plan.crowd)
+        depth = crowd.depth * max(THINNEST, min(1.0, IN_VIEW / max(sum(crowd.in_flight.values()), 1.0)))
+        tell = partial(self.cache.tell, "film")
+        tell(f"granules meet in a slab of {1e3 * depth:.3g} mm")
+        flight = SlabFlight(
+            self.scene, self.plan, self.airs, depth, self.start_up, span, TOLERANCE, None, self.workers, tell
+        )
+        stream, tracks = flight.record(POINTS)
+        begin = float(stream.granules.time.min()) + self.start_up
+        fed = self.start_up + span + self.start_up
+        drawn = np.bincount(stream.fraction, minlength=len(self.scene.fraction)) / fed
+        one_in = {
+            name: _whole(self._rate(name, depth) / rate) if crowd.tracers[name] and rate else 1.0
+            for name, rate in zip(self.scene.fraction, drawn.tolist(), strict=True)
+        }
+
+        def parts() -> Iterator[tuple[str, Tracks, Granules]]:
+            for number, name in enumerate(self.scene.fraction):
+                own = np.flatnonzero(stream.fraction == number)
+                yield name, tracks.some(own), stream.granules[own]
+
+        return Film(begin, span, depth, one_in, True, {}), parts()
+
+    # -- granules that fly alone ---------------------------------------------------------------------------------------
+
+    def _alone(self, span: float) -> tuple[Film, Iterator[tuple[str, Tracks, Granules]]]:
+        names, whole = list(self.scene.fraction), self.start_up + span
+        fewest = min(self._rate(name, self.scene.feed.depth) for name in names)
+        depth = self.scene.feed.depth * min(1.0, SINGLY / (fewest * self.start_up))
+        real = {name: self._rate(name, depth) for name in names}
+        drawn = {name: min(rate, SINGLY / self.start_up) for name, rate in real.items()}
+        film = Film(self.start_up, span, depth, {n: _whole(real[n] / drawn[n]) for n in names}, False, {})
+        return film, (self._released(name, max(1, round(drawn[name] * whole)), whole) for name in names)
+
+    def _released(self, name: str, count: int, whole: float) -> tuple[str, Tracks, Granules]:
+        """``count`` granules of the feed, released at any moment of ``whole`` (s)."""
+        from ..feed.feedstock import feedstock
+        from .fraction_flights import Flight
+        from .gathered_force import resolved
+
+        resting = self.scene.feed.start == "resting"
+        plan = self.plan if resting else resolved(self.plan)
+        flight = Flight(self.scene, plan, self.airs, TOLERANCE, self.workers)
+        feed = feedstock(self.scene, plan, name, self.airs.period, range(1)).granules
+        rng = np.random.default_rng([self.scene.feed.seed, STREAM, list(self.scene.fraction).index(name)])
+        own = rng.permutation(np.arange(count) % len(feed))
+        when, vibration = whole * np.sort(rng.random(count)), self.scene.vibration
+        if resting and vibration is not None:  # one that lies on the body must begin at the phase that put it there
+            when = when + (feed.time[own] - when) % vibration.period
+        grains = feed[own].replace(time=when)
+        self.cache.tell("film", f"{name}: {count} granules")
+        return name, flight.fly(name, grains, record=POINTS, stream=STREAM), grains
+
+    def _rate(self, name: str, depth: float) -> float:
+        """Granules (1/s) of a fraction into a slice of ``depth`` (m)."""
+        return float(number_rates(self.scene, name).sum()) * depth / self.scene.feed.depth
+
+
+def _whole(number: float) -> float:
+    """To two digits: a number that is reported, not computed with."""
+    return float(f"{number:.2g}")

@@ -1,0 +1,328 @@
+"""Every fraction's granules from the feed to their landing: what they meet, where they end, kept in one folder."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import flight as tracking
+from ...air.field import FlowField
+from ...air.kinds.realisations import Realisations
+from ...core.errors import SceneError, known
+from ...core.geometry import wall_edge
+from ...core.tables import AnyArray, Columns
+from ...planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
+from ...planning.variation import GranuleVariation
+from ...scene import Scene
+from ...scene.pictures import TRACKS_RECORDED
+from .. import Body, Granules, Tracks
+from ..feed.feedstock import Feedstock, feedstock
+from ..feed.first_contact import motion_of
+from .landings import LandingCount, Landings, paths_of, save_recorded_tracks
+
+Array = NDArray[np.float64]
+COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture of its own asks for
+WALL = 0.05  # thickness of the channel's walls in channel widths; only their inner faces are ever met
+STREAMS = 4  # of random numbers that the replicates have each: of landings, pictures, mirror images, own pictures
+PATIENCE = 40.0  # channel heights at air speed before a granule counts as airborne
+SLOWEST = 1e-6  # m/s, taken for a terminal velocity: one that neither falls nor rises
+HOVERING = 1e4  # the same where there is no body: granules of almost the air speed hang in it, and steps are cheap
+
+
+@dataclass(frozen=True)
+class Flight:
+    """How granules of a scene are flown: the replicates in turn in the airflow's realisations ``airs``; ``tell`` hears
+    of progress.
+    """
+
+    scene: Scene
+    plan: Plan
+    airs: Realisations
+    tolerance: float
+    workers: int | None = None
+    tell: Callable[[str], None] = lambda _: None
+    replicates: int = REPLICATES  # the first of them; all, but for a comparison
+
+    def fly_all(self, folder: Path, *, drawn: bool) -> None:
+        """Fly every fraction and keep its landings in ``folder``, in the order of the replicates, and the tracks for
+        pictures; fractions that are there already are left alone.
+        """
+        for name in self.scene.fraction:
+            if (folder / f"{name}.npz").exists():
+                continue
+            count = LandingCount(self._size, self.replicates, len(self.scene.bin), self.airs.cycles)
+            shown = [path for paths in self._fly_parts(name, count, drawn=drawn) for path in paths]
+            if drawn:
+                save_recorded_tracks(folder / f"{name}.drawn.npz", shown)
+            count.save(folder / f"{name}.npz")
+
+    @property
+    def _size(self) -> int:
+        """Granules of a replicate."""
+        return replicate_size(self.scene.feed.count)
+
+    def _fly_parts(self, name: str, landed: LandingCount, *, drawn: bool) -> Iterator[list[Columns]]:
+        """Tracks for pictures, and all landings of a fraction into ``landed``: of one realisation of the airflow after
+        the other, and AT_ONCE granules at a time, so that memory grows neither with the number of fields nor with that
+        of granules.
+        """
+        airs, size, done = len(self.airs), self._size, 0
+        step, whole, count = max(1, AT_ONCE // size), range(size), self.replicates * size
+        parts = [whole[i : i + AT_ONCE] for i in range(0, size, AT_ONCE)]
+        chosen = np.linspace(0, count - 1, min(TRACKS_RECORDED, count)).astype(int) if drawn else np.zeros(0, dtype=int)
+        for number in range(min(airs, self.replicates)):
+            flight = replace(self, airs=Realisations(self.airs.make(number)))
+            images, own = flight._images(), range(number, self.replicates, airs)
+            for replicates, part in product((own[i : i + step] for i in range(0, len(own), step)), parts):
+                self.tell(f"{name}: injecting {done} of {count}")
+                feed = feedstock(self.scene, self.plan, name, self.airs.period, replicates, part=part)
+                stream = replicates[0] + STREAMS * REPLICATES * parts.index(part)
+                yield flight._drawn(name, feed, chosen, replicates, part, stream)
+                told = len(feed.replicate) < count
+                tell = partial(self._tell_part, done, count) if told else self.tell
+                second = _second_half(feed, size, replicates, part.start)
+                tracks = replace(flight, tell=tell)._fly_halves(name, feed.granules, second, images, stream)
+                cycle = self.airs.cycle_of(feed.granules.time)
+                landed.add(landing_columns(feed, tracks, len(self.scene.bin), number, cycle), part.start)
+                done += len(feed.replicate)
+
+    def landings(self, name: str) -> Landings:
+        """Where all granules of a fraction land, in air that does not vary."""
+        feed = feedstock(self.scene, self.plan, name, None)
+        parts = landing_columns(feed, self.fly(name, feed.granules), len(self.scene.bin))
+        parts.pop("injected")
+        return Landings(**parts)
+
+    def _drawn(
+        self, name: str, feed: Feedstock, chosen: Iterable[int], replicates: range, part: range, stream: int
+    ) -> list[Columns]:
+        """Tracks for pictures of those of the ``chosen`` granules, numbered through all replicates, that are here: in
+        this ``part`` of each of the ``replicates``.
+        """
+        of = [divmod(int(g), self._size) for g in chosen]
+        here = [
+            i * len(part) + k - part.start for i, r in enumerate(replicates) for own, k in of if own == r and k in part
+        ]
+        grains = feed.granules[np.array(here, dtype=int)]
+        tracks = self.fly(name, grains, record=COARSE, stream=REPLICATES + stream)
+        return paths_of(tracks, grains, len(self.scene.bin))
+
+    def fly_pictured(self, folder: Path, names: Sequence[str], count: int, body_speed: float | None) -> None:
+        """Keep ``count`` tracks of each fraction in ``names``; with ``body_speed`` (m/s, upward) the first of them is
+        that of the granule, among all that are fed, that met the body at the speed nearest to it.
+        """
+        size = replicate_size(self.scene.feed.count)
+        for name in names:
+            parts = range(min(REPLICATES, -(-count // size))) if body_speed is None else range(REPLICATES)
+            self.tell(f"{name}: {count} tracks for a picture")
+            feed = feedstock(self.scene, self.plan, name, self.airs.period, parts)
+            chosen = np.linspace(0, len(feed.replicate) - 1, min(count, len(feed.replicate))).astype(int)
+            if body_speed is not None:
+                chosen = np.concatenate([[self._meeting(name, feed, body_speed)], chosen])
+            detail = DETAIL if len(chosen) <= 2 * TRACKS_RECORDED else COARSE
+            tracks = self.fly(name, feed.granules[chosen], record=detail, stream=3 * REPLICATES)
+            save_recorded_tracks(
+                folder / f"{name}.drawn.npz", paths_of(tracks, feed.granules[chosen], len(self.scene.bin))
+            )
+
+    def fly_part(
+        self, name: str, replicate: int, part: range, variation: GranuleVariation
+    ) -> tuple[Array, NDArray[np.int16]]:
+        """Where (m, 2) m each granule of a ``part`` of a ``replicate`` lands, those of the answer but for the
+        ``variation``, and the index of its bin (m,), -1 for elsewhere.
+        """
+        alone = range(replicate, replicate + 1, len(self.airs))
+        flight = replace(self, airs=Realisations(self.airs.make(replicate % len(self.airs))))
+        feed = feedstock(self.scene, self.plan, name, self.airs.period, alone, variation, part)
+        second = _second_half(feed, self._size, alone, part.start)
+        tracks = flight._fly_halves(name, feed.granules, second, flight._images(), replicate)
+        return tracks.position, tracks.ends(len(self.scene.bin))[0].astype(np.int16)
+
+    def _meeting(self, name: str, feed: Feedstock, body_speed: float) -> int:
+        """The injected granule that met the body at the upward speed (m/s) nearest to the one given."""
+        motion = motion_of(self.scene)
+        rising = 0.0 if motion is None else motion.at(feed.granules.time)[1][:, 1]
+        met = np.where(feed.injected, rising, np.inf)
+        if not feed.injected.any():
+            raise SceneError(
+                f"fraction.{name}: its impacts are resolved; a picture with body_speed needs feed.mode = 'injected'"
+            )
+        return int(np.argmin(np.abs(met - body_speed)))
+
+    def _tell_part(self, done: int, count: int, text: str) -> None:
+        self.tell(f"{text} after {done}, of {count}")
+
+    def _images(self) -> tuple[FlowField | None, ...]:
+        """The airflow, and its mirror image where that is as likely: in a symmetric channel that is computed whole.
+
+        A few periods of shedding are a small sample, and their mean wake may lean to one side; so may a steady one of
+        several bodies. The mean over both images does not lean.
+        """
+        field = self.airs.field
+        if field is None or not self.plan.airflow.mirrored:
+            return (field,)
+        return field, field.image
+
+    def _fly_halves(
+        self, name: str, grains: Granules, second: NDArray[np.bool_], images: Sequence[FlowField | None], stream: int
+    ) -> Tracks:
+        """``grains``, of which the ``second`` half flies in the airflow's mirror image, where it has one.
+
+        So that replicates are alike: between an airflow and its image there is no sampling error to find.
+        """
+        if len(images) == 1:
+            return self.fly(name, grains, stream=stream)
+        found = [
+            replace(self, airs=Realisations(image)).fly(name, grains[part], stream=apart + stream)
+            for image, part, apart in zip(images, (~second, second), (0, 2 * REPLICATES), strict=True)
+        ]
+        return _interleaved(second, *found)
+
+    def fly(self, name: str, grains: Granules, *, record: int = 0, stream: int = 0) -> Tracks:
+        """Track granules of one fraction through the first realisation, keeping ``record`` points of each; ``stream``
+        tells the random forces of calls apart.
+        """
+        scene = self.scene
+        height = scene.channel.top - scene.channel.bottom
+        speed = slowest_pace(scene, self.plan, [name])
+        patience = PATIENCE if scene.body else HOVERING
+        until = float(np.max(grains.time, initial=0.0)) + max(5.0, patience * height / speed)
+        return tracking.track(
+            self.airs.field,
+            grains,
+            until=until,
+            tolerance=self.tolerance,
+            length=scene.width,
+            forces=self.plan.fractions[name].forces,
+            drag=self.plan.fractions[name].drag,
+            seed=seed_of(scene.feed.seed, name, stream),
+            bodies=bodies_and_walls(scene),
+            lines=end_lines(scene),
+            gravity=scene.plumb.gravity,
+            record=record,
+            workers=self.workers,
+            progress=None if record else lambda done, total: self.tell(f"{name}: {done} of {total}"),
+        )
+
+
+def slowest_pace(scene: Scene, plan: Plan, fractions: Iterable[str]) -> float:
+    """A speed (m/s) at which the ``fractions`` come through the channel at least about: the air's; in air at rest the
+    slowest terminal velocity, in a vacuum that of a free fall.
+    """
+    fall = float(np.sqrt(scene.gravity * (scene.channel.top - scene.channel.bottom)))
+    if scene.air is None:
+        return fall
+    if not scene.air.still:
+        return scene.air.speed
+    return min(fall, *(max(abs(plan.fractions[name].terminal_velocity or 0.0), SLOWEST) for name in fractions))
+
+
+def seed_of(seed: int, name: str, stream: int) -> int:
+    """A number of the tracker's random streams, of the scene's ``seed``, the fraction and a part of its granules."""
+    state = np.random.SeedSequence([seed, zlib.crc32(name.encode()), stream]).generate_state(1, np.uint64)
+    return int(state[0] >> np.uint64(1))
+
+
+def _second_half(feed: Feedstock, size: int, replicates: range, first: int = 0) -> NDArray[np.bool_]:
+    """The second half of each of some ``replicates`` of ``size`` granules, from number ``first`` on; of single granules
+    every other one.
+
+    Both halves of a Sobol sample of 2^m points are balanced samples themselves, in every coordinate (blocks of a
+    (t, s)-sequence are nets: Niederreiter 1987, Monatsh. Math. 104, 273).
+    """
+    if size == 1:
+        return np.asarray((feed.replicate // replicates.step) % 2 == 1)
+    return (first + np.arange(len(feed.replicate))) % size >= size // 2
+
+
+def _interleaved(second: NDArray[np.bool_], tracks: Tracks, second_tracks: Tracks) -> Tracks:
+    """Tracks of two complementary parts of the granules, in the granules' own order."""
+
+    def merge(one: AnyArray, other: AnyArray) -> AnyArray:
+        whole = np.empty((len(second), *one.shape[1:]), dtype=one.dtype)
+        whole[~second], whole[second] = one, other
+        return whole
+
+    names = [f.name for f in fields(Tracks) if isinstance(getattr(tracks, f.name), np.ndarray)]
+    parts: dict[str, Any] = {name: merge(getattr(tracks, name), getattr(second_tracks, name)) for name in names}
+    return Tracks(**parts)
+
+
+def bodies_and_walls(scene: Scene) -> list[Body]:
+    """What granules bounce off: the bodies, vibrating or at rest, and the channel's walls where no bin stands and no
+    stream enters.
+    """
+    motion = motion_of(scene)
+    places = scene.collecting
+    found = [
+        Body(_into_the_wall(one.outline(), scene), motion=motion, capture=name in places, line=places.get(name, -1))
+        for name, one in scene.body.items()
+    ]
+    half, thick = scene.channel.width / 2, WALL * scene.channel.width
+    for side, inner, outer in (("left", -half, -half - thick), ("right", half, half + thick)):
+        level = scene.channel.bottom - thick
+        for start, end in [*_openings(scene, side), (scene.channel.top + thick, None)]:
+            if start > level:
+                low, high = sorted((inner, outer))
+                found.append(Body(np.array([(low, level), (high, level), (high, start), (low, start)])))
+            level = end if end is not None else level
+    return found
+
+
+def _into_the_wall(outline: Array, scene: Scene) -> Array:
+    """The outline of a body; one that stands on a wall goes on in it, so that no gap is between the two."""
+    edge = wall_edge(outline, 0.5 * scene.channel.width)
+    if edge is None:
+        return outline
+    corners = outline[[edge.first, (edge.first + 1) % len(outline)]] * (1.0 + WALL, 1.0)
+    return np.insert(outline, edge.first + 1, corners, axis=0)
+
+
+def _openings(scene: Scene, side: str) -> list[tuple[float, float]]:
+    """Where a wall is open, (from, to) along y in order: at bins, and where a secondary stream enters."""
+    found = [inlet.span for inlet in scene.channel.inlet.values() if inlet.side == side]
+    for bin_ in scene.bin.values():
+        if bin_.side == side:
+            found.append((known(bin_.start), known(bin_.to)))
+    return sorted(found)
+
+
+def end_lines(scene: Scene) -> list[Array]:
+    """Lines that end a track: the bins in the scene's order, then the floor and the top of the channel. That of a bin
+    on a body lies where no granule comes: its body ends the track.
+    """
+    channel = scene.channel
+    half, slack = 0.5 * channel.width, 1e-6 * channel.width
+    across = np.array([-half - WALL * channel.width, half + WALL * channel.width])
+    borders = [np.stack([across, np.full(2, y)], axis=1) for y in (channel.bottom - slack, channel.top + slack)]
+    nowhere = borders[0] - (0.0, channel.width)
+    on_body = scene.collecting.values()
+    return [nowhere if i in on_body else one.line(scene) for i, one in enumerate(scene.bin.values())] + borders
+
+
+def landing_columns(
+    feed: Feedstock, tracks: Tracks, bins: int, realisation: int = 0, cycle: NDArray[np.uint16] | None = None
+) -> Columns:
+    """What is kept of a landing, 40 bytes a granule; ``cycle`` (n,) of the shedding at its release."""
+    bin_, fate = tracks.ends(bins)
+    return {
+        "position": tracks.position,
+        "bin": bin_.astype(np.int16),
+        "replicate": feed.replicate.astype(np.uint8),
+        "diameter": feed.granules.diameter.astype(np.float32),
+        "fate": fate.astype(np.int8),
+        "time": (tracks.time - feed.granules.time).astype(np.float32),
+        "impacts": (tracks.impacts + feed.injected).astype(np.int32),  # the tracker did not see these' first impact
+        "injected": feed.injected,
+        "realisation": np.full(len(feed.replicate), realisation, dtype=np.uint8),
+        "cycle": np.zeros(len(feed.replicate), dtype=np.uint16) if cycle is None else cycle,
+        "drag": feed.granules.drag_scale.astype(np.float32),
+    }

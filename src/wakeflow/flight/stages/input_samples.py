@@ -1,0 +1,235 @@
+"""The granules flown again under many draws of what nobody knows exactly: what that does to their shares.
+
+Every draw flies a part of the answer's own granules, with the answer's own random numbers but for what the draw varies,
+so that what it moves is seen between the same granules: its error is that of the difference. Each granule flies alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.errors import SceneError, known
+from ...core.lazy import cached_property
+from ...core.process import cores
+from ...core.store import content_key
+from ...core.tables import AnyArray, Columns, save_arrays
+from ...laws.size import normal_points
+from ...laws.turbulence import entering_energy
+from ...planning.dependence import Dependence, correlated, dependence
+from ...planning.plan import INPUT_SAMPLES, REPLICATES, SAME_AIR, replicate_size
+from ...planning.stage_cache import code_of
+from ...planning.unknowns import FARTHEST, Unknown, unknowns, variation_at
+from ...planning.variation import AirVariation, Variation
+from .landings import BLOCKS, block_of
+
+if TYPE_CHECKING:
+    from ...air.field import FlowField
+    from ...air.kinds.realisations import Realisations
+    from ...scene import Scene
+    from .landings import Tracked
+    from .track_stage import TrackStage
+
+
+Array = NDArray[np.float64]
+MOST_POINTS = 2**14  # of which INPUT_SAMPLES keep to the orders of a scene, or hardly any do
+
+
+@dataclass(frozen=True)
+class DrawnLandings:
+    """Where the granules of one fraction land in every draw: ``position`` (R, M, 2) m and index of the ``bin`` (R, M),
+    -1 for elsewhere.
+    """
+
+    position: NDArray[np.float32]
+    bin: NDArray[np.int16]
+
+
+@dataclass(frozen=True)
+class InputSamples:
+    """``unknowns`` (K) and where each draw lies in them, ``z`` (R, K) in standard deviations; by fraction the landings
+    of the granules of every draw, ``varied``, and of the same ones in the answer, ``own``.
+    """
+
+    unknowns: tuple[Unknown, ...]
+    z: Array
+    varied: Mapping[str, DrawnLandings]
+    own: Mapping[str, DrawnLandings]
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """Where the unknowns lie once something was measured, in standard deviations of what was known before: ``mean``
+    (K,) and ``spread`` (K, K).
+    """
+
+    mean: Array
+    spread: Array
+
+    def at(self, z: Array, shared: NDArray[np.bool_]) -> Array:
+        """Independent standard normal numbers ``z`` (R, K) as draws of this: those of the air, ``shared`` by several
+        draws, go with each other alone, so that they stay shared.
+        """
+        return np.clip(self.mean + correlated(z, self.spread, shared), -FARTHEST, FARTHEST)
+
+
+@dataclass
+class DrawStage:
+    """The draws of one scene, flown as the ``tracks`` are; of what was known at first, or of an ``ensemble``."""
+
+    tracks: TrackStage
+    ensemble: Ensemble | None = None
+
+    @cached_property
+    def unknowns(self) -> list[Unknown]:
+        """What is drawn."""
+        return unknowns(self.tracks.scene, self.tracks.plan)
+
+    @cached_property
+    def design(self) -> Array:
+        """Where every draw lies (INPUT_SAMPLES, K), all in the orders of the scene. Raises SceneError where hardly any
+        draw is.
+        """
+        ties, points = dependence(self.tracks.scene, self.tracks.plan, self.unknowns), INPUT_SAMPLES
+        while points <= MOST_POINTS:
+            z = self._in_order(ties, *self._points(points, ties.of_air))
+            if len(z) == INPUT_SAMPLES:
+                return z
+            points *= 2
+        raise SceneError("uncertainty.never_above: hardly any draw keeps to these orders; leave out some of them")
+
+    def _points(self, count: int, shared: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """Scrambled Sobol points as independent standard normal ones: ``count`` (count, K), and those of what is
+        ``shared`` by SAME_AIR of them; each 0 in the columns of the other.
+        """
+        seed, own, air = self.tracks.scene.feed.seed, *(np.zeros((n, len(shared))) for n in (count, count // SAME_AIR))
+        own[:, ~shared] = normal_points(int((~shared).sum()), len(own), seed, 0)
+        air[:, shared] = normal_points(int(shared.sum()), len(air), seed, 1)
+        return own, air
+
+    def _in_order(self, ties: Dependence, own: Array, air: Array) -> Array:
+        """The first draws (INPUT_SAMPLES, K) that keep to the orders, or fewer; all of one air before those of the
+        next. A point that does not is left out, so that those that are taken fill what is left evenly.
+        """
+        if not ties.orders:
+            return self._tied(own + np.repeat(air, SAME_AIR, axis=0), ties)
+        air = air[ties.among(ties.of_air).kept(self._tied(air, ties))]
+        found: list[Array] = []
+        for point in own:
+            if len(found) == min(INPUT_SAMPLES, SAME_AIR * len(air)):
+                break
+            z = self._tied((point + air[len(found) // SAME_AIR])[None], ties)
+            found += list(z[ties.kept(z)])
+        return np.array(found)
+
+    def _tied(self, xi: Array, ties: Dependence) -> Array:
+        """Independent standard normal numbers (N, K) as the scene ties them, or as the ensemble does."""
+        return ties.joined(xi) if self.ensemble is None else self.ensemble.at(xi, ties.of_air)
+
+    def fly(self) -> InputSamples | None:
+        """The draws, from the cache or flown; None where everything is known exactly."""
+        if not self.unknowns:
+            return None
+        stage = self.tracks
+        tolerance = stage.scene.numerics.tolerance
+        known = [[one.key, one.kind, one.value, one.low, one.high] for one in self.unknowns]
+        key = content_key("draws", stage.key, tolerance, known, self.design.tolist(), code_of("draws"))
+        tracked = stage.fly()  # whose granules these are
+        stage.finish_compiling("draws", key)
+        folder = stage.cache.make("draws", key, partial(self._fly_all, tracked))
+        with np.load(folder / "draws.npz") as data:
+            names = list(stage.scene.fraction)
+            varied, own = (
+                {name: DrawnLandings(data[f"{which}.{name}.position"], data[f"{which}.{name}.bin"]) for name in names}
+                for which in ("varied", "own")
+            )
+        return InputSamples(tuple(self.unknowns), self.design, varied, own)
+
+    def _fly_all(self, tracked: Tracked, folder: Path) -> None:
+        """All draws, those of one air by one thread: granules of a draw are too few for several."""
+        found: dict[str, list[AnyArray]] = {}
+        pool = ThreadPoolExecutor(self.tracks.workers or cores())
+        try:
+            jobs = [pool.submit(self._fly_in_one_air, first, tracked) for first in range(0, INPUT_SAMPLES, SAME_AIR)]
+            for number, job in enumerate(jobs):
+                self.tracks.cache.tell("draws", f"{number * SAME_AIR} of {INPUT_SAMPLES}")
+                for draw in job.result():
+                    for which, column in draw.items():
+                        found.setdefault(which, []).append(column)
+        finally:
+            pool.shutdown(cancel_futures=True)
+        save_arrays(folder / "draws.npz", {key: np.array(rows) for key, rows in found.items()})
+
+    def _fly_in_one_air(self, first: int, tracked: Tracked) -> list[Columns]:
+        """The draws from ``first`` on that share its air: each granule's landing as drawn, and its own."""
+        found, airs = [], None
+        for number in range(first, first + SAME_AIR):
+            made = self.variation(number)
+            airs = airs or self.air(made.air)
+            replicate = number % REPLICATES
+            part = _part(self.tracks.scene.feed.count, number // REPLICATES)
+            found.append(self.fly_under(made, airs, tracked, replicate, part))
+        return found
+
+    def variation(self, number: int) -> Variation:
+        """Draw ``number``."""
+        return variation_at(self.tracks.scene, self.tracks.plan, self.unknowns, self.design[number])
+
+    def fly_under(self, made: Variation, airs: Realisations, tracked: Tracked, replicate: int, part: range) -> Columns:
+        """The landing of each granule in a ``part`` of a replicate under the draw ``made``, whose air is in ``airs``
+        ("varied.NAME.position", "varied.NAME.bin"), and its own ("own.NAME.position", "own.NAME.bin").
+        """
+        flight = replace(self.tracks.flight(made.fed(self.tracks.scene), airs), workers=1)
+        found: Columns = {}
+        block, kept = block_of(replicate_size(self.tracks.scene.feed.count))
+        first = part.start // block * kept
+        for name in self.tracks.scene.fraction:
+            landing = tracked.landings[name]
+            mine = np.flatnonzero(landing.replicate == replicate)[first : first + len(part)]
+            ends = {"own": (landing.position[mine], landing.bin[mine])}
+            ends["varied"] = flight.fly_part(name, replicate, part, made.of(name))
+            for which, (position, bin_) in ends.items():
+                found[f"{which}.{name}.position"], found[f"{which}.{name}.bin"] = position.astype(np.float32), bin_
+        return found
+
+    def air(self, air: AirVariation) -> Realisations:
+        """The airflow as a draw has it."""
+        from ...air.field.combined import varied
+        from .track_stage import PerturbedRerun
+
+        found = self.tracks.airs
+        if air.theta is not None or air.strength is not None:
+            wake = known(self.tracks.plan.airflow.wake)
+            theta = wake.theta.value if air.theta is None else air.theta
+            strength = wake.strength.value if air.strength is None else air.strength
+            found = self.tracks.realised(PerturbedRerun("draws", wake=(theta, strength)))
+
+        entering = _entering(self.tracks.scene)
+
+        def change(field: FlowField) -> FlowField:
+            return varied(field, air.speed, air.energy, air.lifetime, entering=entering)
+
+        return found.mapped(change)
+
+
+def _entering(scene: Scene) -> float:
+    """Energy (m2/s2) of the turbulence that the stream brings; infinite where a case of the user's does."""
+    air = scene.air
+    return math.inf if air is None or air.case is not None else entering_energy(air.turbulence, air.speed)
+
+
+def _part(count: int, number: int) -> range:
+    """What of block ``number`` of a replicate is kept; all of a replicate that is too small to be parted."""
+    size = replicate_size(count)
+    if size < BLOCKS:
+        return range(size)
+    block, kept = block_of(size)
+    return range(number * block, number * block + kept)

@@ -1,0 +1,365 @@
+"""The stage of the slab: granules that meet each other, flown in replicates of steady operation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, as_completed, wait
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import flight as tracking
+from ...air.field import FlowField
+from ...air.kinds.realisations import Realisations
+from ...core.errors import SceneError, known
+from ...core.lazy import cached_property
+from ...core.process import cores
+from ...core.store import content_key
+from ...core.tables import Columns, save_arrays
+from ...laws.forces import forces
+from ...planning.collisions import CollisionPlan
+from ...planning.plan import Plan
+from ...planning.stage_cache import code_of
+from ...planning.variation import AS_GIVEN, Variation
+from ...scene import Scene
+from ..feed.feedstock import Feedstock
+from ..feed.stream import SlabFeed, slab_stream
+from .fraction_flights import PATIENCE, bodies_and_walls, end_lines, landing_columns, seed_of, slowest_pace
+from .landings import Landings
+
+if TYPE_CHECKING:
+    from .track_stage import TrackStage
+
+
+# -- The stage of the slab ---------------------------------------------------------------------------------------------
+MIN_REPLICATES = 2  # replicates of a companion
+STEP_ERROR_PART = (
+    0.3  # of the accuracy asked for: landing error that a step of the slab may make, body widths (docs/collisions.md)
+)
+SHARE_OF_SHIFT = 0.5  # share that changes its bin, about, over the mean shift of all landings (body widths)
+
+
+@dataclass(frozen=True)
+class CollisionRerun:
+    """Part of the replicates flown again with one thing changed; ``name`` among the stages, factor on the step of the
+    slab's clock, part of its depth that flies, what is added to the restitution and the friction of one granule on
+    another.
+    """
+
+    name: str
+    step: float = 1.0
+    depth: float = 1.0
+    restitution: float = 0.0
+    friction: float = 0.0
+
+    def applied(self, scene: Scene) -> Scene:
+        """The scene whose granules meet under this change."""
+        own = scene.collisions
+        restitution = min(1.0, max(0.0, own.restitution + self.restitution))
+        met = {"restitution": restitution, "friction": max(0.0, own.friction + self.friction)}
+        return scene.model_copy(update={"collisions": own.model_copy(update=met)})
+
+
+@dataclass(frozen=True)
+class SlabFound:
+    """What a slab of ``depth`` (m) found after the ``start_up`` (s) that was dropped: ``landings`` by fraction of the
+    granules that came in steady operation, in so many ``replicates``; the step of its ``clock`` and what it was chosen
+    by (errors in body widths); in how many replicates the feed ``jammed``; ``steps`` of granules in all; the ``folder``
+    that keeps them.
+    """
+
+    landings: Mapping[str, Landings]
+    clock: tracking.ClockStep
+    jammed: int
+    steps: int
+    replicates: int
+    depth: float
+    start_up: float
+    folder: Path
+
+
+@dataclass
+class CollisionStage:
+    """The slab of one scene under one plan through one airflow, in which its ``tracks`` have flown alone before."""
+
+    tracks: TrackStage
+
+    @property
+    def crowd(self) -> CollisionPlan:
+        """What the plan says of the slab. The plan must have one."""
+        return known(self.tracks.plan.crowd)
+
+    @cached_property
+    def start_up(self) -> float:
+        """Seconds until the slab is steady."""
+        return steady_after(self.tracks.plan, late_in(self.tracks.fly().landings))
+
+    @property
+    def tolerance(self) -> float:
+        """Landing error (body widths) of a step of the slab's clock: shares feel SHARE_OF_SHIFT of it at most."""
+        return max(self.tracks.scene.numerics.tolerance, STEP_ERROR_PART * self.tracks.plan.target_error)
+
+    @cached_property
+    def key(self) -> str:
+        """Everything the slab's landings depend on."""
+        scene, crowd = self.tracks.scene, self.crowd
+        fed = scene.feed.mass_flow, scene.feed.depth, scene.mass_shares(), repr(scene.collisions)
+        flown = crowd.tracers, crowd.operation, crowd.count, crowd.replicates
+        return content_key("crowd", self.tracks.key, self.tolerance, *fed, *flown, code_of("slab"))
+
+    def flight(self, name: str, depth: float, step: float | None) -> SlabFlight:
+        """What flies a slab of ``depth`` (m) under the ``name`` of a stage."""
+        stage = self.tracks
+        return SlabFlight(
+            stage.scene, stage.plan, stage.airs, depth, self.start_up, self.crowd.operation, self.tolerance, step,
+            stage.workers, partial(stage.cache.tell, name),
+        )  # fmt: skip
+
+    @property
+    def fewest(self) -> int:
+        """Replicates that fly in any case: all, where each flies in an airflow of its own."""
+        return self.crowd.fewest if len(self.tracks.airs) == 1 else self.crowd.replicates
+
+    def fly(self, rerun: CollisionRerun | None = None, beside: SlabFound | None = None) -> SlabFound:
+        """The fewest replicates of the slab, or more ``beside`` those; under a ``companion``'s change some of them."""
+        change = rerun or CollisionRerun("slab")
+        if rerun is not None:
+            replicates = max(MIN_REPLICATES, self.crowd.replicates // 4)
+        else:
+            replicates = self.fewest if beside is None else self.crowd.after(beside.replicates)
+        step = None if rerun is None else change.step * self.fly().clock.step
+        flight = self.flight(change.name, self.crowd.depth, step)
+        flight = replace(flight, scene=change.applied(flight.scene), part=change.depth)
+        changed = change.step, change.depth, change.restitution, change.friction
+        key = content_key(self.key, flight.depth, replicates, *changed)
+        work, begun = partial(flight.fly_all, replicates=replicates), None if beside is None else beside.folder
+        folder = self.tracks.cache.make(change.name, key, work, begun)
+        return flight.found(folder, replicates)
+
+
+# -- The slab flown ----------------------------------------------------------------------------------------------------
+RECORDED = 128  # points of a track
+LATE = 0.99  # share of a fraction's granules that have landed when its flight counts as over
+SEVERAL = 3.0  # flights of a granule that landed late, within which one that met others does
+
+
+@dataclass(frozen=True)
+class SlabFlight:
+    """How a slab of ``depth`` (m), or a ``part`` of one, is flown: ``start_up`` (s) until it is steady, at least
+    ``operation`` (s) that count, in a whole number of the airflow's periods; ``tolerance`` (body widths) for the step
+    of its clock, or the ``step`` (s) itself, which ``measured`` hears where it had to be found; ``tell`` hears of
+    progress; granules are as the ``variation`` has them. A replicate is one thread's work: ``workers`` fly at a time.
+    ``also`` gets each replicate's number, its feed and its tracks with RECORDED points of each.
+    """
+
+    scene: Scene
+    plan: Plan
+    airs: Realisations
+    depth: float
+    start_up: float
+    operation: float
+    tolerance: float
+    step: float | None = None
+    workers: int | None = None
+    tell: Callable[[str], None] = lambda _: None
+    part: float = 1.0
+    measured: Callable[[tracking.ClockStep], object] | None = None
+    variation: Variation = AS_GIVEN
+    also: Callable[[int, SlabFeed, tracking.Tracks], object] | None = None
+
+    def fly_all(self, folder: Path, replicates: int) -> None:
+        """Fly the first ``replicates`` and keep the landings of each in ``folder``; those that are there already are
+        left alone. Where no ``step`` is given the first finds that of the others, which wait for no more than that.
+        """
+        left = [number for number in range(replicates) if not _file(folder, number).exists()]
+        pool = ThreadPoolExecutor(self.workers or cores())
+        try:
+            jobs: list[Future[None]] = []
+            step = self.step
+            if step is None and 0 in left:
+                first, step = self._first(pool, folder)
+                jobs.append(first)
+                left.remove(0)
+            others = replace(self, step=step_of(folder) if step is None else step)
+            jobs += [pool.submit(others.keep, number, folder) for number in left]
+            for done, job in enumerate(as_completed(jobs), replicates - len(jobs)):
+                job.result()
+                self.tell(f"{done + 1} of {replicates} replicates")
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+    def _first(self, pool: ThreadPoolExecutor, folder: Path) -> tuple[Future[None], float]:
+        """The first replicate's flight, and the step (s) that it has found."""
+        clock: Future[tracking.ClockStep] = Future()
+        job = pool.submit(replace(self, measured=clock.set_result).keep, 0, folder)
+        both: tuple[Future[Any], ...] = (clock, job)
+        wait(both, return_when=FIRST_COMPLETED)
+        if not clock.done():
+            job.result()  # raises: it failed before it knew
+        self.tell(clock.result().told)
+        return job, clock.result().step
+
+    def keep(self, number: int, folder: Path) -> None:
+        """Fly one replicate and keep its landings in ``folder``, unless they are there already."""
+        path = _file(folder, number)
+        if path.exists():
+            return
+        self.tell(f"replicate {number + 1}")
+        save_arrays(path, self._fly(number))
+
+    def _fly(self, number: int) -> Columns:
+        """The landings of one replicate. Where an airflow's mirror image is as likely, every second one flies in it,
+        and the two of a pair count as one: between an airflow and its image there is no sampling error to find.
+        """
+        mirrored = self.plan.airflow.mirrored and self.airs.field is not None
+        pair, image = (number // 2, number % 2 == 1) if mirrored else (number, False)
+        realisation = pair % len(self.airs)
+        field = self.airs.make(realisation)
+        if image and field is not None:
+            field = field.image
+        period = self.airs.period
+        operation = self.operation if period is None else period * math.ceil(self.operation / period)
+        stream = self._stream(field, number, operation)
+        tracks = self._track(field, stream, number, record=0 if self.also is None else RECORDED)
+        if self.also is not None:
+            self.also(number, stream, tracks)
+        kept = np.flatnonzero(stream.counted)
+        feed = Feedstock(stream.granules[kept], np.full(len(kept), pair), np.zeros(len(kept), dtype=bool))
+        cycle = self.airs.cycle_of(feed.granules.time)
+        crowd = known(tracks.crowd)
+        return {
+            **landing_columns(feed, tracks.some(kept), len(self.scene.bin), realisation, cycle),
+            "clock": np.array(crowd.clock),
+            "jammed": np.array(crowd.jammed),
+            "flown": np.array(crowd.flown),
+            "fraction": stream.fraction[kept].astype(np.int16),
+            "weight": stream.mass[kept],
+            "meetings": known(tracks.meetings)[kept].astype(np.int32),
+        }
+
+    def found(self, folder: Path, replicates: int) -> SlabFound:
+        """What :meth:`fly_all` kept in a folder."""
+        parts = []
+        for number in range(replicates):
+            with np.load(_file(folder, number)) as data:
+                parts.append({key: data[key] for key in data.files})
+        step, error, asked, trials = parts[0]["clock"].tolist()
+        clock = tracking.ClockStep(step, error, asked, int(trials))
+        jammed, flown = (sum(int(part[key]) for part in parts) for key in ("jammed", "flown"))
+        parts = [
+            {key: part[key] for key in part if key not in ("clock", "jammed", "flown", "injected")} for part in parts
+        ]
+        columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+        fraction = columns.pop("fraction")
+        columns["replicate"] = _grouped(
+            fraction, columns["replicate"], columns["realisation"], len(self.scene.fraction)
+        )
+        landed = {}
+        for number, name in enumerate(self.scene.fraction):
+            own: dict[str, Any] = {key: values[fraction == number] for key, values in columns.items()}
+            if not len(own["bin"]):
+                raise SceneError(
+                    f"fraction.{name}: none of it came in the slab's steady operation; raise feed.count or "
+                    "collisions.depth"
+                )
+            weight = own["weight"]
+            own["weight"] = weight * (weight.sum() / (weight @ weight))
+            landed[name] = Landings(**own)
+        return SlabFound(landed, clock, jammed, flown, replicates, self.part * self.depth, self.start_up, folder)
+
+    def record(self, points: int) -> tuple[SlabFeed, tracking.Tracks]:
+        """The first replicate's feed over ``operation``, no whole periods, in the first realisation of the airflow, and
+        its tracks with ``points`` kept of each.
+        """
+        stream = self._stream(self.airs.field, 0, self.operation)
+        return stream, self._track(self.airs.field, stream, 0, record=points)
+
+    def _stream(self, field: FlowField | None, number: int, operation: float) -> SlabFeed:
+        """What a replicate is fed with, over so much ``operation`` (s)."""
+        return slab_stream(
+            self.scene, self.plan, field, number, begin=self._begin(number), start_up=self.start_up,
+            operation=operation, depth=self.depth, part=self.part, variation=self.variation,
+        )  # fmt: skip
+
+    def _begin(self, number: int) -> float:
+        """When a replicate begins (s): at any moment of the airflow's period, or of the vibration's."""
+        vibration = self.scene.vibration
+        cycle = self.airs.period or (0.0 if vibration is None else vibration.period)
+        return cycle * float(np.random.default_rng([self.scene.feed.seed, number]).random())
+
+    def _track(self, field: FlowField | None, stream: SlabFeed, number: int, *, record: int = 0) -> tracking.Tracks:
+        scene, rebound = self.scene, self.scene.collisions
+        height = scene.channel.top - scene.channel.bottom
+        speed = slowest_pace(scene, self.plan, self.plan.fractions)
+        last = float(np.max(stream.granules.time, initial=0.0))
+        flown = {force for how in self.plan.fractions.values() for force in how.forces}
+        return tracking.track(
+            field,
+            stream.granules,
+            until=last + max(SEVERAL * self.start_up, PATIENCE * height / speed),
+            tolerance=self.tolerance,
+            length=scene.width,
+            forces=[name for name in forces if name in flown],
+            drag=2 * [how.drag for how in self.plan.fractions.values()],  # of the granules, then of the tracers
+            seed=seed_of(scene.feed.seed, "slab", number),
+            bodies=bodies_and_walls(scene),
+            lines=end_lines(scene),
+            gravity=scene.plumb.gravity,
+            workers=1,
+            record=record,
+            collisions=tracking.Collisions(
+                depth=self.part * self.depth,
+                restitution=rebound.restitution,
+                friction=rebound.friction,
+                tracers=stream.tracers,
+                forces=2 * [how.forces for how in self.plan.fractions.values()],
+                step=self.step,
+                measured=self.measured,
+            ),
+        )
+
+
+def late_in(landings: Mapping[str, Landings]) -> Callable[[str], float]:
+    """By fraction, after how many seconds all but few of its granules have landed."""
+    return lambda name: float(np.quantile(landings[name].time, LATE))
+
+
+def steady_after(plan: Plan, late: Callable[[str], float]) -> float:
+    """Seconds until a slab is steady: the longest flight, alone, of the granules that are simulated one by one, which
+    is as ``late`` says.
+    """
+    crowd = known(plan.crowd)
+    real = [name for name, fine in crowd.tracers.items() if fine < 1.0] or list(crowd.tracers)
+    return max(late(name) for name in real)
+
+
+def _file(folder: Path, number: int) -> Path:
+    return folder / f"replicate-{number}.npz"
+
+
+def step_of(folder: Path) -> float:
+    """The step (s) that the first replicate in a folder flew with."""
+    with np.load(_file(folder, 0)) as data:
+        return float(data["clock"][0])
+
+
+def _grouped(
+    fraction: NDArray[np.int16], replicate: NDArray[np.uint8], realisation: NDArray[np.uint8], fractions: int
+) -> NDArray[np.uint8]:
+    """Replicates taken together, two and two, until every one holds granules of every fraction: a share of nothing is
+    no sample. Those of one realisation of the airflow only.
+    """
+    count, fields = int(replicate.max()) + 1, int(realisation.max()) + 1
+    while count % 2 == 0 and count > 2 and (count // 2) % fields == 0:
+        held = np.zeros((fractions, count), dtype=bool)
+        held[fraction, replicate] = True
+        if held.all():
+            break
+        count //= 2
+        replicate = replicate % count
+    return replicate

@@ -1,0 +1,127 @@
+"""The stage of the tracks: every granule's landing from the cache, or flown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from ...air.kinds.airflow_kinds import AirflowKind
+from ...core.errors import known
+from ...core.lazy import cached_property
+from ...core.record import JsonTable
+from ...core.store import content_key
+from ...core.tables import Columns
+from ...planning.plan import COMPARED, REPLICATES, Plan
+from ...planning.stage_cache import StageCache, code_of, version_of
+from ...scene import Scene
+from .compilation import COMPILED, Compilation
+
+if TYPE_CHECKING:
+    from ...air.kinds.realisations import Realisations
+    from ...scene import Picture
+    from .fraction_flights import Flight
+    from .landings import Tracked
+
+
+@dataclass(frozen=True)
+class PerturbedRerun:
+    """Part of the granules flown again, the same ones, with one thing changed: what that changes is an error.
+
+    ``name`` among the stages; ``tolerance`` (body widths) instead of the scene's; ``wake``: theta and strength of the
+    wake instead of the answer's own, as in ``field.blended_wake``; ``replicates``: the first of them, that fly.
+    """
+
+    name: str
+    tolerance: float | None = None
+    wake: tuple[float, float] | None = None
+    replicates: int = COMPARED
+
+
+def unweighed(scene: Scene) -> dict[str, object]:
+    """The tables of a scene without what moves no granule: mass shares, targets, the feed's rate, pictures."""
+    tables: JsonTable = scene.model_dump(mode="json", by_alias=True)
+    for fraction in tables["fraction"].values():
+        del fraction["mass_share"], fraction["target"]
+    del tables["feed"]["rate"], tables["feed"]["depth"]
+    for name in ("picture", "report", "limit", "price"):
+        del tables[name]
+    return tables
+
+
+@dataclass
+class TrackStage:
+    """The tracks of one scene under one plan through one airflow."""
+
+    scene: Scene
+    plan: Plan
+    cache: StageCache
+    air: AirflowKind
+    compilation: Compilation
+    workers: int | None = None
+
+    @cached_property
+    def key(self) -> str:
+        """Everything the tracks depend on."""
+        tables = unweighed(self.scene)
+        for name in ("numerics", "funnel", "collisions", "force", "uncertainty"):
+            del tables[name]
+        upstream = None if self.air.field is None else self.air.field[0]
+        how = {name: row.tracked for name, row in self.plan.fractions.items()}
+        versions = [version_of(package) for package in ("numpy", "scipy", "numba")]
+        order = list(self.scene.bin)  # landings hold the bin's place in it
+        mirrored, airs = self.plan.airflow.mirrored, self.air.realisations
+        flown = mirrored, len(airs), airs.cycles
+        return content_key("tracks", tables, order, *flown, repr(how), upstream, code_of("tracks"), versions)
+
+    def fly(self, rerun: PerturbedRerun | None = None) -> Tracked:
+        """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
+        from .fraction_flights import Flight
+        from .landings import load_tracked
+
+        change = rerun or PerturbedRerun("tracks", replicates=REPLICATES)
+        tolerance = change.tolerance or self.scene.numerics.tolerance
+        key = content_key(self.key, tolerance, change.wake, change.replicates)
+        tell = partial(self.cache.tell, change.name)
+        airs = self.realised(change)
+        flight = Flight(self.scene, self.plan, airs, tolerance, self.workers, tell, change.replicates)
+        self.finish_compiling(change.name, key)
+        folder = self.cache.make(change.name, key, partial(flight.fly_all, drawn=rerun is None))
+        return load_tracked(folder, self.scene)
+
+    def shown(self, picture: Picture) -> dict[str, list[Columns]]:
+        """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
+        from .fraction_flights import Flight
+        from .landings import load_recorded_tracks
+
+        names, flown = picture.chosen(list(self.scene.fraction)), picture.flown
+        tolerance = self.scene.numerics.tolerance
+        if flown is None:
+            return {}
+        key = content_key(self.key, tolerance, names, flown)
+        tell = partial(self.cache.tell, "shown")
+        flight = Flight(self.scene, self.plan, self.airs, tolerance, self.workers, tell)
+        folder = self.cache.make("shown", key, lambda part: flight.fly_pictured(part, names, *flown))
+        return {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in names}
+
+    @property
+    def airs(self) -> Realisations:
+        """The airflow's realisations."""
+        return self.air.realisations
+
+    def realised(self, change: PerturbedRerun) -> Realisations:
+        """The airflow that granules fly in under a ``change``."""
+        if change.wake is None or self.airs.field is None:
+            return self.airs
+        return replace(self.airs, field=known(self.air.between(*change.wake))[1], others=())
+
+    def flight(self, scene: Scene, airs: Realisations) -> Flight:
+        """What flies granules of ``scene``, a variation of the stage's own, through ``airs`` as the answer's fly."""
+        from .fraction_flights import Flight
+
+        return Flight(scene, self.plan, airs, self.scene.numerics.tolerance, self.workers)
+
+    def finish_compiling(self, stage: str, key: str) -> None:
+        """Wait for the tracker's compilation where a stage will be flown by it, for the first time in this run."""
+        if COMPILED not in self.cache.seconds and not self.cache.store.holds(stage, key):
+            self.compilation.finish(self.cache)

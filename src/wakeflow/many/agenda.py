@@ -1,0 +1,415 @@
+"""The agenda of a sweep: which stages its scenes share, what waits for what, what it will cost.
+
+Where neighbours help an airflow waits for the one that it starts from (``neighbours``), and goes on from rest where
+that one fails.
+Scenes that fly in one airflow wait for it, and it is solved once. Of scenes whose flights are the same (they differ in
+mass shares, targets or the feed's rate) one flies and the others wait for it. Both are reported from plans alone,
+before anything is computed. Where two stages turn out equal beyond that, the lock of the cache makes one wait for the
+other.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from dataclasses import dataclass, field, replace
+from heapq import heapify, heappop, heappush
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..air.kinds.airflow_kinds import CaseAir
+from ..answer.result import Request
+from ..core.errors import ProgramError, SceneError
+from ..core.executor import Cluster
+from ..core.lazy import cached_property
+from ..core.store import content_key
+from ..flight.stages.air_loading import exerted_by
+from ..flight.stages.pipeline import Pipeline
+from ..flight.stages.track_stage import unweighed
+from ..planning.cost import SHARED, airflow_cost, ranks_for, typical_cells
+from ..planning.plan import Plan
+from ..planning.plan_messages import unfelt, unfelt_line
+from ..planning.stage_cache import Listener, null_listener
+from ..planning.stages import FLIGHTS
+from ..runs import answer_key
+from ..runs.planned import make_plan
+from ..runs.progress import OVERDUE, TRUSTED, time_left
+from ..scene import Scene
+from .variant import SCENES_PER_LINE, Variant
+from .work import Job, finished, fly_scene, solve_airflow_of
+
+
+# -- Which airflow of a sweep starts from which ------------------------------------------------------------------------
+def starts(points: Sequence[Mapping[str, object]]) -> list[int | None]:
+    """For each of the ``points`` (inputs by dotted key) the place of the one that it starts from; None for the most
+    central one, which starts from rest.
+
+    Whoever is farthest from those that are there comes next, and starts from the nearest of them (farthest-first
+    traversal: Gonzalez 1985, Theor. Comput. Sci. 38, 293): few wait for few. Numbers are compared over the range that
+    the points span, other values by whether they are the same.
+    """
+    count = len(points)
+    found: list[int | None] = [None] * count
+    if not count:
+        return found
+    apart = _distances(points)
+    near = np.full(count, int(apart.sum(axis=1).argmin()))
+    there = np.arange(count) == near[0]
+    for _ in range(count - 1):
+        away = np.where(there, -1.0, apart[np.arange(count), near])
+        new = int(away.argmax())
+        found[new] = int(near[new])
+        there[new] = True
+        near = np.where(apart[:, new] < apart[np.arange(count), near], new, near)
+    return found
+
+
+def _distances(points: Sequence[Mapping[str, object]]) -> NDArray[np.float64]:
+    """Between all of the points, (n, n)."""
+    squares = np.zeros((len(points), len(points)))
+    for key in sorted({key for point in points for key in point}):
+        values = [point.get(key) for point in points]
+        if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+            numbers = np.array(values, dtype=float)
+            squares += ((numbers[:, None] - numbers) / (np.ptp(numbers) or 1.0)) ** 2
+        else:
+            squares += [[float(one != other) for other in values] for one in values]
+    return np.asarray(np.sqrt(squares))
+
+
+# -- The agenda of a sweep ---------------------------------------------------------------------------------------------
+AIRFLOWS = "airflows"  # folder of the airflows' own results
+ON_ALL_CORES, BOTH_CORES = (FLIGHTS, "slab"), 2.0  # work whose expected seconds are those of two cores together
+
+
+@dataclass(frozen=True)
+class Step:
+    """One job of the agenda: for a scene, or for the airflow of several, on so many MPI ``ranks``; ``needs`` the step
+    of that name before it.
+    """
+
+    name: str
+    job: Job
+    airflow: bool
+    needs: str | None
+    seconds: float  # of cores, expected
+    disk: float  # bytes, expected
+    ranks: int = 1
+
+    @property
+    def wall(self) -> float:
+        """Expected seconds on the threads that it has; programs of the airflow take one core."""
+        return self.seconds if self.airflow else self.seconds / self.job.threads
+
+
+@dataclass(frozen=True)
+class Agenda:
+    """All steps in the order in which they are begun, the folders of the scenes by name with their stamps, and what
+    cannot be planned with the reason.
+    """
+
+    steps: tuple[Step, ...]
+    stamps: Mapping[str, str]
+    problems: Mapping[str, str]
+
+    @property
+    def seconds(self) -> float:
+        """Expected core-seconds of all steps."""
+        return sum(step.seconds for step in self.steps)
+
+    @property
+    def disk(self) -> float:
+        """Expected bytes that all steps leave."""
+        return sum(step.disk for step in self.steps)
+
+
+@dataclass(frozen=True)
+class _Planned:
+    """One scene under its plan."""
+
+    variant: Variant
+    scene: Scene
+    plan: Plan
+    request: Request
+
+    @cached_property
+    def stamp(self) -> str:
+        """What its answer is made for."""
+        return answer_key(self.scene, self.request)
+
+    @cached_property
+    def airflow(self) -> str | None:
+        """What tells its airflow from others; None where it costs nothing."""
+        flown = Pipeline(self.plan.airflow.flown(self.scene), self.plan)
+        if flown.kind.at_once:
+            return None
+        spec = repr(flown.kind.flow_spec) if isinstance(flown.kind, CaseAir) else repr(flown.scene.air)
+        force = exerted_by(self.scene, self.plan) if self.plan.airflow.loaded else None
+        return content_key(repr(self.plan.airflow), spec, force)
+
+    def job(self, folder: Path, threads: int, *, report: bool = False) -> Job:
+        """What a worker does for it in a folder."""
+        return Job(self.scene.tables(), self.request, folder, self.stamp, self.plan, threads, report)
+
+    def seconds(self, *, airflow: bool, report: bool) -> float:
+        """Expected core-seconds of what is shared with scenes in the same airflow, its other grids among it, or of the
+        rest, which is all where no airflow is solved; with a ``report`` or without.
+        """
+        names = {stage.name for stage in SHARED} if self.airflow is not None else set[str]()
+        return sum(
+            one.whole * (BOTH_CORES if one.key.stage.work in ON_ALL_CORES else 1.0)
+            for one in self.plan.stages
+            if (one.key.name in names) is airflow and (report or one.key.name != "report")
+        )
+
+    @property
+    def ranks(self) -> int:
+        """MPI processes of its airflow for which a cluster must have cores. The two that a large airflow in two
+        dimensions takes unasked are not counted: any worker may run it.
+        """
+        asked, airflow = self.scene.numerics.ranks, self.plan.airflow
+        if asked != "auto":
+            return asked
+        return 1 if airflow.span is None else ranks_for(round(typical_cells(self.scene, airflow)))[0]
+
+    @cached_property
+    def flight(self) -> str:
+        """What tells its flights from others in the same airflow."""
+        how = {name: repr(row.tracked) for name, row in self.plan.fractions.items()}
+        return content_key(unweighed(self.scene), list(self.scene.bin), how)
+
+
+def make_agenda(
+    variants: Sequence[Variant],
+    out: Path,
+    request: Request,
+    *,
+    threads: Callable[[int], int] = lambda _: 1,
+    report: bool = False,
+    neighbours: bool = False,
+    listener: Listener = null_listener,
+) -> Agenda:
+    """What is still to be done for ``variants`` in the folder ``out``; scenes that are finished there need nothing.
+
+    ``threads(scenes)``: on how many each of so many scenes is flown. With ``neighbours`` an airflow starts from the
+    nearest one that is there by then.
+    """
+    planned: list[_Planned] = []
+    problems: dict[str, str] = {}
+    for number, variant in enumerate(variants, 1):
+        if number % SCENES_PER_LINE == 0:
+            listener("sweep", f"planning scene {number} of {len(variants)}")
+        if variant.scene is None:
+            problems[variant.name] = variant.problem
+            continue
+        try:
+            plan = make_plan(variant.scene, rung=request.rung, force=request.force, target_error=request.target_error)
+        except SceneError as problem:
+            problems[variant.name] = str(problem)
+            continue
+        planned.append(_Planned(variant, variant.scene, plan, request))
+    if deaf := _unfelt(planned):
+        listener("sweep", unfelt_line(deaf))
+    planned = _started(planned, out) if neighbours else planned
+    stamps = {one.variant.name: one.stamp for one in planned}
+    open_ones = [one for one in planned if finished(out / one.variant.name, one.stamp) is None]
+    count = threads(len(open_ones))
+    steps = *_airflow_steps(open_ones, out, count), *_flight_steps(open_ones, out, count, report=report)
+    return Agenda(steps, stamps, problems)
+
+
+def _unfelt(planned: Sequence[_Planned]) -> list[str]:
+    """The inputs in which scenes differ and which none of them feels. Raises SceneError where there are no others: all
+    answers would be the same.
+    """
+    keys = list(dict.fromkeys(key for one in planned for key in one.variant.inputs))
+    varied = [key for key in keys if len({repr(one.variant.inputs.get(key)) for one in planned}) > 1]
+    deaf = [key for key in varied if all(unfelt([key], one.scene, one.plan.rung) for one in planned)]
+    if varied and deaf == varied:
+        raise SceneError(unfelt_line(deaf))
+    return deaf
+
+
+def _started(planned: Sequence[_Planned], out: Path) -> list[_Planned]:
+    """The scenes, each asked for near the one whose airflow its own starts from."""
+    first = _by_airflow(planned)
+    keys = list(first)
+    places = starts([one.variant.inputs for one in first.values()])
+    near = {key: str(out / _folder(keys[place])) for key, place in zip(keys, places, strict=True) if place is not None}
+    return [replace(one, request=replace(one.request, near=near.get(one.airflow or ""))) for one in planned]
+
+
+def _by_airflow(planned: Iterable[_Planned]) -> dict[str, _Planned]:
+    """The first scene of each airflow that costs something, by what tells that airflow from others."""
+    first: dict[str, _Planned] = {}
+    for one in planned:
+        if one.airflow is not None:
+            first.setdefault(one.airflow, one)
+    return first
+
+
+def _folder(airflow: str) -> str:
+    """Where the own result of an airflow stands, in the sweep's folder."""
+    return f"{AIRFLOWS}/{airflow[:12]}"
+
+
+def _airflow_steps(planned: Iterable[_Planned], out: Path, threads: int) -> Iterable[Step]:
+    """One step for each airflow, the longest first, so that none is left alone at the end."""
+    first = _by_airflow(planned)
+    folders = {str(out / _folder(key)): _folder(key) for key in first}
+    steps = []
+    for key, one in first.items():
+        cost, folder = airflow_cost(one.scene, one.plan.airflow), _folder(key)
+        job, needs = one.job(out / folder, threads), folders.get(one.request.near or "")
+        steps.append(Step(folder, job, True, needs, one.seconds(airflow=True, report=False), cost.disk, one.ranks))
+    return sorted(steps, key=lambda step: -step.seconds)
+
+
+def _flight_steps(planned: Iterable[_Planned], out: Path, threads: int, *, report: bool) -> Iterable[Step]:
+    leaders: dict[tuple[str | None, str], str] = {}
+    for one in planned:
+        same, name = (one.airflow, one.flight), one.variant.name
+        before = None if one.airflow is None else _folder(one.airflow)
+        air = airflow_cost(one.scene, one.plan.airflow)
+        needs = leaders.get(same, before)
+        leaders.setdefault(same, name)
+        seconds, disk = one.seconds(airflow=False, report=report), one.plan.estimate["disk"] - air.disk
+        yield Step(name, one.job(out / name, threads, report=report), False, needs, seconds, disk)
+
+
+# -- Doing an agenda ---------------------------------------------------------------------------------------------------
+LOOK_EVERY = 1.0  # s between looks at the time left, where nothing ends
+TOLD_AGAIN = 1.5  # times shorter than the one told last: the time left is told anew
+AT_HAND = 0.02  # of the expected time: a step that takes less was found in the cache, and says nothing of the pace
+
+
+@dataclass
+class SweepProgress:
+    """How far an agenda of ``steps`` is on so many ``workers``: what has begun and ended when, by the name of a step.
+
+    What is left is laid out on the workers, each kind of step, airflows and flights, at the pace that it had so far.
+    """
+
+    steps: Sequence[Step]
+    workers: int
+    clock: Callable[[], float] = time.monotonic
+    began: dict[str, float] = field(default_factory=dict)  # of steps under way: when
+    took: dict[str, float] = field(default_factory=dict)  # of steps that have ended: s
+    failed: int = 0
+    least: float = math.inf  # seconds left as reported so far
+    told: float = math.inf  # those told last, if nothing has ended since
+
+    def begin(self, handed_out: Iterable[Step]) -> None:
+        """Note which steps are under way: of those that are handed out, and have not ended, as many as work at once."""
+        for step in islice(handed_out, self.workers):
+            self.began.setdefault(step.name, self.clock())
+
+    def end(self, step: Step, problem: str) -> None:
+        """Note that a step has ended, perhaps before it began."""
+        self.took[step.name] = self.clock() - self.began.pop(step.name, self.clock())
+        self.failed += bool(problem)
+        self.told = math.inf
+
+    def news(self, tell: Callable[[str], None]) -> None:
+        """Tell how far it is, where a step has ended or much less is left than at the last time."""
+        if self.told > TOLD_AGAIN * (left := self.left):
+            self.told = left
+            tell(str(self))
+
+    def _pace(self, airflow: bool) -> float:
+        """Seconds that steps of a kind take over those expected of them."""
+        taken = expected = TRUSTED
+        for step in self.steps:
+            now = self.took.get(step.name)
+            if now is None and step.name in self.began:
+                now = self.clock() - self.began[step.name]
+                now = now if now > step.wall else None  # overdue
+            if step.airflow is airflow and now is not None and now > AT_HAND * step.wall:
+                taken, expected = taken + now, expected + step.wall
+        return taken / expected
+
+    @property
+    def left(self) -> float:
+        """Seconds until the last step has ended."""
+        pace = {airflow: self._pace(airflow) for airflow in (True, False)}
+        ends, free = dict[str | None, float](), [0.0] * max(0, self.workers - len(self.began))
+        for step in self.steps:
+            if step.name in self.began:
+                spent, whole = self.clock() - self.began[step.name], pace[step.airflow] * step.wall
+                ends[step.name] = max(whole - spent, (1.0 - OVERDUE) * max(whole, spent))
+                free.append(ends[step.name])
+        heapify(free)
+        for step in self.steps:
+            if step.name not in self.began and step.name not in self.took:
+                ends[step.name] = max(heappop(free), ends.get(step.needs, 0.0)) + pace[step.airflow] * step.wall
+                heappush(free, ends[step.name])
+        return max(ends.values(), default=0.0)
+
+    def __str__(self) -> str:
+        """Scenes and stages that have ended of all, how many failed, and the time left."""
+        scenes = [step for step in self.steps if not step.airflow]
+        left, failed = "", f", {self.failed} failed" if self.failed else ""
+        if len(self.took) < len(self.steps):
+            seconds = self.left
+            self.least = min(self.least, seconds)
+            left = f", {time_left(seconds, self.least)} left"
+        done = sum(step.name in self.took for step in scenes)
+        return f"{done} of {len(scenes)} scenes, {len(self.took)} of {len(self.steps)} stages{failed}{left}"
+
+
+def do_agenda(
+    agenda: Agenda, executor: Executor, tell: Callable[[str], None], ended: Callable[[Step, str], None],
+    workers: int = 1,
+) -> None:  # fmt: skip
+    """Do every step; ``ended(step, problem)`` hears of each in the order in which they end. ``tell`` hears how far it
+    is, as ``workers`` work at once: whenever a step has ended, and when much less is left than it heard last.
+
+    Steps are handed out in the order of the agenda as soon as what they need has ended: airflows first, then flights.
+    """
+    if not agenda.steps:
+        return
+    progress, left = SweepProgress(agenda.steps, workers), list(agenda.steps)
+    running: dict[Future[str], Step] = {}
+    done: set[str | None] = {None}  # names of steps that have ended
+    lost: dict[str | None, str] = {}  # by name why flights that need a step fail with it
+
+    def end(step: Step, problem: str) -> None:
+        done.add(step.name)
+        if step.airflow and problem:
+            lost[step.name] = f"its airflow failed: {problem}"
+        progress.end(step, problem)
+        ended(step, problem)
+
+    while True:
+        while ready := [step for step in left if step.needs in done]:
+            left = [step for step in left if step.needs not in done]
+            for step in ready:
+                if step.needs in lost and not step.airflow:
+                    lost[step.name] = lost[step.needs]
+                    end(step, lost[step.name])
+                else:
+                    running[_begun(step, executor)] = step
+        if not running:
+            break
+        progress.begin(running.values())
+        progress.news(tell)
+        for future in wait(running, timeout=LOOK_EVERY, return_when=FIRST_COMPLETED).done:
+            end(running.pop(future), _problem(future))
+    tell(f"done {progress}")
+
+
+def _begun(step: Step, executor: Executor) -> Future[str]:
+    able = executor.on(step.ranks) if isinstance(executor, Cluster) else executor
+    return able.submit(solve_airflow_of if step.airflow else fly_scene, step.job)
+
+
+def _problem(future: Future[str]) -> str:
+    try:
+        return future.result()
+    except ProgramError as problem:  # the worker died
+        return str(problem)

@@ -1,0 +1,108 @@
+"""Runs that exist side by side: what differs in their scenes, and by how much their answers do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..answer.result import Result
+from ..answer.result_table import DONE, Difference, Entry, ResultTable, differences_of, quantities_of
+from ..core import sums
+from ..core.errors import SceneError
+from ..core.files import made_folder
+from ..core.tables import CellTable
+from ..scene import Scene
+from ..scene.changes import differing
+
+DIFFERENCES = {  # heads of differences.csv, and what each is of a difference
+    "scene": "scene", "against": "against", "quantity": "quantity", "difference": "value", "low": "low", "high": "high",
+    "clear": "clear", "unit": "unit",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RunComparison:
+    """``runs`` in one ``table``, whose inputs are the keys in which their scenes differ."""
+
+    table: ResultTable
+    runs: tuple[Result, ...] = field(repr=False)
+
+    def __repr__(self) -> str:
+        return f"<RunComparison: {self.table!r}>"
+
+    def _repr_html_(self) -> str:
+        """The table of main numbers, as a notebook shows it."""
+        from ..show.views import table_card
+
+        return table_card(self.table)
+
+    @property
+    def differences(self) -> tuple[Difference, ...]:
+        """Of every later run from the first, quantity by quantity."""
+        return tuple(differences_of(self.table.entries))
+
+    def frame(self, *, wide: bool = False) -> Any:
+        """As :meth:`wakeflow.Sweep.frame`."""
+        return self.table.frame(wide=wide)
+
+    def write(self, folder: Path) -> None:
+        """Write compare.html, compare.csv, differences.csv and figures."""
+        from ..show.html.comparison_page import write_comparison
+        from ..show.table_figures import draw_table_figures
+
+        files = page, whole, apart = [folder / name for name in ("compare.html", "compare.csv", "differences.csv")]
+        sums.refuse_foreign(made_folder(folder), files, "compare")
+        with sums.writing(folder, lambda: files, "compare"):
+            draw_table_figures(folder, self.table)
+            self.table.tidy().write_csv(whole)
+            CellTable.of(self.differences, DIFFERENCES).write_csv(apart)
+            write_comparison(page, self.table, self.differences, self.runs)
+
+
+def compare(runs: Sequence[Result | Path | str]) -> RunComparison:
+    """Set finished runs, or their folders, side by side; the first is what the others are compared with.
+
+    Raises SceneError with fewer than two, and where a folder holds no finished run.
+    """
+    if isinstance(runs, Result | Path | str) or not isinstance(runs, Iterable):
+        raise SceneError("give a list of runs to compare, as in compare([one, other])")
+    found = [run if isinstance(run, Result) else Result.load(run) for run in runs]
+    if len(found) < 2:
+        raise SceneError("give at least two runs to compare")
+    folders = [run.folder.resolve() for run in found]
+    if twice := [run.folder for run, folder in zip(found, folders, strict=True) if folders.count(folder) > 1]:
+        raise SceneError(f"{twice[0]} is given twice")
+    columns = differing([Scene.parse(run.scene) for run in found]) | _options(found)
+    names = _names([run.folder for run in found])
+    targets: dict[str, tuple[str, ...]] = {}
+    entries = []
+    for place, (name, run) in enumerate(zip(names, found, strict=True)):
+        inputs = {key: values[place] for key, values in columns.items()}
+        entries.append(Entry(name, inputs, DONE, run.caveat, quantities_of(run), run.folder))
+        for fraction in run.scene["fraction"]:
+            targets.setdefault(fraction, run.targets(fraction))
+    return RunComparison(ResultTable(tuple(entries), targets), tuple(found))
+
+
+def _options(runs: Sequence[Result]) -> dict[str, list[object]]:
+    """How the runs were asked for, where that differs: the rung that was computed, the accuracy, switched terms."""
+    terms = dict.fromkeys(term for run in runs for term in run.options.force)
+    columns: dict[str, list[object]] = {
+        "rung": [run.plan.rung for run in runs],
+        "target-error": [run.plan.target_error for run in runs],
+        **{f"force.{term}": [run.options.force.get(term) for run in runs] for term in terms},
+    }
+    return {key: values for key, values in columns.items() if any(value != values[0] for value in values)}
+
+
+def _names(folders: Sequence[Path]) -> list[str]:
+    """The last parts of the folders' paths, as many as tell them apart; ? for a byte that is not UTF-8."""
+    parts = [Path(str(folder.absolute()).encode(errors="replace").decode()).parts for folder in folders]
+    deep = max(len(one) for one in parts)
+    for count in range(1, deep + 1):
+        names = ["/".join(one[-count:]) for one in parts]
+        if len(set(names)) == len(names):
+            return names
+    return [str(folder) for folder in folders]

@@ -1,0 +1,117 @@
+"""What an operator turns, air speed and feed rate: the map of every recovery, purity, loss and dirt over both,
+and the capacity curve over the rate alone, each in one figure.
+
+Each air speed's airflow is solved once and kept; the feed rates fly in it. Both are sweeps like any other, so that what
+they computed is found again by them and by runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+from ..answer.result_table import ResultTable
+from ..core import sums
+from ..core.errors import SceneError
+from ..core.files import path_of
+from ..runs.planned import make_plan
+from ..scene import Scene
+from ..scene.whole import switched
+from .compute import Sweep, sweep
+from .variant import variants
+
+SPEED, RATE = "air.speed", "feed.rate"
+AROUND = (0.8, 1.0, 1.2)  # times the scene's own, where no values are given
+RATES = (0.25, 0.5, 1.0, 1.5, 2.0)  # of a capacity curve likewise
+DRAWN = Callable[[Path, ResultTable], None]
+
+
+def operating_map(
+    scene: Scene | Path | str,
+    out: Path | str,
+    *,
+    air: Sequence[object] | None = None,
+    feed: Sequence[object] | None = None,
+    **how: Any,
+) -> tuple[Sweep, Path]:
+    """Sweep ``scene`` over air speeds and feed rates, by default four fifths, once and six fifths of its own, and draw
+    the map; returns both. ``how``: as of :func:`wakeflow.sweep`.
+
+    Raises SceneError where the scene has no air or no feed rate, where no fraction has a target, and where plans say
+    that every answer would be void.
+    """
+    from ..show.many_figures import draw_map, main_quantities
+
+    asked = Scene.of(scene)
+    if asked.air is None or asked.air.still or asked.feed.rate is None:
+        raise SceneError("a map needs an air.speed above 0 and a feed.rate in the scene")
+    speeds = list(air) if air else [part * asked.air.speed for part in AROUND]
+    rates = list(feed) if feed else [part * asked.feed.rate for part in AROUND]
+    if min(len(speeds), len(rates)) < 2:
+        raise SceneError("a map needs two air speeds and two feed rates at least")
+
+    def draw(figure: Path, table: ResultTable) -> None:
+        draw_map(figure, table, main_quantities(table), SPEED, RATE)
+
+    return _swept(asked, {SPEED: speeds, RATE: rates}, out, "map", draw, how)
+
+
+def capacity(
+    scene: Scene | Path | str, out: Path | str, *, feed: Sequence[object] | None = None, **how: Any
+) -> tuple[Sweep, Path]:
+    """Sweep ``scene`` over feed rates, by default a quarter to twice its own, and draw what is lost of every fraction
+    with a target and the dirt in its bins over the rate; returns both. ``how`` and errors: as of :func:`operating_map`.
+    """
+    from ..show.many_figures import draw_lines
+
+    asked = Scene.of(scene)
+    if asked.feed.rate is None:
+        raise SceneError("a capacity curve needs a feed.rate in the scene")
+    rates = list(feed) if feed else [part * asked.feed.rate for part in RATES]
+    if len(rates) < 2:
+        raise SceneError("a capacity curve needs two feed rates at least")
+
+    def draw(figure: Path, table: ResultTable) -> None:
+        draw_lines(figure, table, [name for name in table.names if name.startswith(("loss.", "dirt."))], RATE)
+
+    return _swept(asked, {RATE: rates}, out, "capacity", draw, how)
+
+
+def met_up_to(table: ResultTable, limits: Mapping[str, float]) -> dict[str, float | None]:
+    """The feed rate (kg/s) up to which every answer of a capacity curve meets each of the ``limits``; None where not
+    even the least does.
+    """
+    rows = sorted(table.done, key=lambda entry: float(entry.inputs[RATE]))
+    found = {}
+    for name, most in limits.items():
+        met = list(takewhile(lambda row, n=name, m=most: not row.reason and row.by_name[n].high <= m, rows))  # type: ignore[misc]
+        found[name] = float(met[-1].inputs[RATE]) if met else None
+    return found
+
+
+def _swept(
+    scene: Scene, axes: Mapping[str, Sequence[object]], out: Path | str, name: str, draw: DRAWN, how: Mapping[str, Any]
+) -> tuple[Sweep, Path]:
+    """The scenes of a grid of ``axes`` swept, and the figure called ``name`` that is drawn of those worth something."""
+    from ..show.canvas import saved
+    from ..show.table_figures import of_worth
+
+    if not any(fraction.targets for fraction in scene.fraction.values()):
+        raise SceneError("no fraction has a target, so that nothing is recovered: give fraction.NAME.target, a bin")
+    grid = variants(scene, axes)
+    scenes = [one.scene for one in grid if one.scene is not None]
+    told = (make_plan(one, rung=how.get("rung"), force=switched(how.get("force"))).why_void for one in scenes)
+    if len(void := list(takewhile(bool, told))) == len(scenes) > 0:
+        raise SceneError(f"every answer of the {name} would be void: {void[0]}")
+    folder = path_of(out, "out")
+    figure = folder / "figures" / f"{name}.png"
+    sums.refuse_foreign(folder, saved(figure), name)
+    found = sweep(grid, folder, figures=False, **how)
+    table = of_worth(found.table)
+    if not table.done:
+        raise SceneError("every answer is void, so that there is nothing to draw; the first: see the table's reasons")
+    with sums.writing(folder, lambda: saved(figure), name):
+        draw(figure, table)
+    return found, figure

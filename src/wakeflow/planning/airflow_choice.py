@@ -1,0 +1,324 @@
+"""Which airflow a scene needs: the plan of its rung (``scene.rungs``). What it will cost is in :mod:`.airflow_cost`.
+
+Above the onset of three-dimensional motion the steady and the time-resolved solution in two dimensions bracket the
+truth: the one has too long a wake and too weak a suction, the other sheds too coherently. Where the wake is turbulent
+the answer is a best estimate between these two ends (``wake``). Without a body, and at rest, the air is known
+(analytic); a user's own case is measured, not solved (given).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from ..core.errors import SceneError, known
+from ..core.geometry import is_symmetric
+from ..core.graded import Notice, information, less_sure
+from ..core.quantities import metres
+from ..core.record import column
+from ..laws.best_estimate import WakeEstimate
+from ..laws.driven_jet import width_after
+from ..laws.span import Span
+from ..laws.turbulence import SPANWISE, model_at, turbulence_models
+from ..scene import Scene
+from ..scene.own_files import is_laminar
+from ..scene.rungs import check_rung, rungs
+from .terms import LOADING, VIBRATION
+from .wake import Wake, span_of, wake_of, wakes_beside
+
+Stepping = Literal["steady", "time-resolved"]
+SOLVED: dict[str | None, Stepping] = {
+    "steady": "steady",
+    "time-resolved": "time-resolved",
+    "three-dimensional": "time-resolved",
+}  # kinds that OpenFOAM solves
+# Reynolds numbers on the body's width and the inlet's mean speed.
+SHEDDING_ABOVE = 27.7  # a flat plate's onset, the lowest (triangle 34.3, circle 46.2: Jackson 1987, J. Fluid Mech. 182)
+# walls raise it (36, 60, 91 at blockages of 1/8, 1/4, 1/2: Parveez, Dhiman & Rasool 2014, a trapezoidal prism)
+FLAT_BELOW = 160.0  # two-dimensional below: mode A of a square's wake at 161 (Robichaux 1999), of a circle's near 190
+LAMINAR_BELOW = turbulence_models["laminar"].reynolds[1]  # above it a turbulence model runs
+DECAYING = "decaying"  # the turbulence of air past no body
+JET = "jet"  # that of air which granules alone drive
+JET_ROOM = 8.0  # channel widths over a jet's b that count as wide: twice the 4 b which hold all but 0.5 % of its flux
+MIN_TURBULENCE = 0.001  # inlet intensity below which a turbulence model has no scale of its own; wind tunnels reach it
+FINE = 0.005  # accuracy of a share that pays for three grids where the mesh is what limits it
+ACCURACY = {
+    "flat": 0.02,
+    "bracket": 0.05,
+}  # of the airflow's statistics: usual; where model errors are tens of per cent
+# Reynolds number of a plane channel (mean speed, plate distance) above which turbulence lasts: Patel & Head 1969, J.
+LAMINAR_CHANNEL = 1300.0  # Fluid Mech. 38, 181
+
+
+@dataclass(frozen=True)
+class AirflowPlan:
+    """How the airflow is computed.
+
+    This class plans an airflow that is known without a solver; each other kind of airflow has a class of its own.
+    """
+
+    rung: str = column("", "none, analytic, draft, standard, reference, 3d or given")
+    why: str = column("", "why this rung")
+    stepping: Stepping | None = column("", "steady or time-resolved; null without a solver")
+    turbulence: str | None = column(
+        "",
+        "turbulence model, decaying in air past no body, jet in air that granules alone drive, given in a case of the "
+        "user's",
+    )
+    symmetric: bool = column("", "whether the geometry is its own mirror image about x = 0")
+    half: bool = column("", "whether only half of the channel is solved, the other being its mirror image")
+    scales: tuple[float, ...] = column(
+        "1", "cell edges over the rung's own, one a grid, the answer's first", default=(1.0,)
+    )
+    brackets: bool = column(
+        "", "whether steady and time-resolved wake bracket the truth, and both are flown in", default=False
+    )
+    moving: bool = column("", "whether the mesh vibrates with the body; else the air sees it at rest", default=False)
+    loaded: bool = column("", "whether the air feels the granules", default=False)
+    accuracy: float = column(
+        "1", "relative half width of the intervals of drag, base pressure and shedding at which a time-resolved run "
+        "may end", default=0.02,
+    )  # fmt: skip
+    wake: WakeEstimate | None = column(
+        "", "how much of the time-resolved wake the answer is flown in; null where it is that wake or no end",
+        default=None,
+    )  # fmt: skip
+    span: Span | None = column("", "the third dimension; null where the airflow is plane", default=None)
+
+    @property
+    def turbulent(self) -> bool:
+        """Whether the wake is turbulent: by the model that runs, or in a user's case that brings k."""
+        solved = self.turbulence in turbulence_models and turbulence_models[str(self.turbulence)].turbulent
+        return solved or self.turbulence == "given"
+
+    @property
+    def kind(self) -> str:
+        """The name among ``air.kinds.airflow_kinds`` of what computes this airflow."""
+        return (rungs[self.rung].kind if self.rung in rungs else None) or self.rung
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether half of the granules fly in the airflow's mirror image: it is as likely where nothing tells left
+        from right, and a wake, computed whole, may lean.
+        """
+        return self.stepping is not None and self.symmetric and not self.half
+
+    @property
+    def effects(self) -> frozenset[str]:
+        """The terms among ``planning.terms`` that are computed with the airflow, for all fractions."""
+        return frozenset(term for term, on in ((VIBRATION, self.moving), (LOADING, self.loaded)) if on)
+
+    @property
+    def wakes_beside(self) -> dict[Wake, tuple[float, float]]:
+        """Theta and strength of the wakes in which part of the granules fly for the error of the airflow's model."""
+        return wakes_beside(self.brackets, self.wake)
+
+    @property
+    def computes_streams(self) -> bool:
+        """Whether the scene's secondary streams are added to the main one; else the airflow brings its own."""
+        return True
+
+    @property
+    def resolves(self) -> str | None:
+        """The rung that resolves what this airflow leaves out where the wake sheds; None where nothing is left out."""
+        return rungs[self.rung].resolves if self.rung in rungs else None
+
+    @property
+    def summary(self) -> str | None:
+        """The plan's line on an airflow that is not solved; None where there is nothing to say."""
+        return f"airflow: rung {self.rung}, {rungs[self.rung].meaning} ({self.why})"
+
+    def flown(self, scene: Scene) -> Scene:
+        """The scene that granules are flown through."""
+        return scene.with_top()
+
+    def feeling(self, scene: Scene, *, loaded: bool) -> AirflowPlan:
+        """This airflow, which the granules' force moves or not: where gravity is at an angle to the channel, or the
+        feed is not its own mirror image, the air is none under that force. Air that feels no granules feels neither.
+        """
+        uneven = loaded and not (scene.plumb.upright and scene.feed.symmetric)
+        return replace(self, loaded=loaded, symmetric=self.symmetric and not uneven, half=self.half and not uneven)
+
+    def notices(self, scene: Scene) -> Iterator[Notice]:
+        """One for each way in which the airflow of ``scene`` differs from the real one."""
+        del scene
+        yield from ()
+
+
+class NoAirPlan(AirflowPlan):
+    """No air, or air that is left out."""
+
+    @property
+    def summary(self) -> str | None:
+        return None
+
+    def flown(self, scene: Scene) -> Scene:
+        return scene.without_air()
+
+
+class AnalyticAirPlan(AirflowPlan):
+    """Air without bodies, or at rest: known in closed form."""
+
+    @property
+    def summary(self) -> str | None:
+        return f"airflow: {self.why}"
+
+    def feeling(self, scene: Scene, *, loaded: bool) -> AirflowPlan:
+        made = super().feeling(scene, loaded=loaded)
+        if not loaded:
+            return made
+        why = "the granules alone drive it: a jet by their force, neither mesh nor solver"
+        return replace(made, why=why, turbulence=JET)
+
+    def notices(self, scene: Scene) -> Iterator[Notice]:
+        reynolds, parabolic = scene.reynolds or 0.0, scene.air is not None and scene.air.profile == "parabolic"
+        if parabolic and reynolds > LAMINAR_CHANNEL:
+            yield less_sure(
+                f"parabolic air at Re {reynolds:.3g} on the channel's width: in reality it would be turbulent; "
+                "air.profile = 'uniform' is nearer to that"
+            )
+        if self.loaded and scene.channel.width < JET_ROOM * width_after(scene.drop):
+            yield less_sure(
+                "the air that the granules drive comes to fill the channel, which is taken for wide and open at its "
+                f"sides: {metres(JET_ROOM * width_after(scene.drop), 2)} would be wide"
+            )
+
+
+class GivenAirPlan(AirflowPlan):
+    """A solved OpenFOAM case of the user's."""
+
+    @property
+    def computes_streams(self) -> bool:
+        return False
+
+    @property
+    def summary(self) -> str | None:
+        return f"airflow: a solved OpenFOAM case of yours; neither mesh nor solver runs ({self.why})"
+
+
+class SolvedAirPlan(AirflowPlan):
+    """An airflow that OpenFOAM solves, steady or time-resolved, in the plane or in three dimensions."""
+
+    @property
+    def kind(self) -> str:
+        if self.span is not None:
+            return "three-dimensional"
+        return known(self.stepping) if self.wake is None else "best-estimate"
+
+    def notices(self, scene: Scene) -> Iterator[Notice]:
+        if self.resolves is not None and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
+            yield less_sure(
+                f"{self.rung} airflow: a steady wake is too long and its suction too weak; numerics.rung = "
+                f"'{self.resolves}' resolves the shedding"
+            )
+        if self.wake is not None:
+            theta = self.wake.theta
+            yield information(
+                f"{self.rung} airflow: a best estimate between two wakes in two dimensions, of which neither is real; "
+                f"the share of the one that sheds is known to be {theta.low:.2f} to {theta.high:.2f}; numerics.rung = "
+                "'3d' computes the real one, with numerics.mesh_scale = 1.6 in some 40 minutes of one core a body"
+            )
+        elif self.brackets:
+            yield less_sure(
+                f"{self.rung} airflow: a two-dimensional wake sheds too coherently, its suction is too strong; the "
+                "truth lies between it and numerics.rung = 'draft'"
+            )
+
+
+def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
+    """The airflow of a rung asked for; ``auto`` goes by Reynolds number and the accuracy asked for (a share).
+
+    Raises SceneError for a rung that the scene cannot have, and for turbulent air without turbulence.
+    """
+    how = _chosen(scene, asked, target_error)
+    enters = how.turbulence == DECAYING or (how.turbulent and how.turbulence != "given")
+    if enters and scene.airstream.turbulence < MIN_TURBULENCE:
+        raise SceneError(
+            f"air.turbulence = {scene.airstream.turbulence:g}: the air is turbulent here (allowed: >= 0.1 %; 0 is for "
+            "laminar air)"
+        )
+    return how
+
+
+def _chosen(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
+    """The airflow of a rung asked for, whatever turbulence the scene gives it."""
+    check_rung(asked)
+    if scene.air is None:
+        if rungs[asked].needs_air:
+            raise SceneError(f"rung = {asked!r} needs an [air] table; leave the rung out for a vacuum")
+        return NoAirPlan("none", "there is no [air]", None, None, scene.symmetric, half=False)
+    if rungs[asked].kind == "none":
+        if not scene.body:
+            raise SceneError(f"rung = {asked!r} leaves the air out, and without a body nothing is left: choose auto")
+        return NoAirPlan(asked, "asked for: the air is left out", None, None, scene.symmetric, half=False)
+    if not scene.body or scene.air.still:
+        return _analytic(scene, asked)
+    if scene.air.case is not None:
+        return _given(scene.air.case, asked)
+    name, why = (asked, "asked for") if rungs[asked].kind is not None else _auto(known(scene.reynolds), target_error)
+    return _at_body(scene, known(scene.reynolds), name, why)
+
+
+def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
+    """The airflow past the scene's bodies at a rung that names its kind."""
+    rung, sheds, symmetric = rungs[name], reynolds >= SHEDDING_ABOVE, scene.symmetric
+    kind = rung.kind if sheds else rung.kind_below_shedding or rung.kind
+    if kind not in SOLVED:
+        return AirflowPlan(name, why, None, "laminar", symmetric, half=False)
+    if kind == "three-dimensional":
+        return SolvedAirPlan(
+            name, why, SOLVED[kind], SPANWISE, symmetric, half=False, accuracy=ACCURACY["bracket"], span=span_of(scene)
+        )
+    steady, model = kind == "steady", model_at(reynolds)
+    brackets = not steady and reynolds > FLAT_BELOW
+    return SolvedAirPlan(
+        rung=name,
+        why=why,
+        stepping=SOLVED[kind],
+        turbulence=model.name,
+        symmetric=symmetric,
+        half=steady and symmetric and all(is_symmetric(body.outline()) for body in scene.body.values()),
+        scales=rung.scales,
+        brackets=brackets,
+        accuracy=scene.numerics.averaging or rung.accuracy or ACCURACY["bracket" if reynolds > FLAT_BELOW else "flat"],
+        wake=wake_of(scene, reynolds) if brackets and model.turbulent else None,
+    )
+
+
+def _analytic(scene: Scene, asked: str) -> AirflowPlan:
+    """The plan of a channel without bodies, or of air at rest: nothing is meshed or solved."""
+    air = scene.airstream
+    if asked != "auto":
+        why, cure = ("the air is at rest", "give air.speed") if air.still else ("there is no body", "add one")
+        raise SceneError(f"rung = {asked!r}: {why}, so there is nothing to solve; leave the rung out, or {cure}")
+    if air.still:
+        why = "the air is at rest, and what bodies and granules stir up in it is left out: neither mesh nor solver"
+        return AnalyticAirPlan("analytic", why, None, "laminar", scene.symmetric, half=False)
+    laminar = air.profile == "parabolic" or known(scene.reynolds) < LAMINAR_BELOW
+    why = f"it has no body: {air.profile} everywhere, neither mesh nor solver"
+    return AnalyticAirPlan("analytic", why, None, "laminar" if laminar else DECAYING, symmetric=True, half=False)
+
+
+def _given(case: str, asked: str) -> AirflowPlan:
+    """The plan of a user's own solution: nothing is solved, and nothing is known of its symmetry."""
+    if asked != "auto":
+        raise SceneError(f"rung = {asked!r}: air.case gives the airflow; leave the rung out, or air.case")
+    turbulence = "laminar" if is_laminar(Path(case)) else "given"
+    return GivenAirPlan("given", f"air.case = {case}", None, turbulence, symmetric=False, half=False)
+
+
+def _auto(reynolds: float, target_error: float) -> tuple[str, str]:
+    """The rung that is worth its price, and why."""
+    where = f"Re {reynolds:.3g}"
+    if reynolds < LAMINAR_BELOW and target_error <= FINE:
+        return (
+            "reference",
+            f"{where}, laminar, {100 * target_error:.2g} % asked for: the mesh is what limits the answer",
+        )
+    if reynolds < SHEDDING_ABOVE:
+        return "draft", f"{where} is below the onset of shedding: the steady solution is the flow itself"
+    if reynolds < FLAT_BELOW:
+        return "standard", f"{where} sheds vortices in two dimensions: the time-resolved solution is the flow itself"
+    return "standard", f"{where} sheds vortices: a best estimate between the steady and the time-resolved wake"

@@ -1,0 +1,88 @@
+"""The stages of a scene as a run asks for them: under its plan, fed by its funnel, near another's airflow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..answer.result import Request, asked_in
+from ..core.errors import SceneError
+from ..flight.stages.pipeline import Pipeline
+from ..planning.feed_funnel import FunnelSummary
+from ..planning.make import Planner
+from ..planning.stage_cache import Listener, StageTimes, thread_safe
+from ..planning.stages import AirLabel
+from ..scene import Scene
+from .progress import ignore
+
+if TYPE_CHECKING:
+    from ..planning.plan import Plan
+
+
+def one_thread_of_blas() -> AbstractContextManager[object]:
+    """Threads of the run's own share the cores; those of BLAS would wait for each other, and sum in their own order."""
+    from threadpoolctl import threadpool_limits
+
+    import_module("scipy.linalg")  # brings a BLAS of its own, and only what is loaded can be limited
+    limits: AbstractContextManager[object] = threadpool_limits(1, user_api="blas")
+    return limits
+
+
+def stages_of(
+    scene: Scene,
+    request: Request,
+    workers: int | None,
+    listener: Listener,
+    planned: Callable[[Plan], object] = ignore,
+    made: Plan | None = None,
+    before: tuple[Path, ...] = (),
+) -> tuple[Pipeline, FunnelSummary | None]:
+    """The stages of a scene, fed by its funnel where it has one, and what that funnel delivers; ``planned`` hears of
+    the plan before, which may have been ``made`` elsewhere. ``before``: the folders of runs that start near it.
+    """
+    if scene.funnel is not None and not scene.funnel.computed:
+        scene = scene.fed()
+    planner, rung = Planner(scene.fed(), request.force, request.target_error), request.rung
+    if made is not None:
+        planner.keep(rung, made)
+    plan = planner.plan(rung)
+    planned(plan)
+    one_at_a_time = thread_safe(listener)
+    beside = None if request.near is None else _neighbour(Path(request.near), before, one_at_a_time)
+    pipeline = Pipeline(
+        plan.airflow.flown(scene), plan, one_at_a_time, workers, planner=planner, neighbour=beside,
+        seconds=StageTimes() if beside is None else beside.seconds, label=AirLabel(neighbour=bool(before)),
+    )  # fmt: skip
+    poured = pipeline.funnel
+    if poured is not None and request.until != "funnel":
+        fed = _fed(scene, poured)
+        planner = planner.at(fed)  # the bounds on loading follow the rate
+        plan = planner.plan(rung)
+        pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan, planner=planner)
+    return pipeline, poured
+
+
+def _neighbour(folder: Path, before: tuple[Path, ...], listener: Listener) -> Pipeline:
+    """The stages of the run in ``folder``, which may have ended with its airflow; ``before``: those that start from it.
+
+    Raises SceneError where there is none, or where it starts from one of those itself.
+    """
+    here = folder.resolve()
+    if here in before:
+        raise SceneError(f"--near {folder}: that airflow starts from itself; name a run that was started from rest")
+    tables, request = asked_in(folder, whole=False)
+    return stages_of(Scene.parse(tables), request, None, listener, before=(*before, here))[0]
+
+
+def _fed(scene: Scene, poured: FunnelSummary) -> Scene:
+    """The scene with the funnel's rate as its feed's. Raises SceneError where it needs one and the flow stopped."""
+    if poured.rate is None and scene.feed.rate is None:
+        raise SceneError(
+            f"funnel: the flow stops with {poured.left} of {poured.beads} beads inside; widen "
+            "funnel.orifice, shake it harder (funnel.gamma) or give feed.rate"
+        )
+    return scene.fed(None if poured.rate is None else poured.rate.value)

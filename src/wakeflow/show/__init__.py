@@ -1,0 +1,117 @@
+"""The report of a run: pictures, VTK files, CSV files and one HTML page. Draws what it is handed, computes no physics.
+
+The only package that imports pyvista, matplotlib and jinja2, each inside the function that needs it.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .outcome import Landed, Outcome
+
+warnings.filterwarnings("ignore", "IProgress not found")  # pyvista brings a bar for downloads, of which there are none
+
+if TYPE_CHECKING:
+    from ..answer.result import PictureSummary
+    from ..planning.feed_funnel import FunnelSummary
+
+__all__ = [
+    "Landed",
+    "Outcome",
+    "clear_report",
+    "draw_discharge",
+    "films",
+    "is_whole",
+    "pictures_of",
+    "report_files",
+    "write_report",
+]
+
+# every finished report has them
+LASTING = ("tracks.vtp", "machine.vtm", "landings.vtp", "separation.csv", "budget.csv", "report.html")
+AT_TIMES = ("impact.csv",)  # where a body is met
+
+
+def write_report(folder: Path | str, outcome: Outcome, field_files: Path | None = None, *, pdf: bool = False) -> Path:
+    """Write figures/ (those of [picture.NAME] too), the files for ParaView, separation.csv, budget.csv and report.html
+    into ``folder``. The field's files are linked from ``field_files``, where they stand already, else written. ``pdf``:
+    every figure as PDF as well.
+
+    Every file is whole or absent; what an earlier run left and this one does not write is removed. Returns the path
+    of report.html.
+    """
+    from . import asked_pictures as pictures
+    from . import html, vtk
+    from .canvas import pdf_too
+    from .figures import draw_figures
+    from .words import write_tables
+
+    folder = Path(folder)
+    clear_report(folder, film=False)
+    with pdf_too(pdf):
+        draw_figures(folder / "figures", outcome)
+        pictures.draw_all(folder / "figures", outcome)
+    if field_files is not None:
+        vtk.link_field(field_files, folder)
+    elif outcome.field is not None:
+        vtk.write_field(folder, outcome.field, outcome.scene, outcome.airflow)
+    vtk.write_machine(folder, outcome.scene)
+    vtk.write_tracks(folder, outcome.tracks, outcome.scene, outcome.field)
+    vtk.write_moving(folder, outcome.tracks, outcome.scene, outcome.field)
+    vtk.write_landings(folder, outcome.granules, outcome.scene)
+    write_tables(folder, outcome.result)
+    return html.write_html(folder, outcome)
+
+
+def draw_discharge(path: Path | str, poured: FunnelSummary) -> None:
+    """Draw the mass left in the feed funnel over time."""
+    from .figures.flights import draw_discharge as draw
+
+    draw(path, poured)
+
+
+def pictures_of(folder: Path) -> dict[str, PictureSummary]:
+    """What the [picture.NAME] of a finished report hold, by name; empty without any, or when a file of them is gone."""
+    from . import asked_pictures as pictures
+
+    return pictures.found(folder / "figures")
+
+
+def is_whole(folder: Path, names: Iterable[str] = ()) -> bool:
+    """Whether every file that each finished report has is still there, and those of the pictures ``names``."""
+    from .figures import lasting_figures
+
+    files = [folder / file for file in LASTING] + [folder / "figures" / file for file in lasting_figures()]
+    return all(file.exists() for file in files) and set(pictures_of(folder)) == set(names)
+
+
+def report_files(folder: Path) -> list[Path]:
+    """What is in ``folder`` of all that a report replaces there."""
+    from . import vtk
+    from .figures import figure_files
+
+    own = (folder / name for name in (*LASTING, *AT_TIMES, *vtk.FILES))
+    return [*(path for path in own if path.exists()), *vtk.pieces(folder), *figure_files(folder / "figures")]
+
+
+def films(folder: Path) -> list[Path]:
+    """Where a film of a run may be in its ``folder``."""
+    from .film import FORMATS
+
+    return [folder / "figures" / f"film.{suffix}" for suffix in FORMATS]
+
+
+def clear_report(folder: Path, *, film: bool = True) -> None:
+    """Remove what an earlier report left here, so that nothing of another scene is next to the new one; without
+    ``film`` the one that was made of the same answer stays.
+    """
+    from . import asked_pictures as pictures
+    from . import vtk
+
+    for path in (*report_files(folder), *(films(folder) if film else ())):
+        path.unlink(missing_ok=True)
+    vtk.clear_pieces(folder)
+    pictures.clear_pictures(folder / "figures")

@@ -1,0 +1,145 @@
+"""The standard figures of the budget: a tornado for each least certain share, and what each source costs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...answer.moves import InputMove, drawn_moves, grouped, least_sure
+from ...answer.shares import SHARE_UNIT
+from ..canvas import BLUE, COLOURS, INK, VERMILION, foremost, new_figure, save
+from ..outcome import add_figure
+from ..words import condensed, source_seconds
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    from ...answer.shares import BudgetRow
+    from ..canvas import Paper
+    from ..outcome import Outcome
+
+MAX_INPUTS = 8  # inputs of a panel
+FAINT, FAINT_INK = "#d5d5d5", "#9a9a9a"  # of a change that is no larger than its error: it may be none
+ENDS = {"at_low": (BLUE, "input at its lower end"), "at_high": (VERMILION, "at its upper end")}
+
+
+def draw_tornado(paper: Paper, panels: Mapping[str, Sequence[InputMove]]) -> NDArray[np.object_]:
+    """Draw a panel for each quantity: how far each input alone moves it at either end of what the input was taken to,
+    with the errors of these changes, grey where the error is as large. Parts of a whole are in percentage points.
+    """
+    from matplotlib.patches import Patch
+
+    shown = {name: list(moves)[:MAX_INPUTS] for name, moves in panels.items()}
+    rows = [len(moves) for moves in shown.values()]
+    figure = new_figure(6.2, 0.9 + sum(0.25 * count + 0.6 for count in rows), paper)
+    grid: NDArray[np.object_] = figure.subplots(len(shown), 1, squeeze=False, gridspec_kw={"height_ratios": rows})
+    for axes, (name, moves) in zip(grid[:, 0], shown.items(), strict=True):
+        _panel(axes, name, moves)
+    _share_range([axes for axes, moves in zip(grid[:, 0], shown.values(), strict=True) if moves[0].is_part])
+    handles = [Patch(color=colour, label=label) for colour, label in ENDS.values()]
+    figure.legend(handles=handles, loc="outside upper center", ncols=2, fontsize=8, frameon=False)
+    save(figure, paper)
+    return grid[:, 0]
+
+
+def _panel(axes: Axes, name: str, moves: Sequence[InputMove]) -> None:
+    part = moves[0].is_part
+    scale, unit = (100.0, "percentage points") if part else (1.0, moves[0].measure)
+    heads = [one.key for one in moves]
+    for end, (colour, _) in ENDS.items():
+        changes = [scale * (getattr(one, end) or 0.0) for one in moves]
+        errors = [scale * (one.error or 0.0) if getattr(one, end) is not None else 0.0 for one in moves]
+        shades = [FAINT if error >= abs(change) else colour for change, error in zip(changes, errors, strict=True)]
+        axes.barh(heads, changes, color=shades, height=0.62)
+        for head, change, error, shade in zip(heads, changes, errors, shades, strict=True):
+            ink = FAINT_INK if shade == FAINT else INK
+            axes.errorbar(change, head, xerr=error, fmt="none", ecolor=ink, elinewidth=0.8, capsize=2)
+    axes.axvline(0.0, color=INK, linewidth=0.8)
+    axes.set_title(f"{_said(name)}, {scale * moves[0].value:.3g} {'%' if part else unit}", fontsize=9, loc="left")
+    axes.set_xlabel(f"change, {unit}", fontsize=8)
+    axes.invert_yaxis()
+    axes.tick_params(labelsize=7.5)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _said(name: str) -> str:
+    """A quantity's name as a title: share.dust.middle is dust in middle."""
+    kind, *parts = name.split(".")
+    return " in ".join(parts) if kind == "share" else name
+
+
+def _share_range(panels: Sequence[Axes]) -> None:
+    """Give panels of one unit the same range, even about zero, so that bars compare between them."""
+    reach = max((abs(end) for axes in panels for end in axes.get_xlim()), default=0.0)
+    for axes in panels:
+        axes.set_xlim(-reach, reach)
+
+
+ROW = 0.27  # inches
+MIN_ERROR = 1e-5  # of a share: an error that is zero in every bin is no bar
+
+
+def draw_cost(paper: Paper, budget: Sequence[BudgetRow]) -> NDArray[np.object_]:
+    """Draw a row a source of error, the largest on top: its largest part in any share, a mark for the median over the
+    shares, and beside it the run time (s) that knowing it took.
+    """
+    errors, spent = _errors(budget), source_seconds(condensed(budget))
+    names = sorted(errors, key=lambda name: errors[name].max())
+    largest = [100.0 * errors[name].max() for name in names]
+    typical = [100.0 * float(np.median(errors[name])) for name in names]
+    seconds = [spent[name] for name in names]
+    figure = new_figure(6.8, 0.9 + ROW * len(names), paper)
+    panels: NDArray[np.object_] = figure.subplots(1, 2, sharey=True)
+    left, right = panels
+    left.barh(names, largest, color=COLOURS[0], height=0.62, label="in the share that it moves most")
+    left.plot(typical, names, "|", ms=9, mew=1.8, color=INK, label="median over the shares")
+    left.set_xlabel("error of a share, percentage points")
+    left.legend(fontsize=7.5, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    right.barh(names, seconds, color=COLOURS[4], height=0.62)
+    for level, value in enumerate(seconds):
+        right.annotate(f"{value:.3g} s" if value else "nothing", (value, level), xytext=(3, 0), fontsize=7,
+                       textcoords="offset points", va="center")  # fmt: skip
+    right.set_xlim(0.0, 1.22 * max([*seconds, 1.0]))
+    right.set_xlabel("run time that knowing it took (s)")
+    for axes in (left, right):
+        axes.grid(axis="x", color="#dddddd", linewidth=0.5)
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
+    heads = ("largest error of a share (points)", "median error of a share (points)", "run time (s)")
+    columns = dict(zip(heads, (largest[::-1], typical[::-1], seconds[::-1]), strict=True))
+    save(figure, paper, {"source": names[::-1], **columns})
+    return panels
+
+
+def _errors(budget: Sequence[BudgetRow]) -> dict[str, np.ndarray]:
+    """The errors of all shares by source, those that are zero in every one left out."""
+    found: dict[str, list[float]] = {}
+    for row in condensed(budget):
+        if row.measure == SHARE_UNIT:
+            for part in row.parts:
+                if part.error is not None:
+                    found.setdefault(part.source, []).append(part.error)
+    return {name: np.array(values) for name, values in found.items() if max(values) > MIN_ERROR}
+
+
+def _moves(outcome: Outcome) -> tuple[dict[str, list[InputMove]]] | None:
+    moves = grouped(drawn_moves(outcome.result.landings))
+    panels = {name.split(".")[1]: name for name in least_sure(moves)}
+    names = [panels[fraction] for fraction in foremost(outcome.scene, list(panels))]
+    return ({name: moves[name] for name in names},) if moves else None
+
+
+def _budget(outcome: Outcome) -> tuple[Sequence[BudgetRow]] | None:
+    budget = outcome.result.budget
+    return (budget,) if len(_errors(budget)) > 1 else None
+
+
+add_figure(
+    "inputs", "What to measure next: what each number that is not known exactly moves a share by.", draw_tornado, _moves
+)
+add_figure(
+    "cost", "What each source adds to the error of a share, and the run time that knowing it took.", draw_cost, _budget
+)

@@ -1,0 +1,213 @@
+"""The page made of a result: what every part of the template is handed."""
+
+from __future__ import annotations
+
+import base64
+import json
+import shlex
+import struct
+from collections.abc import Iterable, Mapping
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...answer.budget.agreement import Agreement, agreement_in, measured_in
+from ...answer.shares import BudgetPart, BudgetRow, PartitionCurve
+from ...core.files import atomic_write
+from ...core.quantities import say, speaking
+from ...scene import RESERVED_BIN, Scene
+from ...scene.own_files import LOGOS
+from ...scene.rungs import rungs
+from .. import words
+from ..asked_pictures import found
+from ..canvas import bins_across, fraction_colours
+from ..figures import captions
+from ..film import film_in, film_section
+from ..sketch import UNITS
+from . import rows
+from .live import live_data
+from .template import page_template
+
+if TYPE_CHECKING:
+    from ...answer.result import Result
+    from ..outcome import Outcome
+
+FRONT = {  # the figures beside the answer, as SVG: they are printed in the size that they are drawn in
+    "sketch": "Sketch of the machine to scale with its measures; they are in the table of the machine.",
+    "landing": "Where each fraction lands: histograms along the walls; the shares are in the table below.",
+}
+MAX_MOVED = 3  # shares that are reported of a number
+LONG = 1.75  # width over height of a picture that takes the page's whole width
+TALL = 0.8  # of one that takes a sheet's whole height
+SIDE = 900  # dots of the longer side of the script's canvas
+HOW = {
+    "measured": "from this run",
+    "companion": "from flying granules again",
+    "calibrated": "a true bound: all that lands within the shift of the bin's ends",
+    "unknown": "not known",
+}
+
+
+def write_html(folder: Path | str, outcome: Outcome) -> Path:
+    """Write ``folder/report.html`` from a run and the PNG files in ``folder/figures``."""
+    folder = Path(folder)
+    path = folder / "report.html"
+    asked = found(folder / "figures")
+    texts = {**captions(), **{name: picture.text or name for name, picture in asked.items()}}
+    pictures = inlined_pictures(folder / "figures", texts) | inlined_pictures(folder / "figures", FRONT, ".svg")
+    with atomic_write(path) as stream:
+        live, film = live_data(outcome), film_section(film_in(folder))
+        stream.write(render(outcome.result, pictures, texts, outcome.scene, live, film))
+    return path
+
+
+def render(
+    result: Result,
+    pictures: Mapping[str, str],
+    texts: Mapping[str, str] | None = None,
+    scene: Scene | None = None,
+    live: Mapping[str, object] | None = None,
+    film: str = "",
+) -> str:
+    """The page as text; ``pictures``: name to base64 PNG, SVG of those beside the answer; ``texts``: name to what it
+    shows, in their order, the standard figures' captions by default; ``scene``: that of the result by default;
+    ``live``: what the page's script draws (:func:`.live.live_data`), without which it has none; ``film``: its section
+    (:func:`.film.film_section`).
+
+    Raises jinja2.UndefinedError when the page asks for what a result has not.
+    """
+    from markupsafe import Markup
+
+    scene = Scene.parse(result.scene) if scene is None else scene
+    text: str = page_template("page.html.j2").render(
+        result=result,
+        title=scene.report.title or machine_name(result, scene),
+        made=result.provenance,
+        pictures=_shown(pictures, captions() if texts is None else texts),
+        front=[(pictures[name], alt) for name, alt in FRONT.items() if name in pictures],
+        live=live,
+        film=Markup(film),
+        live_json=json.dumps(live, separators=(",", ":")).replace("<", "\\u003c"),
+        canvas=_canvas(scene),
+        grades=_grades(result),
+        logo=_logo(scene),
+        measurements=words.measurement_lines(result),
+        scene=scene,
+        colours=fraction_colours(list(scene.fraction)),
+        bins=[*bins_across(scene), RESERVED_BIN],
+        rung_about=rungs[result.plan.rung].meaning if result.plan.rung in rungs else "",
+        origin=_origin(result),
+        cuts=[] if result.landings is None else _cuts(result.landings.separation.cut),
+        budget=words.condensed(result.budget),
+        made_of=_made_of,
+        how=_how,
+        inputs=_inputs(result),
+        agreement=_agreement(result),
+    )
+    return text
+
+
+def machine_name(result: Result, scene: Scene) -> str:
+    """What a machine without a title is called: as the scene file that was typed, else as its bodies are."""
+    typed = [Path(word) for word in shlex.split(result.provenance.command)[1:] if word.endswith(".toml")]
+    return typed[0].stem if typed else " and ".join(scene.body) or "channel"
+
+
+def inlined_pictures(folder: Path, names: Iterable[str], suffix: str = ".png") -> dict[str, str]:
+    """The files of ``names`` in a folder as base64, those that there are."""
+    files = {name: folder / f"{name}{suffix}" for name in names}
+    return {n: base64.b64encode(f.read_bytes()).decode("ascii") for n, f in files.items() if f.exists()}
+
+
+def shape_of(picture: str) -> str:
+    """What a base64 PNG is on a page: "long" where half of its width is too narrow for it, "tall", or neither."""
+    width, height = struct.unpack(">II", base64.b64decode(picture[:48])[16:24])
+    return "long" if width > LONG * height else "tall" if width < TALL * height else ""
+
+
+def _shown(pictures: Mapping[str, str], texts: Mapping[str, str]) -> list[tuple[str, str, str]]:
+    """The shape of each picture, the picture, and what it shows; the sketch has a place of its own."""
+    names = [name for name in texts if name in pictures and name not in FRONT]
+    return [(shape_of(pictures[name]), pictures[name], texts[name]) for name in names]
+
+
+def _canvas(scene: Scene) -> tuple[int, int]:
+    """Width and height (dots) of the script's canvas, in the proportions of the channel."""
+    across, up = scene.channel.width, scene.channel.top - scene.channel.bottom
+    return max(240, round(SIDE * across / max(across, up))), max(240, round(SIDE * up / max(across, up)))
+
+
+def _grades(result: Result) -> list[tuple[str, list[str]]]:
+    """The warnings by grade, the gravest first, what is for information last and apart."""
+    lines = zip(result.grades, result.warnings, strict=True)
+    return [(grade, [line for _, line in part]) for grade, part in groupby(lines, key=lambda one: one[0])]
+
+
+def _origin(result: Result) -> list[tuple[str, str]]:
+    made = {name: value for name, value in vars(result.provenance).items() if name != "host"}  # a report is passed on
+    told = [(name, words.NO_VALUE if value is None else str(value)) for name, value in made.items()]
+    return [*told, *result.versions.items(), ("fingerprint of the answer", result.key)]
+
+
+def _logo(scene: Scene) -> str:
+    """The scene's logo as a data URL; empty without one, and where its file is gone since."""
+    given = scene.report.logo
+    if given is None or not (path := Path(given)).is_file():
+        return ""
+    return f"data:{LOGOS[path.suffix.lower()]};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
+
+
+def _cuts(curves: Iterable[PartitionCurve]) -> list[tuple[str, ...]]:
+    """The cuts of curves that are of more than the gap between two fractions."""
+    return [_cut(curve) for curve in curves if curve.overlaps]
+
+
+def _cut(curve: PartitionCurve) -> tuple[str, ...]:
+    """A row of the partition curves' cuts; sizes in mm."""
+    scale, unit = (1e3, "mm") if curve.by == "size" else (1.0, curve.unit)
+    cut, told = curve.cut, [words.NO_VALUE] * 3
+    if cut is not None:
+        sharp = rows.number(None if curve.ep is None else scale * curve.ep)
+        told = [f"{rows.measured_text(cut, scale)} {unit}", sharp, rows.number(curve.imperfection)]
+    return (" or ".join(curve.product), curve.by, *told, curve.why or "")
+
+
+def _made_of(row: BudgetRow) -> str:
+    """The parts of an error in words, the largest first, those that are zero left out, unknown ones last."""
+    known = sorted((part for part in row.parts if part.error), key=lambda part: -(part.error or 0.0))
+    unknown = [part for part in row.parts if part.error is None]
+    told = [f"{part.source} {words.error_text(row, part.error)}" for part in known]
+    return ", ".join([*told, *(f"{part.source} {words.UNKNOWN_ERROR}" for part in unknown)])
+
+
+def _how(part: BudgetPart) -> str:
+    """How a source's error is known, and what is behind it."""
+    how = HOW.get(part.how, part.how)
+    return how if part.note is None else f"{how}: {part.note}"
+
+
+def _agreement(result: Result) -> Agreement | None:
+    """How what was measured of the scene agrees with the answer; None where nothing was, or it is in the answer."""
+    known = result.landings is None or result.calibration is not None
+    measured = None if known else measured_in(result)
+    return None if measured is None else agreement_in(result, measured)
+
+
+def _inputs(result: Result) -> list[tuple[str, ...]]:
+    """What the page says of the numbers that are not known exactly, those first that move a share most."""
+    landings = result.landings
+    if landings is None or not landings.inputs:
+        return []
+    moves: dict[str, list[tuple[float, str]]] = {key: [] for key in landings.inputs}
+    for name, places in (landings.measure_next or {}).items():
+        for place, effects in places.items():
+            for key, effect in effects.items():
+                moves[key].append((-effect.half, f"{name} in {place} {100 * effect.half:.2g}"))
+    shown = []
+    for key, one in landings.inputs.items():
+        most = sorted(moves[key], key=lambda move: move[0])[:MAX_MOVED]
+        with speaking(UNITS):
+            ends = [say(value, one.unit, 3) for value in (one.value, one.low, one.high)]
+        told = ", ".join(text for _, text in most)
+        shown.append((most[0][0] if most else 0.0, (key, *ends, rows.source_of(key, one.why), told)))
+    return [row for _, row in sorted(shown, key=lambda one: one[0])]

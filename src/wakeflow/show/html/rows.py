@@ -1,0 +1,269 @@
+"""What the page tells in tables: what was asked, the materials and their sources, what was measured in the air."""
+
+from __future__ import annotations
+
+import json
+import math
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ...answer.result import Request
+from ...core.number import Number
+from ...core.quantities import say, speaking
+from ...core.record import columns
+from ...laws.material import default_margins, materials
+from ...laws.restitution import Restitution
+from ...scene import Fraction, Scene
+from ...scene.changes import flat
+from ...scene.messages import unit_of
+from ..sketch import UNITS
+from ..words import NO_VALUE
+
+if TYPE_CHECKING:
+    from ...air.kinds.airflow_table import Airflow, MeshReport
+    from ...planning.feed_funnel import FunnelSummary
+
+# tables that the page tells in other places
+ELSEWHERE = ("fraction", "numerics", "picture", "uncertainty", "force", "report", "limit", "price")
+QUANTITIES = {  # of a material: name, unit
+    "diameter": ("diameter of the equal sphere", "m"),
+    "density": ("density", "kg/m^3"),
+    "terminal_velocity": ("terminal velocity", "m/s"),
+    "restitution": ("restitution", "1"),
+    "friction": ("friction", "1"),
+    "rebound_scatter": ("scatter of the rebound", "rad"),
+    "tangential_restitution": ("tangential restitution", "1"),
+    "impact": ("impact model", "1"),
+}
+OWN = {"diameter": "size"}  # keys of a scene whose name differs from the material's
+MAX_LISTED = 3  # of a list: more entries are counted, not reported
+MM_BELOW = 1e-3  # m: smaller lengths are reported in micrometres
+
+
+class MaterialRow(NamedTuple):
+    """One property of a fraction: its value in words, how far to trust it, and its source."""
+
+    fraction: str
+    quantity: str
+    value: str
+    confidence: str
+    source: str
+
+
+class Proof(NamedTuple):
+    """What the program, on a rung, was compared with, what came out, and the section of docs/validation.md."""
+
+    what: str
+    found: str
+    section: str
+
+
+def machine_rows(scene: Scene) -> list[tuple[str, str]]:
+    """(table, its keys with their values and units) of all that the scene sets, but for what the page tells in places
+    of its own.
+    """
+    tables = {key: table for key, table in scene.tables().items() if key not in ELSEWHERE}
+    rows: dict[str, list[str]] = {}
+    with speaking(UNITS):
+        for key, value in flat(tables).items():
+            table, _, name = key.rpartition(".")
+            rows.setdefault(table, []).append(f"{name.replace('_', ' ')} {_said(key, value)}")
+    return [(table, ", ".join(said)) for table, said in rows.items()]
+
+
+def input_text(key: str, value: object) -> str:
+    """A value of a key of the scene with its unit, as machines are described."""
+    with speaking(UNITS):
+        return _said(key, value)
+
+
+def _said(key: str, value: object) -> str:
+    unit = unit_of(key)
+    if isinstance(value, list) and (len(value) > MAX_LISTED or any(isinstance(one, list) for one in value)):
+        return f"{len(value)} values"
+    if isinstance(value, list):
+        return f"({', '.join(_said(key, one) for one in value)})"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    return say(value, unit) if unit else f"{value:.6g}"
+
+
+def material_rows(scene: Scene) -> list[MaterialRow]:
+    """Every property of every fraction that the answer rests on."""
+    with speaking(UNITS):
+        return [row for name, fraction in scene.fraction.items() for row in _material(name, fraction)]
+
+
+def _material(name: str, fraction: Fraction) -> Iterator[MaterialRow]:
+    own = fraction.properties
+    for key, (quantity, unit) in QUANTITIES.items():
+        value = getattr(own, key)
+        if value is None or (value == 0.0 and key.startswith(("rebound", "tangential"))):
+            continue
+        text = str(value) if isinstance(value, str) else _law(value) if isinstance(value, Restitution) else ""
+        yield MaterialRow(name, quantity, text or _length(float(value), unit), *_evidence(fraction, key))
+
+
+def _law(value: Restitution) -> str:
+    return ", ".join(f"{key} {part:g}" if isinstance(part, float) else f"{part}" for key, part in vars(value).items())
+
+
+def _length(value: float, unit: str) -> str:
+    small = unit == "m" and value < MM_BELOW
+    return f"{1e6 * value:.4g} µm" if small else say(value, unit, 4).replace("^3", "³")
+
+
+def _evidence(fraction: Fraction, key: str) -> tuple[str, str]:
+    """How far to trust a property of a fraction, and where it is from."""
+    if fraction.material is None or getattr(fraction, OWN.get(key, key)) is not None:
+        return "given", "the scene"
+    material = materials[fraction.material]
+    found = material.evidence.get(key)
+    told = (material.confidence, material.source) if found is None else (found.confidence, found.source)
+    return told[0], f"{fraction.material}: {told[1]}"
+
+
+def source_of(key: str, why: str) -> str:
+    """What the interval of the number at ``key`` of a scene rests on: the scene, a measurement, or a default with its
+    source.
+    """
+    if not why.startswith("default"):
+        return why
+    entry = key.rpartition(".")[2] if key.startswith("fraction.") else key.replace(".", "_")
+    margin = default_margins().get(entry)
+    return why if margin is None else f"{why}: {margin.source}"
+
+
+def scene_in_full(scene: Scene, asked: Request | None = None) -> str:
+    """The scene as TOML in SI units with every default that was used, and what was ``asked`` beside it, as --rung or
+    --force; loading it gives a scene that computes the same.
+    """
+    import tomlkit
+
+    tables = json.loads(scene.model_dump_json(exclude_none=True, by_alias=True))
+    if asked is not None:
+        beside = {"rung": asked.rung, "target_error": asked.target_error}
+        tables["numerics"].update({key: value for key, value in beside.items() if value is not None})
+        tables["force"] = {**tables.get("force", {}), **asked.force}
+    return tomlkit.dumps(_rounded(tables))
+
+
+def _rounded(value: object) -> Any:
+    """Numbers to 12 digits: the last bits of a unit conversion are noise to a reader. Empty tables are left out."""
+    if isinstance(value, Mapping):
+        whole = {key: _rounded(member) for key, member in value.items()}
+        return {key: member for key, member in whole.items() if member != {}}
+    if isinstance(value, list):
+        return [_rounded(member) for member in value]
+    return float(f"{value:.12g}") if isinstance(value, float) else value
+
+
+def proofs_of(rung: str) -> list[Proof]:
+    """What was compared with others' computations and measurements on a rung, what is missing last."""
+    text = Path(__file__).with_name("validation.toml").read_text(encoding="utf-8")
+    return [
+        Proof(row["what"], row["found"], row["section"])
+        for row in tomllib.loads(text)["proof"]
+        if rung in row["rungs"] or not row["rungs"]
+    ]
+
+
+# What the page tells of records; their types say what each number is, and its unit.
+AIRFLOW = (
+    "reynolds", "turbulence", "cells", "cd", "cl_rms", "strouhal", "cp_front", "cp_base", "pressure_drop", "flow_rate",
+    "mass_error", "y_plus",
+)  # fmt: skip
+SUCTION = ("cp_min", "length", "width", "area", "reversal_length")
+ENDS = ("cd", "cl_rms", "cp_base", "residence_time")  # of a best estimate beside its ends
+FUNNEL = (
+    "rate", "time_to_empty", "beverloo", "beverloo_cone", "frequency", "gamma", "beads", "mass", "left", "packing",
+    "overlap", "youngs_modulus", "contact_time", "time_step",
+)  # fmt: skip
+IN_FULL = (1e3, 1e7)  # numbers between them are written without exponent
+MINUTES_FROM = 120.0  # s: longer run times are written in minutes
+SHOWN = {  # a unit as the page writes it, and how many of it are one
+    "1": ("", 1.0), "m": ("mm", 1e3), "m2": ("cm²", 1e4), "m2/s": ("m²/s", 1.0), "deg": ("°", 1.0), "kg": ("g", 1e3),
+    "kg/s": ("g/s", 1e3),
+}  # fmt: skip
+
+
+def airflow_rows(airflow: Airflow | None, mesh: MeshReport | None) -> list[tuple[str, ...]]:
+    """(name, value with interval, unit) of what was measured in the air; nothing for what is not known."""
+    if airflow is None:
+        return []
+    return [
+        *_told("", AIRFLOW, airflow),
+        *_told("suction zone, ", SUCTION, airflow.suction),
+        *_told("the paper's momentum model, ", ("cp_front", "cd"), airflow.momentum),
+        *_told("mesh, ", ("min_angle", "max_aspect"), mesh),
+        *_told("mesh, ", ("non_orthogonality", "skewness"), airflow.mesh),
+        *_told("divergence of the tracker's field, |div u| h / U, ", ("rms", "max"), airflow.divergence),
+        *_told("time-resolved field, ", ("modes", "velocity", "pressure"), airflow.truncation),
+    ]
+
+
+def end_rows(airflow: Airflow | None) -> list[tuple[str, ...]]:
+    """(name, steady, best estimate, time-resolved, unit) of what a best estimate lies between; nothing without one."""
+    if airflow is None or airflow.ends is None:
+        return []
+    beside = (airflow.ends.steady, airflow, airflow.ends.time_resolved)
+    return [*_told("", ENDS, *beside), *_told("suction zone, ", SUCTION, *(record.suction for record in beside))]
+
+
+def funnel_rows(funnel: FunnelSummary | None) -> list[tuple[str, ...]]:
+    """(name, value with interval, unit) of the feed funnel; nothing without one."""
+    return list(_told("", FUNNEL, funnel))
+
+
+def _told(about: str, names: Sequence[str], *records: object) -> Iterator[tuple[str, ...]]:
+    """(what it is, a value of each record, unit) of every column in ``names`` that all of the records have."""
+    if None in records:
+        return
+    known = {one.name: one for one in columns(type(records[0]))}
+    for name in names:
+        values = [getattr(record, name) for record in records]
+        if None not in values:
+            unit, scale = SHOWN.get(known[name].unit, (known[name].unit, 1.0))
+            meaning = known[name].meaning.partition("; null")[0]
+            yield f"{about}{name.replace('_', ' ')}: {meaning}", *(measured_text(v, scale) for v in values), unit
+
+
+def measured_text(value: str | float | Number | Sequence[float], scale: float) -> str:
+    """A number with its interval, a word, or the numbers of a range, times ``scale``."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Number):
+        return _interval(value, scale)
+    if isinstance(value, float | int):
+        return number(value * scale)
+    return " to ".join(number(member * scale) for member in value)
+
+
+def _interval(found: Number, scale: float) -> str:
+    text = number(found.value * scale) if math.isfinite(found.value) else NO_VALUE
+    if not found.known:
+        return text
+    return f"{text} ({number(found.low * scale)} to {number(found.high * scale)})"
+
+
+def number(value: float | None) -> str:
+    """Four significant digits, thousands in full; a dash for None."""
+    if value is None:
+        return NO_VALUE
+    if isinstance(value, int) or (value and IN_FULL[0] <= abs(value) < IN_FULL[1]):
+        return f"{value:.0f}"
+    return f"{value:.4g}"
+
+
+def percentage_points(value: float | None) -> str:
+    """A share as percentage points, two digits; a dash for None."""
+    return NO_VALUE if value is None else f"{100 * value:.2g}"
+
+
+def seconds(value: float | None) -> str:
+    """A run time, of more than two minutes in minutes; a dash for None."""
+    if value is None:
+        return NO_VALUE
+    return f"{value:.1f} s" if value < MINUTES_FROM else f"{value / 60:.1f} min"

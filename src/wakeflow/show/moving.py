@@ -1,0 +1,149 @@
+"""What moves in pictures: recorded tracks at any time, the machine with its granules on axes, and frames as a GIF."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.geometry import distance_to, halved
+from ..core.tables import AnyArray
+from ..flight.feed.first_contact import motion_of
+from .air_pictures import tone
+from .canvas import BODY, COLOURS, MM, STREAM, solids
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.transforms import Bbox
+    from PIL import Image
+
+    from ..scene import Scene
+
+Array = NDArray[np.float64]
+TOUCH = 1e-3  # of its radius: a recorded point nearer than that to a body is a contact
+
+
+def body_displacement(scene: Scene, time: Array) -> Array:
+    """Where the bodies are off the middle of their vibration, (n, 2) m at times (n,) s."""
+    motion = motion_of(scene)
+    return np.zeros((len(time), 2)) if motion is None else motion.at(time)[0]
+
+
+@dataclass(frozen=True)
+class Path2D:
+    """One recorded track: time (m,) s, position (m, 2) m, velocity (m, 2) m/s, the granule's diameter (m).
+
+    Between two points the acceleration is taken as constant, from the velocity after the first to the position of the
+    second: exact in free flight without air, and right up to an impact, which is a point.
+    """
+
+    time: Array
+    position: Array
+    velocity: Array
+    diameter: float
+
+    @classmethod
+    def of(cls, track: Mapping[str, AnyArray]) -> Path2D:
+        return cls(track["time"], track["position"], track["velocity"], float(track["diameter"]))
+
+    def at(self, time: Array) -> tuple[Array, Array]:
+        """Positions (k, 2) m and velocities (k, 2) m/s at ``time`` (k,) s; before and after the track, its ends."""
+        moments = np.clip(time, self.time[0], self.time[-1])
+        if len(self.time) < 2:
+            return np.tile(self.position[0], (len(moments), 1)), np.tile(self.velocity[0], (len(moments), 1))
+        i = np.clip(np.searchsorted(self.time, moments, side="right") - 1, 0, len(self.time) - 2)
+        span, s = (self.time[i + 1] - self.time[i])[:, None], (moments - self.time[i])[:, None]
+        start = self.velocity[i]
+        mean = np.divide(self.position[i + 1] - self.position[i], span, out=start.copy(), where=span > 0)
+        part = np.divide(s, span, out=np.zeros_like(s), where=span > 0)
+        return self.position[i] + s * (start + part * (mean - start)), start + 2.0 * part * (mean - start)
+
+    def separation(self, scene: Scene) -> int | None:
+        """The recorded point at which it last touches a body; None where it never does."""
+        shift = body_displacement(scene, self.time)
+        near = np.full(len(self.time), np.inf)
+        for body in scene.body.values():
+            near = np.minimum(near, distance_to(self.position - shift, body.outline()))
+        touching = np.flatnonzero(near <= (1.0 + TOUCH) * self.diameter / 2)
+        return int(touching[-1]) if len(touching) else None
+
+    def falls_to(self, level: float, first: int) -> float | None:
+        """Time (s) at which it first comes down to y = ``level`` (m) after recorded point ``first``; None: never."""
+        below = np.flatnonzero(self.position[first:, 1] <= level)
+        if not len(below) or below[0] == 0:
+            return None
+        low, high = self.time[first + below[0] - 1], self.time[first + below[0]]
+        return float(halved(lambda time: self.at(np.array([time]))[0][0, 1] > level, low, high, 60)[1])
+
+
+RIM = 0.4  # points of white around a granule
+
+
+class MovingMachine:
+    """The bodies of a scene and granules of ``diameters`` (n,) m in ``colours`` on axes, to be moved to any time."""
+
+    def __init__(self, axes: Axes, scene: Scene, diameters: Sequence[float], colours: Sequence[str]) -> None:
+        from matplotlib.collections import EllipseCollection
+
+        self.scene, self.bodies = scene, solids(axes, scene)
+        self.outlines = [body.outline() for body in scene.body.values()]
+        size = MM * np.asarray(diameters)
+        self.discs = EllipseCollection(
+            size, size, np.zeros(len(size)), units="xy", offsets=np.zeros((len(size), 2)), facecolors=colours,
+            offset_transform=axes.transData, edgecolors="white", linewidths=RIM, zorder=4.5,
+        )  # fmt: skip
+        axes.add_collection(self.discs)
+
+    def move(self, time: float, places: Array) -> None:
+        """The bodies to where they are at ``time`` (s), the granules to ``places`` (n, 2) m, of which those that are
+        NaN are not seen.
+        """
+        shift = body_displacement(self.scene, np.array([time]))[0]
+        for patch, outline in zip(self.bodies, self.outlines, strict=True):
+            patch.set_xy(MM * (outline + shift))
+        self.discs.set_offsets(np.ma.masked_invalid(MM * places))
+
+
+EVEN = 2  # dots, of both sides of a frame: an MP4 asks for it
+
+
+def picture_of(figure: Figure, box: Bbox) -> Image.Image:
+    """A figure as it was drawn last, cut to a ``box`` (inches)."""
+    from PIL import Image
+
+    dots = np.asarray(figure.canvas.buffer_rgba())  # type: ignore[attr-defined]
+    left, right = (max(0, round(x * figure.dpi)) for x in (box.x0, box.x1))
+    top, bottom = (max(0, len(dots) - round(y * figure.dpi)) for y in (box.y1, box.y0))
+    inside = dots[top:bottom, left:right, :3]
+    up, across = (EVEN * (length // EVEN) for length in inside.shape[:2])
+    return Image.fromarray(inside[:up, :across])
+
+
+LEVELS = 6  # shades of either turning: even ones take few bytes
+TINTS, GREYS = 4, 16  # of each colour towards white, and of grey, in a GIF
+
+
+def gif_of(frames: Iterable[Image.Image], rate: float) -> bytes:
+    """All frames in the same few colours, ``rate`` of them a second, for ever."""
+    from PIL import Image
+
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(_colours())
+    first, *rest = (one.quantize(palette=palette, dither=Image.Dither.NONE) for one in frames)
+    stream = io.BytesIO()
+    first.save(stream, "GIF", save_all=True, append_images=rest, duration=round(1000 / rate), loop=0, optimize=False)
+    return stream.getvalue()
+
+
+def _colours() -> list[int]:
+    """Red, green, blue of all that is shown: greys, the air's shades, and each colour with its way to white."""
+    solid = np.array([[int(one[i : i + 2], 16) for i in (1, 3, 5)] for one in (*COLOURS, STREAM, BODY)])
+    tints = [255 - part * (255 - solid) for part in np.linspace(1.0, 0.0, TINTS, endpoint=False)]
+    greys = np.repeat(np.linspace(0, 255, GREYS)[:, None], 3, axis=1)
+    air = tone(np.linspace(-1.0, 1.0, 2 * LEVELS + 1))
+    return [int(part) for part in np.rint(np.concatenate([greys, air, *tints])).ravel()]

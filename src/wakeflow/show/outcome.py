@@ -1,0 +1,100 @@
+"""What a run hands to its report, and the standard figures that are drawn of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.registry import Registry
+from ..core.tables import AnyArray
+
+if TYPE_CHECKING:
+    from ..air.field import FlowField
+    from ..air.kinds.airflow_table import Airflow
+    from ..answer.result import Result
+    from ..flight.stages.solved_case import ForceHistory, PlaneCells
+    from ..scene import Scene
+    from .canvas import Paper
+
+# of a granule: time (m,) s, position (m, 2) m, velocity (m, 2) m/s; diameter () m; bin () as below, fate () of wf.Fate
+Track = Mapping[str, AnyArray]
+
+
+@dataclass(frozen=True)
+class Landed:
+    """Where a fraction's granules landed: ``x`` and ``y`` (n,) m, ``weight`` (n,) of each as a share of the fraction's
+    mass, ``bin`` (n,) index into the scene's bins or -1 for elsewhere.
+    """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    bin: NDArray[np.integer]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run hands to its report.
+
+    ``field``: the air that the tracker read, None in a vacuum; ``tracks``: a sample of every fraction's;
+    ``landings``: all of every fraction's; ``result``: the answer; ``shown``: the tracks of each [picture.NAME] by
+    fraction; ``granules``: the columns of granules.npz, of a sample of the landings; ``cells`` and ``history``: mesh
+    and recorded forces of a solved airflow, None of another.
+    """
+
+    scene: Scene
+    field: FlowField | None
+    tracks: Mapping[str, Sequence[Track]]
+    landings: Mapping[str, Landed]
+    result: Result
+    shown: Mapping[str, Mapping[str, Sequence[Track]]]
+    granules: Mapping[str, AnyArray]
+    cells: PlaneCells | None = None
+    history: ForceHistory | None = None
+
+    @property
+    def airflow(self) -> Airflow | None:
+        """What is known of the air; None in a vacuum."""
+        return self.result.airflow
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture in the folder ``figures`` and on the page, NAME.png under the name that it is registered by.
+
+    ``caption``: what it shows; ``draw(paper, outcome)`` writes the PNG, the SVG and the data, or draws on the axes or
+    in the figure that the paper is, and returns the axes, one or an array; ``needs(outcome)``: whether the run has what
+    it shows; ``always``: every finished report has it, so that one without it is drawn again.
+    """
+
+    caption: str
+    draw: Callable[[Paper, Outcome], Any]
+    needs: Callable[[Outcome], bool] | None = None
+    always: bool = False
+
+
+figures: Registry[Figure] = Registry("standard figure")
+
+
+def add_figure(
+    name: str,
+    caption: str,
+    draw: Callable[..., Any],
+    parts_of: Callable[[Outcome], tuple[object, ...] | None],
+    *,
+    always: bool = False,
+) -> None:
+    """Register a figure whose ``draw(paper, *parts)`` takes the parts of a run that ``parts_of`` finds, None where the
+    run has nothing to show.
+    """
+    draw_it = Figure(
+        caption,
+        lambda paper, outcome: draw(paper, *(parts_of(outcome) or ())),
+        lambda outcome: parts_of(outcome) is not None,
+        always,
+    )
+    figures.add(name, draw_it)

@@ -1,1 +1,0 @@
-"""From landings to shares and their intervals: samples, grids, inputs, partition curves, dividers."""
