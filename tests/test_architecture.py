@@ -1,4 +1,4 @@
-"""The house's rules: the listing of modules is the pipeline, heavy libraries have one importer, one name is one thing.
+"""The package's rules: rooms in the order of a run, heavy libraries have one importer, one name is one thing.
 
 That a stage's key covers all the code that computes it is held by tests/core/test_store.py.
 """
@@ -19,13 +19,16 @@ from wakeflow import LAYERS
 
 SOURCE = ROOT / "src" / "wakeflow"
 LONGEST = 40  # lines of a function, its docstring not counted
+MAX_LINES, MAX_MODULES = 5000, 25  # of a room, and of a folder
+INNER = {"air": ("mesh", "foam", "field", "kinds")}  # rooms in a room, in their order
+ROOMS = ("air", "flight")  # whose folders are rooms
 ONLY_IN = {  # folders that may import a library
-    "gmsh": ("meshing",),
-    "numba": ("tracking.kernel",),
-    "pyvista": ("report",),
-    "matplotlib": ("report",),
-    "jinja2": ("report",),
-    "tornado": ("page",),
+    "gmsh": ("air.mesh",),
+    "numba": ("flight.kernel",),
+    "pyvista": ("show",),
+    "matplotlib": ("show", "extras.pictures"),
+    "jinja2": ("show",),
+    "tornado": ("extras.page",),
     "ezdxf": ("scene",),
     "subprocess": ("core",),
 }
@@ -59,8 +62,38 @@ class Module:
     """A source file, parsed once: its name after ``wakeflow.``, such as ``core.process`` or ``core`` for its folder."""
 
     name: str
-    tree: ast.Module
+    text: str
     is_package: bool
+
+    @cached_property
+    def tree(self) -> ast.Module:
+        """The tree of its text."""
+        return ast.parse(self.text)
+
+    @cached_property
+    def strings(self) -> frozenset[str]:
+        """Every string in it that is one word, docstrings left out."""
+        found = (node.value for node in ast.walk(self.tree) if isinstance(node, ast.Constant))
+        return frozenset(text for text in found if isinstance(text, str) and re.fullmatch(r"[\w.:-]+", text))
+
+    @cached_property
+    def bound(self) -> frozenset[str]:
+        """Every name that is bound in it: by definitions, imports, assignments."""
+        nodes = list(ast.walk(self.tree))
+        made = {n.name for n in nodes if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)}
+        brought = {a.asname or a.name for n in nodes if isinstance(n, ast.Import | ast.ImportFrom) for a in n.names}
+        return frozenset(
+            made | brought | {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+        )
+
+    @cached_property
+    def code_lines(self) -> int:
+        """Its lines without blank ones, comments and docstrings."""
+        told = (node for node in ast.walk(self.tree) if isinstance(node, ast.Expr))
+        text = {number for node in told if isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+                for number in range(node.lineno, (node.end_lineno or node.lineno) + 1)}  # fmt: skip
+        lines = enumerate(self.text.splitlines(), 1)
+        return sum(bool(line.strip()) and not line.lstrip().startswith("#") and i not in text for i, line in lines)
 
     @property
     def room(self) -> str:
@@ -106,7 +139,7 @@ def _modules() -> dict[str, Module]:
             parts = path.relative_to(SOURCE).with_suffix("").parts
             package = parts[-1] == "__init__"
             name = ".".join(parts[:-1] if package else parts)
-            found[name] = Module(name, ast.parse(path.read_bytes()), package)
+            found[name] = Module(name, path.read_text(encoding="utf-8"), package)
     return found
 
 
@@ -128,16 +161,85 @@ def _listed(found: set[str], known: set[str]) -> None:
     assert not known - found, f"no longer so, strike it off the list: {sorted(known - found)}"
 
 
+def _onward(module: Module) -> Iterator[str]:
+    """The modules of this program that a module imports, or names in a string as a whole."""
+    yield from (other for name in module.imports if (other := _own(name)))
+    yield from (other for text in module.strings if (other := _own(text.partition(":")[0])))
+
+
+def _below(one: str, other: str) -> bool:
+    """Whether the module ``other`` may be imported by ``one``: in its room, or in one before it."""
+    (room, *inside), (there, *deeper) = one.split("."), other.split(".")
+    if room != there:
+        return LAYERS.index(there) < LAYERS.index(room)
+    if not inside or not deeper or not {inside[0], deeper[0]} <= set(order := INNER.get(room, ())):
+        return True
+    return order.index(deeper[0]) <= order.index(inside[0])
+
+
 def test_imports_point_upward() -> None:
+    """By a string too, such as a module that a child process runs. The code of a stage is read, not run."""
     assert {module.room for module in MODULES.values()} == set(LAYERS)
-    place = LAYERS.index
-    wrong = [
-        f"{module.name} imports {name}"
-        for module in MODULES.values()
-        for name in module.imports
-        if (other := _own(name)) and (room := other.split(".")[0]) != module.room and place(room) > place(module.room)
-    ]
+    wrong = [f"{module.name} imports {other}" for module in MODULES.values() for other in _onward(module)
+             if not _below(module.name, other)]  # fmt: skip
     assert not wrong
+
+
+def test_no_room_names_an_extra() -> None:
+    """But ``core.extras``, which looks for all of them and names none."""
+    words = re.compile(r"extras\.(page|trays|search|funnel|pictures|verify)\b")
+    found = {module.name for module in MODULES.values() if module.room != "extras"
+             for text in module.strings if words.search(text)}  # fmt: skip
+    assert not found
+
+
+def test_each_room_says_what_comes_in_what_goes_out_and_who_may_call_it() -> None:
+    rooms = [*LAYERS, *(f"{room}.{part}" for room, parts in INNER.items() for part in parts)]
+    rooms += [name for name in MODULES if name.count(".") == 1 and name.startswith("extras.")]
+    for name in rooms:
+        said = ast.get_docstring(MODULES[name].tree) or ""
+        assert all(word in said for word in ("Comes in:", "Goes out:", "May call it:")), name
+
+
+def test_rooms_and_folders_are_small() -> None:
+    """Each folder by its lines; a room by its lines of code, but air and flight, whose folders are rooms."""
+    lines: Counter[str] = Counter()
+    code: Counter[str] = Counter()
+    modules: Counter[str] = Counter()
+    for module in MODULES.values():
+        folder = module.name if module.is_package else module.name.rpartition(".")[0]
+        lines[folder] += len(module.text.splitlines())
+        code[module.room] += module.code_lines
+        modules[folder] += not module.is_package
+    assert not {name: count for name, count in lines.items() if count > MAX_LINES}
+    assert not {name: count for name, count in modules.items() if count > MAX_MODULES}
+    assert not {name: count for name, count in code.items() if count > MAX_LINES and name not in (*ROOMS, "extras")}
+
+
+def test_a_module_of_a_name_is_there_once() -> None:
+    names = Counter(module.name.rpartition(".")[2] for module in MODULES.values() if not module.is_package)
+    assert not {name for name, count in names.items() if count > 1}
+
+
+def test_references_of_docstrings_lead_somewhere() -> None:
+    """``:mod:`` and ``:func:``, ``:class:`` and ``:data:``: to a module, or to a name that is bound there."""
+    lost = [f"{module.name}: {kind} {name}" for module in MODULES.values()
+            for kind, name in re.findall(r":(mod|func|class|data):`~?([.\w]+)`", module.text)
+            if not _is_bound(module, name)]  # fmt: skip
+    assert not lost
+
+
+def _is_bound(module: Module, name: str) -> bool:
+    """Whether ``name``, in a docstring of ``module``, is a module or bound in one; the package's public names too."""
+    if name.startswith("."):
+        dots = len(name) - len(name.lstrip("."))
+        package = module.name.split(".") if module.is_package else module.name.split(".")[:-1]
+        name = ".".join(["wakeflow", *package[: len(package) - dots + 1], name.lstrip(".")])
+    elif not name.startswith("wakeflow."):
+        return name.split(".")[0] in module.bound
+    own = _own(name)
+    rest = name.removeprefix(f"wakeflow.{own or ''}").strip(".").split(".")[0]
+    return rest in wakeflow.__all__ if own is None else not rest or rest in MODULES[own].bound
 
 
 def test_no_package_imports_itself_in_a_circle() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from support import CASES, shipped
+from wakeflow.answer.budget.source import budget_sources
 from wakeflow.answer.provenance import RefinedSettings
 from wakeflow.cli.show_plan import show_plan
 from wakeflow.core.files import write_json
@@ -19,7 +20,7 @@ from wakeflow.flight.stages.machine_rates import STARTS, learn, note_compiled, o
 from wakeflow.planning.cost import COMPILE, STARTED, begins, wall_seconds
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.stage_cache import StageCache, StageTime, StageTimes, code_of
-from wakeflow.planning.stages import OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, error_sources, stages
+from wakeflow.planning.stages import OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, stages
 from wakeflow.runs.planned import make_plan
 from wakeflow.runs.progress import RunProgress
 from wakeflow.runs.settings import expected_seconds
@@ -128,7 +129,7 @@ def test_what_needs_no_airflow_is_done_beside_it() -> None:
      (OWN, "draws", "draws", "flights", "draws")],
 )  # fmt: skip
 def test_a_stage_is_one_kind_of_work(label: AirLabel, stage: str, text: str, work: str, heading: str) -> None:
-    list(error_sources)  # which register the slab's
+    assert list(budget_sources)  # of which the slab's register stages
     key = pickle.loads(pickle.dumps(StageKey(label, stage)))  # as a plan travels to another process
     assert (key, key.stage.work, key.heading) == (text, work, heading)
 

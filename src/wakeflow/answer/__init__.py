@@ -1,1 +1,5 @@
-"""The types of result.json, its reader and writer, and the numbers of results as tables."""
+"""From landings to the answer: shares, the draws from which every interval is taken, the types of result.json.
+
+Comes in: Landings, an Airflow, draws of what nobody knows exactly. Goes out: a Separation, a JointAnswer, a Result.
+May call it: every room after it.
+"""

@@ -344,7 +344,7 @@ def _length(key: str, value: object) -> float:
     raise SceneError(f"{key} = {value!r}: needs a number in m or a string such as '90 mm'")
 
 
-accessors: Registry[Callable[[Result], Any]] = Registry("view of a result", home="wakeflow.show.views")
+accessors: Registry[Callable[[Result], Any]] = Registry("view of a result")
 
 
 def _read(folder: Path | str) -> JsonTable:

@@ -1,4 +1,9 @@
-"""The command line. Parses, shows progress, prints; everything else is a call into the package."""
+"""The command line. Parses, shows progress, prints; everything else is a call into the package.
+
+Comes in: words that a person typed. Goes out: lines on a screen, an exit code. It finds the commands of extras by
+registration.
+May call it: a shell (``wakeflow``); extras take its options and tables.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +22,8 @@ from typing import ClassVar, NoReturn
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from ..core.errors import ProgramError, SceneError, WakeflowError, one_line
+from ..core.extras import extras
 from ..core.files import FULL
-from ..extras.trays import tray_commands as trays
 from ..scene.overrides import unquoted
 from . import batch, run, view
 
@@ -88,8 +93,11 @@ app = App(
     result_action="return_value",
     suppress_keyboard_interrupt=False,
 )
-for _command in (*run.COMMANDS, *view.COMMANDS, *batch.COMMANDS, *trays.COMMANDS):
+for _command in (*run.COMMANDS, *view.COMMANDS, *batch.COMMANDS):
     app.command(_command)
+for _extra in extras():
+    for _name in getattr(_extra, "COMMANDS", ()):
+        app.command(_name)
 app.command(batch.operator_map, name="map")
 app.command(batch.capacity)
 

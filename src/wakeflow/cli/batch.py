@@ -1,4 +1,4 @@
-"""The commands for many scenes and for what runs leave: sweep, search, compare, bins, sensitivity, clean."""
+"""The commands for many scenes and for what runs leave: sweep, compare, bins, sensitivity, clean."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from ..core.errors import SceneError
-from ..scene.overrides import changes_of, setting, share_of
+from ..scene.overrides import setting, share_of
 from .options import (
     ACCURACY,
     GATE,
@@ -21,7 +21,6 @@ from .options import (
     BothEnds,
     Folder,
     Gate,
-    Held,
     Known,
     Pace,
     Processes,
@@ -192,41 +191,6 @@ def _values(key: str, text: str | None) -> Sequence[object] | None:
     return None if text is None else axis_of_text(f"{key}={text}").values
 
 
-def search(
-    file: Path,
-    *,
-    budget: Annotated[str | None, Parameter(help="Time of one core instead of the file's: '20 min'.")] = None,
-    settings: Held = (),
-    out: Annotated[Path | None, Parameter(help="Folder; default runs/, the file's name and what is held.")] = None,
-    workers: Processes = None,
-    scheduler: Scheduler = None,
-    quiet: Quiet = False,
-) -> None:
-    """Find the best design of a scene: goals, limits and bounds in a file, coarse rungs first, within a budget.
-
-    Prints the designs that no other beats in all goals, the recommended one first, and what to measure to be surer. The
-    same command goes on where an interrupted one ended.
-
-    Parameters
-    ----------
-    file
-        A TOML file with a [search] table (docs/search.md).
-    """
-    from ..extras.search.designs import search as find
-    from ..extras.search.task import read_search_file
-    from ..runs.progress import live
-    from ..scene.changes import run_folder
-    from .show_many import show_search
-
-    held = changes_of(settings)
-    task = read_search_file(file, held, budget)
-    folder = out or Path("runs", run_folder(file.stem, task.scene, held, {}))
-    with live(enabled=not quiet) as listener:
-        found = find(task, folder, scheduler=scheduler, workers=workers, listener=listener)
-    if not quiet:
-        show_search(found)
-
-
 def compare(
     run_folders: Annotated[list[Path], Parameter(negative="")],
     /,
@@ -242,9 +206,7 @@ def compare(
         one folder and a CSV file of measured shares (fraction,bin,share,uncertainty).
     """
     if len(run_folders) == 2 and (run_folders[1].suffix.lower() == ".csv" or run_folders[1].is_file()):
-        from ..extras.trays.tray_commands import beside_trays
-
-        beside_trays(run_folders[0], run_folders[1], out)
+        _beside_trays(run_folders[0], run_folders[1], out)
         return
     from ..many.comparison import compare as side_by_side
     from .show_many import show_comparison
@@ -254,6 +216,30 @@ def compare(
     if out is not None:
         found.write(out)
         print(f"{out / 'compare.html'}, its tables and figures beside it")
+
+
+def _beside_trays(run_folder: Path, file: Path, out: Path | None) -> None:
+    """Print a finished run beside the measured shares of a CSV file; ``out``: folder for the table and the picture."""
+    from ..answer.budget.agreement import agreement_in
+    from ..answer.result import Result
+    from ..scene.measured import Measured, read_trays
+    from .show_many import show_agreement
+
+    found = agreement_in(Result.load(run_folder), Measured.of(read_trays(file)))
+    show_agreement(found)
+    if out is not None:
+        from ..core import sums
+        from ..core.files import made_folder
+        from ..show.canvas import saved
+        from ..show.figures.measured_figures import draw_measured
+
+        table, figure = out / "agreement.csv", out / "measured.png"
+        files = [table, *saved(figure)]
+        sums.refuse_foreign(made_folder(out), files, "trays")
+        with sums.writing(out, lambda: files, "trays"):
+            found.cells().write_csv(table)
+            draw_measured(figure, found)
+        print(f"{table}\n{figure}")
 
 
 def bins(
@@ -392,4 +378,4 @@ def _agreed() -> bool:
     return not sys.stdin.isatty() or input("Remove them? [y/N] ").strip().lower() in ("y", "yes")
 
 
-COMMANDS = (sweep, search, compare, bins, sensitivity, clean)
+COMMANDS = (sweep, compare, bins, sensitivity, clean)

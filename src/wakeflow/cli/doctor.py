@@ -26,7 +26,7 @@ from ..core.errors import MeshError, ProgramError
 from ..core.process import call_in_child, cores, run_program
 from ..core.store import cache_root
 from ..core.user_folder import kernel_root
-from ..extras.funnel import engine
+from ..planning.feed_funnel import ENGINE, bead_engines
 from .screen import screen_table
 
 if TYPE_CHECKING:
@@ -214,7 +214,9 @@ TRIALS = {
         "3D pictures only", partial(_says, [*PYTHON, PICTURE_IN_3D]),
         "apt-get install libegl1 libgl1 libgl1-mesa-dri libxrender1", optional=True,
     ),
-    "liggghts": Trial("a scene's [funnel]", lambda _: engine.liggghts_version(), engine.INSTALL, optional=True),
+    "liggghts": Trial(
+        "a scene's [funnel]", lambda _: bead_engines[ENGINE].version(), bead_engines[ENGINE].install, optional=True
+    ),
     "setpriv": Trial(
         "ending solvers with a killed parent", partial(_says, ["setpriv", "--version"]), "apt-get install util-linux",
         optional=True,

@@ -1,4 +1,4 @@
-"""What a person at a terminal sees of many runs: sweeps, comparisons, searches, sensitivities."""
+"""What a person at a terminal sees of many runs: sweeps, comparisons, sensitivities."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 
 from ..answer.moves import InputMove, Remaining
 from ..answer.result import VOID, Result
-from ..answer.result_table import DONE, Difference, Entry, ResultTable, TableQuantity
+from ..answer.result_table import DONE, Difference, Entry, ResultTable
 from ..core.errors import known
-from ..core.quantities import duration, say, speaking, split_quantity
-from ..extras.search.designs import FoundDesign, Search
+from ..core.quantities import duration, say, speaking
 from ..many.comparison import RunComparison
 from ..many.compute import Sweep, SweepEstimate
 from ..many.sensitivity import Sensitivity
@@ -20,11 +19,12 @@ from ..show.many_figures import input_words, main_quantities
 from ..show.sketch import UNITS
 from ..show.words import NO_VALUE, difference_text, percent
 from .screen import plain, print_lines, screen_table
-from .show_result import measure_next
 
 if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
+
+    from ..answer.budget.agreement import Agreement
 
 
 MAX_NAMED_SCENES = 5  # scenes that are named in a line
@@ -33,7 +33,6 @@ MAX_INPUTS = 8  # told of a quantity; all are in the file
 GAP = 2  # letters between columns
 MAX_KEYS = 6  # in which compared scenes differ: more have a line each
 LONGEST_VALUE = 30  # letters of a value in such a line
-AS_IT_STANDS = "the scene as it is"
 DIFFERENCES_HOLD = (
     "bold: zero lies outside of the interval, of what computing adds; of all that is not known where rungs or terms "
     "differ, and of purities"
@@ -197,59 +196,6 @@ def _difference(one: Difference) -> Text:
     return plain(difference_text(one), "bold" if one.clear else "")
 
 
-def show_search(found: Search) -> None:
-    """Print the front, the recommended design first, how sure it is, and what to measure to be surer."""
-    from rich.console import Console
-
-    task = found.task
-    keys = [axis.keys[0] for axis in task.within]
-    rows = [
-        [
-            label,
-            *(_value(design.changes[key]) for key in keys),
-            *(_quantity(design.quantities.get(name)) for name in task.asked),
-        ]
-        for label, design in _labelled(found)
-    ]
-    heads = ["", *(head.replace(".", "\n") for head in (*keys, *task.asked))]
-    Console().print(screen_table(heads, rows, f"designs for {', '.join(map(str, task.goals))}"))
-    print_lines([*_verdict(found, found.recommended), *measure_next(found.result), f"results: {found.folder}"])
-
-
-def _labelled(found: Search) -> Iterator[tuple[str, FoundDesign]]:
-    """The recommended design, the others on the front, and the scene as it is, each once."""
-    best, own = found.recommended, found.as_it_stands
-    name = None if own is None else own.name
-    yield "recommended" if best.name != name else f"recommended: {AS_IT_STANDS}", best
-    for design in found.front:
-        if design.name != best.name:
-            yield "on the front" if design.name != name else f"on the front: {AS_IT_STANDS}", design
-    if own is not None and name not in {best.name, *(design.name for design in found.front)}:
-        yield AS_IT_STANDS if own.allowed else f"{AS_IT_STANDS}, beyond the limits", own
-
-
-def _verdict(found: Search, best: FoundDesign) -> Sequence[str]:
-    levels = zip(found.tried, found.seconds, strict=True)
-    cost = ", ".join(f"{tried} designs in {seconds:.0f} s" for tried, seconds in levels)
-    lines = [f"recommended, the first: {best.folder}", f"computed, from the coarsest level on: {cost} of one core"]
-    if not best.allowed:
-        lines.append("! no design that was computed keeps the limits; this one comes nearest")
-    if found.rivals:
-        lines.append(f"! within the intervals {len(found.rivals)} other designs may be as good")
-    return lines
-
-
-def _quantity(one: TableQuantity | None) -> str:
-    return percent(one) if one is None or one.unit == "1" else f"{one.value:.4g} {one.unit}"
-
-
-def _value(value: object) -> str:
-    """A value to four digits, with its unit."""
-    if isinstance(value, str) and (parts := split_quantity(value)):
-        return f"{parts[0]:.4g} {parts[1]}".strip()
-    return input_words(value)
-
-
 def show_sensitivity(found: Sensitivity, quantities: Sequence[str] = ()) -> None:
     """Print what each input alone does to ``quantities``, by default to each fraction's share that is moved most, and
     the part that it has of the variance; what failed, and where the draws do not tell enough.
@@ -312,3 +258,17 @@ def _advice(name: str, left: float, moves: Sequence[InputMove]) -> str:
     keys = " ".join(f"--over {one.key}" for one in moves[:2])
     part = f"{100 * left:.0f} % of its uncertainty (of the variance)"
     return f"{name}: {part} is no single input's; runs at both ends of the largest tell more: {keys}"
+
+
+def show_agreement(found: Agreement) -> None:
+    """Print a row a tray, both shares with their 95 % intervals, and the verdict in a sentence."""
+    from rich.console import Console
+
+    rows = [
+        [tray.about, percent(tray.measured), percent(tray.computed), f"{100 * tray.used:.0f}", f"{tray.pull:+.1f}"]
+        for tray in found.trays
+    ]
+    heads = ["tray", "measured, %", "computed, %", "of the interval, %", "from the others, sd"]
+    caption = "of the interval: the part of both 95 % intervals together that the difference takes"
+    Console().print(screen_table(heads, rows, "measured and computed shares", caption))
+    print_lines([found.sentence])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from ..air.kinds.airflow_kinds import airflow_kinds
+from ..air.kinds.every_kind import airflow_kinds
 from ..core.graded import Grade, Notice
 from ..core.process import cores
 from ..core.quantities import duration, metres, say, speaking

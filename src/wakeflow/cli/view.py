@@ -1,4 +1,4 @@
-"""The commands that look at something: plan, open, view, animate, materials; and how a picture is opened."""
+"""The commands that look at something: plan, view, animate, materials; and how a picture is opened."""
 
 from __future__ import annotations
 
@@ -82,35 +82,6 @@ def _next_to(path: Path, ending: str) -> Path:
     named = path.resolve() if path.name in ("", "..") else path
     name = named.stem if named.suffix == ".toml" else named.name
     return named.parent / f"{name or 'scene'}{ending}"
-
-
-def open_(
-    what: Path | None = None,
-    *,
-    browser: Annotated[bool, Parameter(negative="--no-browser", help="Open it in the browser too.")] = True,
-    port: Annotated[
-        int | None, Parameter(validator=Number(gte=0, lte=65535), help="Instead of the first free one.")
-    ] = None,
-) -> None:
-    """Work with the mouse: drag the machine, see its plan, run it, look at results, on a page in the browser.
-
-    Prints the page's address. It is served on this machine alone until Ctrl-C, or until it is closed and all runs that
-    were asked for are done.
-
-    Parameters
-    ----------
-    what
-        A scene file, the folder of a finished run, or a folder with scenes and runs; default a rhombus to start from.
-    """
-    from importlib.util import find_spec
-
-    from .show_plan import plan_lines
-
-    if find_spec("tornado") is None:
-        raise SceneError("the page needs tornado: pip install 'wakeflow-separation[page]', or sh cases/setup.sh")
-    from ..extras.page.server import open_page
-
-    open_page(what, plan_lines, port=port, browser=browser, ready=lambda address: print(address, flush=True))
 
 
 def view(what: Path, *, picture: Picture = None, settings: Settings = ()) -> None:
@@ -276,4 +247,4 @@ def _open(path: Path) -> None:
         print(f"no screen to open it on: {path}")
 
 
-COMMANDS = (plan, open_, view, animate, materials)
+COMMANDS = (plan, view, animate, materials)

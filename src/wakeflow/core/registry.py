@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Iterator
-from importlib import import_module
 from typing import Generic, TypeVar
 
 from .errors import SceneError
+from .extras import register_extras
 
 Entry = TypeVar("Entry")
 
@@ -24,8 +24,8 @@ def did_you_mean(name: object, known: list[str]) -> str:
 
 
 class Registry(Generic[Entry]):
-    """A named collection of ``Entry``; ``kind`` is the word for one of them in messages. ``home``: the package that
-    registers its own entries, imported when one is first asked for: of those that a lower layer knows by protocol only.
+    """A named collection of ``Entry``; ``kind`` is the word for one of them in messages. ``extended``: extras add to
+    it, which are asked to when an entry is first looked for.
 
     >>> laws = Registry[float]("drag law")
     >>> laws.add("stokes", 24.0)
@@ -34,8 +34,8 @@ class Registry(Generic[Entry]):
     (24.0, ['stokes'])
     """
 
-    def __init__(self, kind: str, home: str | None = None) -> None:
-        self.kind, self._home = kind, home
+    def __init__(self, kind: str, *, extended: bool = False) -> None:
+        self.kind, self._extended = kind, extended
         self._entries: dict[str, Entry] = {}
 
     def add(self, name: str, entry: Entry) -> Entry:
@@ -72,6 +72,6 @@ class Registry(Generic[Entry]):
         return isinstance(name, str) and (name in self._entries or name in self._known())
 
     def _known(self) -> dict[str, Entry]:
-        if self._home is not None:
-            import_module(self._home)
+        if self._extended:
+            register_extras()
         return self._entries

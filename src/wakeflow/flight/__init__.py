@@ -1,6 +1,9 @@
 """The tracker: inertial granules through a field on triangles, past walls that may vibrate, each with its own clock.
 
-``track`` and its compiler are loaded on first use, so that granules and bodies cost nothing.
+Comes in: a FlowField, Granules, bodies. Goes out: Tracks; of a scene's stages (``stages``) Landings. Its folders are
+rooms: kernel, collisions, feed, stages.
+May call it: a user (``wf.track``), every room after it. ``track`` and its compiler are loaded on first use, so that
+granules and bodies cost nothing.
 """
 
 from __future__ import annotations

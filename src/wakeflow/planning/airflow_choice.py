@@ -1,4 +1,4 @@
-"""Which airflow a scene needs: the plan of its rung (``scene.rungs``). What it will cost is in :mod:`.airflow_cost`.
+"""Which airflow a scene needs: the plan of its rung (``scene.rungs``). What it will cost is in :mod:`.cost`.
 
 Above the onset of three-dimensional motion the steady and the time-resolved solution in two dimensions bracket the
 truth: the one has too long a wake and too weak a suction, the other sheds too coherently. Where the wake is turbulent

@@ -7,7 +7,7 @@ scenes on two cores of 2020s hardware. What this machine makes of the seconds is
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -15,8 +15,7 @@ from ..laws.forces import forces
 from ..scene import Scene
 from .airflow_choice import AirflowPlan
 from .collisions import CLOCK, CollisionPlan
-from .feed_funnel import CODE as POURING
-from .feed_funnel import estimated_seconds
+from .feed_funnel import ENGINE, bead_engines
 from .plan import (
     AT_ONCE,
     COMPARED,
@@ -29,7 +28,7 @@ from .plan import (
     gathered,
     replicate_size,
 )  # fmt: skip
-from .stages import FLIGHTS, OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, error_sources, stages
+from .stages import FLIGHTS, OWN, AirLabel, FliesAgain, Scaling, Stage, StageCost, StageKey, Workload, stages
 from .wake import MEMORY, SpanCost, cost_of
 
 # -- What an airflow will cost, before its mesh is made ----------------------------------------------------------------
@@ -187,14 +186,17 @@ def wall_seconds(expected: Sequence[StageCost], cores: int = 2) -> float:
 
 
 def expected_stages(
-    scene: Scene, airflow: AirflowPlan, fractions: Mapping[str, FractionPlan], crowd: CollisionPlan | None
+    scene: Scene,
+    airflow: AirflowPlan,
+    fractions: Mapping[str, FractionPlan],
+    crowd: CollisionPlan | None,
+    sources: Iterable[FliesAgain] = (),
 ) -> tuple[StageCost, ...]:
-    """The stages of a run, and those in which the sources of its budget fly granules again, in the order in which they
-    are usually done.
+    """The stages of a run, and those in which the ``sources`` of its budget fly granules again, in the order in which
+    they are usually done.
     """
     effort = sum(forces[force].effort for fraction in fractions.values() for force in fraction.forces)
     work = Workload(scene, airflow, crowd, len(fractions), len(fractions) + effort)
-    sources = sorted((error_sources[name] for name in error_sources), key=lambda source: source.place)
     again = [cost for source in sources for cost in source.costs(work)]
     found = [*(cost for name in stages for cost in stages[name].cost(work)), *again]
     found.sort(key=lambda cost: StageCost.ORDER.index(cost.when))
@@ -220,7 +222,7 @@ def slab_again(work: Workload, name: str, part: float) -> Iterator[StageCost]:
 
 def _pouring(work: Workload) -> Iterator[StageCost]:
     if work.scene.funnel is not None and work.scene.funnel.computed:
-        yield StageCost(StageKey(OWN, "funnel"), estimated_seconds(work.scene.funnel), "first")
+        yield StageCost(StageKey(OWN, "funnel"), bead_engines[ENGINE].seconds(work.scene.funnel), "first")
 
 
 def _airs(work: Workload) -> Iterator[tuple[int, AirLabel, str, str]]:
@@ -356,7 +358,7 @@ SHARED = MESH, AIRFLOW, DEVELOPING, FIELD, MOMENTUM, LOADED  # by all scenes tha
 COMPILE = Stage("compile", work="compile", scaling=Scaling.ONCE, heading="compilation")
 # In the order in which they are usually done. Those without a cost are part of another, or of few runs.
 for _one in (
-    Stage("funnel", POURING, "funnel", Scaling.ONCE, "funnel", _pouring),
+    Stage("funnel", (), "funnel", Scaling.ONCE, "funnel", _pouring),
     COMPILE,
     MESH,
     AIRFLOW,

@@ -1,57 +1,78 @@
-"""The feed funnel: beads in a vibrated cone, computed one by one with LIGGGHTS, and the rate at which they leave it.
+"""The feed funnel: what a run takes of it. Its beads are computed one by one by an engine, which is an extra.
 
-It is optional: without a [funnel] table in the scene nothing here runs, and LIGGGHTS need not be installed.
+It is optional: without a [funnel] table in the scene nothing here runs, and no engine need be there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar, Protocol
 
-from ..core.record import load
-from ..core.sources import code_key
-from ..core.store import content_key
+from ..core.number import Number
+from ..core.record import column
+from ..core.registry import Registry
 from ..scene import Funnel
-from .feed_funnel import FunnelSummary
 
-__all__ = ["compute", "estimated_seconds", "notices", "summary"]
-
-CODE = ("wakeflow.extras.funnel.pour", "wakeflow.extras.funnel.pour")  # with LIGGGHTS' own scripts beside them
-SPEED = 4e6  # beads times steps a second of one core
 PROVED = "1.02 to 1.26"  # rates computed bead by bead over the law: docs/validation.md#feed-funnel
 DEEP = 0.05  # diameters: softened beads should overlap less
+ENGINE = "LIGGGHTS"
 Make = Callable[[str, str, Callable[[Path], None]], Path]
 
 
-def compute(funnel: Funnel, make: Make, tell: Callable[[str], None]) -> FunnelSummary:
-    """Pour and discharge.
+# -- What a feed funnel delivered --------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class DischargeCurve:
+    """The mass left in the funnel over time."""
 
-    ``make(stage, key, work)`` gives the folder of a finished stage, from the cache or by ``work(folder)``. The bed is a
-    stage of its own, since every vibration starts from the same bed. Raises ProgramError when LIGGGHTS is missing or
-    fails.
-    """
-    from ..extras.funnel.engine import liggghts_version
-    from ..extras.funnel.pour import discharge, pour
-
-    asked = {name: getattr(funnel, name) for name in type(funnel).model_fields}
-    asked |= {"density": funnel.bead_density, "restitution": funnel.bead_restitution, "friction": funnel.bead_friction}
-    asked |= {"count": funnel.beads, "mass": None, "material": None, "gravity": funnel.gravity}
-    if not funnel.amplitude:
-        asked["frequency"] = None
-    code = (code_key(*CODE), liggghts_version())
-    still = {name: value for name, value in asked.items() if name not in ("frequency", "gamma")}
-    bed_key = content_key("bed", still, code)
-    bed = make("bed", bed_key, lambda part: pour(funnel, part, tell))
-    done = make("funnel", content_key("funnel", bed_key, asked, code), lambda part: discharge(funnel, bed, part, tell))
-    return load(FunnelSummary, done / "funnel.json")
+    time: tuple[float, ...] = column("s", "since the outlet was opened")
+    mass: tuple[float, ...] = column("kg", "left above the outlet")
 
 
-def estimated_seconds(funnel: Funnel) -> float:
-    """Core-seconds of pouring and discharge, by Beverloo's law; good to a factor 3."""
-    from ..extras.funnel.pour import steps_of
+@dataclass(frozen=True)
+class FunnelSummary:
+    """The discharge of a feed funnel, computed bead by bead."""
 
-    time = 0.3 + (0.6 * funnel.total_mass / funnel.expected_rate if funnel.expected_rate else 1.0)
-    return funnel.beads * time / steps_of(funnel).dt / SPEED
+    verdict: str = column("", "emptied or stopped")
+    rate: Number | None = column("kg/s", "discharge rate; null where the flow stopped too early")
+    time_to_empty: float | None = column("s", "until 99 % of the mass is out; null where it never was")
+    left: int = column("1", "beads left inside")
+    beads: int = column("1", "beads")
+    mass: float = column("kg", "of all beads")
+    packing: float | None = column("1", "volume of beads over volume of the poured bed")
+    beverloo: float | None = column("kg/s", "Beverloo's law for a funnel at rest, flat floor")
+    beverloo_cone: float | None = column("kg/s", "the same with Rose & Tanaka's cone factor")
+    frequency: float | None = column("Hz", "of the vibration")
+    gamma: float | None = column("1", "peak acceleration of the wall over g")
+    time_step: float = column("s", "of the computation")
+    contact_time: float = column("s", "duration of the quickest collision")
+    youngs_modulus: float = column("Pa", "of the beads, softened")
+    overlap: float = column("1", "deepest overlap of two beads seen, in diameters")
+    engine: str = column("", "the program")
+    version: str = column("", "of the program")
+    curve: DischargeCurve = column("", "mass left over time")
+
+
+# -- What computes it --------------------------------------------------------------------------------------------------
+class BeadEngine(Protocol):
+    """What pours beads into a funnel and lets them out; ``install``: the command that brings its program."""
+
+    install: ClassVar[str]
+
+    def compute(self, funnel: Funnel, make: Make, tell: Callable[[str], None]) -> FunnelSummary:
+        """Pour and discharge. ``make(stage, key, work)`` gives the folder of a finished stage, from the cache or by
+        ``work(folder)``. Raises ProgramError when the program is missing or fails.
+        """
+
+    def seconds(self, funnel: Funnel) -> float:
+        """Core-seconds of that, as expected."""
+
+    def version(self) -> str:
+        """Of the program. Raises ProgramError when there is none."""
+
+
+bead_engines: Registry[BeadEngine] = Registry("engine of beads", extended=True)
 
 
 def summary(funnel: Funnel) -> str:
@@ -60,8 +81,8 @@ def summary(funnel: Funnel) -> str:
         return f"feed funnel: {_by_law(funnel)}; no bead is computed"
     how = "at rest" if not funnel.amplitude else f"at {funnel.frequency:g} Hz, Gamma {funnel.gamma:g}"
     return (
-        f"feed funnel: {funnel.beads} beads through {1e3 * funnel.orifice:.3g} mm {how} with LIGGGHTS, about "
-        f"{estimated_seconds(funnel):.0f} s; {_by_law(funnel)}"
+        f"feed funnel: {funnel.beads} beads through {1e3 * funnel.orifice:.3g} mm {how} with {ENGINE}, about "
+        f"{bead_engines[ENGINE].seconds(funnel):.0f} s; {_by_law(funnel)}"
     )
 
 

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -30,6 +30,7 @@ from .flight_scales import flights
 from .lock_in import AirMotion, vibration_of_scene
 from .plan import FractionPlan, Plan, whole_terms
 from .plan_messages import missing_lines, used_lines, warning_lines
+from .stages import FliesAgain
 from .terms import (
     AIR,
     COLLISIONS,
@@ -62,22 +63,26 @@ def make_plan(
     rung: str | None = None,
     force: States | None = None,
     target_error: float | str | None = None,
+    sources: Sequence[FliesAgain] = (),
 ) -> Plan:
     """Decide what ``scene``, or that of a scene file, needs. ``rung`` and ``target_error`` (a share, 0.01 or "1 %")
     override the scene's; ``force`` switches terms on or off in addition to those of the scene's [force]: {"lift": "on"}
-    for all fractions, {"chaff.lift": "on"} for one; True and False do as well.
+    for all fractions, {"chaff.lift": "on"} for one; True and False do as well. ``sources``: of error, which fly
+    granules again and cost what they say.
 
     Raises SceneError when a rung or term is asked for that cannot be had, when a term that cannot be computed could
     move a fraction by more than the accuracy asked for, or when a number is above another that it is never above.
     """
     given = Scene.of(scene).fed()
     target, switches = _accuracy(given, target_error), {**given.force, **switched(force)}
-    made = _planned(given, given.numerics.rung if rung is None else rung, switches, target)
+    made = _planned(given, given.numerics.rung if rung is None else rung, switches, target, sources)
     orders(given, made)
     return made
 
 
-def _planned(given: Scene, rung: str, switches: Mapping[str, bool], target: float) -> Plan:
+def _planned(
+    given: Scene, rung: str, switches: Mapping[str, bool], target: float, sources: Sequence[FliesAgain]
+) -> Plan:
     """The plan of a scene by a ``rung``, with its terms as switched, for the error ``target`` of a share."""
     airflow, motion = _airflow(given, rung, target, switches.get(VIBRATION))
     flown, chain = airflow.flown(given), given.air is not None and airflow.kind == "none"
@@ -93,7 +98,7 @@ def _planned(given: Scene, rung: str, switches: Mapping[str, bool], target: floa
     validity = _validity(flown, decided, known, target)
     without_air, warned = _without_air(given, fractions) if chain else ([], [])
     strained = warning_lines(flown, airflow, fractions, validity, target, rest[0])
-    stages = expected_stages(flown, airflow, fractions, crowd)
+    stages = expected_stages(flown, airflow, fractions, crowd, sources)
     return Plan(
         airflow=airflow,
         target_error=target,
@@ -129,6 +134,7 @@ class Planner:
     scene: Scene
     force: Mapping[str, bool] = field(default_factory=dict)
     target_error: float | None = None
+    sources: Sequence[FliesAgain] = ()
     _made: dict[str | None, Plan] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def keep(self, rung: str | None, plan: Plan) -> None:
@@ -138,13 +144,14 @@ class Planner:
     def plan(self, rung: str | None = None) -> Plan:
         """The plan of a ``rung``; None: the scene's own. Raises SceneError as :func:`make_plan` does."""
         if rung not in self._made:
-            made = make_plan(self.scene, rung=rung, force=self.force, target_error=self.target_error)
-            self._made[rung] = made
+            self._made[rung] = make_plan(
+                self.scene, rung=rung, force=self.force, target_error=self.target_error, sources=self.sources
+            )
         return self._made[rung]
 
     def at(self, scene: Scene) -> Planner:
         """The same options for another scene, as for one whose feed rate is known by now."""
-        return self if scene == self.scene else Planner(scene, self.force, self.target_error)
+        return self if scene == self.scene else replace(self, scene=scene)
 
 
 def _airflow(scene: Scene, rung: str, target: float, vibrates: bool | None) -> tuple[AirflowPlan, AirMotion | None]:

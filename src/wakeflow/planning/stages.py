@@ -147,6 +147,3 @@ class FliesAgain(Protocol):
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         """Each stage that a run makes for it."""
-
-
-error_sources: Registry[FliesAgain] = Registry("source of the budget", home="wakeflow.answer.budget")

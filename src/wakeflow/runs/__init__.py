@@ -1,4 +1,8 @@
-"""run(): a scene's stages, its budget and its report, in one folder; and what is made of a finished run."""
+"""run(): a scene's stages, its budget and its report, in one folder; and what is made of a finished run.
+
+Comes in: a scene file or a Scene, and what a run may cost. Goes out: a folder with result.json, and its Result.
+May call it: a user (``wf.run``, ``wf.plan``, ``wf.chain``), ``many``, the command line, extras.
+"""
 
 from .again import film_of, report_again
 from .folder import answer_key, versions

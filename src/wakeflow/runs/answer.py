@@ -119,7 +119,7 @@ class OneRun:
 
     def _air_shown(self) -> None:
         """What the report tells and shows of the air alone, as soon as this run's own field is there."""
-        _ = self.pipeline.kind.residence
+        _ = self.pipeline.residence
         if self.report:
             field_files(self.pipeline, self.pipeline.airflow)
 
@@ -144,7 +144,7 @@ class OneRun:
         """The airflow with what is known of the field that granules fly in."""
         pipeline = self.pipeline
         flown = replace(airflow, divergence=pipeline.divergence, truncation=pipeline.kind.truncation)
-        return with_residence(flown, pipeline.kind.residence)
+        return with_residence(flown, pipeline.residence)
 
     def _flights(self, tracked: Tracked) -> FlightResults:
         return FlightResults(tracked.fates, tracked.injected, self.pipeline.impact_loads)

@@ -9,6 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..answer.budget.source import in_order
 from ..answer.result import Request, asked_in
 from ..core.errors import SceneError
 from ..flight.stages.pipeline import Pipeline
@@ -46,7 +47,7 @@ def stages_of(
     """
     if scene.funnel is not None and not scene.funnel.computed:
         scene = scene.fed()
-    planner, rung = Planner(scene.fed(), request.force, request.target_error), request.rung
+    planner, rung = Planner(scene.fed(), request.force, request.target_error, in_order()), request.rung
     if made is not None:
         planner.keep(rung, made)
     plan = planner.plan(rung)

@@ -1,6 +1,8 @@
 """What can be asked: a scene and its tables, what their keys mean, their units and ranges. TOML in, SI numbers out.
 
-Names are loaded on first use: the command line reads the list of rungs and needs nothing else of this package.
+Comes in: the text of a scene file and the user's files that it names. Goes out: a Scene, or a SceneError of one line.
+May call it: every room after it. Names are loaded on first use: the command line reads the list of rungs and needs
+nothing else of this package.
 """
 
 from __future__ import annotations

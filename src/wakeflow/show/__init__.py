@@ -1,6 +1,8 @@
-"""The report of a run: pictures, VTK files, CSV files and one HTML page. Draws what it is handed, computes no physics.
+"""All that a person reads of a run: figures, VTK files, CSV files, one HTML page. It computes no physics.
 
-The only package that imports pyvista, matplotlib and jinja2, each inside the function that needs it.
+Comes in: a Result, an Outcome, a table of results. Goes out: files, drawings, words.
+May call it: ``runs`` and those after it. The only package that imports pyvista, matplotlib and jinja2, each inside the
+function that needs it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The pictures that a scene asks for by [picture.NAME]: each a PNG and its data as CSV.
 
-A kind is one function here, registered under the name of its table in ``scene.pictures``.
+A kind is one function of ``extras.pictures``, registered under the name of its table in ``scene.pictures``.
 """
 
 from __future__ import annotations
@@ -12,9 +12,6 @@ from ..answer.result import PictureSummary
 from ..core.errors import SceneError
 from ..core.files import read_json, write_json
 from ..core.record import from_json, to_json
-from ..extras.pictures.granule_curves import draw_curves
-from ..extras.pictures.levels import draw_levels
-from ..extras.pictures.maps import draw_density, draw_streamlines
 from .canvas import SUFFIXES
 from .picture_view import PictureFiles, View, pictures
 
@@ -24,14 +21,6 @@ if TYPE_CHECKING:
 __all__ = ["PictureFiles", "View", "clear_pictures", "draw_all", "found", "pictures"]
 
 LIST = "pictures.json"  # beside the pictures: what was drawn, so that nothing else is ever removed
-
-for _name, _draw in (
-    ("curves", draw_curves),
-    ("streamlines", draw_streamlines),
-    ("density", draw_density),
-    ("levels", draw_levels),
-):
-    pictures.add(_name, _draw)
 
 
 def draw_all(folder: Path, outcome: Outcome) -> dict[str, PictureSummary]:

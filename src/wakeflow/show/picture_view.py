@@ -56,4 +56,4 @@ class View:
         return self.file(".csv")
 
 
-pictures = Registry[Callable[[View], PictureFiles]]("kind of picture")
+pictures = Registry[Callable[[View], PictureFiles]]("kind of picture", extended=True)

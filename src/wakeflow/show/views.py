@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..answer.result import accessors
+from ..answer.result import Result, accessors
 from .html.template import page_template
 from .many_figures import main_quantities
 from .plot import Plot
@@ -12,8 +12,9 @@ from .sketch import UNITS
 from .words import bins_in_words, holds
 
 if TYPE_CHECKING:
-    from ..answer.result import Result
     from ..answer.result_table import ResultTable
+
+__all__ = ["Result", "result_card", "table_card"]  # a Result with what it shows
 
 WARNINGS = 3  # on a card, the gravest
 ROWS = 50  # of a card's table; all are in its frame

@@ -1,4 +1,8 @@
-"""The air on triangles, steady or in time: what the tracker flies through."""
+"""The air on triangles, steady or in time: what the tracker flies through.
+
+Comes in: arrays at nodes. Goes out: a FlowField, and others made of it: blended, mirrored, as a mean and modes.
+May call it: a user (``wf.FlowField``), every room after it.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
 """The only package that knows OpenFOAM: from a mesh to a measured airflow and arrays of it.
 
-Imports happen on first use, so that reading a user's case does not load what solving needs.
+Comes in: a FlowSpec and a mesh file. Goes out: a solved case with its AirflowResult, arrays of its fields.
+May call it: ``kinds``, and what shows a case. Imports happen on first use, so that reading a user's case does not load
+what solving needs.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def solve_airflow(
 
     Goes on from what an interrupted call left in ``folder``. ``start``: the case folder of any solved airflow to start
     from (best of the same bodies; another mesh, speed, size and Reynolds number are scaled). ``force``: on the air,
-    beside that of the bodies; ``most``: iterations of a steady solution. ``listener`` gets a :class:`Progress` several
+    beside that of the bodies; ``most``: iterations of a steady solution. ``listener`` gets a ``Progress`` several
     times a second; an exception it raises ends the solver. A numerical failure, or a solution that is not possible
     (:mod:`wakeflow.air.foam.sanity`), is tried again with safer settings (:mod:`wakeflow.air.foam.fallback_settings`);
     the result names those that served and what failed before. Raises MeshError for a mesh that checkMesh refuses;

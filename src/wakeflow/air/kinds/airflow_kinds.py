@@ -4,13 +4,13 @@ Each kind is one class. It gives the field that granules fly through with its ca
 ``mesh`` table of result.json, what was lost when the field was stored, and which parts of its error nobody measures.
 The plan names the kind (``planning.airflow_choice.AirflowPlan.kind``); nothing else asks which one it is. Here stands
 what all of them have, and those of an OpenFOAM case; the kinds themselves in the modules that
-:mod:`...flight.stages.pipeline` names for it.
+:mod:`.every_kind` names.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -27,7 +27,7 @@ from ...planning.plan import Plan
 from ...planning.stage_cache import StageCache, code_of, version_of
 from ...scene import Scene
 from ..mesh.spec import MeshReport
-from .airflow_table import Airflow, ResidenceTimes
+from .airflow_table import Airflow
 from .realisations import Realisations
 
 if TYPE_CHECKING:
@@ -174,9 +174,9 @@ class AirflowKind(ABC):
         return 1
 
     @property
-    def residence(self) -> ResidenceTimes | None:
-        """How long the near wake keeps fine dust; None where nobody asks for it. It needs the compiled tracker."""
-        return None
+    def near_wakes(self) -> Mapping[str, tuple[str, Realisations]]:
+        """Where it is asked how long a near wake keeps fine dust: key and fields, by name; {} where nobody asks."""
+        return {}
 
     @cached_property
     def table(self) -> Airflow:
@@ -200,7 +200,7 @@ class AirflowKind(ABC):
         return ()
 
 
-airflow_kinds: Registry[type[AirflowKind]] = Registry("kind of airflow", home="wakeflow.flight.stages.pipeline")
+airflow_kinds: Registry[type[AirflowKind]] = Registry("kind of airflow")
 
 
 class CaseAir(AirflowKind):

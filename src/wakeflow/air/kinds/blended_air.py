@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from math import hypot
 
@@ -9,16 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import known
-from ...core.lazy import cached_property
 from ...core.number import Number
-from ...flight.stages.residence_stage import residence_times
 from ...laws.best_estimate import WakeEstimate
 from ..field import FlowField
 from ..foam import FlowSpec
 from ..foam.airflow_result import SuctionZone
 from ..foam.suction import suction_zone
 from .airflow_kinds import airflow_kinds
-from .airflow_table import Airflow, ResidenceTimes, WakeEnd, WakeEnds
+from .airflow_table import Airflow, WakeEnd, WakeEnds
 from .realisations import Realisations
 from .solved_air import TimeResolvedAir
 
@@ -46,13 +45,12 @@ class BestEstimateAir(TimeResolvedAir):
         mean = self.between(self.estimate.theta.value, 0.0)[1].mean()  # in time where the mesh moves
         return blended_airflow(self.flow_spec, self.estimate, mean, self.steady().measured, self.measured)
 
-    @cached_property
-    def residence(self) -> ResidenceTimes | None:
+    @property
+    def near_wakes(self) -> Mapping[str, tuple[str, Realisations]]:
         if self.resolved[1].times is None:
-            return None
+            return {}
         ends = {"answer": self.make_field(), "steady": self.between(0.0, 0.0), "time_resolved": self.resolved}
-        airs = {which: (key, Realisations(field, cycles=self.cycles)) for which, (key, field) in ends.items()}
-        return residence_times(self.scene, self.cache, airs)
+        return {which: (key, Realisations(field, cycles=self.cycles)) for which, (key, field) in ends.items()}
 
 
 # -- The numbers of a best estimate ------------------------------------------------------------------------------------

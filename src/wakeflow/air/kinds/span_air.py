@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,11 +10,9 @@ from typing import TYPE_CHECKING
 from ...core.errors import known
 from ...core.lazy import cached_property
 from ...core.store import content_key
-from ...flight.stages.residence_stage import residence_times
 from ...laws.span import CONVECTIVE_PERIOD
 from ...planning.stage_cache import code_of, version_of
 from .airflow_kinds import airflow_kinds
-from .airflow_table import ResidenceTimes
 from .realisations import Realisations
 from .solved_air import SolvedAir
 
@@ -82,9 +80,9 @@ class SpanAir(SolvedAir):
         sheddings = known(found.period) / self.flow_spec.convective_time * number
         return max(1, int(sheddings / len(known(found.span).flown)))
 
-    @cached_property
-    def residence(self) -> ResidenceTimes:
-        return residence_times(self.scene, self.cache, {"answer": (self.layers[0], self.realisations)})
+    @property
+    def near_wakes(self) -> Mapping[str, tuple[str, Realisations]]:
+        return {"answer": (self.layers[0], self.realisations)}
 
     @property
     def model_is_unknown(self) -> bool:

@@ -1,9 +1,8 @@
 """The mesh: a two-dimensional Gmsh mesh of the channel around the bodies, extruded by one layer for OpenFOAM.
 
-A scene's outlines become a :class:`MeshSpec` (``sizing``), that a list of points with the cell edge wanted there
-(``zones``) and the nodes on the outlines (``outline``), that a Gmsh model (``gmsh_child``). Gmsh is one global object
-that no two threads may touch: :func:`build_mesh` runs it in a process of its own and reads the ``.msh`` file through
-meshio (``quality``). The same spec always gives the same mesh.
+Comes in: outlines, as a :class:`MeshSpec` (``sizing``, ``outline``). Goes out: a ``.msh`` file and its MeshReport.
+May call it: ``foam`` and ``kinds``. Gmsh is one global object that no two threads may touch: :func:`build_mesh` runs it
+(``gmsh_child``) in a process of its own. The same spec always gives the same mesh.
 """
 
 from .sizing import ends, plan_mesh

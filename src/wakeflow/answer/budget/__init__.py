@@ -1,6 +1,8 @@
 """What may make an answer wrong and how far: one file a source of error, or a family.
 
-Every module of this folder is imported with it, so that its sources are registered.
+Comes in: a Pipeline whose granules flew. Goes out: columns of the joint draws, rows of the budget, verdicts on limits.
+May call it: ``runs`` and those after it; the plan is handed the sources. Every module of this folder is imported with
+it, so that its sources are registered.
 """
 
 from importlib import import_module

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import sqrt
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from ...core.registry import Registry
 from ...flight.stages.landings import Landings
 from ...flight.stages.pipeline import Pipeline
 from ...planning.dependence import Dependence, dependence
-from ...planning.stages import StageCost, Workload, error_sources
+from ...planning.stages import StageCost, Workload
 from ...planning.unknowns import SIGMAS
 from ..draws import ErrorSource as Column
 from ..ensemble import changed, joint_answer, responses
@@ -218,7 +218,7 @@ class FractionResults:
         return {place: [part] for place in self.shares}
 
 
-budget_sources = cast("Registry[Source[Any]]", error_sources)
+budget_sources: Registry[Source[Any]] = Registry("source of the budget")
 
 
 def signed_column(name: str, changes: Sequence[Mapping[str, float]], *, computing: bool = False) -> Column | None:

@@ -30,10 +30,11 @@ from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from ...core.errors import SceneError, WakeflowError
+from ...core.sources import PACKAGE
 from .session import Lines, Session
 
 HERE = Path(__file__).parent
-STYLE = HERE.parent / "report" / "html" / "style.css"  # colours and tables are the report's
+STYLE = PACKAGE / "show" / "html" / "style.css"  # colours and tables are the report's
 FILES = {"": HERE / "page.html", "style.css": STYLE}
 FILES |= {name: HERE / name for name in ("page.css", "core.js", "page.js", "machine.js", "results.js")}
 ADDRESS = "127.0.0.1"

@@ -23,7 +23,7 @@ def write_protocol(path: Path, scene: Scene, found: Any, fractions: Sequence[str
     draw_sketch(scene).figure.savefig(picture, format="png")
     repetitions = {name: max(one.repetitions for one in found.steps if one.fraction == name)
                    for name in dict.fromkeys(step.fraction for step in found.steps)}  # fmt: skip
-    text = page_template("protocol.html.j2").render(
+    text = page_template("protocol.html.j2", Path(__file__).parent).render(
         found=found,
         repetitions=repetitions or dict.fromkeys(fractions, 1),
         bins=[*bins_across(scene), RESERVED_BIN],

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ...cli.screen import print_lines, screen_table
+from ...cli.show_many import show_agreement
 from ...core.errors import known
 from ...core.quantities import say, speaking
 from ...show.sketch import UNITS
@@ -12,27 +13,12 @@ from ...show.words import percent
 from .calibration import TELLS
 
 if TYPE_CHECKING:
-    from ...answer.budget.agreement import Agreement
     from .calibration import CalibratedInput, Posterior
     from .protocol import Protocol
 
 MOST = 8  # inputs that are shown; all are in inputs.csv
 WORTH = 0.97  # of an interval: what would leave more of it is not worth measuring
 NARROWER = 1.05  # times wider without it: a tray that tells less is not named
-
-
-def show_agreement(found: Agreement) -> None:
-    """Print a row a tray, both shares with their 95 % intervals, and the verdict in a sentence."""
-    from rich.console import Console
-
-    rows = [
-        [tray.about, percent(tray.measured), percent(tray.computed), f"{100 * tray.used:.0f}", f"{tray.pull:+.1f}"]
-        for tray in found.trays
-    ]
-    heads = ["tray", "measured, %", "computed, %", "of the interval, %", "from the others, sd"]
-    caption = "of the interval: the part of both 95 % intervals together that the difference takes"
-    Console().print(screen_table(heads, rows, "measured and computed shares", caption))
-    print_lines([found.sentence])
 
 
 def show_calibration(found: Posterior) -> None:

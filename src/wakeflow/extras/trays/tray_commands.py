@@ -103,30 +103,3 @@ def protocol(
         )  # fmt: skip
     if not quiet:
         show_protocol(found)
-
-
-def beside_trays(run_folder: Path, file: Path, out: Path | None) -> None:
-    """Print a finished run beside the measured shares of a CSV file; ``out``: folder for the table and the picture."""
-    from ...answer.budget.agreement import agreement_in
-    from ...answer.result import Result
-    from ...scene.measured import Measured, read_trays
-    from .show_trays import show_agreement
-
-    found = agreement_in(Result.load(run_folder), Measured.of(read_trays(file)))
-    show_agreement(found)
-    if out is not None:
-        from ...core import sums
-        from ...core.files import made_folder
-        from ...show.canvas import saved
-        from ...show.figures.measured_figures import draw_measured
-
-        table, figure = out / "agreement.csv", out / "measured.png"
-        files = [table, *saved(figure)]
-        sums.refuse_foreign(made_folder(out), files, "trays")
-        with sums.writing(out, lambda: files, "trays"):
-            found.cells().write_csv(table)
-            draw_measured(figure, found)
-        print(f"{table}\n{figure}")
-
-
-COMMANDS = (calibrate, protocol)

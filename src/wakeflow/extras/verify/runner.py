@@ -17,7 +17,7 @@ from ...core.errors import SceneError
 from ...core.registry import did_you_mean
 from .report import FOLDER, WIDE, Report, Tell
 
-TESTS = Path(__file__).parents[3] / "tests"
+TESTS = Path(__file__).parents[4] / "tests"
 Proof = Callable[[bool, Tell], Report]
 
 

@@ -1,7 +1,7 @@
 """mesh -> airflow -> field -> tracks -> slab: every stage cached, each reading only what is before it.
 
 The airflow and its field belong to the kind of airflow that the plan chose (``air.kinds.airflow_kinds``), the tracks to
-``track_stage``, granules that meet each other to ``crowd_stage``; how a stage is kept and timed is in ``cache``.
+``track_stage``, granules that meet each other to ``slab_stage``; how a stage is kept and timed is in ``cache``.
 """
 
 from __future__ import annotations
@@ -11,16 +11,15 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...air.kinds import blended_air, known_air, span_air  # noqa: F401 - they register kinds of airflow
-from ...air.kinds.airflow_kinds import AirflowKind, CaseAir, airflow_kinds
-from ...air.kinds.airflow_table import Airflow, FieldDivergence
+from ...air.kinds.airflow_kinds import AirflowKind, CaseAir
+from ...air.kinds.airflow_table import Airflow, FieldDivergence, ResidenceTimes
+from ...air.kinds.every_kind import airflow_kinds
 from ...air.kinds.solved_air import SolvedAir, SteadyAir, TimeResolvedAir
 from ...core.errors import SceneError, known
 from ...core.lazy import cached_property
 from ...core.store import Store, cache_root
 from ...core.tables import Columns
-from ...extras.funnel.beads import compute as compute_funnel
-from ...planning.feed_funnel import FunnelSummary
+from ...planning.feed_funnel import ENGINE, FunnelSummary, bead_engines
 from ...planning.make import Planner
 from ...planning.plan import Plan
 from ...planning.stage_cache import Listener, StageCache, StageTimes, null_listener
@@ -31,6 +30,7 @@ from .air_loading import AirLoading, DrivenAir, LoadedCase
 from .compilation import Compilation
 from .film_stage import Film, FilmStage
 from .input_samples import DrawStage, Ensemble, InputSamples
+from .residence_stage import residence_times
 from .slab_stage import CollisionRerun, CollisionStage, SlabFound
 from .track_stage import PerturbedRerun, TrackStage
 
@@ -87,7 +87,7 @@ class Pipeline:
         """What the scene's feed funnel delivers; None without one, and where its beads are not computed."""
         if self.scene.funnel is None or not self.scene.funnel.computed:
             return None
-        return compute_funnel(self.scene.funnel, self.cache.make, partial(self.cache.tell, "funnel"))
+        return bead_engines[ENGINE].compute(self.scene.funnel, self.cache.make, partial(self.cache.tell, "funnel"))
 
     @property
     def impact_loads(self) -> ImpactSummary | None:
@@ -178,6 +178,12 @@ class Pipeline:
         if self.kind.field is None:
             raise SceneError("the granules fly in a vacuum: there is no airflow")
         return self.kind.field
+
+    @cached_property
+    def residence(self) -> ResidenceTimes | None:
+        """How long the near wake keeps fine dust; None where nobody asks for it. It needs the compiled tracker."""
+        wakes = self.kind.near_wakes
+        return residence_times(self.scene, self.cache, wakes) if wakes else None
 
     @property
     def divergence(self) -> FieldDivergence:

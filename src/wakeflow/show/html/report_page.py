@@ -72,7 +72,7 @@ def render(
     """The page as text; ``pictures``: name to base64 PNG, SVG of those beside the answer; ``texts``: name to what it
     shows, in their order, the standard figures' captions by default; ``scene``: that of the result by default;
     ``live``: what the page's script draws (:func:`.live.live_data`), without which it has none; ``film``: its section
-    (:func:`.film.film_section`).
+    (:func:`..film.film_section`).
 
     Raises jinja2.UndefinedError when the page asks for what a result has not.
     """

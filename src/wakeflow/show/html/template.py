@@ -9,12 +9,12 @@ from .. import words
 from . import rows
 
 
-def page_template(name: str) -> Any:
-    """A template of this package, with the package's words in it."""
+def page_template(name: str, folder: Path = Path(__file__).parent) -> Any:
+    """A template of this package, or of another ``folder``, with the package's words in it."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
+        loader=FileSystemLoader([folder, Path(__file__).parent]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

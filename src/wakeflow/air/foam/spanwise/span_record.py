@@ -182,7 +182,7 @@ def read_layers(record: SpanRecord, layers: Sequence[int], begin: float, density
     """Keyword arguments for ``FlowField.from_arrays`` of each of ``layers``: the snapshots from ``begin`` (s) on.
 
     Pressure in Pa for ``density`` (kg/m3), less 2k/3; node values as of a one-layer case; of the velocity in the plane
-    the part without divergence (:mod:`.solenoidal`). Raises FoamError where there are fewer than two snapshots.
+    the part without divergence (:func:`solenoidal`). Raises FoamError where there are fewer than two snapshots.
     """
     chosen = [(time, values[list(layers)]) for time, values in record.since(begin)]
     if len(chosen) < 2:
