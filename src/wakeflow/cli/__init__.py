@@ -16,6 +16,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from io import TextIOWrapper
+from pkgutil import resolve_name
 from types import FrameType, TracebackType
 from typing import ClassVar, NoReturn
 
@@ -97,7 +98,7 @@ for _command in (*run.COMMANDS, *view.COMMANDS, *batch.COMMANDS):
     app.command(_command)
 for _extra in extras():
     for _name in getattr(_extra, "COMMANDS", ()):
-        app.command(_name)
+        app.command(resolve_name(_name))
 app.command(batch.operator_map, name="map")
 app.command(batch.capacity)
 
