@@ -109,7 +109,7 @@ def _axes(scene: Scene, typed: str, known: Sequence[str]) -> dict[str, Sequence[
     given = {RATE: scene.feed.rate, SPEED: scene.air and scene.air.speed}
     if lacking := [key for key in known if not given[key]]:
         raise SceneError(f"the scene has no {lacking[0]} to vary: give it one")
-    found = {axis.key: axis.values for axis in map(axis_of_text, _parts(typed))}
+    found: dict[str, Sequence[object]] = {axis.key: axis.values for axis in map(axis_of_text, _parts(typed))}
     if wrong := [key for key in found if key not in known]:
         raise SceneError(f"{wrong[0]}: write {' or '.join(known)}, as in {known[-1]}='200:800:4 kg/hour'")
     return found
