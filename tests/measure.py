@@ -1,5 +1,9 @@
 """Measures the code: python tests/measure.py [COMMIT ...]; a column for each commit, the work tree without one.
 
+    python tests/measure.py --hold      fails where the work tree is larger than tests/size.toml says (tests/run.sh)
+    python tests/measure.py --set       writes down how large it is now
+
+A commit that raises a row of tests/size.toml says in its message what was taken away for it.
 Lines of code, docstrings, comments and blanks are counted apart, so that fewer lines are not denser lines.
 """
 
@@ -11,12 +15,14 @@ import re
 import subprocess
 import sys
 import tokenize
+import tomllib
 from collections import Counter
 from pathlib import Path
 from statistics import mean, median
 
 ROOT = Path(__file__).parents[1]
 SOURCE, PROOFS = "src/wakeflow/", "tests/proofs/"
+SIZE = ROOT / "tests" / "size.toml"
 
 
 def files_of(commit: str | None) -> dict[str, str]:
@@ -134,7 +140,38 @@ def measured(commit: str | None) -> dict[str, str]:
     }
 
 
+def size() -> dict[str, int]:
+    """What may not grow without a word: lines of code of each room, values that may be None, modules, lines of docs."""
+    found: Counter[str] = Counter()
+    for path, text in files_of(None).items():
+        if path.startswith(SOURCE):
+            room = path[len(SOURCE) :].partition("/")[0].removesuffix(".py")
+            found[f"code of {room}"] += kinds(text)["code"]
+            found["modules"] += 1
+            found["| None"] += text.count("| None")
+            found["known()"] += len(re.findall(r"\bknown\(", text))
+        elif path.startswith("tests/"):
+            found["lines of tests"] += len(text.splitlines())
+    found["lines of docs"] = sum(len(page.read_text().splitlines()) for page in (ROOT / "docs").glob("*.md"))
+    return dict(sorted(found.items()))
+
+
+def hold() -> int:
+    """Say which rows of the work tree are larger than SIZE allows; how many."""
+    allowed = tomllib.loads(SIZE.read_text())
+    larger = [
+        f"{row}: {now}, {allowed.get(row, 0)} allowed" for row, now in size().items() if now > allowed.get(row, 0)
+    ]
+    for line in larger:
+        print(f"{line}; take something away, or raise it in {SIZE.name} and say in the commit what went for it")
+    return len(larger)
+
+
 if __name__ == "__main__":
+    if sys.argv[1:] == ["--set"]:
+        SIZE.write_text("".join(f'"{row}" = {now}\n' for row, now in size().items()))
+    if sys.argv[1:] in (["--set"], ["--hold"]):
+        sys.exit(hold() > 0)
     commits: list[str | None] = list(sys.argv[1:]) or [None]
     columns = [measured(commit) for commit in commits]
     for name in columns[0]:

@@ -19,6 +19,7 @@ done
 "$bin/ruff" check src tests cases
 "$bin/ruff" format --check src tests cases
 "$bin/mypy"
+"$bin/python" tests/measure.py --hold
 for child in $compiling; do wait "$child"; done
 compiling=
 exec "$bin/python" -m pytest -n 2 --dist worksteal --durations=15 "$@"
