@@ -196,7 +196,17 @@ def test_nothing_to_search_is_no_error() -> None:
     assert low.shape == high.shape == (0,)
 
 
-@pytest.mark.parametrize("pair", quantities.FACTORS, ids=" in ".join)
+MONEY = [pair for pair in quantities.FACTORS if pair[1].startswith("EUR") or pair[0].startswith("EUR")]
+
+
+def test_prices_are_converted_and_back() -> None:
+    """pint knows no money."""
+    assert converted(0.3, "EUR/kg", "EUR/t") == pytest.approx(300.0)
+    assert converted(30.0, "ct/kWh", "EUR/kWh") == pytest.approx(0.3)
+    assert [pair for pair in MONEY if converted(converted(7.0, *pair), *pair[::-1]) != pytest.approx(7.0)] == []
+
+
+@pytest.mark.parametrize("pair", [pair for pair in quantities.FACTORS if pair not in MONEY], ids=" in ".join)
 def test_factors_are_pints_to_the_last_bit(pair: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
     values = [1.0, 60.0, 1e-9, *np.random.default_rng(3).uniform(-1e3, 1e3, 200)]
     known = [converted(value, *pair) for value in values]

@@ -31,6 +31,7 @@ from wakeflow.core.store import (
     oldest_beyond,
     remove_stages,
 )
+from wakeflow.extras.funnel.beads import CODE as POURING
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.planning.stages import stages
 from wakeflow.runs.planned import make_plan
@@ -287,10 +288,10 @@ def test_what_no_stage_runs_leaves_its_key_alone(copied: Path) -> None:
 
 
 def test_data_files_of_the_funnel_enter_its_key(copied: Path) -> None:
-    before = sources.code_key(*CODE["funnel"])
-    (copied / "funnel" / "settle.liggghts").write_text("")
+    before = sources.code_key(*POURING)
+    (copied / "extras" / "funnel" / "settle.liggghts").write_text("")
     sources.code_key.cache_clear()
-    assert sources.code_key(*CODE["funnel"]) != before
+    assert sources.code_key(*POURING) != before
 
 
 def _ran(work: Callable[[], object]) -> set[str]:
@@ -324,10 +325,9 @@ def test_modules_that_run_while_a_duct_is_made_stand_in_the_closure(cases: Path)
 
 
 def test_every_stage_that_a_key_names_is_listed() -> None:
-    folder = sources.PACKAGE / "pipeline"
     given = re.compile(r'(?:code_of\(|^    stage(?:: ClassVar\[str\])? = )"([^"]+)"', re.MULTILINE)
-    named = {name for path in folder.glob("*.py") for name in given.findall(path.read_text())}
-    assert named == set(CODE) - {"funnel"}
+    named = {name for path in sources.PACKAGE.rglob("*.py") for name in given.findall(path.read_text())}
+    assert named == set(CODE)
 
 
 def test_a_name_that_is_no_module_is_refused() -> None:

@@ -233,7 +233,7 @@ def test_runs_are_made_stopped_gone_on_with_and_compared(page: Served, browser: 
         job.locator("button", has_text="Results").click(timeout=SECONDS)
         opened.wait_for_selector("#shares table")
         assert "wheat" in opened.locator("#shares").text_content()
-        assert opened.frame_locator("#report").locator("h1").text_content() == "coarse: where each fraction lands"
+        assert opened.frame_locator("#report").locator("h1").text_content() == "coarse"
         opened.frame_locator("#report").locator("#play").click()
         opened.wait_for_timeout(500)
         assert opened.frame_locator("#report").locator("#play").text_content() == "Pause"

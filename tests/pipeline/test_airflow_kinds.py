@@ -187,10 +187,11 @@ def test_a_vacuum_has_no_airflow(cases: Path) -> None:
 def test_every_grid_starts_from_one_draft_that_is_planned_once(rhombus: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = rhombus.replace({"air.speed": 0.03})  # Re 100
     planned: list[str | None] = []
+    own = make.make_plan
 
     def counted(scene: Scene, *, rung: str | None = None, **options: Any) -> Plan:
         planned.append(rung)
-        return make_plan(scene, rung=rung, **options)
+        return own(scene, rung=rung, **options)
 
     monkeypatch.setattr(make, "make_plan", counted)
     planner = Planner(scene, OFF)

@@ -21,6 +21,7 @@ from wakeflow.answer.notices import with_residence
 from wakeflow.core.number import Number
 from wakeflow.core.record import from_json, to_json
 from wakeflow.core.store import Store
+from wakeflow.flight.stages.residence_stage import residence_times
 from wakeflow.laws.best_estimate import WakeEstimate
 from wakeflow.planning.stage_cache import StageCache, StageTimes, null_listener
 from wakeflow.runs.planned import make_plan
@@ -152,7 +153,7 @@ def test_a_wake_that_came_to_rest_is_its_own_answer(make: Make) -> None:
     rest = make(resolved=steady_field())
     assert rest.make_field() is rest.resolved
     assert rest.make_table() == RESOLVED
-    assert rest.residence is None
+    assert rest.near_wakes == {}
 
 
 def test_the_numbers_are_those_of_the_air_flown_in_with_the_ends_beside(make: Make) -> None:
@@ -206,13 +207,12 @@ def test_residence_times_stand_in_the_answer_and_in_its_ends(make: Make, monkeyp
 
     monkeypatch.setattr("wakeflow.flight.residence.residence_time", residence_time)
     air = make()
-    found = air.residence
-    assert found is not None
+    found = residence_times(air.scene, air.cache, air.near_wakes)
     assert len(asked) == 3
     told = with_residence(air.make_table(), found)
     assert (told.residence_time.value, told.residence_time.high) == (3.0, 3.5)
     assert (told.ends.steady.residence_time.value, told.ends.steady.residence_time.low) == (math.inf, 2.5)
-    again = make().residence
+    again = residence_times(air.scene, air.cache, make().near_wakes)
     assert again == found
     assert len(asked) == 3  # from the cache
     assert from_json(Airflow, to_json(told)) == told

@@ -460,8 +460,10 @@ def flown(scene: Scene, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     tracks = Flight(scene, plan, pipeline.kind.realisations, 1e-4).fly(name, feed.granules)
     air, grains = scene.air, feed.granules
     settling = terminal_velocity(
-        grains.diameter, grains.density, air.density, air.viscosity, drag_scale=grains.drag_scale
-    )
+        grains.diameter, grains.density, air.density, air.viscosity,
+        law=plan.fractions[name].drag,
+        sphericity=scene.fraction[name].roundness, drag_scale=grains.drag_scale,
+    )  # fmt: skip
     return settling, tracks.line, tracks.fate
 
 

@@ -23,6 +23,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.flight import Fate
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.planning.make import STICKING
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 
@@ -61,7 +62,7 @@ def check_contract(result: wf.Result) -> None:
         }
         left_out = {row["name"] for row in table["plan"]["left_out"] if row["fraction"] == name}
         single = set() if scene.feed.rate else {"collisions"}  # without a rate the question is that of single granules
-        assert left_out - single <= parts
+        assert left_out - single - {STICKING} <= parts
         assert not parts & set(how["forces"])
     for row in table["budget"]:
         assert all(part["error"] is not None and part["note"] for part in row["parts"] if part["how"] == "calibrated")

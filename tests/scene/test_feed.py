@@ -159,7 +159,7 @@ def test_densities_of_curtain_and_air_are_by_hand(draft: Scene) -> None:
     assert found["turbulence"].limit == MODULATING
     assert found["mass-loading"].value == pytest.approx(flow / (1.204 * 5.0 * area), rel=1e-6)
     assert found["mass-loading"].value == pytest.approx(1.92, abs=0.005)  # in the curtain; 0.19 over the channel
-    assert found["air-momentum"].value == pytest.approx(70 * 0.1 / (1.204 * 25.0), rel=0.01)  # 70 N/m3 over 0.1 m
+    assert found["air-momentum"].value == pytest.approx(72.6 * 0.1 / (1.204 * 25.0), rel=0.01)  # 72.6 N/m3 over 0.1 m
     tent = rows(make_plan(draft.replace({"feed.profile": "triangular"})))
     assert tent["curtain"].value == pytest.approx(4 / 3 * solid, rel=5e-3)
     assert tent["mass-loading"].value == pytest.approx(4 / 3 * found["mass-loading"].value, rel=5e-3)

@@ -49,7 +49,7 @@ def test_the_command_line_gives_ties_as_lists() -> None:
 
 def test_the_example_of_the_documents_is_a_scene(tmp_path: Path) -> None:
     page = (CASES.parent / "docs" / "uncertainty.md").read_text(encoding="utf-8")
-    section = page.partition("\n## Inputs that belong together\n")[2].partition("\n- ")[0]
+    section = page.partition("\n## Inputs that belong together\n")[2].partition("\n- `together`")[0]
     example = "\n".join(line.strip() for line in section.splitlines() if line.startswith("    "))
     file = tmp_path / "scene.toml"
     file.write_text((CASES / "rhombus.toml").read_text(encoding="utf-8") + "\n" + example)

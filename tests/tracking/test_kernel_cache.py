@@ -44,7 +44,7 @@ def test_a_copy_of_the_sources_flies_with_the_kernel_of_this_checkout(tmp_path: 
 def test_sources_that_differ_have_a_kernel_of_their_own(tmp_path: Path) -> None:
     other = copied(tmp_path)
     assert told(FOLDER, other) == str(kernel_folder(TRACKER))
-    with (other / PACKAGE.name / "tracking" / "kernel" / "walls.py").open("a", encoding="utf-8") as file:
+    with (other / PACKAGE.name / "flight" / "kernel" / "walls.py").open("a", encoding="utf-8") as file:
         file.write("# another version\n")
     assert told(FOLDER, other) != str(kernel_folder(TRACKER))
 
@@ -54,7 +54,7 @@ def test_of_two_copies_the_second_loads_what_the_first_compiled_until_it_changes
     one, two, kernels = copied(tmp_path / "one"), copied(tmp_path / "two"), str(tmp_path / "kernels")
     assert [told(FLY, source, WAKEFLOW_KERNELS=kernels) for source in (one, two)] == ["0 1", "1 0"]
     assert len(list(Path(kernels).iterdir())) == 1
-    with (two / PACKAGE.name / "tracking" / "kernel" / "walls.py").open("a", encoding="utf-8") as file:
+    with (two / PACKAGE.name / "flight" / "kernel" / "walls.py").open("a", encoding="utf-8") as file:
         file.write("# another version\n")
     assert [told(FLY, source, WAKEFLOW_KERNELS=kernels) for source in (one, two)] == ["1 0", "0 1"]
 

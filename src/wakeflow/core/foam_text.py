@@ -158,12 +158,16 @@ class _Reader:
         return usual if found is None else found
 
     def _directive(self, scopes: tuple[Entries, ...], word: str, at: int) -> int:
-        """Obey ``#include`` and its like; returns the end of the line, in which it is known up to byte ``at``."""
+        """Obey ``#include``, ``#ifeq`` and their like; returns where to go on, known up to byte ``at`` of its line."""
         end = self.raw.find("\n", at)
         end = len(self.raw) if end < 0 else end
         line = self.raw[at:end]
         if word == "#inputMode" and line.strip(" \t\r;") in ("merge", "default"):
             return end
+        if word == "#endif" or (word == "#ifeq" and self._alike(scopes, line, at)):
+            return end
+        if word in ("#ifeq", "#else"):
+            return self._skipped(word, at)
         told = re.match(r'\s*"([^"]*)"', line)
         if word not in ("#include", "#includeIfPresent", "#sinclude", "#includeEtc") or told is None:
             raise self._refused(at, f"{word} is for OpenFOAM alone; write out what it brings")
@@ -175,6 +179,22 @@ class _Reader:
                 raise self._refused(at, f"more than {INCLUDED} files are included; does one include itself?")
             _Reader(path, self.files).fill(scopes)
         return end
+
+    def _alike(self, scopes: tuple[Entries, ...], line: str, at: int) -> bool:
+        """Whether the two words of an ``#ifeq`` are one."""
+        words = [self._macro(scopes, one, at) if one[:1] == "$" else one for one in line.partition("//")[0].split()]
+        if len(words) != 2:
+            raise self._refused(at, "#ifeq needs two words")
+        return words[0] == words[1]
+
+    def _skipped(self, word: str, at: int) -> int:
+        """Where the branch ends that an ``#ifeq`` does not take, or its ``#else`` after the other was taken."""
+        depth = 0
+        for mark in re.compile(r"^[ \t]*#(if|ifeq|else|endif)\b[^\n]*", re.M).finditer(self.raw, at):
+            if depth == 0 and (mark[1] == "endif" or (mark[1] == "else" and word == "#ifeq")):
+                return mark.end()
+            depth += {"else": 0, "endif": -1}.get(mark[1], 1)
+        raise self._refused(at, f"{word} has no #endif")
 
     def _place(self, scopes: tuple[Entries, ...], name: str, at: int, *, etc: bool) -> Path:
         """The file of a ``name`` in quotes: relative to the file that includes it, or in OpenFOAM's own folder."""
