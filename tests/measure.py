@@ -31,9 +31,9 @@ def files_of(commit: str | None) -> dict[str, str]:
     def git(*words: str) -> str:
         return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True).stdout
 
-    if commit is None:
-        paths = git("ls-files", "--cached", "--others", "--exclude-standard", "*.py").splitlines()
-        return {path: (ROOT / path).read_text() for path in paths if (ROOT / path).exists()}
+    if commit is None:  # there may be no git
+        paths = sorted(path for folder in ("src", "tests", "cases") for path in (ROOT / folder).rglob("*.py"))
+        return {path.relative_to(ROOT).as_posix(): path.read_text() for path in paths}
     paths = [path for path in git("ls-tree", "-r", "--name-only", commit).splitlines() if path.endswith(".py")]
     return {path: git("show", f"{commit}:{path}") for path in paths}
 
