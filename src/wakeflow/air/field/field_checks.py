@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -42,15 +44,15 @@ def positive(name: str, value: float, unit: str = "1", *, or_zero: bool = False)
 
 def of_shape(name: str, values: ArrayLike, shape: tuple[int, ...], unit: str = "1") -> Array:
     """Numbers in ``unit`` of exactly this shape."""
-    array = finite(name, values, unit)
-    if array.shape != shape:
-        raise SceneError(f"{name}: shape {array.shape}, expected {shape}")
-    return array
+    return _shaped(name, finite(name, values, unit), shape)
 
 
 def flags(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Truth values, or numbers that are one where they are not 0, of exactly this shape."""
-    array = truths(name, values)
+    return _shaped(name, truths(name, values), shape)
+
+
+def _shaped(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
     if array.shape != shape:
         raise SceneError(f"{name}: shape {array.shape}, expected {shape}")
     return array
