@@ -67,8 +67,6 @@ MUTANTS = [
            "test_samples_at_any_spacing_are_integrated_exactly"),
     Mutant("granules touch with their centre", "(end[0] - start[0]) + outward[1] * radius", "(end[0] - start[0])",
            "test_a_granule_touches_the_outline_at_its_radius"),
-    Mutant("residence time without its step", "time = STEP * np.arange", "time = np.arange",
-           "test_an_exponential_decay_is_found_with_its_interval[0.5]"),
     Mutant("buoyancy downward", "return -((air.density / grains.density)", "return ((air.density / grains.density)",
            "test_buoyancy_and_pressure_gradient_have_their_signs_and_sizes"),
 ]  # fmt: skip

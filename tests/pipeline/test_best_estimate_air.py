@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,11 +16,8 @@ from wakeflow.air.field import FlowField, blended_wake
 from wakeflow.air.foam.airflow_result import SuctionZone
 from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.air.kinds.blended_air import BestEstimateAir, blended_airflow
-from wakeflow.answer.notices import with_residence
 from wakeflow.core.number import Number
-from wakeflow.core.record import from_json, to_json
 from wakeflow.core.store import Store
-from wakeflow.flight.stages.residence_stage import residence_times
 from wakeflow.laws.best_estimate import WakeEstimate
 from wakeflow.planning.stage_cache import StageCache, StageTimes, null_listener
 from wakeflow.runs.planned import make_plan
@@ -153,7 +149,6 @@ def test_a_wake_that_came_to_rest_is_its_own_answer(make: Make) -> None:
     rest = make(resolved=steady_field())
     assert rest.make_field() is rest.resolved
     assert rest.make_table() == RESOLVED
-    assert rest.near_wakes == {}
 
 
 def test_the_numbers_are_those_of_the_air_flown_in_with_the_ends_beside(make: Make) -> None:
@@ -194,25 +189,3 @@ def test_where_the_mesh_moves_the_suction_zone_is_that_of_the_mean(make: Make) -
     still = make().make_table().suction
     moving = make(resolved=resolved_field().moving((0.0, 1e-5), 2.0 * math.pi * 3.0 / PERIOD, 0.0)).make_table().suction
     assert moving.cp_min == pytest.approx(still.cp_min, rel=0.01)
-
-
-def test_residence_times_stand_in_the_answer_and_in_its_ends(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = []
-
-    def residence_time(fields: list[FlowField], *how: Any, sheddings: int) -> Any:
-        (field,) = fields
-        asked.append(field)
-        value = math.inf if field.times is None else 3.0
-        return SimpleNamespace(value=value, low=2.5, high=value + 0.5)
-
-    monkeypatch.setattr("wakeflow.flight.residence.residence_time", residence_time)
-    air = make()
-    found = residence_times(air.scene, air.cache, air.near_wakes)
-    assert len(asked) == 3
-    told = with_residence(air.make_table(), found)
-    assert (told.residence_time.value, told.residence_time.high) == (3.0, 3.5)
-    assert (told.ends.steady.residence_time.value, told.ends.steady.residence_time.low) == (math.inf, 2.5)
-    again = residence_times(air.scene, air.cache, make().near_wakes)
-    assert again == found
-    assert len(asked) == 3  # from the cache
-    assert from_json(Airflow, to_json(told)) == told

@@ -144,7 +144,7 @@ def _result(scene: Scene, airflow: dict[str, Any] | None) -> dict[str, Any]:
     ]
     total = {"error": None, "seconds": 1.5}
     return {
-        "schema": 3,
+        "schema": 4,
         "scene": scene.tables(),
         "options": {"until": None, "rung": None, "force": {}, "target_error": None},
         "funnel": None,

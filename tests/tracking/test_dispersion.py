@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from proofs.airflow.residence import LONGEST, ResidenceTime, residence_time
 from proofs.problems.exact import box
 from support import DENSITY, G, field_of, with_tau
 from wakeflow.air.field import FlowField
@@ -15,7 +16,6 @@ from wakeflow.core.errors import SceneError, known
 from wakeflow.core.geometry import Boxes
 from wakeflow.flight import Body, Collisions, Fate, Granules, Tracks, driver, track
 from wakeflow.flight.force_on_air import force_on_the_air
-from wakeflow.flight.residence import LONGEST, ResidenceTime, residence_time
 from wakeflow.laws.turbulence import LIFETIME
 
 HEIGHT = 1.0

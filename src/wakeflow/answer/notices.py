@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..air.kinds.airflow_table import Airflow, GridStudy, ResidenceTimes, WakeEnds
+from ..air.kinds.airflow_table import Airflow, GridStudy
 from ..core.errors import known
 from ..core.graded import Notice, information, less_sure, void
 from ..core.number import Number
@@ -184,14 +184,3 @@ def _on_meshes(number: Number | None, study: GridStudy | None) -> Number | None:
         return number
     own = number if number.known else study
     return replace(number, low=min(own.low, study.low), high=max(own.high, study.high))
-
-
-def with_residence(airflow: Airflow, found: ResidenceTimes | None) -> Airflow:
-    """The airflow with the near wakes' residence times; as it is without."""
-    if found is None:
-        return airflow
-    ends = airflow.ends and WakeEnds(
-        replace(airflow.ends.steady, residence_time=found.steady),
-        replace(airflow.ends.time_resolved, residence_time=found.time_resolved),
-    )
-    return replace(airflow, residence_time=found.answer, ends=ends)

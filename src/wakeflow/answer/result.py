@@ -36,7 +36,7 @@ from .provenance import Provenance, Refinement
 from .result_checks import are_granules, mistakes_in
 from .shares import SHARE_UNIT, BudgetRow, LandingResults, Separation, Verdict, WithShares
 
-SCHEMA = 3
+SCHEMA = 4
 FILE = "result.json"
 CHECKSUM = "sha256"  # key of result.json: of all that is beside it there
 GRANULES = "granules.npz"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -123,13 +124,19 @@ def drag_table(law: str, sphericity: float = 1.0) -> Array:
 
     Cells have equal width in log Re over TABLE_DECADES, TABLE_CELLS a decade, and interpolate at Chebyshev points
     inside the cell, so a law that jumps at Re = 1000 keeps its jump. Relative error below 1e-8 for every registered
-    law. Raises SceneError for an unknown law.
+    law. Raises SceneError for an unknown law. The last ones are kept, so nobody may write into them.
     """
+    return _table(drag_laws[law].factor, sphericity)
+
+
+@lru_cache(maxsize=64)
+def _table(factor: Callable[..., Array], sphericity: float) -> Array:
+    """The same of a law's ``factor``: a law that is registered anew has a table of its own."""
     low, high = TABLE_DECADES
     cells = (high - low) * TABLE_CELLS
     w = 0.5 - 0.5 * np.cos(np.pi * (2 * np.arange(4) + 1) / 8)
     reynolds = 10.0 ** (low + (np.arange(cells)[:, None] + w) / TABLE_CELLS)
-    values = np.asarray(drag_laws[law].factor(reynolds, sphericity))
+    values = np.asarray(factor(reynolds, sphericity))
     return np.ascontiguousarray(np.linalg.solve(w[:, None] ** np.arange(4), values.T).T)
 
 

@@ -101,7 +101,6 @@ MESHED = 0.5, 3.0e-4  # s of a mesh, and of each cell
 READ = {"steady": 0.4, "time-resolved": 1.6}  # s: the field of a solved airflow
 AGAIN_UNDER_FORCE = 0.6  # a solution under force over a first one
 LEADING_ON = 0.25  # the same where it leads only to the next pass
-RESIDENCE = 1.5  # s of both cores
 PROGRAM = 4e8  # bytes: the interpreter with its libraries
 IN_AIR = 1.8e8  # bytes: the kernels of a solved airflow and its field
 BYTES_IN_TIME = 200.0  # bytes of memory a cell and snapshot: a time-resolved field
@@ -325,11 +324,6 @@ def _slab_seconds(work: Workload, crowd: CollisionPlan) -> float:
     return crowd.seconds * slower
 
 
-def _residing(work: Workload) -> Iterator[StageCost]:
-    if work.airflow.wake is not None or work.airflow.span is not None:
-        yield StageCost(StageKey(OWN, "residence"), RESIDENCE, "after")
-
-
 def _fed(scene: Scene) -> int:
     """Granules of a fraction, in all replicates."""
     return REPLICATES * replicate_size(scene.feed.count)
@@ -375,7 +369,6 @@ for _one in (
     Stage("tracks", _code("flight.stages.fraction_flights", "flight.stages.landings"), heading="tracks", cost=_flying),
     Stage("slab", _code("flight.stages.slab_stage", "flight.stages.landings"), "slab", Scaling.SLAB, "slab", _in_slab),
     Stage("draws", _code("flight.stages.input_samples", "air.field.combined"), heading="draws"),
-    Stage("residence", _code("flight.residence"), "field", Scaling.CELLS, "airflow", _residing),
     Stage("film", _code("flight.stages.film_stage", "flight.stages.slab_stage", "flight.stages.gathered_force")),
     Stage("report", heading="report"),
 ):

@@ -20,7 +20,7 @@ from ..answer.budget.source import Flights
 from ..answer.budget.span_shares import in_three_dimensions
 from ..answer.budget.verdicts import verdicts_of
 from ..answer.joint import JointAnswer
-from ..answer.notices import notices, with_mesh_error, with_residence
+from ..answer.notices import notices, with_mesh_error
 from ..answer.partition import partition_curves
 from ..answer.provenance import Refinement, provenance_of
 from ..answer.result import FILE, GRANULES, JOINT, SCHEMA, FlightResults, Request, Result, key_in, provenance_in
@@ -119,7 +119,6 @@ class OneRun:
 
     def _air_shown(self) -> None:
         """What the report tells and shows of the air alone, as soon as this run's own field is there."""
-        _ = self.pipeline.residence
         if self.report:
             field_files(self.pipeline, self.pipeline.airflow)
 
@@ -142,9 +141,7 @@ class OneRun:
 
     def _flown(self, airflow: Airflow) -> Airflow:
         """The airflow with what is known of the field that granules fly in."""
-        pipeline = self.pipeline
-        flown = replace(airflow, divergence=pipeline.divergence, truncation=pipeline.kind.truncation)
-        return with_residence(flown, pipeline.residence)
+        return replace(airflow, divergence=self.pipeline.divergence, truncation=self.pipeline.kind.truncation)
 
     def _flights(self, tracked: Tracked) -> FlightResults:
         return FlightResults(tracked.fates, tracked.injected, self.pipeline.impact_loads)

@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from proofs.airflow.residence import ResidenceTime, residence_time
 from wakeflow.air.field import FlowField
 from wakeflow.air.field.combined import blended_wake, interpolated
 from wakeflow.air.field.modes import time_shares
@@ -25,7 +26,6 @@ from wakeflow.core.errors import known
 from wakeflow.core.lazy import cached_property
 from wakeflow.core.number import Number
 from wakeflow.core.registry import Registry
-from wakeflow.flight.residence import ResidenceTime, residence_time
 from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.laws.best_estimate import WakeEstimate, best_estimate, wakes
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from proofs.airflow.residence import residence_time
 from proofs.report import Report, Row, Table, Tell
 from wakeflow.core.number import Number
-from wakeflow.flight.residence import residence_time
 from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 import wakeflow as wf
 from proofs.airflow.measured import core_seconds
+from proofs.airflow.residence import residence_time
 from support import shipped
 from wakeflow.air.field import FlowField
 from wakeflow.air.field.combined import cross_faded
@@ -34,7 +35,6 @@ from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.core.number import Number
 from wakeflow.core.store import Store, cache_root
 from wakeflow.flight.feed.feedstock import feedstock
-from wakeflow.flight.residence import residence_time
 from wakeflow.flight.stages.fraction_flights import Flight, landing_columns
 from wakeflow.planning.plan import REPLICATES
 from wakeflow.scene.overrides import changes_of

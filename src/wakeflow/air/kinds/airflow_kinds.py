@@ -10,7 +10,7 @@ what all of them have, and those of an OpenFOAM case; the kinds themselves in th
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -172,11 +172,6 @@ class AirflowKind(ABC):
     def cycles(self) -> int:
         """Cycles of the shedding in the field's period, each a sample of the airflow; 1 where nothing changes."""
         return 1
-
-    @property
-    def near_wakes(self) -> Mapping[str, tuple[str, Realisations]]:
-        """Where it is asked how long a near wake keeps fine dust: key and fields, by name; {} where nobody asks."""
-        return {}
 
     @cached_property
     def table(self) -> Airflow:

@@ -75,7 +75,6 @@ class WakeEnd:
     cl_rms: Number | None = column("1", "lift coefficient, root mean square", default=None)
     cp_base: Number | None = column("1", "base pressure coefficient, behind the first body", default=None)
     suction: SuctionZone | None = column("", "the suction zone behind the first body", default=None)
-    residence_time: Number | None = column("1", "of fine dust in the near wake, times U / D", default=None)
 
 
 @dataclass(frozen=True)
@@ -114,22 +113,12 @@ class AirLoadingSummary:
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class ResidenceTimes:
-    """H = tau U / D of fine dust in the near wake; infinite for what is longer than tracers are followed."""
-
-    answer: Number = column("1", "in the answer's air")
-    steady: Number | None = column("1", "in the steady wake; null where it is no end", default=None)
-    time_resolved: Number | None = column("1", "in the wake in time; null where it is no end", default=None)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Airflow(AirflowResult):
     """What was measured on the airflow, or is known of it; null where nothing is."""
 
     rung: str = column("", "analytic, draft, standard, reference, 3d or given", default="")
     grids: tuple[GridStudy, ...] | None = column("", "quantities on several grids; null with one", default=None)
-    residence_time: Number | None = column("1", "of fine dust in the near wake, times U / D", default=None)
     wake: WakeEstimate | None = column("", "how the air lies between its ends; null where it is one", default=None)
     ends: WakeEnds | None = column("", "what each end alone has; null where there are none", default=None)
     momentum: MomentumModel | None = column("", "the paper's model; null without a body", default=None)

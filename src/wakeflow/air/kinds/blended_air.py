@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from math import hypot
 
@@ -18,7 +17,6 @@ from ..foam.airflow_result import SuctionZone
 from ..foam.suction import suction_zone
 from .airflow_kinds import airflow_kinds
 from .airflow_table import Airflow, WakeEnd, WakeEnds
-from .realisations import Realisations
 from .solved_air import TimeResolvedAir
 
 
@@ -44,13 +42,6 @@ class BestEstimateAir(TimeResolvedAir):
             return self.measured
         mean = self.between(self.estimate.theta.value, 0.0)[1].mean()  # in time where the mesh moves
         return blended_airflow(self.flow_spec, self.estimate, mean, self.steady().measured, self.measured)
-
-    @property
-    def near_wakes(self) -> Mapping[str, tuple[str, Realisations]]:
-        if self.resolved[1].times is None:
-            return {}
-        ends = {"answer": self.make_field(), "steady": self.between(0.0, 0.0), "time_resolved": self.resolved}
-        return {which: (key, Realisations(field, cycles=self.cycles)) for which, (key, field) in ends.items()}
 
 
 # -- The numbers of a best estimate ------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -79,10 +79,6 @@ class SpanAir(SolvedAir):
         number = 1.0 / CONVECTIVE_PERIOD if found.strouhal is None else found.strouhal.value
         sheddings = known(found.period) / self.flow_spec.convective_time * number
         return max(1, int(sheddings / len(known(found.span).flown)))
-
-    @property
-    def near_wakes(self) -> Mapping[str, tuple[str, Realisations]]:
-        return {"answer": (self.layers[0], self.realisations)}
 
     @property
     def model_is_unknown(self) -> bool:

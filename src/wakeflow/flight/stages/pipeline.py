@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...air.kinds.airflow_kinds import AirflowKind, CaseAir
-from ...air.kinds.airflow_table import Airflow, FieldDivergence, ResidenceTimes
+from ...air.kinds.airflow_table import Airflow, FieldDivergence
 from ...air.kinds.every_kind import airflow_kinds
 from ...air.kinds.solved_air import SolvedAir, SteadyAir, TimeResolvedAir
 from ...core.errors import SceneError, known
@@ -30,7 +30,6 @@ from .air_loading import AirLoading, DrivenAir, LoadedCase
 from .compilation import Compilation
 from .film_stage import Film, FilmStage
 from .input_samples import DrawStage, Ensemble, InputSamples
-from .residence_stage import residence_times
 from .slab_stage import CollisionRerun, CollisionStage, SlabFound
 from .track_stage import PerturbedRerun, TrackStage
 
@@ -178,12 +177,6 @@ class Pipeline:
         if self.kind.field is None:
             raise SceneError("the granules fly in a vacuum: there is no airflow")
         return self.kind.field
-
-    @cached_property
-    def residence(self) -> ResidenceTimes | None:
-        """How long the near wake keeps fine dust; None where nobody asks for it. It needs the compiled tracker."""
-        wakes = self.kind.near_wakes
-        return residence_times(self.scene, self.cache, wakes) if wakes else None
 
     @property
     def divergence(self) -> FieldDivergence:

@@ -176,7 +176,7 @@ AIRFLOW = (
     "mass_error", "y_plus",
 )  # fmt: skip
 SUCTION = ("cp_min", "length", "width", "area", "reversal_length")
-ENDS = ("cd", "cl_rms", "cp_base", "residence_time")  # of a best estimate beside its ends
+ENDS = ("cd", "cl_rms", "cp_base")  # of a best estimate beside its ends
 FUNNEL = (
     "rate", "time_to_empty", "beverloo", "beverloo_cone", "frequency", "gamma", "beads", "mass", "left", "packing",
     "overlap", "youngs_modulus", "contact_time", "time_step",

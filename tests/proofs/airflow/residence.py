@@ -16,12 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student
 
-from ..air.field import FlowField
-from ..core.errors import SceneError
-from .bodies import Body
-from .driver import track
-from .granules import Granules
-from .tracks import Fate, Tracks
+from wakeflow.air.field import FlowField
+from wakeflow.core.errors import SceneError
+from wakeflow.flight import Body, Fate, Granules, Tracks, track
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
