@@ -25,11 +25,11 @@ from typing import Any
 import numpy as np
 
 import wakeflow as wf
+from proofs.scene_curves import forget_all_but_air, one_cache, timed_run
 from support import ALONE, CASES
 from wakeflow.answer.result import Result
 from wakeflow.core.idle_clock import IdleClock
 from wakeflow.core.process import cores
-from wakeflow.extras.verify.scene_curves import forget_all_but_air, one_cache, timed_run
 
 SCENES = ("vacuum", "aspirator", "prism", "rhombus", "wheat-straw-dust", "labyrinth", "funnel")
 CHANCE = 2e-3  # of a share: what 256 granules cannot tell from nothing

@@ -53,7 +53,7 @@ QUICK = [["--help"], ["plan", "cases/rhombus.toml", "--json"], ["new", "--help"]
 CIRCLES: set[str] = set()
 # The table [body.NAME] of a scene and the tracker's public wf.Body: both names are a contract. Gate: of the command
 # line and of the plan. Table: of a scene and of a proof
-TWICE = {"Body", "Table"}
+TWICE = {"Body"}
 LONG: set[str] = set()
 
 

@@ -1,14 +1,22 @@
-"""The proofs of this room by the name that ``wakeflow verify NAME`` knows them by."""
+"""What ``wakeflow verify`` runs: the proofs of this room by their names, and scenes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from proofs.report import Report, Row, Table, Tell
-from wakeflow.extras.verify.report import FOLDER
-from wakeflow.extras.verify.scene_curves import BinShares
+from proofs.report import FOLDER, WIDE, Report, Row, Table, Tell
+from proofs.scene_curves import BinShares
+from wakeflow.core.errors import SceneError
+from wakeflow.core.registry import did_you_mean
 from wakeflow.scene import Scene
+
+
+def extremes(slow: bool, tell: Tell) -> Report:
+    """What happens at the ends of what can be asked for."""
+    from proofs.extremes.matrix import run_extremes
+
+    return run_extremes(slow=slow, tell=tell)
 
 
 def tracker(slow: bool, tell: Tell) -> Report:
@@ -96,8 +104,11 @@ def measured(slow: bool, tell: Tell) -> Report:
 
 PROOFS: dict[str, Callable[[bool, Tell], Report]] = {
     proof.__name__: proof
-    for proof in (tracker, problems, airflow, meshes, shares, coverage, tails, calibration, measured, funnel, crowd)
-}
+    for proof in (
+        extremes, tracker, problems, airflow, meshes, shares, coverage, tails, calibration, measured, funnel, crowd,
+    )
+}  # fmt: skip
+OPTIONAL = ("funnel", "crowd")  # each needs a program of its own: only when it is named
 
 
 def is_published(scene: Path) -> bool:
@@ -119,3 +130,42 @@ def of_scene(scene: Path, tell: Tell) -> Report:
     from proofs.airflow.airflow import run_scene
 
     return run_scene(scene, FOLDER, tell=tell)
+
+
+def prove(what: str | None, *, slow: bool, tell: Tell) -> dict[str, Report]:
+    """Reports by name, written into ``runs/verify``: of ``what`` (a proof, or a scene file), or of every proof but the
+    optional ones. Raises SceneError for one that there is not.
+    """
+    if what is not None and what.endswith(".toml"):
+        reports = _of_scene(Path(what), slow, tell)
+    elif what is not None and what not in PROOFS:
+        raise SceneError(f"verify {what!r}: unknown{did_you_mean(what, PROOFS)} (known: {', '.join(PROOFS)})")
+    else:
+        names = [what] if what is not None else [name for name in PROOFS if name not in OPTIONAL]
+        reports = [PROOFS[name](slow, tell) for name in names]
+    return {report.name: report.write(FOLDER) for report in reports}
+
+
+def _of_scene(path: Path, slow: bool, tell: Tell) -> list[Report]:
+    """The airflow next to published values of a scene of which there are any; of another its error against run time,
+    and with ``slow`` its airflow, where it has one about a body, on three grids.
+    """
+    from proofs.scene_curves import run_curves
+
+    scene = Scene.load(path)
+    if is_published(path):
+        return [of_scene(path, tell)]
+    reports = [run_curves(path, FOLDER, slow=slow, tell=tell, beside=beside)]
+    if slow and scene.air and scene.body and scene.air.case is None and scene.numerics.rung != "none":
+        reports.append(of_scene(path, tell))
+    return reports
+
+
+def show(reports: Mapping[str, Report]) -> None:
+    """Print every report."""
+    from rich.console import Console
+
+    console = Console()
+    console.width = max(console.width, WIDE) if not console.is_terminal else console.width
+    for report in reports.values():
+        report.show(console)

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
+from proofs import commands
 from proofs.airflow import airflow, measured
 from proofs.airflow.measured import DustyWake, SolvedAirflow, core_seconds, estimate_without, quantities
 from proofs.airflow.published import Case, Published, cases, read_cases, verification_scenes
@@ -23,7 +24,6 @@ from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.cli import main
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.record import from_json
-from wakeflow.extras.verify import runner
 from wakeflow.laws.best_estimate import best_estimate
 from wakeflow.laws.best_estimate import wakes as wakes_data
 from wakeflow.laws.momentum import momentum_pressure
@@ -318,7 +318,7 @@ def test_a_scene_of_ones_own_gets_a_grid_study(tmp_path: Path, capsys: pytest.Ca
     assert "| own | draft | mean Cd |" in (tmp_path / "scene-own.md").read_text()
     again = airflow.run_scene(path, tmp_path)
     assert again.data()["rows"] == report["rows"]  # from the cache, cost and date of the computation included
-    runner.show({"scene-own": whole})
+    commands.show({"scene-own": whole})
     assert "momentum model" in capsys.readouterr().out
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from proofs import commands
 from proofs.coverage import report
 from proofs.coverage.counted import Bounded, Counted, bounded, left_out_wakes, tally_of
 from proofs.coverage.flown import predicted, with_bins
@@ -17,7 +18,6 @@ from proofs.coverage.stored_air import StoredFlow, field_of, oval, stream
 from support import shipped
 from wakeflow.core.geometry import area
 from wakeflow.core.store import Store, cache_root
-from wakeflow.extras.verify import runner
 from wakeflow.planning.variation import AirVariation, Variation
 
 
@@ -140,8 +140,8 @@ def test_terms_that_are_switched_on_stay_within_their_bounds() -> None:
 def test_the_command_counts_and_tells(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     monkeypatch.setattr(report, "QUICK", 3)  # the scenes in a vacuum
     monkeypatch.setattr(report, "ENSEMBLE", 8)
-    monkeypatch.setattr(runner, "FOLDER", tmp_path)
-    found = runner.prove("coverage", slow=False, tell=lambda _: None)
+    monkeypatch.setattr(commands, "FOLDER", tmp_path)
+    found = commands.prove("coverage", slow=False, tell=lambda _: None)
     told = json.loads((tmp_path / "coverage.json").read_text())
     assert told["scenes"] == 3
     many = sum(row["many"] for row in told["groups"])
@@ -151,7 +151,7 @@ def test_the_command_counts_and_tells(tmp_path: Path, monkeypatch: pytest.Monkey
     inputs = told["parts"][2]
     assert inputs["many"] > 8 * 9  # most of the three scenes' shares, in each of eight draws
     assert 0.85 < inputs["coverage"] <= 1.0
-    runner.show(found)
+    commands.show(found)
     shown = capsys.readouterr().out
     assert "vacuum, rhombus" in shown
     assert "shares held overall" in shown

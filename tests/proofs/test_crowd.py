@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from proofs import commands
 from proofs.crowd import clouds, liggghts, report
 from proofs.crowd.cooling import Gas, cooling_coefficients
 from proofs.crowd.liggghts import CHUNK, DEPTH, Flown, fed, fly_machine, the_machine
 from proofs.report import mean_interval
-from wakeflow.extras.verify import runner
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.planning.unknowns import SIGMAS
 
@@ -157,8 +157,8 @@ def test_walls_hide_as_many_partners_as_random_pairs_show() -> None:
 
 
 def test_the_report_has_its_tables_and_the_proof_is_for_who_asks() -> None:
-    assert "crowd" in runner.room().PROOFS
-    assert "crowd" in runner.OPTIONAL
+    assert "crowd" in commands.PROOFS
+    assert "crowd" in commands.OPTIONAL
     row = {"bin": "middle", "ours": (0.1, 0.05, 0.15), "theirs": (0.2, 0.1, 0.3), "difference": (0.1, -0.1, 0.3)}
     machine = {
         "rows": [row | {"agree": True}], "variants": [{"name": "v", "rows": [row]}], "seconds": {"v": 3.0},

@@ -11,9 +11,9 @@ import pytest
 from proofs.experiments import catch, curtains, droplets, grid, near_wake, sheets, suspension, walls
 from proofs.experiments.ideal import kept_between, on_a_cylinder, on_a_ribbon
 from proofs.experiments.rebound import MEASURED, centre_angle, landing, rebound, run_rebound
+from proofs.report import Report
 from proofs.studies import deposition
 from wakeflow.core.number import Number
-from wakeflow.extras.verify.report import Report
 from wakeflow.flight import near_walls
 from wakeflow.scene.fraction import Fraction
 

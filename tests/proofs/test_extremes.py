@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-import wakeflow.extras.verify.extreme_scenes  # noqa: F401 - both register rows
+import proofs.extremes.plain_scenes  # noqa: F401 - both register rows
+from proofs.extremes import matrix
 from proofs.extremes.flying import falls_in_uniform_air
+from proofs.extremes.matrix import ERROR_UNITS, Extreme, Happened, extremes, fly_extreme
 from proofs.problems.exact import DENSITY, VISCOSITY, G, of_tau
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
-from wakeflow.extras.verify import extremes as matrix
-from wakeflow.extras.verify.extremes import ERROR_UNITS, Extreme, Happened, extremes, fly_extreme
 
 GOOD = Happened(2, {"binned": 2}, True, 0.5, 3.0, 0.1)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import wakeflow as wf
+from proofs.report import Table
 from proofs.tracker import cloud, flights
 from proofs.tracker.curves import travelling_wave
 from support import rhombus_spec, shipped
@@ -17,7 +18,6 @@ from wakeflow.air.foam.solver import run_segment
 from wakeflow.air.foam.start import first_step
 from wakeflow.air.foam.watch import Watch
 from wakeflow.air.mesh import build_mesh
-from wakeflow.extras.verify.report import Table
 from wakeflow.flight import Fate, Tracks
 
 

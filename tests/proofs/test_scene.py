@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
+from proofs import commands, scene_curves
 from proofs.airflow.airflow import is_published
+from proofs.scene_curves import EMPTY, WITH_AIR, run_curves
 from proofs.tracker import peer
 from proofs.tracker.peer import PEER, beside, peer_rows, why_no_peer
 from support import CASES, shipped
 from wakeflow.answer.separation import separate
-from wakeflow.extras.verify import runner, scene_curves
-from wakeflow.extras.verify.scene_curves import EMPTY, WITH_AIR, run_curves
 from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
@@ -50,7 +50,7 @@ def test_a_scene_gets_a_row_for_every_budget(tmp_path: Path, monkeypatch: pytest
     assert json.loads((tmp_path / "curves-own.json").read_text())["rows"] == rows
     for ending in ("png", "svg"):
         assert (tmp_path / f"curves-own.{ending}").stat().st_size > 1000
-    runner.show({"curves-own": report})
+    commands.show({"curves-own": report})
 
 
 @pytest.mark.openfoam

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import wakeflow as wf
+from proofs import commands
 from proofs.tracker.curves import BenchmarkCase, CurvePoint, cost_at, score, times_faster, travelling_wave
 from proofs.tracker.foam import FoamInterpolant, fly_parcels, make_foam_interpolant
 from proofs.tracker.reference import TrackingProblem, fly_reference
@@ -19,8 +20,7 @@ from support import RHOMBUS
 from wakeflow.air.mesh import plan_mesh
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
-from wakeflow.extras.verify import runner
-from wakeflow.extras.verify.runner import prove
+from wakeflow.extras.verify import verify_commands
 from wakeflow.laws.drag import drag_laws
 
 Array = NDArray[np.float64]
@@ -235,10 +235,10 @@ def test_what_is_not_there_is_refused_in_one_line(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     with pytest.raises(SceneError, match="did you mean 'extremes'"):
-        prove("extreme", slow=False, tell=lambda text: None)
+        commands.prove("extreme", slow=False, tell=lambda text: None)
     assert main(["verify", "trackers"]) == 2
     assert "did you mean" in capsys.readouterr().err
-    monkeypatch.setattr(runner, "TESTS", tmp_path)  # as in a wheel
+    monkeypatch.setattr(verify_commands, "TESTS", tmp_path)  # as in a wheel
     assert main(["verify", "airflow"]) == 2
     assert capsys.readouterr().err.count("needs a checkout of wakeflow's repository") == 1
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..core.registry import did_you_mean
 from ..scene import Scene
-from ..scene.machine import SIDES
+from ..scene.bins import SIDES
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -40,15 +40,10 @@ class LandingCells:
     @classmethod
     def of(cls, scene: Scene, fractions: int = 1, landed: Landed = ()) -> LandingCells:
         """Of a ``scene`` as it is flown, for so many ``fractions``; short cells where granules ``landed``."""
-        channel, half = scene.channel, scene.channel.width / 2
-        placed = {name: one for name, one in scene.bin.items() if one.side}
-        ends = {name: (float(one.start or 0.0), float(one.to or 0.0)) for name, one in placed.items()}
-        on = {name: str(one.side) for name, one in placed.items()}
+        placed = scene.on_sides()
+        ends, on = ({name: getattr(one, key) for name, one in placed.items()} for key in ("ends", "on"))
         fine = int(np.clip(MOST // max(1, fractions * len(set(on.values()))), 4, FINE))
-        edges = {}
-        for side in (one for one in SIDES if one in on.values()):
-            low, high = (-half, half) if side in ("floor", "top") else (channel.bottom, channel.top)
-            edges[side] = np.array([low, high])
+        edges = {side: np.array(scene.channel.span(side)) for side in SIDES if side in on.values()}
         found = cls(tuple(scene.bin), on, ends, edges)
         return replace(found, edges=found._shorter(scene, landed, fine))
 

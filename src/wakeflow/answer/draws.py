@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..core.lazy import cached_property
 from ..planning.unknowns import FARTHEST, SIGMAS
-from ..scene.machine import SIDES
+from ..scene.bins import SIDES
 from .cells import LandingCells
 from .shares import JointRecord, JointSource, Prices
 

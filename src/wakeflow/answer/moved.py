@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..scene import Scene
-from ..scene.machine import SIDES
+from ..scene.bins import SIDES
 from .result import Result, kept_granules
 
 Array = NDArray[np.float64]
@@ -49,16 +49,14 @@ class StoredLandings:
     @property
     def ends(self) -> dict[str, tuple[float, float]]:
         """The run's own dividers: from and to (m) of each bin that lies on a side."""
-        bins = self.scene.bin.items()
-        return {name: (float(one.start or 0.0), float(one.to or 0.0)) for name, one in bins if one.side}
+        return {name: one.ends for name, one in self.scene.on_sides().items()}
 
     def profile(self, cells: int = 80) -> dict[str, dict[str, list[float]]]:
         """By side with bins and by fraction: the share of its mass that lands in each of ``cells`` along the side."""
-        half, channel = self.scene.channel.width / 2, self.scene.channel
         found: dict[str, dict[str, list[float]]] = {}
-        for on in dict.fromkeys(one.side for one in self.scene.bin.values() if one.side):
+        for on in dict.fromkeys(one.on for one in self.scene.on_sides().values()):
             number = SIDES.index(on)
-            span = (-half, half) if number < 2 else (channel.bottom, channel.top)
+            span = self.scene.channel.span(on)
             here = self.side == number
             found[on] = {
                 name: np.histogram(self.place[mine], cells, span, weights=self.weight[mine])[0].tolist()

@@ -107,6 +107,12 @@ def segments_cross(a: Array, b: Array, c: Array, d: Array) -> NDArray[np.bool_]:
     return (side(a, b, c) * side(a, b, d) <= 0) & (side(c, d, a) * side(c, d, b) <= 0) & boxes.all(axis=-1)
 
 
+def runs_into(line: Array, outline: Array) -> bool:
+    """Whether a polyline (n, 2) touches or enters an outline (k, 2)."""
+    crosses = segments_cross(line[:-1, None], line[1:, None], *edges(outline)).any()
+    return bool(crosses or contains(outline, line).any())
+
+
 def distance_between(one: Array, other: Array) -> float:
     """Least distance (m) between two outlines; 0 where they cross, touch or one encloses the other."""
     (a, b), (c, d) = edges(one), edges(other)

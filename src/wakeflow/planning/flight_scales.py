@@ -73,8 +73,7 @@ def flights(
 
 def _sideways_bins(scene: Scene) -> bool:
     """Whether shifts along the air count in full: a bin is on a wall or in the air, or granules come to the walls."""
-    aside = any(place.side in (None, "left", "right") for place in scene.bin.values())
-    return aside or not (scene.body and scene.plumb.upright)
+    return any(place.stands for place in scene.bin.values()) or not (scene.body and scene.plumb.upright)
 
 
 def _given_by_drag(scene: Scene, times: FallTimes, density: float, slip: float) -> float:

@@ -159,9 +159,9 @@ def floor_notices(scene: Scene) -> Iterator[Notice]:
     covers it.
     """
     half, bins = scene.channel.width / 2, scene.bin.values()
-    if not any(place.side == "floor" for place in bins):
+    if not scene.on_sides("floor"):
         return  # a machine that collects elsewhere
-    lines = [place.line(scene) for place in bins if place.points is not None or place.side == "floor"]
+    lines = [place.line(scene) for place in bins if place.lies_under]
     reach, bare = -half, []
     for low, high in sorted((float(line[:, 0].min()), float(line[:, 0].max())) for line in lines):
         bare.append((reach, low))

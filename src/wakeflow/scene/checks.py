@@ -9,11 +9,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import SceneError, known
-from ..core.geometry import contains, distance_between, edges, segments_cross, wall_edge
+from ..core.errors import SceneError
+from ..core.geometry import distance_between, runs_into, wall_edge
 from ..core.quantities import metres, say, spoken
 from ..core.registry import did_you_mean
-from .machine import SIDES
 from .measured import Measured
 from .pictures import STANDARD_FIGURES, Streamlines
 from .rungs import rungs
@@ -73,7 +72,7 @@ def _body_fits(scene: SceneTables) -> Iterator[str]:
 def _standing_bodies_leave_room(scene: SceneTables) -> Iterator[str]:
     """Bins and streams on a wall keep off the bodies that stand on it."""
     taken = [
-        *((f"bin.{name}", one.side, known(one.start), known(one.to)) for name, one in scene.bin.items() if one.side),
+        *((f"bin.{name}", one.on, *one.ends) for name, one in scene.on_sides().items()),
         *((f"channel.inlet.{name}", one.side, *one.span) for name, one in scene.channel.inlet.items()),
     ]
     for name, body in scene.body.items():
@@ -108,7 +107,7 @@ def _feed_fits(scene: SceneTables) -> Iterator[str]:
     starts = scene.plumb.highest(np.array([left, right]), np.zeros(2), 0.0)
     curtain = scene.plumb.placed(np.stack([[left, right], np.minimum(scene.level + scene.release[0], starts)], axis=1))
     for name, body in list(scene.body.items())[1 if scene.plumb.upright else 0 :]:
-        if _meets(body.outline(), curtain):
+        if runs_into(curtain, body.outline()):
             yield f"feed: the curtain begins at y = {metres(level, 3)}, inside body.{name}; move either"
     if feed.position - feed.width / 2 > x.max() or feed.position + feed.width / 2 < x.min():
         reach = f"x from {metres(x.min())} to {metres(x.max())}"
@@ -136,7 +135,7 @@ def _turned_feed_fits(scene: SceneTables) -> Iterator[str]:
 def _captured_fall(scene: SceneTables) -> Iterator[str]:
     """Refuse a capture speed, and a bin on the first body, where the first impact is no tracked one."""
     first = next(iter(scene.body), None)
-    for name in (name for name, one in scene.bin.items() if one.on == first):
+    for name in (name for name, one in scene.bin.items() if one.body is not None and one.body == first):
         if scene.feed.mode == "injected":
             yield f"bin.{name}.on = {first!r}: feed.mode = 'injected' lets all rebound; choose auto or resolved"
         if scene.feed.start == "resting":
@@ -221,10 +220,8 @@ def _bins_exist(scene: SceneTables) -> Iterator[str]:
                 hint = f"no such bin{did_you_mean(target, known)} (known: {', '.join(known)})"
                 yield f"fraction.{name}.target = {target!r}: {hint}"
     for name, collector in scene.bin.items():
-        if collector.on not in (*SIDES, *scene.body):
-            known = [*SIDES, *scene.body]
-            hint = f"no side and no body{did_you_mean(collector.on, known)} (known: {', '.join(known)})"
-            yield f"bin.{name}.on = {collector.on!r}: {hint}"
+        if wrong := [f"bin.{name}{text}" for text in collector.wrong(scene)]:
+            yield from wrong
             continue
         half, slack = scene.channel.width / 2, 1e-9 * scene.channel.width
         x, y = collector.line(scene).T
@@ -236,25 +233,14 @@ def _bins_exist(scene: SceneTables) -> Iterator[str]:
             reach = f"x from {metres(x.min())} to {metres(x.max())}, y from {metres(y.min())} to {metres(y.max())}"
             duct = f"x within {metres(half)} of 0, y from {metres(scene.channel.bottom)} to {metres(scene.channel.top)}"
             yield f"bin.{name} lies outside the channel: {reach} (allowed: {duct})"
-        bodies = scene.body.values()
-        if collector.points is not None and any(_meets(body.outline(), collector.points) for body in bodies):
-            yield f"bin.{name} runs through a body"
-
-
-def _meets(outline: Array, points: list[list[float]] | Array) -> bool:
-    """Whether a polyline touches or enters an outline."""
-    line = np.asarray(points)
-    start, end = edges(outline)
-    crosses = segments_cross(line[:-1, None], line[1:, None], start, end).any()
-    return bool(crosses or contains(outline, line).any())
 
 
 def _bins_apart(scene: SceneTables) -> Iterator[str]:
     collecting: dict[str, str] = {}
     for name, bin_ in scene.bin.items():
-        if bin_.on_body and (other := collecting.setdefault(bin_.on, name)) != name:
-            yield f"bin.{other} and bin.{name} are both on body.{bin_.on}"
-    placed = ((b.side, known(b.start), known(b.to), n) for n, b in scene.bin.items() if b.side is not None)
+        if bin_.body is not None and (other := collecting.setdefault(bin_.body, name)) != name:
+            yield f"bin.{other} and bin.{name} are both on body.{bin_.body}"
+    placed = ((one.on, *one.ends, name) for name, one in scene.on_sides().items())
     reached: tuple[str, float, float, str] | None = None  # of those before on its side, the bin that reaches farthest
     for one in sorted(placed):
         if reached is None or one[0] != reached[0]:
@@ -278,12 +264,11 @@ def _inlets_fit(scene: SceneTables) -> Iterator[str]:
     for (name, one), (other_name, other) in itertools.combinations(placed, 2):
         if one.side == other.side and abs(one.position - other.position) < (one.width + other.width) / 2:
             yield f"channel.inlet.{name} and channel.inlet.{other_name} overlap"
-    for bin_name, collector in scene.bin.items():
-        for name, one in placed:
-            if collector.side == one.side:
-                low, high = one.span
-                if min(high, collector.to or 0.0) - max(low, collector.start or 0.0) > 1e-9:
-                    yield f"bin.{bin_name} overlaps channel.inlet.{name}"
+    for name, one in placed:
+        low, high = one.span
+        for bin_name, bin_ in scene.on_sides(one.side).items():
+            if min(high, bin_.to) - max(low, bin_.start) > 1e-9:
+                yield f"bin.{bin_name} overlaps channel.inlet.{name}"
 
 
 def _pictures_fit(scene: SceneTables) -> Iterator[str]:

@@ -1,18 +1,17 @@
-"""[body.NAME], [channel], [air], [vibration] and [bin.NAME]: the machine."""
+"""[body.NAME], [channel], [air] and [vibration]: the machine."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Literal, Protocol
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
 from ..core.errors import SceneError, known
 from ..core.geometry import is_simple, rounded
-from ..core.quantities import metres, say
+from ..core.quantities import say
 from ..core.record import JsonTable
 from ..laws.constants import GRAVITY
 from ..laws.gas import PRESSURE, TEMPERATURE, air_density, air_viscosity, mean_free_path
@@ -117,6 +116,15 @@ class Channel(Table):
     )
     extend: bool = Field(True, description="compute the air in a longer channel where an end is too near to a body")
     inlet: dict[Name, Inlet] = Field({}, description="secondary air streams through the walls")
+
+    @property
+    def sides(self) -> dict[str, float]:
+        """Where each side lies: y of the floor and the top, x of the walls (m)."""
+        return {"floor": self.bottom, "top": self.top, "left": -self.width / 2, "right": self.width / 2}
+
+    def span(self, side: str) -> tuple[float, float]:
+        """From where to where a side reaches (m): x of the floor and the top, y of the walls."""
+        return (-self.width / 2, self.width / 2) if side in ("floor", "top") else (self.bottom, self.top)
 
 
 def _speed_or_case(schema: JsonTable) -> None:
@@ -281,74 +289,3 @@ class Vibration(Weighed):
         if self.samples is not None:
             return self.record.peak_acceleration / self.gravity
         return float(np.linalg.norm(self.displacement)) * self.omega**2 / self.gravity
-
-
-# -- [bin.NAME]: the collectors ----------------------------------------------------------------------------------------
-class BinPlace(Protocol):
-    """What a bin lies on: a scene."""
-
-    @property
-    def channel(self) -> Channel: ...
-
-    @property
-    def body(self) -> Mapping[str, Body]: ...
-
-
-SIDES = ("floor", "top", "left", "right")  # of the channel
-
-
-class Bin(Table):
-    """[bin.NAME]: a collector: a stretch of the channel's boundary, a line of points, or a body that keeps what touches
-    it.
-    """
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, populate_by_name=True)
-    start: Coordinate | None = Field(None, alias="from", description="x on the floor or top, y on a side")
-    to: Coordinate | None = None
-    on: Literal["floor", "left", "right", "top"] | Name = Field(
-        "floor", description="the side of the channel it lies on; or a body, which then keeps what touches it"
-    )
-    points: list[Point] | None = Field(None, description="a polyline anywhere in the channel, instead of from and to")
-
-    @model_validator(mode="after")
-    def _one_place(self) -> Bin:
-        if self.on_body:
-            if (self.start, self.to, self.points) != (None, None, None):
-                raise SceneError(f"on = {self.on!r} is the whole body of that name: leave out from, to and points")
-        elif self.points is not None:
-            if self.start is not None or self.to is not None:
-                raise SceneError("give either points, or from and to")
-            if len(self.points) < 2:
-                raise SceneError("points needs at least two [x, y] pairs")
-            if not np.all(np.linalg.norm(np.diff(self.points, axis=0), axis=1) > 0):
-                raise SceneError("points repeats a point")
-        elif self.start is None or self.to is None:
-            raise SceneError("give from and to (or points)")
-        elif not self.start < self.to:
-            raise SceneError(f"from = {metres(self.start)} must be below to = {metres(self.to)}")
-        return self
-
-    @property
-    def on_body(self) -> bool:
-        """Whether it is a body, all of it."""
-        return self.on not in SIDES
-
-    @property
-    def side(self) -> str | None:
-        """The side of the channel that it is a stretch of; None for a line of points and for a body."""
-        return None if self.on_body or self.points is not None else self.on
-
-    def line(self, scene: BinPlace) -> Array:
-        """The collector as a polyline, (k, 2) in metres; of a body its outline, closed."""
-        channel = scene.channel
-        if self.points is not None:
-            return np.asarray(self.points, dtype=float)
-        if self.on_body:
-            outline = scene.body[self.on].outline()
-            return np.vstack([outline, outline[:1]])
-        along = np.array([known(self.start), known(self.to)])
-        fixed = {"floor": channel.bottom, "top": channel.top, "left": -channel.width / 2, "right": channel.width / 2}[
-            self.on
-        ]
-        across = np.full(2, fixed)
-        return np.stack([along, across] if self.on in ("floor", "top") else [across, along], axis=1)

@@ -97,10 +97,10 @@ def dotted(place: Place) -> str:
 
 
 def _place(error: ErrorDetails) -> Place:
-    """Where the mistake is, without pydantic's words for itself, and without the kind of a picture after its name."""
+    """Where the mistake is, without pydantic's words for itself, or the kind of a picture or a bin after its name."""
     first, *rest = error["loc"]  # the user's own key, whatever is in it
     inner = [first, *(part for part in rest if not PYDANTIC.fullmatch(str(part)))]
-    if inner[0] == "picture" and len(inner) > 2:
+    if inner[0] in ("picture", "bin") and len(inner) > 2:
         del inner[2]
     return tuple(inner)
 

@@ -21,9 +21,9 @@ from ..core.errors import LONGEST, SceneError
 from ..core.files import atomic_write, check_tables, path_of, read_toml
 from ..core.quantities import say, speaking
 from ..core.record import JsonTable
+from .bins.built_in import SideBin
 from .checks import CHECKS, OVER_THE_TOP
 from .doubts import EVERYWHERE, doubts, with_units
-from .machine import Bin
 from .measured import trays_in
 from .messages import explain, units_in
 from .overrides import changed
@@ -138,10 +138,10 @@ class Scene(SceneTables):
         out is an answer, not lost. Itself otherwise, and where another bin has that name.
         """
         upward = self.air is not None and self.air.rises
-        if not upward or OVER_THE_TOP in self.bin or any(b.side == "top" for b in self.bin.values()):
+        if not upward or OVER_THE_TOP in self.bin or self.on_sides("top"):
             return self
         half = self.channel.width / 2
-        top = Bin(on="top", start=-half, to=half)
+        top = SideBin(on="top", start=-half, to=half)
         return self.model_copy(update={"bin": {**self.bin, OVER_THE_TOP: top}})
 
     def tables(self) -> JsonTable:

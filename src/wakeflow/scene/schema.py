@@ -78,7 +78,7 @@ def allowed_range(node: Node, unit: str) -> str:
 def known_keys(node: Node) -> list[str]:
     """The keys that a table may have; none for a table with other keys of the user's, and for a value."""
     closed = (one for one in _variants(node) if "properties" in one and not one.get("additionalProperties"))
-    return next((list(one["properties"]) for one in closed), [])
+    return list(dict.fromkeys(key for one in closed for key in one["properties"]))
 
 
 def unit_and_example(node: Node) -> tuple[str, str] | None:

@@ -12,10 +12,12 @@ from pydantic import BeforeValidator, Field, model_validator
 from ..core.errors import SceneError, known
 from ..core.geometry import are_symmetric
 from ..laws.constants import GRAVITY
+from .bins import AnyBin
+from .bins.built_in import SideBin
 from .feed import CollisionTable, Feed
 from .fraction import Fraction
 from .funnel import Funnel
-from .machine import Air, Bin, Body, Channel, Vibration
+from .machine import Air, Body, Channel, Vibration
 from .measured import Tray
 from .pictures import AnyPicture
 from .plumb import Plumb
@@ -154,7 +156,7 @@ class SceneTables(Table):
     feed: Feed
     funnel: Funnel | None = None
     fraction: Annotated[dict[Name, Fraction], Field(min_length=1)]
-    bin: Annotated[dict[Name, Bin], Field(min_length=1)]
+    bin: Annotated[dict[Name, AnyBin], Field(min_length=1)]
     collisions: CollisionTable = CollisionTable()
     force: Annotated[dict[str, bool], BeforeValidator(_switches, json_schema_input_type=Switches)] = Field(
         {}, description="terms switched by hand, on or off: TERM for all fractions, FRACTION.TERM for one"
@@ -265,7 +267,11 @@ class SceneTables(Table):
     @property
     def collecting(self) -> dict[str, int]:
         """The bodies that keep what touches them, each with the place of its bin among the bins."""
-        return {one.on: i for i, one in enumerate(self.bin.values()) if one.on_body}
+        return {one.body: i for i, one in enumerate(self.bin.values()) if one.body is not None}
+
+    def on_sides(self, side: str | None = None) -> dict[str, SideBin]:
+        """The bins that are stretches of a ``side`` of the channel, or of any."""
+        return {name: one for name, one in self.bin.items() if isinstance(one, SideBin) and side in (None, one.on)}
 
     @property
     def products(self) -> list[str]:

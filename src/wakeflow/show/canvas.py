@@ -184,7 +184,7 @@ def draw_bins(axes: Axes, scene: Scene, scale: float) -> dict[str, float]:
              "right": ("left", "center")}  # fmt: skip
     margin = dict.fromkeys(outward, 0.0)
     for on in outward:
-        placed = {n: b.line(scene) for n, b in scene.bin.items() if b.side == on}
+        placed = {name: one.line(scene) for name, one in scene.on_sides(on).items()}
         placed = dict(sorted(placed.items(), key=lambda item: float(item[1].sum())))
         room = {name: scale * float(np.ptp(line, axis=0).max()) for name, line in placed.items()}
         level = all(text_width(name, 8) < room[name] for name in placed) and on in ("floor", "top")
@@ -199,7 +199,7 @@ def draw_bins(axes: Axes, scene: Scene, scale: float) -> dict[str, float]:
             upright = not level and on in ("floor", "top")
             margin[on] = ((max(text_width(n, 8) for n in placed) + 0.1) if upright else 0.27) / scale
     for name, bin_ in scene.bin.items():
-        if bin_.side is None:
+        if name not in scene.on_sides():
             line = bin_.line(scene)
             axes.plot(*(MM * line).T, color=BARS[0], linewidth=4, solid_capstyle="butt", zorder=5)
             box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": INK, "linewidth": 0.5}

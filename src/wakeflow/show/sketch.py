@@ -180,8 +180,7 @@ def _names_room(scene: Scene, on: str, scale: float) -> float:
 
 def _bins_on(scene: Scene, on: str) -> dict[str, tuple[float, float]]:
     """The bins on a side of the channel, in order of place, with their ends (m) along it."""
-    ends = {n: (float(b.start or 0.0), float(b.to or 0.0)) for n, b in scene.bin.items() if b.side == on}
-    return dict(sorted(ends.items(), key=lambda item: item[1]))
+    return dict(sorted(((n, b.ends) for n, b in scene.on_sides(on).items()), key=lambda item: item[1]))
 
 
 def _limits(placed: Mapping[str, tuple[float, float]]) -> dict[float, str]:
@@ -346,13 +345,9 @@ def _notes(scene: Scene) -> Iterator[_Note]:
         corner = outline[np.argmin(outline[:, 0]) if left else np.argmax(outline[:, 0])]
         yield _Note((float(corner[0]), float(corner[1])), body_words(name, body, scene if i == 0 else None), left)
     for name, bin_ in scene.bin.items():
-        line = bin_.line(scene)
-        if bin_.side is None:
-            end = line[np.argmin(line[:, 0])] if line[:, 0].mean() < 0.0 else line[np.argmax(line[:, 0])]
-            yield _Note((float(end[0]), float(end[1])), f"bin {name}", bool(line[:, 0].mean() < 0.0))
-        elif bin_.side in ("left", "right"):
-            ends = f"y {metres(float(line[0, 1]))} to {metres(float(line[1, 1]))}"
-            yield _Note((float(line[0, 0]), float(line[:, 1].mean())), f"bin {name}: {ends}", bin_.on == "left")
+        if (note := bin_.note(name, scene)) is not None:
+            (x, y), words, left = note
+            yield _Note((float(x), float(y)), words, left)
 
 
 def _write(sheet: _Sheet, notes: list[_Note]) -> None:

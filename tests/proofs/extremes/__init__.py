@@ -1,3 +1,3 @@
-"""Rows of the stability matrix that need a reference, OpenFOAM or much time: importing registers them."""
+"""Rows of the stability matrix: importing registers them."""
 
-from proofs.extremes import contacts, granules, scenes  # noqa: F401
+from proofs.extremes import contacts, granules, plain_scenes, scenes  # noqa: F401

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofs.extremes.flying import TOLERANCE, against_answer, timed_flight, what_happened
+from proofs.extremes.matrix import Happened, add_row
 from proofs.problems.exact import G, Setting, box, field_on, of_tau
 from proofs.problems.flights import two_modes
 from support import without_slip
-from wakeflow.extras.verify.extremes import Happened, add_row
 from wakeflow.flight import Body, Fate, Granules, Motion
 
 Array = NDArray[np.float64]

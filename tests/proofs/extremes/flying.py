@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from proofs.extremes.matrix import Happened
 from proofs.problems.exact import G, Setting, fly
-from wakeflow.extras.verify.extremes import Happened
 from wakeflow.flight import Fate, Granules, Tracks, track
 from wakeflow.laws.drag import drag_laws
 

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from proofs.extremes.flying import against_answer, falls_in_uniform_air, timed_flight, what_happened
+from proofs.extremes.matrix import Happened, add_row
 from proofs.problems.exact import DENSITY, VISCOSITY, G, Setting, box, field_on, of_tau
 from proofs.problems.flights import taylor_green, two_modes
 from proofs.problems.reference_all_terms import reference_end_states
 from support import without_slip
 from wakeflow.air.field import FlowField
-from wakeflow.extras.verify.extremes import Happened, add_row
 from wakeflow.flight import Granules
 from wakeflow.laws.drag import slip_correction, terminal_velocity
 from wakeflow.laws.gas import MEAN_FREE_PATH

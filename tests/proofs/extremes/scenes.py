@@ -17,14 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofs.extremes.flying import timed_flight, what_happened
+from proofs.extremes.matrix import Happened, add_row
+from proofs.extremes.plain_scenes import DENSE, OUT, Options, happened_in, run_in, shipped_scene
 from proofs.tracker.reference import TrackingProblem, fly_reference
 from support import without_slip
 from wakeflow.air.field import FlowField
 from wakeflow.answer.budget.slab_sources import SlabStep
 from wakeflow.answer.result import Result
 from wakeflow.core.graded import Grade
-from wakeflow.extras.verify.extreme_scenes import DENSE, OUT, Options, happened_in, run_in, shipped_scene
-from wakeflow.extras.verify.extremes import Happened, add_row
 from wakeflow.flight import Body, Tracks
 from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.runs import run

@@ -40,6 +40,7 @@ from typing import Any
 import numpy as np
 
 import wakeflow as wf
+from proofs.scene_curves import one_cache
 from support import CASES, shipped
 from wakeflow.air.foam.case import FlowSpec, write_parameters
 from wakeflow.air.foam.force_history import Tail
@@ -53,7 +54,6 @@ from wakeflow.core.files import read_json, write_json
 from wakeflow.core.process import cores
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import content_key
-from wakeflow.extras.verify.scene_curves import one_cache
 from wakeflow.flight import Granules
 from wakeflow.flight.driver import BLOCK
 from wakeflow.flight.feed.feedstock import feedstock

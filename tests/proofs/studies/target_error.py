@@ -20,11 +20,7 @@ from typing import Any
 import numpy as np
 
 import wakeflow as wf
-from support import shipped
-from wakeflow.answer.provenance import RefinedSettings
-from wakeflow.answer.result import Result
-from wakeflow.answer.separation import separate
-from wakeflow.extras.verify.scene_curves import (
+from proofs.scene_curves import (
     OTHER_SEED,
     BinShares,
     bin_shares,
@@ -32,6 +28,10 @@ from wakeflow.extras.verify.scene_curves import (
     one_cache,
     shares_of,
 )
+from support import shipped
+from wakeflow.answer.provenance import RefinedSettings
+from wakeflow.answer.result import Result
+from wakeflow.answer.separation import separate
 from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.runs.planned import make_plan
 from wakeflow.runs.settings import applied, cheapest, knobs, own_settings

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from proofs.report import Report, Table, Tell
 from proofs.tracker import cloud, flights
 from proofs.tracker.curves import (
     ERROR,
@@ -32,7 +33,6 @@ from wakeflow.air.field import FlowField
 from wakeflow.core.errors import known
 from wakeflow.core.files import scene_templates
 from wakeflow.core.record import JsonTable
-from wakeflow.extras.verify.report import Report, Table, Tell
 from wakeflow.flight import Fate, Granules, track
 from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.planning.stage_cache import Listener

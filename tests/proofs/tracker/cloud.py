@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from proofs.report import Tell
 from proofs.tracker.curves import as_spheres
 from proofs.tracker.flights import REFERENCE, WANTED, FlownKind
 from proofs.tracker.foam import CLOUD, FoamInterpolant, interpolant, write_cloud, write_gravity, write_properties
@@ -29,7 +30,6 @@ from wakeflow.air.foam.programs import call
 from wakeflow.air.foam.read import time_folders
 from wakeflow.air.foam.solver import last_state, states
 from wakeflow.core.record import JsonTable
-from wakeflow.extras.verify.report import Tell
 from wakeflow.flight import Granules
 
 Array = NDArray[np.float64]

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from proofs.report import Tell
 from proofs.tracker.curves import timed
 from wakeflow.air.field import FlowField
 from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.core.record import JsonTable
-from wakeflow.extras.verify.report import Tell
 from wakeflow.flight import Granules, Tracks
 from wakeflow.flight.feed.feedstock import feedstock
 from wakeflow.flight.stages.fraction_flights import Flight

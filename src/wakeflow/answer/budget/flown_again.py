@@ -82,7 +82,6 @@ def differences(comparison: Comparison[Key], name: str, place: int) -> Iterator[
 
 # -- The ends of bins over which granules can pass ---------------------------------------------------------------------
 BinEnds = dict[str, list[tuple[float, float]]]  # m: the ends of every bin
-SAME_PLACE = 1e-9  # channel widths: an end of a bin so near to a corner of the channel is in it
 DIGITS = 9  # of a place in m: ends that agree in them are one end
 END_REACH = 0.3  # body widths to either side of an end: about as far as what is unknown shifts landings
 ADDED_GRANULES = 8.0  # granules: as many are added to both counts, so that a few near an end alone make no large factor
@@ -90,23 +89,10 @@ MAX_FACTOR = 3.0  # largest factor, and one over the least
 
 
 def free_ends(scene: Scene) -> BinEnds:
-    """The ends (m) of every bin over which granules can pass, and for ``elsewhere`` the ends that no two bins share.
-
-    An end in a corner of the channel is closed by the wall, unless a bin is on that wall.
-    """
-    channel, slack = scene.channel, SAME_PLACE * scene.channel.width
-    walls = {b.side for b in scene.bin.values()} & {"left", "right"}
-    ends: BinEnds = {}
-    for place, collector in scene.bin.items():
-        line = collector.line(scene)
-        if collector.on_body:  # granules pass by a body over its outermost points
-            line = line[[line[:, 0].argmin(), line[:, 0].argmax()]]
-        ends[place] = []
-        for x, y in (line[0], line[-1]):
-            side = "right" if x > 0 else "left"
-            closed = collector.side is not None and abs(x) >= channel.width / 2 - slack and side not in walls
-            if not closed:
-                ends[place].append((round(float(x), DIGITS), round(float(y), DIGITS)))
+    """The ends (m) of every bin over which granules can pass, and for ``elsewhere`` the ends that no two bins share."""
+    ends: BinEnds = {
+        place: [(round(x, DIGITS), round(y, DIGITS)) for x, y in one.passed(scene)] for place, one in scene.bin.items()
+    }
     every = list(points_of(ends, repeated=True))
     ends[RESERVED_BIN] = [point for point in dict.fromkeys(every) if every.count(point) == 1]
     return ends

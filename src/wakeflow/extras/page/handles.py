@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 
 from ...core.quantities import converted, split_quantity
 from ...core.record import JsonTable
 from ...scene import Body, Scene
+from ...scene.bins import Grip
 from ...scene.messages import unit_of, units_in
 from ...scene.schema import at
 
 STEPS = 400.0  # of a drag over the width of the channel, and so the length that the arrow keys move by
 ASIDE = 0.14  # in widths of the channel: where its ends are taken hold of, between most dividers
 TURN = math.radians(0.5)  # of a drag that turns
-Changes = dict[str, float | list[float] | list[list[float]]]  # dotted keys, SI
+Changes = dict[str, object]  # dotted keys, SI
 Move = Callable[[float, float], Changes]
 
 
@@ -173,33 +174,23 @@ def _feed(scene: Scene) -> Iterator[Handle]:
 
 def _bins(scene: Scene) -> Iterator[Handle]:
     """A divider moves the ends of the bins on both of its sides; corners of a line of points move alone."""
-    ends: dict[tuple[str, float], list[str]] = {}
+    joined: dict[tuple[str, float], list[tuple[str, tuple[float, float], Grip]]] = {}
     for name, one in scene.bin.items():
-        if one.side is not None:
-            for key, place in (("from", one.start), ("to", one.to)):
-                ends.setdefault((one.side, round(float(place or 0.0), 9)), []).append(f"bin.{name}.{key}")
-            continue
-        points = one.points or []
-        for i, (x, y) in enumerate(points):
-            yield Handle(f"bin.{name} point {i + 1}", f"bin {name}: point {i + 1}", f"bin.{name}.points",
-                         (float(x), float(y)), "xy", partial(_point, name, points, i))  # fmt: skip
-    half, lines = scene.channel.width / 2, {"floor": scene.channel.bottom, "top": scene.channel.top}
-    for (on, place), keys in sorted(ends.items()):
-        level = on in lines
-        point = (place, lines[on]) if level else (-half if on == "left" else half, place)
+        for grip in one.grips(scene):
+            key, at = f"bin.{name}.{grip.key}", (float(grip.at[0]), float(grip.at[1]))
+            if grip.joins is not None:
+                joined.setdefault(grip.joins, []).append((key, at, grip))
+                continue
+            yield Handle(f"bin.{name} {grip.label}", f"bin {name}: {grip.label}", key, at, grip.axis,
+                         partial(_moved, (key,), grip))  # fmt: skip
+    for _, parts in sorted(joined.items()):
+        keys, (_, at, grip) = tuple(key for key, *_ in parts), parts[0]
         label = f"divider {' | '.join(dict.fromkeys(key.split('.')[1] for key in keys))}"
-        yield Handle(f"divider {keys[0]}", label, keys[0], point, "x" if level else "y",
-                     partial(_divider, tuple(keys), 0 if level else 1))  # fmt: skip
+        yield Handle(f"divider {keys[0]}", label, keys[0], at, grip.axis, partial(_moved, keys, grip))
 
 
-def _divider(keys: tuple[str, ...], which: int, x: float, y: float) -> Changes:
-    return dict.fromkeys(keys, (x, y)[which])
-
-
-def _point(name: str, points: Sequence[Sequence[float]], which: int, x: float, y: float) -> Changes:
-    moved = [[float(a), float(b)] for a, b in points]
-    moved[which] = [x, y]
-    return {f"bin.{name}.points": moved}
+def _moved(keys: tuple[str, ...], grip: Grip, x: float, y: float) -> Changes:
+    return dict.fromkeys(keys, grip.moved(x, y))
 
 
 def _inlets(scene: Scene) -> Iterator[Handle]:

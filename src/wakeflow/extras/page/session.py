@@ -331,23 +331,21 @@ class Session:
         """Of a finished ``run``: where its granules landed, its dividers, its shares."""
         stored = self._stored(run)
         scene, channel = stored.scene, stored.scene.channel
-        half = channel.width / 2
-        level, upright = (-half, half), (channel.bottom, channel.top)
         with self._drawing:
             drawn = sketch_svg(scene)
         return {
             "svg": drawn.svg, "origin": drawn.origin, "scale": drawn.scale,
-            "walls": {"left": -half, "right": half, "floor": channel.bottom, "top": channel.top},
+            "walls": channel.sides,
             "run": run, "folder": str(stored.result.folder), "calibrated": calibrated_with(stored.result),
             "report": (stored.result.folder / "report.html").is_file(),
             "protocol": (stored.result.folder / "protocol.html").is_file(),
             "colours": fraction_colours(list(scene.fraction)),
             "targets": {name: list(one.targets) for name, one in scene.fraction.items()},
             "sides": {
-                on: {"span": level if on in ("floor", "top") else upright, "profile": profile}
+                on: {"span": list(channel.span(on)), "profile": profile}
                 for on, profile in stored.profile().items()
             },
-            "on": {name: one.side for name, one in scene.bin.items() if one.side},
+            "on": {name: one.on for name, one in scene.on_sides().items()},
             "ends": stored.ends, "step": step_of(scene), **self._answer(stored, stored.ends),
         }  # fmt: skip
 

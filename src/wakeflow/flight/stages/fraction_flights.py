@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ... import flight as tracking
 from ...air.field import FlowField
 from ...air.kinds.realisations import Realisations
-from ...core.errors import SceneError, known
+from ...core.errors import SceneError
 from ...core.geometry import wall_edge
 from ...core.tables import AnyArray, Columns
 from ...planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
@@ -288,11 +288,8 @@ def _into_the_wall(outline: Array, scene: Scene) -> Array:
 
 def _openings(scene: Scene, side: str) -> list[tuple[float, float]]:
     """Where a wall is open, (from, to) along y in order: at bins, and where a secondary stream enters."""
-    found = [inlet.span for inlet in scene.channel.inlet.values() if inlet.side == side]
-    for bin_ in scene.bin.values():
-        if bin_.side == side:
-            found.append((known(bin_.start), known(bin_.to)))
-    return sorted(found)
+    streams = [inlet.span for inlet in scene.channel.inlet.values() if inlet.side == side]
+    return sorted([*streams, *(one.ends for one in scene.on_sides(side).values())])
 
 
 def end_lines(scene: Scene) -> list[Array]:

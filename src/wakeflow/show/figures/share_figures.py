@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import known
-from ...core.geometry import along
 from ..canvas import COLOURS, INK, MM, bins_across, foremost, fraction_colours, new_figure, of_all, save, text_width
 from ..outcome import add_figure
 from ..words import UNKNOWN_ERROR, percent
@@ -100,20 +99,18 @@ def draw_landing(
 
 
 def _walls_with_bins(scene: Scene) -> Iterator[_Wall]:
-    channel, half = scene.channel, scene.channel.width / 2
+    places = list(scene.bin)
     for on, title in (
         ("floor", "x on the floor (mm)"),
         ("top", "x on the top (mm)"),
         ("left", "y on the left wall (mm)"),
         ("right", "y on the right wall (mm)"),
     ):
-        axis = 0 if on in ("floor", "top") else 1
-        placed = {i: b.line(scene)[:, axis] for i, b in enumerate(scene.bin.values()) if b.side == on}
-        bins = {i: (float(a), float(b)) for i, (a, b) in sorted(placed.items(), key=lambda item: float(item[1][0]))}
-        if bins:
-            yield _Wall(title, (-half, half) if axis == 0 else (channel.bottom, channel.top), bins)
+        if placed := {places.index(name): one.ends for name, one in scene.on_sides(on).items()}:
+            bins = dict(sorted(placed.items(), key=lambda item: item[1]))
+            yield _Wall(title, scene.channel.span(on), bins)
     for i, (name, bin_) in enumerate(scene.bin.items()):
-        if bin_.side is None:
+        if name not in scene.on_sides():
             length = float(np.sum(np.hypot(*np.diff(bin_.line(scene), axis=0).T)))
             yield _Wall(f"along {name} (mm)", (0.0, length), {i: (0.0, length)})
 
@@ -123,11 +120,7 @@ def _along(wall: _Wall, scene: Scene, landing: Landed) -> tuple[Array, Array]:
     here = np.isin(landing.bin, list(wall.bins))
     points = np.stack([np.asarray(landing.x)[here], np.asarray(landing.y)[here]], axis=1)
     bin_ = list(scene.bin.values())[next(iter(wall.bins))]
-    if bin_.side is not None:
-        where = points[:, 0 if bin_.side in ("floor", "top") else 1]
-    else:
-        where = along(bin_.line(scene), points)[0]
-    return np.clip(where, *wall.span), np.asarray(landing.weight, dtype=float)[here]
+    return np.clip(bin_.along(scene, points), *wall.span), np.asarray(landing.weight, dtype=float)[here]
 
 
 def _histogram(wall: _Wall, scene: Scene, landing: Landed) -> tuple[Array, Array]:

@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from ...answer.result import Result
-from ...core.files import scene_templates
-from ...core.record import JsonMapping
-from ...flight.stages.compilation import COMPILED
-from ...laws.constants import STANDARD_AIR
-from ...laws.drag import terminal_velocity
-from ...runs import run
-from ...scene import Scene
-from .extremes import Happened, add_row
+from proofs.extremes.matrix import Happened, add_row
+from wakeflow.answer.result import Result
+from wakeflow.core.files import scene_templates
+from wakeflow.core.record import JsonMapping
+from wakeflow.flight.stages.compilation import COMPILED
+from wakeflow.laws.constants import STANDARD_AIR
+from wakeflow.laws.drag import terminal_velocity
+from wakeflow.runs import run
+from wakeflow.scene import Scene
 
 OUT = Path("runs", "verify", "extremes")  # each row's run has a folder there
 MIN_REPLICATES = 16  # replicates, whose granules are a power of two: what feed.count is rounded up to

@@ -11,26 +11,28 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from ... import runs
-from ...answer.result import Result
-from ...answer.shares import Separation
-from ...core.errors import SceneError
-from ...core.idle_clock import IdleClock
-from ...core.process import cores
-from ...core.quantities import duration
-from ...core.store import cache_root
-from ...flight.stages.compilation import compile_ahead
-from ...planning.stages import stages
-from ...runs import effort
-from ...runs.planned import make_plan
-from ...scene import Scene
-from .report import Report, Row, Table, Tell
+from proofs.report import Report, Row, Table, Tell
+from wakeflow import runs
+from wakeflow.answer.result import Result
+from wakeflow.answer.shares import Separation
+from wakeflow.core.errors import SceneError
+from wakeflow.core.idle_clock import IdleClock
+from wakeflow.core.process import cores
+from wakeflow.core.quantities import duration
+from wakeflow.core.store import cache_root
+from wakeflow.core.tables import CellTable
+from wakeflow.flight.stages.compilation import compile_ahead
+from wakeflow.planning.stages import stages
+from wakeflow.runs import effort
+from wakeflow.runs.planned import make_plan
+from wakeflow.scene import Scene
+from wakeflow.show.canvas import COLOURS, new_figure, save
 
 BUDGETS = (5.0, 15.0, 30.0, 60.0, 120.0, 300.0, 1200.0)  # s
 EMPTY, WITH_AIR = "empty cache", "airflows in the cache"
@@ -54,8 +56,6 @@ def run_curves(
     ``slow`` the best answer is the scene's own, of another sample, as it is on the rung that the plan chooses.
     ``beside``: what another program makes of the scene. Written to ``folder`` as CSV, PNG and SVG.
     """
-    from ...show.curves import draw_settings, write_settings
-
     scene, rows, notes = Scene.load(path), list[Row](), list[str]()
     with TemporaryDirectory(prefix="wakeflow-") as scratch, one_cache(Path(scratch, "cache")):
         compile_ahead()
@@ -170,3 +170,46 @@ def shares_of(found: Separation) -> BinShares:
 def largest_error(shares: BinShares, truth: BinShares) -> float:
     """The largest error of a bin share against the ``truth``."""
     return max(abs(shares[place] - share) for place, share in truth.items())
+
+
+# -- Error against run time --------------------------------------------------------------------------------------------
+HEADS = ("knob", "setting", "chosen", "error", "half", "inside", "seconds")
+SETTING_MARKERS = "os^Dv*"
+MIN_ERROR = 1e-5  # of a share: an error that is drawn no smaller
+
+
+def draw_settings(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> None:
+    """Write ``path`` as PNG and beside it as SVG: the error of each setting of a knob full, what the answer says of
+    itself dotted, in percentage points over the seconds that it took.
+    """
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    figure = new_figure(7.0, 4.0)
+    axes = figure.add_subplot(xlabel="run time, s", ylabel="largest error of a bin share, points", title=title)
+    for number, knob in enumerate(dict.fromkeys(row["knob"] for row in rows)):
+        mine = [row for row in rows if row["knob"] == knob]
+        seconds = [row["seconds"] for row in mine]
+        look: dict[str, Any] = {
+            "color": COLOURS[number % len(COLOURS)],
+            "marker": SETTING_MARKERS[number % len(SETTING_MARKERS)],
+            "ms": 4.0,
+        }
+        axes.plot(seconds, [100 * max(row["error"], MIN_ERROR) for row in mine], "-", label=knob, **look)
+        if all(row["half"] is not None for row in mine):
+            axes.plot(seconds, [100 * max(row["half"], MIN_ERROR) for row in mine], ":", alpha=0.7, **look)
+    for style, told in (("-", "error, against the best answer"), (":", "half of the stated interval")):
+        axes.plot([], [], style, color="0.4", label=told)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=7.5, frameon=False, loc="upper left", bbox_to_anchor=(1.01, 1.0))
+    save(figure, path)
+
+
+def write_settings(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write what :func:`draw_settings` draws as CSV: errors and half widths as shares, seconds."""
+    CellTable(HEADS, [[row[head] for head in HEADS] for row in rows]).write_csv(path)

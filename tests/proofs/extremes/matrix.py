@@ -16,11 +16,11 @@ from dataclasses import asdict, dataclass
 from importlib import import_module
 from typing import Any
 
-from ...core.errors import WakeflowError
-from ...core.registry import Registry
-from ...flight import Fate
-from ...flight.stages.compilation import compile_tracker
-from .report import NOTHING, Column, Report, Table, Tell
+from proofs.report import NOTHING, Column, Report, Table, Tell
+from wakeflow.core.errors import WakeflowError
+from wakeflow.core.registry import Registry
+from wakeflow.flight import Fate
+from wakeflow.flight.stages.compilation import compile_tracker
 
 ERROR_UNITS = {  # of the error of a row: what it is
     "tolerance": "landing error of the worst granule over the tolerance that was asked for",
@@ -132,7 +132,7 @@ def run_extremes(*, slow: bool, tell: Tell) -> Report:
     """Fly every row, with ``slow`` those of minutes too. A row that is missed does not keep the others from being
     flown; the report's ``missed`` names them.
     """
-    import_module(f"{__package__}.extreme_scenes")  # registers its rows
+    import_module(__package__ or "")  # registers the rows
     compile_tracker()  # before anything is timed
     chosen = [name for name in extremes if slow or not extremes[name].slow]
     groups = list(dict.fromkeys(extremes[name].group for name in extremes))
