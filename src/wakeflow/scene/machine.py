@@ -8,17 +8,18 @@ from functools import cached_property
 from typing import Annotated, Literal, Protocol
 
 import numpy as np
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from ..core.errors import SceneError, known
 from ..core.geometry import is_simple, rounded
-from ..core.quantities import metres, say
+from ..core.quantities import metres, quantity, say
 from ..core.record import JsonTable
 from ..laws.constants import GRAVITY
 from ..laws.gas import PRESSURE, TEMPERATURE, air_density, air_viscosity, mean_free_path
 from ..laws.shape import shapes
-from ..laws.vibration import Record, integrated
+from ..laws.vibration import MAX_ROCK, Record, integrated
 from .table import (
+    SHARE,
     AnyAngle,
     Array,
     Coordinate,
@@ -210,12 +211,12 @@ class Samples(Table):
 
 
 class Vibration(Weighed):
-    """[vibration]: motion of the bodies along ``direction``: harmonic, displacement = amplitude sin(2 pi f t), or by
-    measured samples of the acceleration.
+    """[vibration]: motion of the bodies: harmonic, displacement = amplitude sin(2 pi f t), along ``direction`` or as
+    one piece about a ``pivot``; or by measured samples of the acceleration.
     """
 
     frequency: Frequency | None = None
-    amplitude: Length | None = None
+    amplitude: Length | None = Field(None, description="to either side; about a pivot an angle, such as 2 deg")
     gamma: Annotated[float, Field(gt=0, le=MAX_GAMMA)] | None = Field(None, description="peak acceleration over g")
     direction: AnyAngle = Field(math.pi / 2, description="from the x axis; 90 deg is vertical")
     samples: Samples | None = Field(
@@ -223,6 +224,38 @@ class Vibration(Weighed):
         description="instead of frequency and strength: a CSV file (time s, acceleration m/s2), or both as lists",
         json_schema_extra=_or_a_file,
     )
+    pivot: Point | None = Field(None, description="all bodies rock about it as one; amplitude is then an angle")
+    _arms: tuple[float, float] = PrivateAttr((0.0, 0.0))
+
+    @model_validator(mode="before")
+    @classmethod
+    def _angle_about_a_pivot(cls, given: object) -> object:
+        """The amplitude of what rocks in rad, where it is said with a unit."""
+        if not isinstance(given, Mapping) or given.get("pivot") is None or not isinstance(given.get("amplitude"), str):
+            return given
+        try:
+            return {**given, "amplitude": quantity(given["amplitude"], "rad", "2 deg")}
+        except ValueError as problem:
+            raise SceneError(f"amplitude = {given['amplitude']!r} about a pivot is an angle: {problem}") from None
+
+    @model_validator(mode="after")
+    def _rocks_or_not(self) -> Vibration:
+        if self.pivot is None:
+            return self
+        for key in ("gamma", "samples", "direction"):
+            if key in self.model_fields_set and getattr(self, key) is not None:
+                raise SceneError(f"{key} is of a motion along a line: about a pivot give frequency and amplitude alone")
+        if self.amplitude is not None and self.amplitude > MAX_ROCK:
+            asked = f"{math.degrees(self.amplitude):.4g} deg"
+            raise SceneError(f"amplitude = {asked} about a pivot, allowed up to {math.degrees(MAX_ROCK):.3g} deg")
+        return self
+
+    def told_arms(self, bodies: Mapping[str, Body]) -> None:
+        """Take how far (m) from the pivot, along x and along y, the scene's bodies reach."""
+        if self.pivot is not None and bodies:
+            corners = np.concatenate([body.outline() for body in bodies.values()])
+            x, y = np.abs(corners - np.asarray(self.pivot)).max(axis=0).tolist()
+            self._arms = x, y
 
     @model_validator(mode="after")
     def _one_motion(self) -> Vibration:
@@ -262,8 +295,10 @@ class Vibration(Weighed):
     @property
     def displacement(self) -> Array:
         """Amplitude vector (m), shape (2,); from Gamma = a w^2 / g when gamma is given; for samples the largest
-        displacement.
+        displacement; about a pivot of the body's farthest places along x and along y, to first order in the angle.
         """
+        if self.pivot is not None:
+            return known(self.amplitude) * np.array(self._arms[::-1])
         if self.samples is not None:
             return self.record.reach * self.along
         if self.amplitude is not None:
@@ -298,8 +333,8 @@ SIDES = ("floor", "top", "left", "right")  # of the channel
 
 
 class Bin(Table):
-    """[bin.NAME]: a collector: a stretch of the channel's boundary, a line of points, or a body that keeps what touches
-    it.
+    """[bin.NAME]: a collector: an opening in the channel's boundary, a line of points, or a wall that keeps what
+    touches it, or a part of that: a body, or a stretch of a side.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, populate_by_name=True)
@@ -307,6 +342,11 @@ class Bin(Table):
     to: Coordinate | None = None
     on: Literal["floor", "left", "right", "top"] | Name = Field(
         "floor", description="the side of the channel it lies on; or a body, which then keeps what touches it"
+    )
+    keeps: Annotated[float, Field(ge=0, le=1), SHARE] | None = Field(
+        None,
+        description="part of what meets the wall, at each impact, that stays there: a side is then a wall, not an "
+        "opening; of a body all by default. 0: only what stays by sticks or capture_speed of its fraction",
     )
     points: list[Point] | None = Field(None, description="a polyline anywhere in the channel, instead of from and to")
 
@@ -316,6 +356,8 @@ class Bin(Table):
             if (self.start, self.to, self.points) != (None, None, None):
                 raise SceneError(f"on = {self.on!r} is the whole body of that name: leave out from, to and points")
         elif self.points is not None:
+            if self.keeps is not None:
+                raise SceneError("keeps is of a wall, on a body or a side of the channel; a line of points takes all")
             if self.start is not None or self.to is not None:
                 raise SceneError("give either points, or from and to")
             if len(self.points) < 2:
@@ -334,9 +376,19 @@ class Bin(Table):
         return self.on not in SIDES
 
     @property
-    def side(self) -> str | None:
+    def stretch(self) -> str | None:
         """The side of the channel that it is a stretch of; None for a line of points and for a body."""
         return None if self.on_body or self.points is not None else self.on
+
+    @property
+    def side(self) -> str | None:
+        """The side of the channel in which it is an opening; None for a line of points and for what is a wall."""
+        return self.stretch if self.keeps is None else None
+
+    @property
+    def keeps_part(self) -> float | None:
+        """Part of the impacts on it that it keeps, where it is a wall; None for what takes all that comes to it."""
+        return 1.0 if self.on_body and self.keeps is None else self.keeps
 
     def line(self, scene: BinPlace) -> Array:
         """The collector as a polyline, (k, 2) in metres; of a body its outline, closed."""
