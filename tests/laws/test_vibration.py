@@ -149,7 +149,9 @@ def test_a_field_that_swings_refuses_samples() -> None:
     from wakeflow.flight.frame import relative
 
     with pytest.raises(SceneError, match="by samples"):
-        relative(Motion.sampled(*of_a_sine(9)), MeshOscillation(0.0, 1e-3, 100.0, 0.0))
+        relative(Body(FLOOR, motion=Motion.sampled(*of_a_sine(9))), MeshOscillation(0.0, 1e-3, 100.0, 0.0))
+    with pytest.raises(SceneError, match="about a pivot"):
+        relative(Body(FLOOR, motion=Motion(0.1, 9.0, pivot=(0.0, 1.0))), MeshOscillation(0.0, 1e-3, 100.0, 0.0))
 
 
 def contacts_by_tracking(

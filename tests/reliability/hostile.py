@@ -18,7 +18,8 @@ import tomlkit
 from support import CASES
 
 Tables = dict[str, Any]
-SCENES = ("vacuum", "rhombus", "prism", "labyrinth", "aspirator", "funnel", "wheat-straw-dust", "zigzag")
+SCENES = ("vacuum", "rhombus", "prism", "labyrinth", "aspirator", "funnel", "wheat-straw-dust", "zigzag", "rocking",
+          "sticky")  # fmt: skip
 VALUES: tuple[Any, ...] = (
     0,
     1,

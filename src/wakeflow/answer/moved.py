@@ -48,8 +48,8 @@ class StoredLandings:
 
     @property
     def ends(self) -> dict[str, tuple[float, float]]:
-        """The run's own dividers: from and to (m) of each bin that lies on a side."""
-        return {name: one.ends for name, one in self.scene.on_sides().items()}
+        """The run's own dividers: from and to (m) of each bin that is open on a side."""
+        return {name: one.ends for name, one in self.scene.on_sides().items() if one.keeps_part is None}
 
     def profile(self, cells: int = 80) -> dict[str, dict[str, list[float]]]:
         """By side with bins and by fraction: the share of its mass that lands in each of ``cells`` along the side."""

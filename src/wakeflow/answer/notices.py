@@ -131,7 +131,7 @@ def _captured(ended: Mapping[str, Mapping[str, int]]) -> Iterator[Notice]:
     for name, fates in ended.items():
         if fates.get("captured"):
             stay = f"{fates['captured']} of {sum(fates.values())} granules stay where they struck a wall"
-            yield information(f"{name}: {stay}, slower than its capture_speed; they count as elsewhere")
+            yield information(f"{name}: {stay} that has no bin; they count as elsewhere (bin.NAME.keeps counts them)")
 
 
 def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iterator[Notice]:

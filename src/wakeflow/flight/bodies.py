@@ -4,28 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.arrays import number, numbers
 from ..core.errors import SceneError
-from ..laws.vibration import Record, integrated
+from ..laws.vibration import MAX_ROCK, Record, integrated
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Translation that repeats: displacement(t) = amplitude sin(2 pi frequency t + phase); m, Hz, rad. Or, made by
-    :meth:`sampled`, along ``record``; amplitude is then its largest displacement, frequency 1 / its period.
+    """Motion that repeats: displacement(t) = amplitude sin(2 pi frequency t + phase); m, Hz, rad. Or, made by
+    :meth:`sampled`, along ``record``; amplitude is then its largest displacement, frequency 1 / its period. Or about a
+    ``pivot`` (2,) m at rest; amplitude is then one angle (rad), anticlockwise, of at most MAX_ROCK to either side.
     """
 
-    amplitude: Sequence[float]
+    amplitude: Sequence[float] | float
     frequency: float
     phase: float = 0.0
     record: Record | None = None
+    pivot: Sequence[float] | None = None
 
     @classmethod
     def sampled(
@@ -50,8 +52,22 @@ class Motion:
         """Angular frequency (rad/s); of samples: that of their fastest change, see ``Record.pace``."""
         return 2 * np.pi * self.frequency if self.record is None else self.record.pace
 
-    def at(self, time: ArrayLike) -> tuple[Array, Array, Array]:
-        """Displacement (..., 2) m, velocity m/s and acceleration m/s2 at times (...) s."""
+    @property
+    def opposite(self) -> Motion:
+        """The motion that undoes it."""
+        return replace(self, amplitude=(-np.asarray(self.amplitude, dtype=float)).tolist())
+
+    def reach(self, points: Array) -> Array:
+        """The largest displacement (2,) m of points (k, 2) m: about a pivot a bound, the farthest one's chord."""
+        if self.pivot is None:
+            return np.array(np.abs(np.asarray(self.amplitude, dtype=float)))
+        away = float(np.linalg.norm(points - np.asarray(self.pivot), axis=1).max())
+        return np.full(2, 2.0 * away * math.sin(0.5 * abs(float(np.asarray(self.amplitude)))))
+
+    def at(self, time: ArrayLike, place: ArrayLike = (0.0, 0.0)) -> tuple[Array, Array, Array]:
+        """Displacement (..., 2) m, velocity m/s and acceleration m/s2 at times (...) s; of a body that rocks those of
+        what is at the ``place`` (..., 2) m when it is in the middle of its motion.
+        """
         t, along = numbers("time", time, "s")[..., None], np.asarray(self.amplitude, dtype=float)
         if self.record is not None:
             moved = self.record.at(t + self.phase * self.record.period / (2 * np.pi))
@@ -59,31 +75,58 @@ class Motion:
                     along * (moved[2] / self.record.reach))  # fmt: skip
         omega = 2 * np.pi * self.frequency
         s, c = np.sin(omega * t + self.phase), np.cos(omega * t + self.phase)
+        if self.pivot is not None:
+            away = np.asarray(place, dtype=float) - np.asarray(self.pivot)
+            out, turn, growth = along * s, along * (omega * c), along * (-(omega**2) * s)
+            moved = np.sin(out) * across(away) - 2.0 * np.sin(0.5 * out) ** 2 * away
+            there = away + moved
+            return moved, turn * across(there), growth * across(there) - turn**2 * there
         return along * s, along * (omega * c), along * (-(omega**2) * s)
 
     def __post_init__(self) -> None:
-        values = numbers("motion: amplitude", self.amplitude, "m")
+        values = numbers("motion: amplitude", self.amplitude, "m" if self.pivot is None else "rad")
         for name, unit in (("frequency", "Hz"), ("phase", "rad")):
             object.__setattr__(self, name, number(f"motion: {name}", getattr(self, name), unit))
-        if values.shape != (2,) or not np.all(np.isfinite([*values, self.frequency, self.phase])):
-            raise SceneError(f"motion: amplitude {self.amplitude} must be two finite numbers, as frequency and phase")
-        object.__setattr__(self, "amplitude", tuple(values.tolist()))
+        shape, count = ((2,), "two finite numbers") if self.pivot is None else ((), "one finite number")
+        if values.shape != shape or not np.all(np.isfinite([*values.flat, self.frequency, self.phase])):
+            raise SceneError(f"motion: amplitude {self.amplitude} must be {count}, as frequency and phase")
+        if self.pivot is None:
+            object.__setattr__(self, "amplitude", tuple(values.tolist()))
+        else:
+            self._check_rocking(float(values))
         if self.frequency < 0:
             raise SceneError(f"motion: frequency = {self.frequency:g} Hz must not be negative")
+
+    def _check_rocking(self, angle: float) -> None:
+        place = numbers("motion: pivot", self.pivot, "m")  # type: ignore[arg-type]
+        if place.shape != (2,) or not np.all(np.isfinite(place)):
+            raise SceneError(f"motion: pivot {self.pivot} must be two finite numbers")
+        if self.record is not None:
+            raise SceneError("motion: samples are of a motion along a line; leave out pivot")
+        if abs(angle) > MAX_ROCK:
+            raise SceneError(f"motion: amplitude = {angle:g} rad about a pivot, allowed up to {MAX_ROCK:.4g} rad")
+        object.__setattr__(self, "amplitude", angle)
+        object.__setattr__(self, "pivot", tuple(place.tolist()))
+
+
+def across(vectors: Array) -> Array:
+    """Vectors (..., 2) turned anticlockwise by a right angle."""
+    return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
     """A solid: a closed ``outline`` (k, 2) m, either way round, or an ``open`` polyline that is solid on its left side.
 
-    ``capture`` ends a track at first contact, which counts as crossing the ``line`` of that number, -1: none.
+    ``capture``: at this part of the impacts (True: at all) it keeps the granule. That ends the track, and counts as
+    crossing the ``line`` of that number, -1: none.
     ``restitution`` and ``friction`` replace the granules' own.
     Raises SceneError for an outline that is no polygon.
     """
 
     outline: Array
     motion: Motion | None = None
-    capture: bool = False
+    capture: float = False
     restitution: float | None = None
     friction: float | None = None
     open: bool = False
@@ -104,10 +147,17 @@ class Body:
             if double == 0.0:
                 raise SceneError("body: the outline encloses no area")
             points = points if double > 0 else points[::-1].copy()
-        for name, value, top in (("restitution", self.restitution, 1.0), ("friction", self.friction, np.inf)):
+        part = float(self.capture) if isinstance(self.capture, bool) else self.capture
+        given = ("restitution", self.restitution, 1.0), ("friction", self.friction, np.inf), ("capture", part, 1.0)
+        for name, value, top in given:
             if value is not None and not 0 <= number(f"body: {name}", value) <= top:
                 raise SceneError(f"body: {name} = {value:g}, allowed 0 to {top:g}")
         object.__setattr__(self, "outline", points)
+
+    @property
+    def reach(self) -> Array:
+        """Its largest displacement (2,) m; zeros at rest."""
+        return np.zeros(2) if self.motion is None else self.motion.reach(self.outline)
 
     @property
     def edges(self) -> tuple[Array, Array]:

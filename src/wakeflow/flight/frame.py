@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..air.field import FlowField, MeshOscillation
 from ..core.errors import SceneError
-from .bodies import Motion
+from .bodies import Body
 from .granules import Granules
 
 Array = NDArray[np.float64]
@@ -29,19 +29,25 @@ def mesh_motion_of(field: FlowField | None) -> MeshOscillation | None:
     return None if swing is None or (swing.x == 0.0 and swing.y == 0.0) else swing
 
 
-def relative(motion: Motion | None, swing: MeshOscillation | None) -> list[float]:
+def relative(body: Body | None, swing: MeshOscillation | None) -> list[float]:
     """Amplitude (x, y), angular frequency and phase of a body's motion seen from the mesh; zeros for none.
 
-    Of samples: the largest displacement, the pace of their fastest change, and the phase as a time (s). Raises
-    SceneError for a body that vibrates otherwise than the mesh: with another frequency or phase, or by samples.
+    Of one that rocks: its largest displacement. Of samples: the largest displacement, the pace of their fastest change,
+    and the phase as a time (s). Raises SceneError for a body that vibrates otherwise than the mesh: about a pivot, with
+    another frequency or phase, or by samples.
     """
-    own = [0.0] * 4
-    if motion is not None and motion.moves:
-        own = [*map(float, motion.amplitude), motion.pace, float(motion.phase)]
+    own, motion = [0.0] * 4, None if body is None else body.motion
+    if body is not None and motion is not None and motion.moves:
+        amplitude = np.asarray(motion.amplitude) if motion.pivot is None else body.reach
+        own = [*amplitude.tolist(), motion.pace, float(motion.phase)]
         if motion.record is not None:
             own[3] *= motion.record.period / (2 * math.pi)
     if swing is None:
         return own
+    if motion is not None and motion.moves and motion.pivot is not None:
+        raise SceneError(
+            "bodies: one rocks about a pivot, the field's mesh vibrates; they must agree, or the body rest"
+        )
     if motion is not None and motion.record is not None:
         raise SceneError("bodies: one moves by samples, the field's mesh vibrates; they must agree, or the body rest")
     if own[2] != 0.0:

@@ -25,6 +25,7 @@ ALLOWED: dict[str, tuple[str, Callable[[Array], Any]]] = {  # name: (what it may
     "scatter": ("0 to 1", lambda x: (x >= 0) & (x <= 1)),
     "tangential_restitution": ("0 to 1", lambda x: (x >= 0) & (x <= 1)),
     "capture_speed": ("not negative", lambda x: x >= 0),
+    "sticks": ("0 to 1", lambda x: (x >= 0) & (x <= 1)),
     "spin": ("finite", lambda x: x == x),
     "weight": ("not negative", lambda x: x >= 0),
     "drag_scale": ("positive", lambda x: x > 0),
@@ -33,6 +34,7 @@ ALLOWED: dict[str, tuple[str, Callable[[Array], Any]]] = {  # name: (what it may
     "inertia": ("positive", lambda x: x > 0),
     "shape": ("positive", lambda x: x > 0),
 }
+ENDLESS = ("inertia", "capture_speed")  # may be inf: a point mass, and any speed
 VECTORS = {"position": 2, "velocity": 2, "shape": 3, "arrival": 2}  # how many numbers each granule has
 KINDS: dict[str, Callable[[str, ArrayLike], AnyArray]] = {"fraction": whole, "flake": truths}  # of no real numbers
 UNITS = {
@@ -47,7 +49,7 @@ def _sound(name: str, values: ArrayLike, count: int) -> AnyArray:
         return _shaped(name, KINDS[name](f"granule {name}", values), (count,))
     found = numbers(f"granule {name}", values, UNITS.get(name, "1"))
     array = _shaped(name, found, (count, VECTORS[name]) if name in VECTORS else (count,))
-    if name != "inertia":  # inf: a point mass
+    if name not in ENDLESS:
         _refuse(name, array, ~np.isfinite(array), "finite")
     if name in ALLOWED:
         allowed, test = ALLOWED[name]
@@ -82,7 +84,8 @@ class Granules:
     ``inertia`` I / (m r^2), None or inf for a point mass; ``time`` s, when it is born;
     ``scatter`` rad, rms angle by which its shape turns the wall's normal at an impact (``laws.collision``);
     ``tangential_restitution`` part of its slip that a contact which sticks gives back (``laws.collision``);
-    ``capture_speed`` m/s, what comes to a wall with a slower normal velocity stays there, 0: nothing does;
+    ``capture_speed`` m/s, of what comes to a wall with a slower normal velocity the part ``sticks`` stays there, 0:
+    nothing does, inf: at any speed;
     ``spin_lift`` factor on the coefficient of its spin lift; ``shape`` (n, 3) length, width and thickness over the
     diameter, by which granules meet each other, 1: a ball; ``flake`` (n,): it is such a plate (``laws.flake``);
     ``depth`` m, its place across the slab of a crowd, None: drawn evenly; ``arrival`` (n, 2) m/s, the velocity with
@@ -106,6 +109,7 @@ class Granules:
     scatter: Any = 0.0
     tangential_restitution: Any = 0.0
     capture_speed: Any = 0.0
+    sticks: Any = 1.0
     spin_lift: Any = 1.0
     shape: Any = 1.0
     flake: Any = False

@@ -78,7 +78,7 @@ def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[st
     area, perimeter = section(grains.shape, grains.flake)
     rows[:, at.SECTION], rows[:, at.GIRTH] = area * rows[:, at.RADIUS] ** 2, perimeter * rows[:, at.RADIUS]
     rows[:, at.SCATTER], rows[:, at.GIVES_BACK] = grains.scatter, grains.tangential_restitution
-    rows[:, at.CAPTURE] = grains.capture_speed
+    rows[:, at.CAPTURE], rows[:, at.STICKS] = grains.capture_speed, grains.sticks
     acting = [
         all_forces[name] for name in all_forces if name in forces and (field is not None or all_forces[name].in_vacuum)
     ]
@@ -177,8 +177,7 @@ def pack_state(
 
 def _nearest_covered(x: Array, field: FlowField, air: PackedAir, bodies: Sequence[Body], reach: float) -> Index:
     """Covered edge next to each point outside the mesh, -1 where none is as near as its body may have moved."""
-    motions = (body.motion for body in bodies if body.motion is not None)
-    swing = max((float(np.hypot(motion.amplitude[0], motion.amplitude[1])) for motion in motions), default=0.0)
+    swing = max((float(np.hypot(*body.reach)) for body in bodies), default=0.0)
     triangle, edge = air.covered[:, at.COVER_TRI], air.covered[:, at.COVER_EDGE]
     a = field.points[field.triangles[triangle, (edge + 1) % 3]]
     along = field.points[field.triangles[triangle, (edge + 2) % 3]] - a

@@ -49,7 +49,7 @@ def pack_walls(
     return Walls(
         rows_of_floats(tables.edges, 7), rows_of_ints(tables.edge_links, 3),
         rows_of_floats(tables.vertices, 2), rows_of_ints(tables.vertex_links, 3),
-        rows_of_floats(rows, width), rows_of_ints(tables.members, 5), rows_of_floats(tables.parts, 9), *lines,
+        rows_of_floats(rows, width), rows_of_ints(tables.members, 4), rows_of_floats(tables.parts, 9), *lines,
         rows_of_floats([frame + [0.0] * (at.SAMPLES - len(frame))], at.SAMPLES),
         restitution_table(restitution) if isinstance(restitution, Restitution) else np.zeros((0, 6)),
     )  # fmt: skip
@@ -84,8 +84,10 @@ def _add(tables: _Tables, number: int, body: Body, swing: MeshOscillation | None
         tables.edges.append([*start[i], *end[i], direction[i, 1], -direction[i, 0], size[i]])
         tables.edge_links.append([number, at_start[i], at_end[i]])
     own = [-1.0 if value is None else value for value in (body.restitution, body.friction)]
-    tables.bodies.append([*low, *high, *relative(body.motion, swing), *own, *_samples(body)])
-    tables.members.append([first_part, len(tables.parts), not body.open, body.capture, body.line])
+    count, period, *samples = _samples(body)
+    about = [*_rocking(body), float(body.capture)]
+    tables.bodies.append([*low, *high, *relative(body, swing), *own, count, period, *about, *samples])
+    tables.members.append([first_part, len(tables.parts), not body.open, body.line])
 
 
 def _straightened(body: Body) -> Array:
@@ -140,6 +142,14 @@ def _add_corners(tables: _Tables, number: int, outline: Array, is_open: bool, di
         if after >= 0:
             at_start[after] = place
     return at_start, at_end
+
+
+def _rocking(body: Body) -> list[float]:
+    """The largest angle and the pivot (x, y) of a body that rocks; zeros of others."""
+    motion = body.motion
+    if motion is None or not motion.moves or motion.pivot is None:
+        return [0.0] * 3
+    return [float(np.asarray(motion.amplitude)), *motion.pivot]
 
 
 def _samples(body: Body) -> list[float]:

@@ -36,7 +36,7 @@ ADVICE = {
     Fate.BINNED: "crossed a line, or left the mesh on one",
     Fate.ESCAPED: "left the mesh, or was born outside it, where no line and no body is: add a bin there if it matters",
     Fate.RESTING: "lies still on a wall: a steeper slope or less friction would let it slide",
-    Fate.CAPTURED: "touched a body that captures, or came to a wall slower than its capture speed",
+    Fate.CAPTURED: "stayed at a wall that keeps it, or part of what touches it, or that it came to slowly",
     Fate.AIRBORNE: "was still moving at the end: give it more time, or look whether a vortex holds it",
     Fate.STOPPED: "was born inside a body, or took more steps or impacts than allowed: look at its start and its path",
 }
@@ -158,7 +158,7 @@ class Tracks:
 
     def ends(self, bins: int) -> tuple[Index, Index]:
         """Where (n,) they ended, a place among the first ``bins`` lines or -1 for elsewhere, and their fates (n,): what
-        crossed a line after those, such as the floor of a channel, has escaped; what a body's bin captured is in it.
+        crossed a line after those, such as the floor of a channel, has escaped; what a wall's bin captured is in it.
         """
         binned = (self.line >= 0) & (self.line < bins)
         beyond = (self.fate == Fate.BINNED) & ~binned

@@ -20,6 +20,19 @@ def _scramble(x: Any) -> Any:
     return x ^ (x >> S31)
 
 
+def _key(seed: Any, stream: Any, draw: Any) -> Any:
+    """64 bits of the three numbers, of which the last one says which number of the stream it is."""
+    one = np.uint64(1)
+    key = _scramble(np.uint64(seed) + G1)
+    key = _scramble(key + (np.uint64(stream) + one) * G1)
+    return _scramble(key + (np.uint64(draw) + one) * G1)
+
+
+def uniform(seed: Any, stream: Any, draw: Any) -> Any:
+    """A number uniform from 0 to 1, independent of the pair of :func:`normal_pair` of the same arguments."""
+    return (_scramble(_key(seed, stream, draw) + G2) >> S11) * UNIT
+
+
 def normal_pair(seed: Any, stream: Any, draw: Any) -> Any:
     """Two independent standard normal numbers (Box & Muller 1958), a pure function of its arguments.
 
@@ -27,10 +40,7 @@ def normal_pair(seed: Any, stream: Any, draw: Any) -> Any:
     shape elsewhere (a numpy scalar would warn of the overflow that is meant). The bits are mixed by the finaliser of
     splitmix64.
     """
-    one = np.uint64(1)
-    key = _scramble(np.uint64(seed) + G1)
-    key = _scramble(key + (np.uint64(stream) + one) * G1)
-    key = _scramble(key + (np.uint64(draw) + one) * G1)
+    key = _key(seed, stream, draw)
     u = ((key >> S11) + 0.5) * UNIT
     v = (_scramble(key + G1) >> S11) * UNIT
     r = np.sqrt(-2.0 * np.log(u))

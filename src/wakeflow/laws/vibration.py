@@ -8,6 +8,7 @@ swings about the place where it stands.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from ..core.arrays import numbers
 from ..core.errors import SceneError
 
 Array = NDArray[np.float64]
+MAX_ROCK = math.radians(30) + 1e-9  # rad: the tracker's steps past a body, short against its period, turn it by little
 MAX_SAMPLES = 20_000  # kept with every result of the scene
 
 

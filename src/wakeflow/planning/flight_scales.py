@@ -44,7 +44,7 @@ def flights(
     air, fraction = scene.airstream, scene.fraction[name]
     density, phi = fraction.properties.density, fraction.roundness
     _, omega = scene.motion
-    kept = bool(scene.body) and scene.collecting.keys() == scene.body.keys()
+    kept = bool(scene.body) and set(scene.all_kept) == scene.body.keys()
     upward, aside = air.rises, 0.0 if kept else abs(float(scene.entry @ scene.plumb.across))
     scales = []
     for diameter, factor in _granules(scene, fraction, law, scale):

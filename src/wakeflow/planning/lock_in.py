@@ -106,6 +106,11 @@ def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | No
     motion = vibration_of_air(float(along) / scene.air.speed, ratios, accuracy, sheds=sheds)
     if asked is False:
         return AirMotion(False, max(motion.bound, sideways), f"{motion.why}; switched off by --force")
+    if scene.vibration.pivot is not None and (motion.used or asked or sideways > _most_sideways(ratios, sheds=sheds)):
+        raise SceneError(
+            f"vibration.pivot: {motion.why}, sideways a w / U = {sideways:.2g}, and the mesh does not rock; make it "
+            f"weaker, or let the air see a body at rest with --force {VIBRATION}=off"
+        )
     if sideways > _most_sideways(ratios, sheds=sheds) or (asked and abs(across) > abs(along)):
         raise SceneError(
             f"vibration.direction = {math.degrees(scene.vibration.direction):.3g} deg: sideways at a w / U = "
@@ -121,7 +126,7 @@ def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | No
         motion = AirMotion(True, motion.bound, f"{motion.why}; switched on by --force")
     if sideways > 1e-9:
         return AirMotion(motion.used, max(motion.bound, sideways), f"{motion.why}; its sideways part is left out")
-    measured = not motion.used and _measured(scene, float(along) / scene.air.speed)
+    measured = not motion.used and scene.vibration.pivot is None and _measured(scene, float(along) / scene.air.speed)
     return replace(motion, moved=SHARES_MOVED) if measured else motion
 
 

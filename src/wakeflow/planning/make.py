@@ -346,10 +346,11 @@ def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> tuple[l
 
 def _mode(scene: Scene, name: str, *, clear: bool) -> str:
     """Whether granules of a fraction are injected at the first body's face or released above it; ``clear``: no air
-    turns them. The first impact of those that may stay at a wall or on the body is the tracker's.
+    turns them. The first impact of those that may stay there, or on a body that rocks, is the tracker's.
     """
     wanted = scene.feed.mode if scene.feed.start == "falling" and scene.plumb.upright else "resolved"
     if wanted != "auto":
         return wanted
-    stay = scene.fraction[name].capture_speed or next(iter(scene.body), None) in scene.collecting
-    return "injected" if clear and not scene.obstacles and not stay else "resolved"
+    fraction, rocks = scene.fraction[name], scene.vibration is not None and scene.vibration.pivot is not None
+    stay = fraction.capture_speed or fraction.sticks or next(iter(scene.body), None) in scene.collecting
+    return "injected" if clear and not (scene.obstacles or stay or rocks) else "resolved"

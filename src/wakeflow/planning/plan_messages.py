@@ -36,7 +36,7 @@ def body_checks(scene: Scene) -> Iterator[Notice]:
     """
     yield from _narrow_gaps(scene)
     for name, body in scene.body.items():
-        if name in scene.collecting:  # they stay anyway
+        if name in scene.all_kept:  # they stay anyway
             continue
         across, up = normals(scene.plumb.seen(body.outline())).T
         slopes = np.unique(np.round(np.abs(across[up > 0]) / up[up > 0], 9))  # tangents
@@ -160,6 +160,7 @@ def used_lines(
     yield from _gravity_lines(scene, fractions)
     for name, fraction in fractions.items():
         yield _fraction_line(scene, name, fraction)
+    yield from _kept_lines(scene)
     numbers = ", ".join(f"{limit.name} {limit.value:.2g}" for limit in validity if limit.limit is not None)
     yield f"feed: {3600 * scene.feed.mass_flow:.3g} kg/h, profile {scene.feed.profile.distribution}; {numbers}"
     if scene.vibration is not None:
@@ -168,7 +169,7 @@ def used_lines(
         why = "" if motion is None else f" ({motion.why})"
         yield (
             f"vibration: {often:.4g} Hz, Gamma = {scene.vibration.strength:.3g}, peak speed {peak:.3g} m/s at the "
-            f"impacts; {sight}{why}"
+            f"impacts{'' if scene.vibration.pivot is None else ' farthest from the pivot'}; {sight}{why}"
         )
     if crowd is not None:
         yield from collision_lines(crowd)
@@ -217,12 +218,29 @@ def _rebound_words(scene: Scene, name: str) -> str:
         parts.append(f"scatter {fraction.properties.rebound_scatter:.2g} rad")
     if fraction.properties.tangential_restitution:
         parts.append(f"tangential restitution {fraction.properties.tangential_restitution:.2g}")
-    if fraction.capture_speed:
-        parts.append(f"stays at a wall below {fraction.capture_speed:.2g} m/s")
     turns = "does not turn" if fraction.inertia is None else f"turns with I / (m r^2) {fraction.inertia:.2g}"
     if fraction.flake:
         turns = "turns as a flake, by chance"
     return f"; rebounds with {', '.join(parts)}, {turns}"
+
+
+def _kept_lines(scene: Scene) -> Iterator[str]:
+    """What walls keep by the bins on them and by the fractions, and by how much the shares of other bins fall: of what
+    meets such walls n times.
+    """
+    found = [
+        (f"bin.{name}: its wall keeps", one.keeps_part, "")
+        for name, one in scene.bin.items()
+        if one.keeps_part and one.body not in scene.all_kept
+    ]
+    for name, fraction in scene.fraction.items():
+        if fraction.capture_speed or fraction.sticks:
+            below = f" below {fraction.capture_speed:.2g} m/s" if fraction.capture_speed else ""
+            found.append((f"{name}: walls keep", 1.0 if fraction.sticks is None else fraction.sticks, below))
+    for whose, part, below in found:
+        once, twice, often = (1.0 - (1.0 - part) ** n for n in (1, 2, 5))
+        grows = f": {once:.2g} of what meets them once, {twice:.2g} twice, {often:.2g} five times" if part < 1.0 else ""
+        yield f"{whose} {part:.2g} of the impacts{below}{grows}; the other shares fall by at most as much"
 
 
 def _turned(scene: Scene, fraction: FractionPlan) -> str:

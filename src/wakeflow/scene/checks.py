@@ -22,6 +22,7 @@ from .uncertainty import NEVER_ABOVE, OF_FRACTION, OF_SCENE, TOGETHER
 from .whole import SceneTables
 
 APART = 0.02  # widths of the first body: bodies that are nearer to each other, or to an opening, cannot be meshed
+STAYING = ("capture_speed", "sticks")  # of a fraction: what stays at a wall
 OVER_THE_TOP = "top"  # the bin of what upward air carries out of the channel, where the scene has none up there
 FLOWN_APART = ("collisions.restitution", "collisions.friction")  # at either end, not drawn with the other numbers
 Array = NDArray[np.float64]
@@ -132,19 +133,22 @@ def _turned_feed_fits(scene: SceneTables) -> Iterator[str]:
         yield f"feed.position = {metres(feed.position)}: gravity leads from there straight out of the channel; move it"
 
 
-def _captured_fall(scene: SceneTables) -> Iterator[str]:
-    """Refuse a capture speed, and a bin on the first body, where the first impact is no tracked one."""
+def _tracked_impact(scene: SceneTables) -> Iterator[str]:
+    """Refuse what stays at a wall, a bin on the first body and a pivot where the first impact is no tracked one."""
+    if scene.vibration is not None and scene.vibration.pivot is not None and scene.feed.mode == "injected":
+        yield "vibration.pivot: feed.mode = 'injected' is of bodies that do not turn; choose auto or resolved"
     first = next(iter(scene.body), None)
     for name in (name for name, one in scene.bin.items() if one.body is not None and one.body == first):
         if scene.feed.mode == "injected":
             yield f"bin.{name}.on = {first!r}: feed.mode = 'injected' lets all rebound; choose auto or resolved"
         if scene.feed.start == "resting":
             yield f"bin.{name}.on = {first!r}: granules that lie on the body would not leave it; let them fall"
-    for name in (name for name, fraction in scene.fraction.items() if fraction.capture_speed):
+    keys = [(f"fraction.{name}.{key}", getattr(one, key)) for name, one in scene.fraction.items() for key in STAYING]
+    for key in (key for key, given in keys if given):
         if scene.feed.mode == "injected":
-            yield f"fraction.{name}.capture_speed: feed.mode = 'injected' lets all rebound; choose auto or resolved"
+            yield f"{key}: feed.mode = 'injected' lets all rebound; choose auto or resolved"
         if scene.feed.start == "resting":
-            yield f"fraction.{name}.capture_speed: of granules that lie on the body none would leave it; leave it out"
+            yield f"{key}: of granules that lie on the body none would leave it; leave it out"
 
 
 def _rate_can_fall(scene: SceneTables) -> Iterator[str]:
@@ -334,7 +338,7 @@ CHECKS: tuple[Callable[[SceneTables], Iterator[str]], ...] = (
     _feed_fits,
     _turned_feed_fits,
     _rate_can_fall,
-    _captured_fall,
+    _tracked_impact,
     _body_needed,
     _shares_add_up,
     _bins_exist,

@@ -165,6 +165,9 @@ class Fraction(Table):
     capture_speed: PositiveSpeed | None = Field(
         None, description="granules that come to a wall with a slower normal velocity stay there; default: all rebound"
     )
+    sticks: Annotated[float, Field(ge=0, le=1), SHARE] | None = Field(
+        None, description="part of those that stays, at each impact, where it is not all; without capture_speed: of all"
+    )
     impact: str | None = Field(
         None,
         description="how a blow turns it, one of: " + ", ".join(impact_models) + "; default that of its material, else "

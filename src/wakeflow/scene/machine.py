@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from ..core.errors import SceneError, known
 from ..core.geometry import is_simple, rounded
-from ..core.quantities import say
+from ..core.quantities import quantity, say
 from ..core.record import JsonTable
 from ..laws.constants import GRAVITY
 from ..laws.gas import PRESSURE, TEMPERATURE, air_density, air_viscosity, mean_free_path
 from ..laws.shape import shapes
-from ..laws.vibration import Record, integrated
+from ..laws.vibration import MAX_ROCK, Record, integrated
 from .table import (
     AnyAngle,
     Array,
@@ -218,12 +219,12 @@ class Samples(Table):
 
 
 class Vibration(Weighed):
-    """[vibration]: motion of the bodies along ``direction``: harmonic, displacement = amplitude sin(2 pi f t), or by
-    measured samples of the acceleration.
+    """[vibration]: motion of the bodies: harmonic, displacement = amplitude sin(2 pi f t), along ``direction`` or as
+    one piece about a ``pivot``; or by measured samples of the acceleration.
     """
 
     frequency: Frequency | None = None
-    amplitude: Length | None = None
+    amplitude: Length | None = Field(None, description="to either side; about a pivot an angle, such as 2 deg")
     gamma: Annotated[float, Field(gt=0, le=MAX_GAMMA)] | None = Field(None, description="peak acceleration over g")
     direction: AnyAngle = Field(math.pi / 2, description="from the x axis; 90 deg is vertical")
     samples: Samples | None = Field(
@@ -231,6 +232,38 @@ class Vibration(Weighed):
         description="instead of frequency and strength: a CSV file (time s, acceleration m/s2), or both as lists",
         json_schema_extra=_or_a_file,
     )
+    pivot: Point | None = Field(None, description="all bodies rock about it as one; amplitude is then an angle")
+    _arms: tuple[float, float] = PrivateAttr((0.0, 0.0))
+
+    @model_validator(mode="before")
+    @classmethod
+    def _angle_about_a_pivot(cls, given: object) -> object:
+        """The amplitude of what rocks in rad, where it is said with a unit."""
+        if not isinstance(given, Mapping) or given.get("pivot") is None or not isinstance(given.get("amplitude"), str):
+            return given
+        try:
+            return {**given, "amplitude": quantity(given["amplitude"], "rad", "2 deg")}
+        except ValueError as problem:
+            raise SceneError(f"amplitude = {given['amplitude']!r} about a pivot is an angle: {problem}") from None
+
+    @model_validator(mode="after")
+    def _rocks_or_not(self) -> Vibration:
+        if self.pivot is None:
+            return self
+        for key in ("gamma", "samples", "direction"):
+            if key in self.model_fields_set and getattr(self, key) is not None:
+                raise SceneError(f"{key} is of a motion along a line: about a pivot give frequency and amplitude alone")
+        if self.amplitude is not None and self.amplitude > MAX_ROCK:
+            asked = f"{math.degrees(self.amplitude):.4g} deg"
+            raise SceneError(f"amplitude = {asked} about a pivot, allowed up to {math.degrees(MAX_ROCK):.3g} deg")
+        return self
+
+    def told_arms(self, bodies: Mapping[str, Body]) -> None:
+        """Take how far (m) from the pivot, along x and along y, the scene's bodies reach."""
+        if self.pivot is not None and bodies:
+            corners = np.concatenate([body.outline() for body in bodies.values()])
+            x, y = np.abs(corners - np.asarray(self.pivot)).max(axis=0).tolist()
+            self._arms = x, y
 
     @model_validator(mode="after")
     def _one_motion(self) -> Vibration:
@@ -270,8 +303,10 @@ class Vibration(Weighed):
     @property
     def displacement(self) -> Array:
         """Amplitude vector (m), shape (2,); from Gamma = a w^2 / g when gamma is given; for samples the largest
-        displacement.
+        displacement; about a pivot of the body's farthest places along x and along y, to first order in the angle.
         """
+        if self.pivot is not None:
+            return known(self.amplitude) * np.array(self._arms[::-1])
         if self.samples is not None:
             return self.record.reach * self.along
         if self.amplitude is not None:

@@ -178,6 +178,8 @@ class SceneTables(Table):
         for table in (self.feed, self.vibration, self.funnel):
             if table is not None:
                 table.weighed(self.gravity)
+        if self.vibration is not None:
+            self.vibration.told_arms(self.body)
         return self
 
     @property
@@ -230,7 +232,7 @@ class SceneTables(Table):
     @property
     def motion(self) -> tuple[Array, float]:
         """Amplitude vector (2,) m and angular frequency (rad/s) of the bodies; zeros when at rest. For samples these
-        are the largest displacement and the frequency of their period.
+        are the largest displacement and the frequency of their period, of bodies that rock those of the farthest place.
         """
         return (np.zeros(2), 0.0) if self.vibration is None else (self.vibration.displacement, self.vibration.omega)
 
@@ -253,25 +255,34 @@ class SceneTables(Table):
         machine, its motion, the feed, gravity or an airflow of the user's are not their own image about x = 0.
         """
         own_air = self.air is not None and self.air.case is not None
-        still = self.vibration is None or abs(float(self.vibration.along[0])) < SAME
+        motion = self.vibration
+        still = motion is None or (motion.pivot is None and abs(float(motion.along[0])) < SAME)
         if (
             not (self.symmetric and still and self.feed.symmetric and self.plumb.upright)
             or own_air
             or self.funnel is not None
         ):
             return None
-        lines = [place.line(self) for place in self.bin.values()]
-        found = [[i for i, other in enumerate(lines) if _same_line(other, line * (-1.0, 1.0))] for line in lines]
+        lines = [(place.line(self), place.keeps_part) for place in self.bin.values()]
+        found = [
+            [i for i, other in enumerate(lines) if other[1] == keeps and _same_line(other[0], line * (-1.0, 1.0))]
+            for line, keeps in lines
+        ]
         return (*(one[0] for one in found), len(lines)) if all(found) else None
 
     @property
     def collecting(self) -> dict[str, int]:
-        """The bodies that keep what touches them, each with the place of its bin among the bins."""
+        """The bodies that keep what touches them, or a part of it, each with the place of its bin among the bins."""
         return {one.body: i for i, one in enumerate(self.bin.values()) if one.body is not None}
 
     def on_sides(self, side: str | None = None) -> dict[str, SideBin]:
         """The bins that are stretches of a ``side`` of the channel, or of any."""
         return {name: one for name, one in self.bin.items() if isinstance(one, SideBin) and side in (None, one.on)}
+
+    @property
+    def all_kept(self) -> list[str]:
+        """The bodies that keep all that touches them."""
+        return [one.body for one in self.bin.values() if one.body is not None and one.keeps_part == 1.0]
 
     @property
     def products(self) -> list[str]:

@@ -52,8 +52,11 @@ def fall_words(feed: Feed) -> str:
 
 def motion_words(vibration: Vibration) -> str:
     """Frequency, reach to either side, and peak acceleration of the bodies."""
-    reach = float(np.hypot(*vibration.displacement))
-    return f"{say(1.0 / vibration.period, 'Hz', 4)}, ± {metres(reach, 3)} ({vibration.strength:.3g} g)"
+    reach = metres(float(np.hypot(*vibration.displacement)), 3)
+    if vibration.pivot is not None:
+        x, y = (metres(part) for part in vibration.pivot)
+        reach = f"{say(vibration.amplitude or 0.0, 'rad', 3)} about x = {x}, y = {y}"
+    return f"{say(1.0 / vibration.period, 'Hz', 4)}, ± {reach} ({vibration.strength:.3g} g)"
 
 
 def body_words(name: str, body: Body, whole: Scene | None) -> str:

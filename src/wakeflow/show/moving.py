@@ -28,10 +28,10 @@ Array = NDArray[np.float64]
 TOUCH = 1e-3  # of its radius: a recorded point nearer than that to a body is a contact
 
 
-def body_displacement(scene: Scene, time: Array) -> Array:
-    """Where the bodies are off the middle of their vibration, (n, 2) m at times (n,) s."""
+def seen_from_body(scene: Scene, time: Array, position: Array) -> Array:
+    """Where (n, 2) m what is at ``position`` (n, 2) m at times (n,) s lies about a body in the middle of its motion."""
     motion = motion_of(scene)
-    return np.zeros((len(time), 2)) if motion is None else motion.at(time)[0]
+    return position if motion is None else position + motion.opposite.at(time, position)[0]
 
 
 @dataclass(frozen=True)
@@ -65,10 +65,10 @@ class Path2D:
 
     def separation(self, scene: Scene) -> int | None:
         """The recorded point at which it last touches a body; None where it never does."""
-        shift = body_displacement(scene, self.time)
+        seen = seen_from_body(scene, self.time, self.position)
         near = np.full(len(self.time), np.inf)
         for body in scene.body.values():
-            near = np.minimum(near, distance_to(self.position - shift, body.outline()))
+            near = np.minimum(near, distance_to(seen, body.outline()))
         touching = np.flatnonzero(near <= (1.0 + TOUCH) * self.diameter / 2)
         return int(touching[-1]) if len(touching) else None
 
@@ -103,9 +103,9 @@ class MovingMachine:
         """The bodies to where they are at ``time`` (s), the granules to ``places`` (n, 2) m, of which those that are
         NaN are not seen.
         """
-        shift = body_displacement(self.scene, np.array([time]))[0]
+        motion = motion_of(self.scene)
         for patch, outline in zip(self.bodies, self.outlines, strict=True):
-            patch.set_xy(MM * (outline + shift))
+            patch.set_xy(MM * (outline if motion is None else outline + motion.at(time, outline)[0]))
         self.discs.set_offsets(np.ma.masked_invalid(MM * places))
 
 

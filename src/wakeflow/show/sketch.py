@@ -278,13 +278,20 @@ def _draw_gravity(sheet: _Sheet, scene: Scene) -> None:
 
 
 def _draw_vibration(sheet: _Sheet, scene: Scene) -> None:
-    """An arrow on each body along its vibration."""
+    """An arrow on each body along its vibration; of bodies that rock across the way to the pivot, a cross there."""
     if scene.vibration is None:
         return
     for body in scene.body.values():
         outline = MM * body.outline()
         middle = (outline.min(axis=0) + outline.max(axis=0)) / 2
-        arm = 0.35 * min(np.ptp(outline, axis=0).min(), sheet.away(0.6)) * scene.vibration.along
+        along, pivot = scene.vibration.along, scene.vibration.pivot
+        if pivot is not None:
+            off = middle - MM * np.asarray(pivot)
+            along = (
+                np.array([-off[1], off[0]]) / max(float(np.hypot(*off)), 1e-9) if off.any() else np.array([0.0, 1.0])
+            )
+            sheet.axes.plot(*(MM * np.asarray(pivot)), "+", color=INK, markersize=7, markeredgewidth=1.2, zorder=7)
+        arm = 0.35 * min(np.ptp(outline, axis=0).min(), sheet.away(0.6)) * along
         style = {"arrowstyle": "<|-|>", "color": "white", "linewidth": 1.1, "mutation_scale": 8}
         sheet.axes.annotate("", tuple(middle + arm), xytext=tuple(middle - arm), arrowprops=style, zorder=6)
 

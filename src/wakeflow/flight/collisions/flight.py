@@ -18,7 +18,7 @@ from ..kernel import layout as at
 from ..kernel.crossings import first_line, first_wall
 from ..kernel.dense_output import along
 from ..kernel.dispersion import mirror
-from ..kernel.events import wall_displacement
+from ..kernel.events import seen_from, wall_motion
 from ..kernel.jit import compiled, inlined
 from ..kernel.locate import barycentric
 from ..kernel.strike import flake_spin, restitution_of, stays, tilted
@@ -63,6 +63,14 @@ def _kick(state, own, grain, nx, ny, wx, wy, e, f, q):
 
 
 @compiled
+def _touched(state, grain, walls, body, nx, ny):
+    """Velocity of a wall of normal n where a granule touches it, and the rate at which it turns."""
+    wx, wy, _, _, turn = wall_motion(walls.bodies, body, state[at.T], state[at.X], state[at.Y], 0.0, 0.0)
+    around = turn * grain[at.RADIUS]
+    return wx + around * ny, wy - around * nx, turn
+
+
+@compiled
 def hit_wall(state, ints, own, grain, walls, rules, path, hold, h, kind, which):
     """The granule reaches a feature within a step h: collision; contact that lasts where a bounce is not followed."""
     body, off = grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
@@ -71,8 +79,8 @@ def hit_wall(state, ints, own, grain, walls, rules, path, hold, h, kind, which):
     state[at.Y] -= off * ny
     ints[at.CONTACT] = at.FREE
     hold[at.KIND] = at.FREE
-    _, _, wx, wy, px, py = wall_displacement(walls.bodies, body, state[at.T])
-    if stays(state, ints, grain, walls, body, nx, ny, wx, wy):
+    wx, wy, turn = _touched(state, grain, walls, body, nx, ny)
+    if stays(state, ints, grain, walls, body, nx, ny, wx, wy, rules.seed):
         return
     e = restitution_of(state, grain, walls, body, nx, ny, wx, wy)
     if grain[at.NOISE] != 0.0:
@@ -89,8 +97,9 @@ def hit_wall(state, ints, own, grain, walls, rules, path, hold, h, kind, which):
         state[at.SPIN] = flake_spin(ints, grain, spin, sx, sy, rx, ry, mx, my, rules.seed)
     if normal > 0.0:
         ints[at.IMPACTS] += 1
-    rebound, slide = rx * nx + ry * ny, nx * ry - ny * rx
+    rebound, slide = rx * nx + ry * ny, nx * ry - ny * rx - turn * grain[at.RADIUS]
     rate = path[at.RATE]
+    _, _, px, py, _ = wall_motion(walls.bodies, body, state[at.T], state[at.X], state[at.Y], state[at.VX], state[at.VY])
     lift = (path[at.N0X] - rate * state[at.VX] - px) * nx + (path[at.N0Y] - rate * state[at.VY] - py) * ny
     if kind == at.ON_VERTEX:
         lift += slide * slide / grain[at.RADIUS]
@@ -124,17 +133,19 @@ def press(state, ints, own, grain, walls, rules, hold, h, pull):
     for _ in range(SWEEPS):
         hit = False
         for body in range(walls.bodies.shape[0]):
-            dx, dy, wx, wy, px, py = wall_displacement(walls.bodies, body, state[at.T])
-            kind, which = _deepest(walls, body, state[at.X] - dx, state[at.Y] - dy, grain[at.RADIUS])
+            x, y, _, _ = seen_from(walls.bodies, body, state[at.T], state[at.X], state[at.Y], 0.0, 0.0)
+            kind, which = _deepest(walls, body, x, y, grain[at.RADIUS])
             if kind == at.FREE:
                 continue
             hit = touches = True
             _, off = grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
             nx, ny = hold[at.NX], hold[at.NY]
-            if stays(state, ints, grain, walls, body, nx, ny, wx, wy):
+            wx, wy, _ = _touched(state, grain, walls, body, nx, ny)
+            if stays(state, ints, grain, walls, body, nx, ny, wx, wy, rules.seed):
                 return True
             hold[at.KIND] = at.FREE
             vx, vy, vz = state[at.VX], state[at.VY], own[of.VZ]
+            _, _, px, py, _ = wall_motion(walls.bodies, body, state[at.T], state[at.X], state[at.Y], vx, vy)
             approach = -((vx - wx) * nx + (vy - wy) * ny)
             if approach > 0.0:
                 slow = approach <= PULLS * h * (pull + math.hypot(px, py)) + at.SLOW
@@ -282,7 +293,7 @@ def _slide(state, ints, own, grain, walls, rules, path, hold, h):
     if not press(state, ints, own, grain, walls, rules, hold, h, pull):
         ints[at.CONTACT] = at.FREE
     elif ints[at.FATE] == at.FLYING:
-        _, _, wx, wy, _, _ = wall_displacement(walls.bodies, body, state[at.T])
+        wx, wy, _, _, _ = wall_motion(walls.bodies, body, state[at.T], state[at.X], state[at.Y], 0.0, 0.0)
         rx, ry = state[at.VX] - wx, state[at.VY] - wy
         if math.sqrt(rx * rx + ry * ry + own[of.VZ] * own[of.VZ]) <= STILL:
             own[of.TOUCHED] = of.HELD_BY_WALL

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from ..kernel import layout as at
-from ..kernel.events import wall_displacement
+from ..kernel.events import wall_motion
 from ..kernel.jit import compiled, entry
 from ..kernel.track_start import begin_track, store_point
 from . import slab_layout as of
@@ -65,7 +65,7 @@ def _lies_still(state, ints, own, walls, clock, rest):
         return state[at.HELD] > rest, True
     vx, vy = state[at.VX], state[at.VY]
     if ints[at.CONTACT] != at.FREE:
-        _, _, wx, wy, _, _ = wall_displacement(walls.bodies, ints[at.BODY], state[at.T])
+        wx, wy, _, _, _ = wall_motion(walls.bodies, ints[at.BODY], state[at.T], state[at.X], state[at.Y], 0.0, 0.0)
         vx, vy = vx - wx, vy - wy
     speed, pull = math.sqrt(vx * vx + vy * vy + own[of.VZ] ** 2), h * clock[of.PULL]
     state[at.HELD] = state[at.HELD] + h if speed <= CALM * pull else 0.0

@@ -26,8 +26,9 @@ def _mesh_at(swing, t):
     """Displacement and velocity of a mesh that swings; zeros at rest."""
     if swing[at.SWING_OMEGA] == 0.0:
         return 0.0, 0.0, 0.0, 0.0
-    x, y, vx, vy, _, _ = harmonic(swing[at.SWING_X], swing[at.SWING_Y], swing[at.SWING_OMEGA], swing[at.SWING_PHASE], t)
-    return x, y, vx, vy
+    out, rate, _ = harmonic(swing[at.SWING_OMEGA], swing[at.SWING_PHASE], t)
+    x, y = swing[at.SWING_X], swing[at.SWING_Y]
+    return x * out, y * out, x * rate, y * rate
 
 
 @compiled

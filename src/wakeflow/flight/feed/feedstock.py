@@ -158,8 +158,8 @@ def _lying(scene: Scene, outline: Array, x: Array, radius: Array) -> Array:
     """Centres (n, 2) m of granules that lie on the body at its lower dead point, where all is at rest in the lab."""
     height, _ = contact_points(outline, x, radius)
     motion = motion_of(scene)
-    shift = np.zeros(2) if motion is None else motion.at(_dead_point(scene))[0]
-    return np.stack([x, height], axis=1) + shift
+    lying = np.stack([x, height], axis=1)
+    return lying if motion is None else lying + motion.at(_dead_point(scene), lying)[0]
 
 
 def granules_of(
@@ -193,7 +193,8 @@ def granules_of(
         inertia=fraction.inertia,
         scatter=properties.rebound_scatter,
         tangential_restitution=properties.tangential_restitution,
-        capture_speed=fraction.capture_speed or 0.0,
+        capture_speed=fraction.capture_speed or (0.0 if fraction.sticks is None else np.inf),
+        sticks=1.0 if fraction.sticks is None else fraction.sticks,
         shape=fraction.shape,
         flake=fraction.flake,
     )
@@ -269,7 +270,7 @@ def _pull(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, speed
         return np.zeros(len(drop))
     if scene.air is None:
         return np.full(len(drop), scene.gravity)
-    way = max(float(np.linalg.norm(scene.vibration.displacement)), MIN_WAY * scene.width)
+    way = max(float(np.linalg.norm(scene.motion[0])), MIN_WAY * scene.width)
     later = arrival(scene, plan, grains, drop + way, speed)
     return np.nan_to_num((later**2 - fall**2) / (2 * way), nan=0.0)
 

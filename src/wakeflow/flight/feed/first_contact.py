@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.errors import known
 from ...core.geometry import halved_all
 from ...scene import Scene
 from .. import Motion
@@ -27,6 +28,8 @@ def motion_of(scene: Scene) -> Motion | None:
     vibration = scene.vibration
     if vibration is None:
         return None
+    if vibration.pivot is not None:
+        return Motion(known(vibration.amplitude), 1.0 / vibration.period, pivot=vibration.pivot)
     if vibration.samples is not None:
         return Motion.sampled(vibration.samples.time, vibration.samples.acceleration, tuple(vibration.along))
     return Motion(tuple(vibration.displacement), 1.0 / vibration.period)
@@ -41,22 +44,27 @@ class _Gap:
     normal: Array
     passing: Array
     motion: Motion
+    place: Array
 
     def at(self, t: Array, i: Index) -> Array:
         """Distance (m) of granules i at times t (s); s = t - passing."""
         s, n = t - self.passing[i], self.normal[i]
-        moved = np.einsum("ij,ij->i", n, self.motion.at(t)[0])
+        moved = np.einsum("ij,ij->i", n, self.motion.at(t, self.place[i])[0])
         return np.asarray(-n[:, 1] * s * (self.fall_speed[i] + 0.5 * self.pull[i] * s) - moved)
 
     def rate(self, t: Array, i: Index) -> Array:
         """Its rate (m/s)."""
         s, n = t - self.passing[i], self.normal[i]
-        moving = np.einsum("ij,ij->i", n, self.motion.at(t)[1])
+        moving = np.einsum("ij,ij->i", n, self.motion.at(t, self.place[i])[1])
         return np.asarray(-n[:, 1] * (self.fall_speed[i] + self.pull[i] * s) - moving)
 
     def window(self) -> tuple[Array, Array]:
         """Times (n,) s at which granules pass the highest place of the slope and the lowest."""
-        crest = np.abs(self.normal @ np.asarray(self.motion.amplitude, dtype=float)) / self.normal[:, 1]
+        if self.motion.pivot is None:
+            most = np.abs(self.normal @ np.asarray(self.motion.amplitude, dtype=float))
+        else:
+            most = np.array([np.hypot(*self.motion.reach(one[None])) for one in self.place])
+        crest = most / self.normal[:, 1]
         v2, more = self.fall_speed**2, 2 * self.pull * crest
         before = 2 * crest / (self.fall_speed + np.sqrt(np.maximum(v2 - more, 0.0)))
         return self.passing - before, self.passing + 2 * crest / (self.fall_speed + np.sqrt(np.maximum(v2 + more, 0.0)))
@@ -69,16 +77,21 @@ def first_contact(
     motion: Motion | None,
     pull: Array | float = 0.0,
     halvings: int = HALVINGS,
+    place: Array | None = None,
 ) -> tuple[Array, Array]:
     """When granules first meet a slope that follows ``motion``, (n,) s, and the wall's velocity then, (n, 2) m/s.
 
     ``passing`` (n,) s: when each would touch the slope at rest, with ``fall_speed`` (n,) m/s straight down, which grows
     by ``pull`` (n,) m/s2; ``normal`` (n, 2) of the slope, upward. The first root of the distance along the normal is
     looked for from above all crests on, in pieces that are short against the vibration, each halved ``halvings`` times.
+    Of a body that rocks: as the ``place`` (n, 2) m moves at which each would touch it at rest, to first order in its
+    angle.
     """
     if motion is None or not motion.moves or not len(passing):
         return passing.copy(), np.zeros((len(passing), 2))
-    gap = _Gap(fall_speed, np.broadcast_to(np.asarray(pull, dtype=float), passing.shape), normal, passing, motion)
+    place = np.zeros((len(passing), 2)) if place is None else place
+    grows = np.broadcast_to(np.asarray(pull, dtype=float), passing.shape)
+    gap = _Gap(fall_speed, grows, normal, passing, motion, place)
     low, last = gap.window()
     left, begin, end = np.arange(len(passing)), low.copy(), last.copy()
     while len(left):
@@ -88,7 +101,7 @@ def first_contact(
         begin[left[met]], end[left[met]] = low[met], to[met]
         left, low = left[~met], high[~met]
     time = _end_of(gap.at, np.arange(len(passing)), begin, end, above=True, halvings=halvings)
-    return time, motion.at(time)[1]
+    return time, motion.at(time, place)[1]
 
 
 def _lowest(gap: _Gap, i: Index, low: Array, high: Array) -> Array:

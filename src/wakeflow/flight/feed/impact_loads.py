@@ -137,7 +137,7 @@ class _Stream:
 def _sample(scene: Scene, name: str, plan: FractionPlan, outline: Array) -> _Stream:
     """The stream of fraction ``name``, spread evenly over sizes, places and the vibration's period."""
     release, motion = scene.level + scene.release[0], motion_of(scene)
-    swing = 0.0 if scene.vibration is None else float(np.linalg.norm(scene.vibration.displacement))
+    swing = float(np.linalg.norm(scene.motion[0]))
     fraction, middles, parts = scene.fraction[name], _middles(SIZES), []
     settling = fraction.settling(np.roll(middles, 3))
     grains = granules_of(scene, name, plan, fraction.diameters(middles), settling)
@@ -161,7 +161,8 @@ def _sample(scene: Scene, name: str, plan: FractionPlan, outline: Array) -> _Str
         if scene.vibration is not None and meets.any():
             passing = scene.vibration.period * phase[meets]
             pull = np.nan_to_num((later[meets] ** 2 - fall[meets] ** 2) / (2.0 * swing), nan=0.0)
-            time, wall[meets] = first_contact(fall[meets], normal[meets], passing, motion, pull, HALVINGS)
+            touched = np.stack([x, height], axis=1)[meets] - 0.5 * diameter * normal[meets]
+            time, wall[meets] = first_contact(fall[meets], normal[meets], passing, motion, pull, HALVINGS, touched)
             fall[meets] += pull * (time - passing)
         parts.append((_slope_below(outline, x), fall, normal, wall))
     slopes, *columns = (np.concatenate(column) for column in zip(*parts, strict=True))

@@ -12,12 +12,12 @@ from . import events
 from . import layout as at
 from .dense_output import along
 from .dispersion import mirror
-from .events import first_below, wall_displacement
+from .events import first_below, seen_from, turned_by, wall_motion
 from .forces import free_force
 from .jit import compiled, inlined
 from .rest import STATIC, caught, held, hold_still, tangent, unwedge, wedge
 from .strike import flake_spin, restitution_of, stays, tilted
-from .walls import constrain, grasp, inside
+from .walls import carry, constrain, grasp, inside, leans
 
 # -- A granule in contact ----------------------------------------------------------------------------------------------
 _collide = compiled(collide)
@@ -32,25 +32,26 @@ def settle(state, ints, hold, walls, rolls):
     nx, ny = hold[at.NX], hold[at.NY]
     state[at.X] -= off * nx
     state[at.Y] -= off * ny
-    _, _, wx, wy, _, _ = wall_displacement(walls.bodies, ints[at.BODY], state[at.T])
+    wx, wy, _, _, turn = wall_motion(walls.bodies, ints[at.BODY], state[at.T], state[at.X], state[at.Y], 0.0, 0.0)
     vn = (state[at.VX] - wx) * nx + (state[at.VY] - wy) * ny
     state[at.VX] -= vn * nx
     state[at.VY] -= vn * ny
     if rolls:
-        state[at.SPIN] = (nx * (state[at.VY] - wy) - ny * (state[at.VX] - wx)) / hold[at.ARM]
+        state[at.SPIN] = (nx * (state[at.VY] - wy) - ny * (state[at.VX] - wx)) / hold[at.ARM] + turn
 
 
 @inlined
 def _collision(state, ints, hold, grain, walls, body, friction, last, one, seed):
     """Velocity and spin after the impact on the wall in ``hold``; a granule that it throws back for ever at the wall
-    (last, one) stops. Returns the restitution, the normal impulse, the wall's velocity and its acceleration.
+    (last, one) stops. Returns the restitution and the normal impulse.
 
     Only granules that come flying are scattered: not those that lie on another wall, or rattle between two.
     """
     nx, ny = hold[at.NX], hold[at.NY]
-    _, _, wx, wy, px, py = wall_displacement(walls.bodies, body, state[at.T])
-    e = restitution_of(state, grain, walls, body, nx, ny, wx, wy)
     mobility, radius, back = grain[at.BLOW], grain[at.RADIUS], grain[at.GIVES_BACK]
+    sx, sy, _, _, turn = wall_motion(walls.bodies, body, state[at.T], state[at.X], state[at.Y], 0.0, 0.0)
+    wx, wy = sx + turn * radius * ny, sy - turn * radius * nx  # where they touch
+    e = restitution_of(state, grain, walls, body, nx, ny, wx, wy)
     mx, my = nx, ny
     if grain[at.SCATTER] != 0.0 and last == at.FREE:
         mx, my = tilted(state, ints, hold, grain, wx, wy, e, friction, seed)
@@ -64,10 +65,10 @@ def _collision(state, ints, hold, grain, walls, body, friction, last, one, seed)
         mirror(state, ints, nx, ny)
     if normal > 0.0:
         ints[at.IMPACTS] += 1
-    if last != at.FREE and caught(state, hold, walls, last, one, body, vx - wx, vy - wy, e, ints[at.STUCK]):
-        vx, vy = wx, wy
+    if last != at.FREE and caught(state, hold, walls, last, one, body, vx - sx, vy - sy, e, ints[at.STUCK]):
+        vx, vy = sx, sy
     state[at.VX], state[at.VY], state[at.SPIN] = vx, vy, spin
-    return e, normal, wx, wy, px, py
+    return e, normal
 
 
 @compiled
@@ -83,15 +84,17 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
     state[at.Y] -= off * my
     last, one = (ints[at.PAIR], ints[at.PAIRED]) if before == at.FREE and ints[at.STUCK] > 1 else (before, other)
     ints[at.CONTACT] = ints[at.PAIR] = at.FREE
-    _, _, wx, wy, _, _ = wall_displacement(walls.bodies, body, state[at.T])
-    if stays(state, ints, grain, walls, body, nx, ny, wx, wy):
+    x, y = state[at.X], state[at.Y]
+    wx, wy, _, _, _ = wall_motion(walls.bodies, body, state[at.T], x, y, 0.0, 0.0)
+    if stays(state, ints, grain, walls, body, nx, ny, wx, wy, rules.seed):
         hold[at.KIND] = at.FREE
         return
     f = walls.bodies[body, at.BODY_FRICTION]
     f = grain[at.FRICTION] if f < 0.0 else f
-    e, normal, wx, wy, px, py = _collision(state, ints, hold, grain, walls, body, f, last, one, rules.seed)
+    e, normal = _collision(state, ints, hold, grain, walls, body, f, last, one, rules.seed)
     vx, vy = state[at.VX], state[at.VY]
-    fx, fy, _, _, _ = free_force(affine, grain, table, state[at.X], state[at.Y], vx, vy, state[at.T], state[at.SPIN])
+    _, _, px, py, _ = wall_motion(walls.bodies, body, state[at.T], x, y, vx, vy)
+    fx, fy, _, _, _ = free_force(affine, grain, table, x, y, vx, vy, state[at.T], state[at.SPIN])
     rebound, slide = (vx - wx) * nx + (vy - wy) * ny, -ny * (vx - wx) + nx * (vy - wy)
     lift = (fx - px) * nx + (fy - py) * ny
     if kind == at.ON_VERTEX:
@@ -121,10 +124,11 @@ def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
     contact point slips.
     """
     hold[at.SIGN] = hold[at.ROLL] = 0.0
+    hold[at.TURNS] = hold[at.ARM] if grain[at.MOBILITY] > 0.0 else 0.0
     if ints[at.PAIR] != at.FREE and unwedge(state, ints, hold, grain, walls, fx, fy):
         hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
         return True
-    _, _, press, free, slide = constrain(
+    _, _, press, free, slide, turn = constrain(
         hold, fx, fy, state[at.X], state[at.Y], state[at.VX], state[at.VY], state[at.T]
     )
     if press <= 0.0:
@@ -132,11 +136,11 @@ def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
         ints[at.CONTACT] = at.FREE
         hold[at.KIND] = at.FREE
         return False
-    mobility, around = grain[at.MOBILITY], grain[at.RADIUS] * state[at.SPIN]
+    mobility, around = grain[at.MOBILITY], grain[at.RADIUS] * (state[at.SPIN] - turn)
     slip = slide - around if mobility > 0.0 else slide
     still = AT_REST * (rules.length + abs(free))
     if abs(slide) <= still and abs(slip) <= still and held(hold, grain, press, free):
-        state[at.SPIN] = 0.0 if mobility > 0.0 else state[at.SPIN]
+        state[at.SPIN] = turn if mobility > 0.0 else state[at.SPIN]
         hold_still(state, ints, hold, affine, grain, table, walls, rules, timed)
         return True
     state[at.HELD] = 0.0
@@ -144,7 +148,7 @@ def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
         part = 1.0 / (1.0 + mobility)
         if mobility > 0.0 and abs(free) * part <= hold[at.MU] * press:
             hold[at.ROLL] = part
-            state[at.SPIN] = slide / grain[at.RADIUS]
+            state[at.SPIN] = slide / grain[at.RADIUS] + turn
             return False
         slip = free
     hold[at.SIGN] = 1.0 if slip > 0.0 else -1.0
@@ -155,8 +159,8 @@ def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
 def rescue(state, ints, hold, affine, grain, table, walls, rules):
     """No centre is ever left inside a body: put it back on the nearest edge, as a contact."""
     for body in range(walls.bodies.shape[0]):
-        dx, dy, _, _, _, _ = wall_displacement(walls.bodies, body, state[at.T])
-        within, nearest = inside(walls, body, state[at.X] - dx, state[at.Y] - dy)
+        x, y, _, _ = seen_from(walls.bodies, body, state[at.T], state[at.X], state[at.Y], 0.0, 0.0)
+        within, nearest = inside(walls, body, x, y)
         if within:
             strike(state, ints, hold, affine, grain, table, walls, rules, at.ON_EDGE, nearest)
 
@@ -179,33 +183,33 @@ def friction_turn(path, h, state, affine, grain, table, hold):
 
 
 @compiled
-def _slip(path, s, t0, hold, walls, body, spin, radius):
+def _slip(path, s, t0, hold, spin, radius):
     """Velocity of the contact point along the moving wall."""
     x, y, vx, vy = along(path, s)
-    dx, dy, wx, wy, _, _ = wall_displacement(walls.bodies, body, t0 + s)
-    nx, ny = hold[at.NX], hold[at.NY]
+    nx, ny, wx, wy, _, _, turn, _ = carry(hold, x, y, vx, vy, t0 + s)
     if hold[at.KIND] == at.ON_VERTEX:
-        nx, ny = x - dx - hold[at.OX], y - dy - hold[at.OY]
         d = math.sqrt(nx * nx + ny * ny)
         nx, ny = nx / d, ny / d
-    return nx * (vy - wy) - ny * (vx - wx) - radius * spin
+    else:
+        nx, ny = turned_by(leans(hold, t0 + s), hold[at.NX], hold[at.NY])
+    return nx * (vy - wy) - ny * (vx - wx) - radius * (spin - turn)
 
 
 @compiled
-def takes_hold(path, s, state, ints, hold, grain, walls, turn):
+def takes_hold(path, s, state, hold, grain, turn):
     """When within [0, s] the contact point of a slipping granule that can turn comes to rest (bisection): (time, did
     it).
     """
     if hold[at.ROLL] != 0.0 or grain[at.MOBILITY] == 0.0:
         return s, False
     a, b, c = turn
-    spin, body, radius, sign = state[at.SPIN], ints[at.BODY], grain[at.RADIUS], hold[at.SIGN]
-    if sign * _slip(path, s, state[at.T], hold, walls, body, spin + s * (a + s * (b + s * c)), radius) > 0.0:
+    spin, radius, sign = state[at.SPIN], grain[at.RADIUS], hold[at.SIGN]
+    if sign * _slip(path, s, state[at.T], hold, spin + s * (a + s * (b + s * c)), radius) > 0.0:
         return s, False
     low, high = 0.0, s
     for _ in range(60):
         m = 0.5 * (low + high)
-        if sign * _slip(path, m, state[at.T], hold, walls, body, spin + m * (a + m * (b + m * c)), radius) > 0.0:
+        if sign * _slip(path, m, state[at.T], hold, spin + m * (a + m * (b + m * c)), radius) > 0.0:
             low = m
         else:
             high = m
@@ -214,10 +218,10 @@ def takes_hold(path, s, state, ints, hold, grain, walls, turn):
 
 @compiled
 def _beside(path, s, t0, hold, bodies, body):
-    """Position from the constraint's origin and velocity, both seen from the wall, at time s of the step."""
+    """Position from the constraint's origin and velocity, both in the wall's frame, at time s of the step."""
     x, y, vx, vy = along(path, s)
-    dx, dy, wx, wy, _, _ = wall_displacement(bodies, body, t0 + s)
-    return x - dx - hold[at.OX], y - dy - hold[at.OY], vx - wx, vy - wy
+    x, y, vx, vy = seen_from(bodies, body, t0 + s, x, y, vx, vy)
+    return x - hold[at.OX], y - hold[at.OY], vx, vy
 
 
 @inlined
@@ -228,7 +232,7 @@ def _end_of_face(path, ints, hold, walls, rules, s, t0, stops):
     qx, qy, rx, ry = _beside(path, 0.0, t0, hold, bodies, body)
     _, _, ux, uy = _beside(path, s, t0, hold, bodies, body)
     ox, oy, sign, skin = hold[at.OX], hold[at.OY], hold[at.SIGN], SLIVER * rules.skin
-    tx, ty, size = -hold[at.NY], hold[at.NX], walls.edges[feature, at.LENGTH]
+    tx, ty, size = -walls.edges[feature, at.OUT_Y], walls.edges[feature, at.OUT_X], walls.edges[feature, at.LENGTH]
     wa, wb = sign * (tx * rx + ty * ry), sign * (tx * ux + ty * uy)
     if stops and wa > 0.0 and wb < 0.0:
         dx, dy = sign * tx, sign * ty
@@ -293,7 +297,7 @@ def _pressed(path, s, t0, affine, grain, table, hold, spin):
     """How hard the wall presses at time s of the step, and whether a rolling granule's grip is enough."""
     x, y, vx, vy = along(path, s)
     fx, fy, _, _, _ = free_force(affine, grain, table, x, y, vx, vy, t0 + s, spin)
-    _, _, press, free, _ = constrain(hold, fx, fy, x, y, vx, vy, t0 + s)
+    _, _, press, free, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t0 + s)
     return press, hold[at.ROLL] == 0.0 or abs(free) * hold[at.ROLL] <= (hold[at.MU] + STATIC) * press
 
 

@@ -11,7 +11,7 @@ import math
 from . import events
 from . import layout as at
 from .dense_output import along
-from .events import first_below, level, wall_displacement
+from .events import first_below, level, seen_from
 from .jit import compiled, inlined
 from .walls import GROWN, STILL, members_of
 
@@ -51,9 +51,8 @@ def _edge_contact(path, t0, walls, e, r, skin, sa, sb, qa, qb, hull):
     if s < 0.0:
         return -1.0
     x, y, vx, vy = along(path, s)
-    dx, dy, wx, wy, _, _ = wall_displacement(walls.bodies, body, t0 + s)
-    foot = -ny * (x - dx - px) + nx * (y - dy - py)
-    onward = -ny * (vx - wx) + nx * (vy - wy)
+    x, y, vx, vy = seen_from(walls.bodies, body, t0 + s, x, y, vx, vy)
+    foot, onward = -ny * (x - px) + nx * (y - py), -ny * vx + nx * vy
     near = 1e-3 * skin  # at the very end and on the way out it is the corner's
     return s if (0.0 if onward >= 0.0 else near) <= foot <= (size if onward <= 0.0 else size - near) else -1.0
 
@@ -87,14 +86,6 @@ def _vertex_contact(path, t0, walls, v, r, skin, sa, sb, qa, qb, hull):
             return s
         s0, f0, r0 = s1, f1, r1
     return -1.0
-
-
-@compiled
-def _seen_from(state, t, bodies, body):
-    """Position and velocity in the frame of a body."""
-    x, y, vx, vy = state
-    dx, dy, wx, wy, _, _ = wall_displacement(bodies, body, t)
-    return x - dx, y - dy, vx - wx, vy - wy
 
 
 @compiled
@@ -162,13 +153,14 @@ def _first_on_body(path, span, start, end, t0, r, skin, walls, body, joined, bes
     bodies = walls.bodies
     omega = bodies[body, at.OMEGA]
     pieces = 1 if omega == 0.0 else min(MAX_PIECES, 1 + int(omega * span / TURN))
-    qa = _seen_from(start, t0, bodies, body)
+    qa = seen_from(bodies, body, t0, *start)
     found, kind, which = -1.0, at.FREE, at.NOBODY
     for piece in range(pieces):
         sa, sb = span * piece / pieces, span * (piece + 1) / pieces
         if best >= 0.0 and sa > best:
             break
-        qb = _seen_from(end if piece == pieces - 1 else along(path, sb), t0 + sb, bodies, body)
+        qb = end if piece == pieces - 1 else along(path, sb)
+        qb = seen_from(bodies, body, t0 + sb, *qb)
         hull = _hull(qa, qb, sb - sa)
         if _near_part(hull, walls.parts, walls.members[body, at.FIRST_PART], GROWN * r + skin):
             found, kind, which = _first_in_piece(path, t0, walls, body, r, skin, sa, sb, qa, qb, hull, joined)
@@ -223,7 +215,7 @@ def _line_crossed(path, span, start, end, t0, frame, moved, lines, i, skin):
         return s, 0.0, size
     x, y, _, _ = along(path, s)
     if moved >= 0:
-        x, y, _, _ = _seen_from((x, y, 0.0, 0.0), t0 + s, frame, 0)
+        x, y, _, _ = seen_from(frame, 0, t0 + s, x, y, 0.0, 0.0)
     return s, ((x - x0) * ex + (y - y0) * ey) / size, size
 
 
@@ -239,7 +231,7 @@ def first_line(path, span, end, t0, walls, skin):
         return best, which
     start, moved = (path[at.START_X], path[at.START_Y], path[at.START_VX], path[at.START_VY]), at.NOBODY
     if frame[0, at.OMEGA] != 0.0:
-        start, end, moved = _seen_from(start, t0, frame, 0), _seen_from(end, t0 + span, frame, 0), at.NOBODY + 1
+        start, end, moved = seen_from(frame, 0, t0, *start), seen_from(frame, 0, t0 + span, *end), at.NOBODY + 1
     hull = _hull(start, end, span)
     for i in range(lines.shape[0]):
         x0, y0, x1, y1 = lines[i, at.FROM_X], lines[i, at.FROM_Y], lines[i, at.TO_X], lines[i, at.TO_Y]

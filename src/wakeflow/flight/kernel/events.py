@@ -28,21 +28,17 @@ MAX_ROOT_LOOKS, MAX_TURN_LOOKS = 100, 40  # looks in one search; chosen: guards 
 
 
 @compiled
-def harmonic(ax, ay, omega, phase, t):
-    """Displacement, velocity and acceleration of amplitude (ax, ay) sin(omega t + phase)."""
+def harmonic(omega, phase, t):
+    """sin(omega t + phase) and its first two derivatives."""
     angle = omega * t + phase
-    s, c = math.sin(angle), omega * math.cos(angle)
-    w = -omega * omega * s
-    return ax * s, ay * s, ax * c, ay * c, ax * w, ay * w
+    s = math.sin(angle)
+    return s, omega * math.cos(angle), -omega * omega * s
 
 
 @compiled
-def cubic(ax, ay, x, v, a, jerk, s):
-    """The same of (ax, ay) times what began at x, v, a a time s ago, its acceleration linear in time."""
-    d = x + s * (v + s * (0.5 * a + s * jerk / 6.0))
-    c = v + s * (a + 0.5 * s * jerk)
-    w = a + s * jerk
-    return ax * d, ay * d, ax * c, ay * c, ax * w, ay * w
+def cubic(x, v, a, jerk, s):
+    """The same of what began at x, v, a a time s ago, its acceleration linear in time."""
+    return x + s * (v + s * (0.5 * a + s * jerk / 6.0)), v + s * (a + 0.5 * s * jerk), a + s * jerk
 
 
 @compiled
@@ -63,23 +59,103 @@ def interval(bodies, body, t):
 
 
 @compiled
-def wall_displacement(bodies, body, t):
-    """Displacement, velocity and acceleration of a body at time t: a harmonic, or a record of samples."""
-    ax, ay, omega = bodies[body, at.REACH_X], bodies[body, at.REACH_Y], bodies[body, at.OMEGA]
+def _swing(bodies, body, t):
+    """How far out a body is at time t, over its amplitude, and the first two derivatives: a harmonic, or samples."""
+    omega = bodies[body, at.OMEGA]
     if omega == 0.0:
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0
     if bodies[body, at.SAMPLE_COUNT] == 0.0:
-        return harmonic(ax, ay, omega, bodies[body, at.PHASE], t)
+        return harmonic(omega, bodies[body, at.PHASE], t)
     k, s = interval(bodies, body, t)
     return cubic(
-        ax,
-        ay,
         bodies[body, k + at.SAMPLE_OUT],
         bodies[body, k + at.SAMPLE_SPEED],
         bodies[body, k + at.SAMPLE_PULL],
         bodies[body, k + at.SAMPLE_JERK],
         s,
     )
+
+
+@compiled
+def turning(angle, x, y):
+    """What a turn by an angle adds to a vector: to full precision also for a far pivot and a small angle."""
+    half, s = math.sin(0.5 * angle), math.sin(angle)
+    h = 2.0 * half * half
+    return -h * x - s * y, s * x - h * y
+
+
+@compiled
+def turned_by(angle, x, y):
+    """A vector turned by an angle."""
+    if angle == 0.0:
+        return x, y
+    dx, dy = turning(angle, x, y)
+    return x + dx, y + dy
+
+
+@compiled
+def rocking(turn, growth, x, y, vx, vy):
+    """Velocity of a body that turns about a pivot at the rate ``turn``, which grows by ``growth``, at (x, y) from it;
+    and the acceleration in the lab of what moves there with the velocity v and is at rest or goes straight on as seen
+    from the body: that of the place and Coriolis'.
+    """
+    wx, wy = -turn * y, turn * x
+    rx, ry = vx - wx, vy - wy
+    return wx, wy, -growth * y - turn * (turn * x + 2.0 * ry), growth * x - turn * (turn * y - 2.0 * rx)
+
+
+@compiled
+def angle_of(bodies, body, t):
+    """The angle (rad) by which a body has turned at time t; 0 for one that is displaced."""
+    rock = bodies[body, at.ROCK]
+    return rock * _swing(bodies, body, t)[0] if rock != 0.0 else 0.0
+
+
+@compiled
+def wall_motion(bodies, body, t, x, y, vx, vy):
+    """Velocity of a body at the place (x, y), the acceleration of what is there with velocity v and moves uniformly as
+    seen from the body, and the rate (rad/s) at which the body turns.
+    """
+    _, rate, pull = _swing(bodies, body, t)
+    rock = bodies[body, at.ROCK]
+    if rock == 0.0:
+        ax, ay = bodies[body, at.REACH_X], bodies[body, at.REACH_Y]
+        return ax * rate, ay * rate, ax * pull, ay * pull, 0.0
+    x, y = x - bodies[body, at.PIVOT_X], y - bodies[body, at.PIVOT_Y]
+    wx, wy, px, py = rocking(rock * rate, rock * pull, x, y, vx, vy)
+    return wx, wy, px, py, rock * rate
+
+
+@compiled
+def seen_from(bodies, body, t, x, y, vx, vy):
+    """Position and velocity in the frame of a body, in which its outline does not move."""
+    if bodies[body, at.OMEGA] == 0.0:
+        return x, y, vx, vy
+    out, rate, _ = _swing(bodies, body, t)
+    rock = bodies[body, at.ROCK]
+    if rock == 0.0:
+        ax, ay = bodies[body, at.REACH_X], bodies[body, at.REACH_Y]
+        return x - ax * out, y - ay * out, vx - ax * rate, vy - ay * rate
+    qx, qy = x - bodies[body, at.PIVOT_X], y - bodies[body, at.PIVOT_Y]
+    dx, dy = turning(-rock * out, qx, qy)
+    vx, vy = turned_by(-rock * out, vx + rock * rate * qy, vy - rock * rate * qx)
+    return x + dx, y + dy, vx, vy
+
+
+@compiled
+def carried_along(bodies, body, x, y, t0, t1):
+    """Where a body takes a place on it from time t0 to t1, and the velocity there then."""
+    rock = bodies[body, at.ROCK]
+    before, after = _swing(bodies, body, t0)[0], _swing(bodies, body, t1)[0]
+    if rock == 0.0:
+        ax, ay = bodies[body, at.REACH_X], bodies[body, at.REACH_Y]
+        x, y = x + ax * after - ax * before, y + ay * after - ay * before
+    else:
+        px, py = bodies[body, at.PIVOT_X], bodies[body, at.PIVOT_Y]
+        dx, dy = turning(rock * (after - before), x - px, y - py)
+        x, y = x + dx, y + dy
+    wx, wy, _, _, _ = wall_motion(bodies, body, t1, x, y, 0.0, 0.0)
+    return x, y, wx, wy
 
 
 @compiled
@@ -99,8 +175,7 @@ def level(path, s, t0, bodies, body, kind, ox, oy, q0, q1, q2):
     """Value and rate of an event function at time s of the step (no rate for speeds: 0)."""
     x, y, vx, vy = along(path, s)
     if body >= 0 and bodies[body, at.OMEGA] != 0.0:
-        dx, dy, wx, wy, _, _ = wall_displacement(bodies, body, t0 + s)
-        x, y, vx, vy = x - dx, y - dy, vx - wx, vy - wy
+        x, y, vx, vy = seen_from(bodies, body, t0 + s, x, y, vx, vy)
     x, y = x - ox, y - oy
     if kind == PLANE:
         return q0 + q1 * x + q2 * y, q1 * vx + q2 * vy

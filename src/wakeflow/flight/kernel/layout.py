@@ -41,11 +41,12 @@ class Walls(NamedTuple):
     vertices: Array  # (V, 2) convex corners and free ends
     vertex_links: Index  # (V, 3) body, edge that ends there, edge that starts there (-1: none)
     # (B, SAMPLES + 5 K) box at rest, largest displacement (x, y), angular frequency (0: at rest), phase, restitution,
-    # friction (-1: the granule's), number of samples (0: harmonic), their period; then of each sample time,
+    # friction (-1: the granule's), number of samples (0: harmonic), their period, largest angle of a body that rocks
+    # (0: it is displaced) about a pivot (x, y), part of the impacts that it keeps; then of each sample time,
     # displacement, velocity, acceleration and its slope, over the largest displacement. With samples the frequency is
     # that of their fastest change, the phase a time (s)
     bodies: Array
-    members: Index  # (B, 5) first and last + 1 part, closed, captures, the line that it counts as
+    members: Index  # (B, 4) first and last + 1 part, closed, the line that what it keeps counts as
     parts: Array  # (P, 9) of the outlines, see ``walls.members_of``
     lines: Array  # (K, 4)
     line_ids: Index  # (K,)
@@ -151,11 +152,12 @@ INTS = 24
     DIFFUSIVITY,  # m2/s, Brownian
     SCATTER,  # rad, rms angle by which its shape turns the wall's normal at an impact
     GIVES_BACK,  # tangential restitution
-    CAPTURE,  # m/s, a slower normal approach ends at the wall; 0: none does
+    CAPTURE,  # m/s, of a slower normal approach to a wall ..
+    STICKS,  # .. this part ends there
     FORGET,  # 1/s, over its own time, which its memories of the slip are given in; 0: no history force
     RECALL_0, RECALL_1, RECALL_2, RECALL_3, RECALL_4, RECALL_5, RECALL_6,  # 1/s, weights of the memories
-) = range(34)  # fmt: skip
-CONSTANTS = 34
+) = range(35)  # fmt: skip
+CONSTANTS = 35
 
 # -- The path of a step, see ``dense_output`` --------------------------------------------------------------------------
 (
@@ -194,7 +196,7 @@ AFFINE = 57
 # -- Constraint of a granule in contact --------------------------------------------------------------------------------
 (
     KIND,  # FREE, ON_EDGE, ON_VERTEX
-    NX, NY,  # outward normal of an edge
+    NX, NY,  # outward normal of an edge, as the body stood when it was taken
     OX, OY,  # m, start of the edge or the vertex
     ARM,  # m, radius of the granule
     MU,  # coefficient of friction
@@ -205,8 +207,11 @@ AFFINE = 57
     W_BEGIN, W_END,  # s, when it begins and ends
     W_OUT, W_SPEED, W_PULL, W_JERK,  # there, over the largest displacement: displacement .. slope
     OTHER_NX, OTHER_NY,  # normal of the second wall of a wedged granule
-) = range(22)  # fmt: skip
-CONSTRAINT = 22
+    ROCKS, AT_X, AT_Y,  # rad and m, of a body that rocks: its largest angle and pivot
+    LEANED,  # rad, its angle when the normals were taken
+    TURNS,  # m, radius of a granule that rolls; 0: it slides
+) = range(27)  # fmt: skip
+CONSTRAINT = 27
 
 # -- Columns of the tables of ``Air`` ----------------------------------------------------------------------------------
 CORNER_X, CORNER_Y = 0, 1  # geometry: first corner
@@ -221,12 +226,12 @@ SWING_X, SWING_Y, SWING_OMEGA, SWING_PHASE = range(4)  # swing, and the block SW
 FROM_X, FROM_Y, TO_X, TO_Y, OUT_X, OUT_Y, LENGTH = range(7)  # edges; lines have the first four
 OWNER, BEFORE, AFTER = range(3)  # edge_links and vertex_links: body, feature before and after along the outline
 VERTEX_X, VERTEX_Y = 0, 1  # vertices
-FIRST_PART, LAST_PART, CLOSED, CAPTURES, COUNTS_AS = range(5)  # members; LAST is one beyond
+FIRST_PART, LAST_PART, CLOSED, COUNTS_AS = range(4)  # members; LAST is one beyond
 LOW_X, LOW_Y, HIGH_X, HIGH_Y, REACH_X, REACH_Y, OMEGA, PHASE = range(8)  # bodies and frame
 # parts: a box, as that of a body, the edges and vertices in it, and the next part that is none of its own
 FIRST_EDGE, LAST_EDGE, FIRST_VERTEX, LAST_VERTEX, BEYOND = range(4, 9)
-BODY_RESTITUTION, BODY_FRICTION, SAMPLE_COUNT, SAMPLE_PERIOD = range(8, 12)
-SAMPLES = 12  # bodies: the first sample's time; sample i's at SAMPLES + PER_SAMPLE i, and from there on
+BODY_RESTITUTION, BODY_FRICTION, SAMPLE_COUNT, SAMPLE_PERIOD, ROCK, PIVOT_X, PIVOT_Y, KEEPS = range(8, 16)
+SAMPLES = 16  # bodies: the first sample's time; sample i's at SAMPLES + PER_SAMPLE i, and from there on
 PER_SAMPLE = 5
 SAMPLE_OUT, SAMPLE_SPEED, SAMPLE_PULL, SAMPLE_JERK = range(1, 5)
 # restitution: where a cell begins, 1 / its width, coefficients of its cubic

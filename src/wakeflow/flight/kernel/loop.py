@@ -15,7 +15,7 @@ from .contact import ends_of_slide, friction_turn, grip, lets_go, rescue, settle
 from .crossings import first_line, first_wall
 from .dense_output import along, sway
 from .dispersion import renew
-from .events import wall_displacement
+from .events import wall_motion
 from .forces import free_force, spin_at
 from .history import begin_memory, remember
 from .jit import entry, inlined, merged
@@ -81,7 +81,7 @@ def _start(state, ints, path, affine, hold, grain, table, walls, rules, timed):
     if hold[at.KIND] != at.FREE:
         moves = not grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed)
         if moves and hold[at.KIND] != at.FREE:
-            fx, fy, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t0)
+            fx, fy, _, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t0)
     if grain[at.FORGET] != 0.0:
         ax, ay = begin_memory(path, state, ints, grain, hold, ux, uy, ux - vx, uy - vy)
         fx, fy = fx + ax, fy + ay
@@ -111,7 +111,7 @@ def _end_of_contact(path, h, s, event, which, state, ints, affine, grain, table,
     s, let_go = lets_go(path, s, state, affine, grain, table, hold)
     event = let_go if let_go != events.NOTHING else event
     if let_go != events.LIFTED or s > PROGRESS * h:  # what lifts off at once does not grip first
-        s, gripped = takes_hold(path, s, state, ints, hold, grain, walls, turn)
+        s, gripped = takes_hold(path, s, state, hold, grain, turn)
         event = events.GRIPS if gripped else event
     s, slid, next_kind, next_which = ends_of_slide(path, ints, hold, grain, walls, rules, s, state[at.T])
     if slid != events.NOTHING:
@@ -197,8 +197,8 @@ def _react(event, kind, which, no_progress, pull, state, ints, affine, hold, air
     elif event == events.WALL:
         _hit(state, ints, hold, affine, grain, table, walls, rules, kind, which, pull)
     elif event == events.HALTED:
-        _, _, wx, wy, _, _ = wall_displacement(walls.bodies, ints[at.BODY], state[at.T])
-        state[at.VX], state[at.VY] = wx, wy
+        x, y = state[at.X], state[at.Y]
+        state[at.VX], state[at.VY], _, _, _ = wall_motion(walls.bodies, ints[at.BODY], state[at.T], x, y, 0.0, 0.0)
     elif event == events.LIFTED:
         ints[at.CONTACT] = hold[at.KIND] = at.FREE
     elif event == events.SLID_OFF:

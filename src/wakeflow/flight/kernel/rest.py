@@ -10,10 +10,10 @@ do not have: where the other wall's friction alone holds it, it stays all the sa
 from __future__ import annotations
 
 from . import layout as at
-from .events import next_turn, wall_displacement
+from .events import carried_along, next_turn, turned_by, wall_motion
 from .forces import free_force
 from .jit import compiled
-from .walls import STILL, carry, constrain, facing, grasp, ride
+from .walls import STILL, carry, constrain, facing, grasp, leans, ride
 
 STATIC = 1e-12  # round-off of a friction coefficient: what is exactly balanced is held
 STEEP = 0.05  # the same, of two walls along one of which a granule is put onto the other
@@ -33,10 +33,12 @@ def held(hold, grain, press, free):
 
 
 @compiled
-def _presses(hold, fx, fy, t):
-    """How hard the two walls of a wedge press, the free acceleration f being shared out between their normals."""
-    _, _, _, _, px, py = carry(hold, t)
-    gx, gy = fx - px, fy - py
+def _presses(hold, fx, fy, x, y, vx, vy, t):
+    """How hard the two walls of a wedge at (x, y), which move with v, press, the free acceleration f being shared out
+    between their normals.
+    """
+    _, _, _, _, px, py, _, _ = carry(hold, x, y, vx, vy, t)
+    gx, gy = turned_by(-leans(hold, t), fx - px, fy - py)  # as the walls stood when the normals were taken
     turn = hold[at.NX] * hold[at.OTHER_NY] - hold[at.NY] * hold[at.OTHER_NX]
     return (gy * hold[at.OTHER_NX] - gx * hold[at.OTHER_NY]) / turn, (hold[at.NY] * gx - hold[at.NX] * gy) / turn
 
@@ -50,10 +52,13 @@ def _together(bodies, one, other):
         return False
     if bodies[one, at.OMEGA] == 0.0:
         return True
-    for column in (at.REACH_X, at.REACH_Y, at.PHASE, at.SAMPLE_COUNT, at.SAMPLE_PERIOD):
+    for column in (at.PHASE, at.SAMPLE_COUNT, at.SAMPLE_PERIOD, at.ROCK, at.PIVOT_X, at.PIVOT_Y):
         if bodies[one, column] != bodies[other, column]:
             return False
-    return True
+    reach = (
+        bodies[one, at.REACH_X] == bodies[other, at.REACH_X] and bodies[one, at.REACH_Y] == bodies[other, at.REACH_Y]
+    )
+    return reach or bodies[one, at.ROCK] != 0.0  # of bodies that rock the reach is that of their outlines
 
 
 @compiled
@@ -93,10 +98,11 @@ def wedge(state, ints, hold, walls, rules, fx, fy, kind, which, e):
     if turn < PARALLEL or not _together(walls.bodies, body, ints[at.BODY]):
         return False
     hold[at.OTHER_NX], hold[at.OTHER_NY] = mx, my
-    first, second = _presses(hold, fx, fy, state[at.T])
+    x, y, t = state[at.X], state[at.Y], state[at.T]
+    wx, wy, _, _, whirl = wall_motion(walls.bodies, body, t, x, y, 0.0, 0.0)
+    first, second = _presses(hold, fx, fy, x, y, wx, wy, t)
     if not (first > 0.0 and second > 0.0):
         return False
-    _, _, wx, wy, _, _ = wall_displacement(walls.bodies, body, state[at.T])
     rx, ry = state[at.VX] - wx, state[at.VY] - wy
     into = rx * mx + ry * my
     speed2 = rx * rx + ry * ry if into >= 0.0 else e * e * into * into
@@ -104,14 +110,15 @@ def wedge(state, ints, hold, walls, rules, fx, fy, kind, which, e):
         return False
     ints[at.PAIR], ints[at.PAIRED] = kind, which
     state[at.VX], state[at.VY], state[at.HELD] = wx, wy, 0.0
-    state[at.SPIN] = 0.0 if hold[at.MU] > 0.0 else state[at.SPIN]
+    state[at.SPIN] = whirl if hold[at.MU] > 0.0 else state[at.SPIN]
     return True
 
 
 @compiled
 def unwedge(state, ints, hold, grain, walls, fx, fy):
     """Whether a wedged granule stays; else it is left with the wall that presses."""
-    first, second = _presses(hold, fx, fy, state[at.T])
+    x, y, vx, vy = state[at.X], state[at.Y], state[at.VX], state[at.VY]
+    first, second = _presses(hold, fx, fy, x, y, vx, vy, state[at.T])
     if first >= 0.0 and second >= 0.0:
         return True
     if first < 0.0 and second > 0.0:
@@ -128,14 +135,12 @@ def unwedge(state, ints, hold, grain, walls, fx, fy):
 def _carried(state, ints, hold, affine, grain, table, walls, dt):
     """Whether it is still held after riding with the wall for dt, and where and how fast it is then."""
     t = state[at.T]
-    x0, y0, _, _, _, _ = wall_displacement(walls.bodies, ints[at.BODY], t)
-    x1, y1, wx, wy, _, _ = wall_displacement(walls.bodies, ints[at.BODY], t + dt)
-    x, y = state[at.X] + x1 - x0, state[at.Y] + y1 - y0
+    x, y, wx, wy = carried_along(walls.bodies, ints[at.BODY], state[at.X], state[at.Y], t, t + dt)
     fx, fy, _, _, _ = free_force(affine, grain, table, x, y, wx, wy, t + dt, 0.0)
     if ints[at.PAIR] != at.FREE:
-        first, second = _presses(hold, fx, fy, t + dt)
+        first, second = _presses(hold, fx, fy, x, y, wx, wy, t + dt)
         return first >= 0.0 and second >= 0.0, x, y, wx, wy
-    _, _, press, free, _ = constrain(hold, fx, fy, x, y, wx, wy, t + dt)
+    _, _, press, free, _, _ = constrain(hold, fx, fy, x, y, wx, wy, t + dt)
     return held(hold, grain, press, free), x, y, wx, wy
 
 
@@ -174,3 +179,5 @@ def hold_still(state, ints, hold, affine, grain, table, walls, rules, timed):
         return
     state[at.X], state[at.Y], state[at.VX], state[at.VY], state[at.T] = x, y, vx, vy, end
     ride(hold, walls, ints[at.BODY], end)
+    if hold[at.TURNS] != 0.0 and hold[at.ROCKS] != 0.0 and hold[at.MU] > 0.0:
+        _, _, _, _, state[at.SPIN] = wall_motion(walls.bodies, ints[at.BODY], end, x, y, 0.0, 0.0)

@@ -60,7 +60,7 @@ def _excess(state, ints, affine, grain, table, hold, rate0, x, y, vx, vy, s, lag
         fx += ex
         fy += ey
     if hold[at.KIND] != 0.0:
-        fx, fy, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t)
+        fx, fy, _, _, _, _ = constrain(hold, fx, fy, x, y, vx, vy, t)
     return fx + rate0 * (vx + dx), fy + rate0 * (vy + dy), rate, ux + dx, uy + dy, sx, sy
 
 

@@ -12,10 +12,11 @@ import math
 from . import events
 from . import layout as at
 from .dense_output import along
-from .events import first_below, wall_displacement
+from .events import first_below, seen_from
 from .jit import compiled, inlined
 from .locate import barycentric, walk
 from .step import attempt, exit_time
+from .walls import distance
 
 # -- How long the next confined step is --------------------------------------------------------------------------------
 EDGE = 1e-11  # barycentric distance below which a granule is on an edge
@@ -149,19 +150,9 @@ def _at_boundary(state, ints, air, walls, rules, k):
     state[at.Y] -= off * by
     ints[at.FATE] = at.ESCAPED
     near = ON_LINE * rules.extent + rules.allowance * rules.extent
-    sx, sy, _, _, _, _ = wall_displacement(walls.frame, 0, state[at.T])
+    x, y, _, _ = seen_from(walls.frame, 0, state[at.T], state[at.X], state[at.Y], 0.0, 0.0)
     for i in range(walls.lines.shape[0]):
-        x0, y0, x1, y1 = (
-            walls.lines[i, at.FROM_X] + sx,
-            walls.lines[i, at.FROM_Y] + sy,
-            walls.lines[i, at.TO_X] + sx,
-            walls.lines[i, at.TO_Y] + sy,
-        )
-        ex, ey = x1 - x0, y1 - y0
-        w = ((state[at.X] - x0) * ex + (state[at.Y] - y0) * ey) / (ex * ex + ey * ey)
-        w = min(1.0, max(0.0, w))
-        dx, dy = state[at.X] - x0 - w * ex, state[at.Y] - y0 - w * ey
-        if math.sqrt(dx * dx + dy * dy) <= near:
+        if distance(walls.lines, i, x, y) <= near:
             ints[at.FATE], ints[at.LINE] = at.BINNED, walls.line_ids[i]
             return
 

@@ -6,22 +6,25 @@ import math
 
 from ...laws.collision import HALVINGS, approach_speed, collide, throws_off, turned
 from ...laws.flake import flung
-from ...laws.random_numbers import normal_pair
+from ...laws.random_numbers import normal_pair, uniform
 from . import layout as at
 from .jit import compiled
 
 # -- The coefficient of restitution of one strike ----------------------------------------------------------------------
-_approach = compiled(approach_speed)
+_approach, _uniform = compiled(approach_speed), compiled(uniform)
 SLOWEST = 1e-300  # m/s: has a logarithm
 
 
 @compiled
-def stays(state, ints, grain, walls, body, nx, ny, wx, wy):
-    """Whether a granule ends at ``body``, whose surface moves with w and has the normal n there: the body captures what
-    touches it, or it comes slower than its capture speed. One that ends has that fate then, and the body's line.
+def stays(state, ints, grain, walls, body, nx, ny, wx, wy, seed):
+    """Whether a granule ends at ``body``, whose surface moves with w and has the normal n there: the body keeps a part
+    of the impacts, as does any wall of those that are slower than the granule's capture speed. One that ends has that
+    fate then, and the body's line. The draw is this impact's own, see ``tilted``.
     """
-    approach = -((state[at.VX] - wx) * nx + (state[at.VY] - wy) * ny)
-    ends = walls.members[body, at.CAPTURES] == 1 or 0.0 <= approach < grain[at.CAPTURE]
+    approach, part = -((state[at.VX] - wx) * nx + (state[at.VY] - wy) * ny), walls.bodies[body, at.KEEPS]
+    if 0.0 <= approach < grain[at.CAPTURE]:
+        part = max(part, grain[at.STICKS])
+    ends = part >= 1.0 or (part > 0.0 and _uniform(seed, ints[at.STREAM], -1 - ints[at.IMPACTS]) < part)
     if ends:
         ints[at.FATE], ints[at.LINE] = at.CAPTURED, walls.members[body, at.COUNTS_AS]
     return ends

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from . import layout as at
-from .events import wall_displacement
+from .events import seen_from
 from .jit import compiled, inlined
 from .step_control import relocate
 from .walls import grasp, inside, overlap
@@ -16,8 +16,8 @@ from .walls import grasp, inside, overlap
 def _born_inside(state, walls):
     """Whether the granule's centre lies in a body."""
     for body in range(walls.bodies.shape[0]):
-        dx, dy, _, _, _, _ = wall_displacement(walls.bodies, body, state[at.T])
-        within, _ = inside(walls, body, state[at.X] - dx, state[at.Y] - dy)
+        x, y, _, _ = seen_from(walls.bodies, body, state[at.T], state[at.X], state[at.Y], 0.0, 0.0)
+        within, _ = inside(walls, body, x, y)
         if within:
             return True
     return False
@@ -28,8 +28,8 @@ def _pushed_out(state, hold, grain, walls):
     """Put a granule that reaches into a body onto its surface; whether it did."""
     moved = False
     for body in range(walls.bodies.shape[0]):
-        dx, dy, _, _, _, _ = wall_displacement(walls.bodies, body, state[at.T])
-        depth, kind, which = overlap(walls, body, state[at.X] - dx, state[at.Y] - dy, grain[at.RADIUS])
+        x, y, _, _ = seen_from(walls.bodies, body, state[at.T], state[at.X], state[at.Y], 0.0, 0.0)
+        depth, kind, which = overlap(walls, body, x, y, grain[at.RADIUS])
         if depth > 0.0:
             _, off = grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
             state[at.X] -= off * hold[at.NX]

@@ -10,7 +10,7 @@ import math
 
 from . import events
 from . import layout as at
-from .events import cubic, harmonic, interval, wall_displacement
+from .events import angle_of, cubic, harmonic, interval, rocking, seen_from, turned_by, turning
 from .jit import compiled
 
 STILL = 1e-13  # m/s, round-off: a granule that leaves a surface with it does not meet it again
@@ -113,6 +113,9 @@ def grasp(hold, walls, kind, which, r, x, y, t):
     body, nx, ny, height = facing(walls, kind, which, x, y, t)
     for i in range(4):
         hold[at.WX + i] = walls.bodies[body, at.REACH_X + i]
+    for i in range(3):
+        hold[at.ROCKS + i] = walls.bodies[body, at.ROCK + i]
+    hold[at.LEANED] = angle_of(walls.bodies, body, t)
     hold[at.SAMPLED] = 1.0 if walls.bodies[body, at.SAMPLE_COUNT] != 0.0 else 0.0
     ride(hold, walls, body, t)
     hold[at.NX], hold[at.NY] = nx, ny
@@ -121,20 +124,22 @@ def grasp(hold, walls, kind, which, r, x, y, t):
 
 @compiled
 def facing(walls, kind, which, x, y, t):
-    """The body of a feature, the unit normal from it towards (x, y), and how far that point is from it."""
+    """The body of a feature, the unit normal from it towards (x, y), and how far that point is from it; in the lab."""
     if kind == at.ON_EDGE:
         body = walls.edge_links[which, at.OWNER]
         ox, oy = walls.edges[which, at.FROM_X], walls.edges[which, at.FROM_Y]
     else:
         body = walls.vertex_links[which, at.OWNER]
         ox, oy = walls.vertices[which, at.VERTEX_X], walls.vertices[which, at.VERTEX_Y]
-    dx, dy, _, _, _, _ = wall_displacement(walls.bodies, body, t)
-    qx, qy = x - dx - ox, y - dy - oy
+    x, y, _, _ = seen_from(walls.bodies, body, t, x, y, 0.0, 0.0)
+    qx, qy, angle = x - ox, y - oy, angle_of(walls.bodies, body, t)
     if kind == at.ON_EDGE:
         nx, ny = walls.edges[which, at.OUT_X], walls.edges[which, at.OUT_Y]
-        return body, nx, ny, nx * qx + ny * qy
-    d = math.sqrt(qx * qx + qy * qy)
-    nx, ny = (qx / d, qy / d) if d > 0.0 else (0.0, 1.0)
+        d = nx * qx + ny * qy
+    else:
+        d = math.sqrt(qx * qx + qy * qy)
+        nx, ny = (qx / d, qy / d) if d > 0.0 else (0.0, 1.0)
+    nx, ny = turned_by(angle, nx, ny)
     return body, nx, ny, d
 
 
@@ -153,41 +158,71 @@ def ride(hold, walls, body, t):
 
 
 @compiled
-def carry(hold, t):
-    """Displacement, velocity and acceleration of the wall in hold."""
+def _swing(hold, t):
+    """How far out the wall in hold is at time t, over its amplitude, and the first two derivatives."""
     if hold[at.WW] == 0.0:
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0
     if hold[at.SAMPLED] == 0.0:
-        return harmonic(hold[at.WX], hold[at.WY], hold[at.WW], hold[at.WP], t)
-    s = t - hold[at.W_BEGIN]
-    return cubic(hold[at.WX], hold[at.WY], hold[at.W_OUT], hold[at.W_SPEED], hold[at.W_PULL], hold[at.W_JERK], s)
+        return harmonic(hold[at.WW], hold[at.WP], t)
+    return cubic(hold[at.W_OUT], hold[at.W_SPEED], hold[at.W_PULL], hold[at.W_JERK], t - hold[at.W_BEGIN])
+
+
+@compiled
+def leans(hold, t):
+    """By how much the wall in hold has turned since its normals were taken."""
+    return hold[at.ROCKS] * _swing(hold, t)[0] - hold[at.LEANED] if hold[at.ROCKS] != 0.0 else 0.0
+
+
+@compiled
+def carry(hold, x, y, vx, vy, t):
+    """Of the wall in hold at time t, for a granule at (x, y) with velocity v: the way from the constraint's origin to
+    it, velocity and acceleration as of ``wall_motion``, and the rate at which it turns, with its derivative.
+    """
+    out, rate, pull = _swing(hold, t)
+    rock = hold[at.ROCKS]
+    if rock == 0.0:
+        ax, ay = hold[at.WX], hold[at.WY]
+        return (
+            x - ax * out - hold[at.OX],
+            y - ay * out - hold[at.OY],
+            ax * rate,
+            ay * rate,
+            ax * pull,
+            ay * pull,
+            0.0,
+            0.0,
+        )
+    px, py = hold[at.AT_X], hold[at.AT_Y]
+    dx, dy = turning(rock * out, hold[at.OX] - px, hold[at.OY] - py)
+    wx, wy, ax, ay = rocking(rock * rate, rock * pull, x - px, y - py, vx, vy)
+    return x - hold[at.OX] - dx, y - hold[at.OY] - dy, wx, wy, ax, ay, rock * rate, rock * pull
 
 
 @compiled
 def constrain(hold, fx, fy, x, y, vx, vy, t):
     """Acceleration of a granule that slides on the surface under the free acceleration f, and what presses it on.
 
-    Returns (ax, ay, pressing acceleration, free tangential acceleration, sliding speed), relative to the moving wall;
-    friction mu times the pressing acceleration opposes sliding; while it rolls, friction is what turns it.
+    Returns (ax, ay, pressing acceleration, free tangential acceleration, sliding speed), relative to the moving wall,
+    and the rate at which that turns; friction mu times the pressing acceleration opposes sliding; while it rolls,
+    friction is what turns it, and the free acceleration is that of its contact point.
     """
-    sx, sy, wx, wy, px, py = carry(hold, t)
-    nx, ny = hold[at.NX], hold[at.NY]
+    qx, qy, wx, wy, px, py, turn, growth = carry(hold, x, y, vx, vy, t)
     bend = 0.0
-    tx, ty = -ny, nx
     if hold[at.KIND] == at.ON_VERTEX:
-        qx, qy = x - sx - hold[at.OX], y - sy - hold[at.OY]
         d = math.sqrt(qx * qx + qy * qy)
         nx, ny = qx / d, qy / d
         tx, ty = -ny, nx
         slide = tx * (vx - wx) + ty * (vy - wy)
         bend = slide * slide / d
     else:
+        nx, ny = turned_by(leans(hold, t), hold[at.NX], hold[at.NY])
+        tx, ty = -ny, nx
         slide = tx * (vx - wx) + ty * (vy - wy)
     press = -(nx * (fx - px) + ny * (fy - py)) - bend
-    free = tx * (fx - px) + ty * (fy - py)
+    free = tx * (fx - px) + ty * (fy - py) + hold[at.TURNS] * growth
     tangential = tx * fx + ty * fy - hold[at.SIGN] * hold[at.MU] * max(press, 0.0) - hold[at.ROLL] * free
     normal = nx * px + ny * py - bend
-    return tangential * tx + normal * nx, tangential * ty + normal * ny, press, free, slide
+    return tangential * tx + normal * nx, tangential * ty + normal * ny, press, free, slide, turn
 
 
 # -- How far the nearest wall or line is at least ----------------------------------------------------------------------
@@ -208,24 +243,24 @@ def clearance(walls, x, y, radius, enough):
             one, other = nearest + 1, int(parts[nearest + 1, at.BEYOND])
             nearest = one if away(parts, one, x, y) <= away(parts, other, x, y) else other
         for e in range(int(parts[nearest, at.FIRST_EDGE]), int(parts[nearest, at.LAST_EDGE])):
-            free = min(free, _distance(edges, e, x, y) - swing)
+            free = min(free, distance(edges, e, x, y) - swing)
         if nearest == part:  # a body of few edges
             continue
         while part < last:
             near = part != nearest and away(parts, part, x, y) < (free + swing) ** 2
             part, low, high = members_of(parts, part, near, at.FIRST_EDGE)
             for e in range(low, high):
-                free = min(free, _distance(edges, e, x, y) - swing)
+                free = min(free, distance(edges, e, x, y) - swing)
     frame, moved = walls.frame, 0.0
     if frame[0, at.OMEGA] != 0.0:
         moved = math.sqrt(frame[0, at.REACH_X] ** 2 + frame[0, at.REACH_Y] ** 2)
     for i in range(lines.shape[0]):
-        free = min(free, _distance(lines, i, x, y) - moved)
+        free = min(free, distance(lines, i, x, y) - moved)
     return free
 
 
 @compiled
-def _distance(segments, i, x, y):
+def distance(segments, i, x, y):
     """Distance of a point from a segment."""
     x0, y0 = segments[i, at.FROM_X], segments[i, at.FROM_Y]
     ex, ey, dx, dy = segments[i, at.TO_X] - x0, segments[i, at.TO_Y] - y0, x - x0, y - y0

@@ -257,15 +257,18 @@ def _interleaved(second: NDArray[np.bool_], tracks: Tracks, second_tracks: Track
 
 
 def bodies_and_walls(scene: Scene) -> list[Body]:
-    """What granules bounce off: the bodies, vibrating or at rest, and the channel's walls where no bin stands and no
-    stream enters.
+    """What granules bounce off: the bodies, vibrating or at rest, the channel's walls where no bin opens and no stream
+    enters, and walls that keep a part.
     """
     motion = motion_of(scene)
-    places = scene.collecting
+    places, bins = scene.collecting, list(scene.bin.values())
     found = [
-        Body(_into_the_wall(one.outline(), scene), motion=motion, capture=name in places, line=places.get(name, -1))
+        Body(
+            _into_the_wall(one.outline(), scene), motion=motion, line=places.get(name, -1),
+            capture=(bins[places[name]].keeps_part or 0.0) if name in places else 0.0,
+        )
         for name, one in scene.body.items()
-    ]
+    ]  # fmt: skip
     half, thick = scene.channel.width / 2, WALL * scene.channel.width
     for side, inner, outer in (("left", -half, -half - thick), ("right", half, half + thick)):
         level = scene.channel.bottom - thick
@@ -274,6 +277,9 @@ def bodies_and_walls(scene: Scene) -> list[Body]:
                 low, high = sorted((inner, outer))
                 found.append(Body(np.array([(low, level), (high, level), (high, start), (low, start)])))
             level = end if end is not None else level
+    for i, one in enumerate(bins):
+        if (corners := one.wall(scene, thick)) is not None:
+            found.append(Body(corners, capture=one.keeps_part or 0.0, line=i))
     return found
 
 
@@ -287,22 +293,23 @@ def _into_the_wall(outline: Array, scene: Scene) -> Array:
 
 
 def _openings(scene: Scene, side: str) -> list[tuple[float, float]]:
-    """Where a wall is open, (from, to) along y in order: at bins, and where a secondary stream enters."""
+    """Where a wall is another, (from, to) along y in order: open at bins and where a secondary stream enters, or one that
+    keeps a part of what meets it.
+    """
     streams = [inlet.span for inlet in scene.channel.inlet.values() if inlet.side == side]
     return sorted([*streams, *(one.ends for one in scene.on_sides(side).values())])
 
 
 def end_lines(scene: Scene) -> list[Array]:
     """Lines that end a track: the bins in the scene's order, then the floor and the top of the channel. That of a bin
-    on a body lies where no granule comes: its body ends the track.
+    on a wall lies where no granule comes: the wall ends the track.
     """
     channel = scene.channel
     half, slack = 0.5 * channel.width, 1e-6 * channel.width
     across = np.array([-half - WALL * channel.width, half + WALL * channel.width])
     borders = [np.stack([across, np.full(2, y)], axis=1) for y in (channel.bottom - slack, channel.top + slack)]
     nowhere = borders[0] - (0.0, channel.width)
-    on_body = scene.collecting.values()
-    return [nowhere if i in on_body else one.line(scene) for i, one in enumerate(scene.bin.values())] + borders
+    return [one.line(scene) if one.keeps_part is None else nowhere for one in scene.bin.values()] + borders
 
 
 def landing_columns(

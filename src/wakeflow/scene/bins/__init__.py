@@ -54,8 +54,8 @@ class Grip(NamedTuple):
 
 
 class Bin(Table):
-    """[bin.NAME]: a collector: a stretch of the channel's boundary, a line of points, or a body that keeps what touches
-    it.
+    """[bin.NAME]: a collector: an opening in the channel's boundary, a line of points, or a wall that keeps what
+    touches it, or a part of that: a body, or a stretch of a side.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False, populate_by_name=True)
@@ -88,6 +88,15 @@ class Bin(Table):
     @property
     def body(self) -> str | None:
         """The body that keeps what touches it for this bin; None where crossing the line ends a track."""
+        return None
+
+    @property
+    def keeps_part(self) -> float | None:
+        """Part of the impacts on it that it keeps, where it is a wall; None for what takes all that comes to it."""
+        return None
+
+    def wall(self, _scene: Machine, _thick: float) -> Array | None:
+        """Corners (n, 2) m of the wall ``thick`` (m) that it is on a side of the channel; None where it is none."""
         return None
 
     @property

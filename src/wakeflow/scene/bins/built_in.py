@@ -1,10 +1,12 @@
-"""The bins of every scene: a stretch of the channel's boundary, a line of points, a body that keeps what touches it."""
+"""The bins of every scene: a stretch of the channel's boundary, a line of points, a body that keeps what touches it, or
+a part of that.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import partial
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -13,20 +15,26 @@ from ...core.errors import SceneError
 from ...core.geometry import runs_into
 from ...core.quantities import metres
 from ...core.registry import did_you_mean
-from ..table import Array, Coordinate, Name, Point
+from ..table import SHARE, Array, Coordinate, Name, Point
 from . import SIDES, Bin, Grip, Machine, bin_kinds
 
 CORNER = 1e-9  # channel widths: an end so near to a corner of the channel is in it
+OUTWARD = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "floor": (0.0, -1.0), "top": (0.0, 1.0)}
 Side = Literal["floor", "left", "right", "top"]
+Kept = Annotated[float, Field(ge=0, le=1), SHARE]
+KEEPS = "part of what meets the wall, at each impact, that stays there"
 
 
 @bin_kinds.register("side")
 class SideBin(Bin):
-    """[bin.NAME]: a stretch of the channel's boundary."""
+    """[bin.NAME]: a stretch of the channel's boundary: an opening, or a wall that keeps a part of what meets it."""
 
     start: Coordinate = Field(alias="from", description="x on the floor or top, y on a side")
     to: Coordinate
     on: Side = Field("floor", description="the side of the channel it lies on")
+    keeps: Kept | None = Field(
+        None, description=f"{KEEPS}; the side is then a wall there, not an opening. 0: only what stays by its fraction"
+    )
 
     @model_validator(mode="after")
     def _ascends(self) -> SideBin:
@@ -47,6 +55,14 @@ class SideBin(Bin):
     def line(self, scene: Machine) -> Array:
         parts = np.array(self.ends), np.full(2, scene.channel.sides[self.on])
         return np.stack(parts[::-1] if self.axis else parts, axis=1)
+
+    @property
+    def keeps_part(self) -> float | None:
+        return self.keeps
+
+    def wall(self, scene: Machine, thick: float) -> Array | None:
+        line = self.line(scene)
+        return None if self.keeps is None else np.concatenate([line, line[::-1] + thick * np.array(OUTWARD[self.on])])
 
     def along(self, _scene: Machine, points: Array) -> Array:
         return points[:, self.axis]
@@ -78,7 +94,7 @@ class SideBin(Bin):
 class PolylineBin(Bin):
     """[bin.NAME]: a line of points."""
 
-    not_with = ("from", "start", "to"), "give either points, or from and to"
+    not_with = ("from", "start", "to", "keeps"), "give either points, or from and to (keeps is of a wall)"
     on: Side = Field("floor", description="of no effect")
     points: list[Point] = Field(description="a polyline anywhere in the channel, instead of from and to")
 
@@ -111,12 +127,13 @@ class PolylineBin(Bin):
 
 @bin_kinds.register("body")
 class BodyBin(Bin):
-    """[bin.NAME]: a body that keeps what touches it."""
+    """[bin.NAME]: a body that keeps what touches it, or a part of that."""
 
     not_with = (
         ("from", "start", "to", "points"), "on = {on!r} is the whole body of that name: leave out from, to and points"
     )  # fmt: skip
     on: Name = Field(description="a body, which then keeps what touches it")
+    keeps: Kept = Field(1.0, description=f"{KEEPS}. 0: only what stays by sticks or capture_speed of its fraction")
 
     @classmethod
     def is_asked_by(cls, table: Mapping[str, object]) -> bool:
@@ -125,6 +142,10 @@ class BodyBin(Bin):
     @property
     def body(self) -> str:
         return self.on
+
+    @property
+    def keeps_part(self) -> float:
+        return self.keeps
 
     def line(self, scene: Machine) -> Array:
         """Its outline, closed."""

@@ -106,7 +106,8 @@ def write_machine(folder: Path | str, scene: Scene) -> Path:
     """Write machine.vtm: the groups bodies, bins, walls and inlets, each of blocks with the scene's own names.
 
     Bodies are polygons at the middle of their motion, the others lines. A body that vibrates has in its field data the
-    ``vibration (m)``, its amplitude (x, y), and the ``frequency (Hz)``.
+    ``vibration (m)``, its amplitude (x, y), and the ``frequency (Hz)``; one that rocks the angle ``rocks (rad)`` and
+    the ``pivot (m)`` too.
     """
     folder, place = Path(folder), Path(folder) / "machine"
     clear_pieces(folder, "machine")
@@ -146,5 +147,8 @@ def _body(scene: Scene, outline: Any) -> Any:
     polygon = pyvista.PolyData(lifted(outline), faces=[len(outline), *range(len(outline))])
     if scene.vibration is not None:
         polygon.field_data["vibration (m)"] = np.abs(scene.motion[0])
+        if scene.vibration.pivot is not None:
+            polygon.field_data["rocks (rad)"] = np.array([scene.vibration.amplitude])
+            polygon.field_data["pivot (m)"] = np.asarray(scene.vibration.pivot)
         polygon.field_data["frequency (Hz)"] = np.array([1.0 / scene.vibration.period])
     return polygon
