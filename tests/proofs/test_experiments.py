@@ -203,5 +203,7 @@ def test_a_cylinder_keeps_fewer_droplets_than_ideal_flow_says(tmp_path: Path, mo
 
 
 def test_a_report_writes_what_it_found_with_its_intervals(tmp_path: Path) -> None:
-    Report("near-wake", [], {"rows": [{"stay": Number(5.0, 4.0, 6.0)}]}).write(tmp_path)
-    assert json.loads((tmp_path / "near-wake.json").read_text())["rows"][0]["stay"]["high"] == 6.0
+    Report("near-wake", [], {"rows": [{"stay": Number(5.0, 4.0, 6.0), "met": np.bool_(True)}]}).write(tmp_path)
+    (row,) = json.loads((tmp_path / "near-wake.json").read_text())["rows"]
+    assert row["stay"]["high"] == 6.0
+    assert row["met"] is True
