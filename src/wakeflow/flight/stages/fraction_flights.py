@@ -50,6 +50,7 @@ class Flight:
     workers: int | None = None
     tell: Callable[[str], None] = lambda _: None
     replicates: int = REPLICATES  # the first of them; all, but for a comparison
+    noises: int = 1  # as of ``track``
 
     def fly_all(self, folder: Path, *, drawn: bool) -> None:
         """Fly every fraction and keep its landings in ``folder``, in the order of the replicates, and the tracks for
@@ -204,6 +205,7 @@ class Flight:
             forces=self.plan.fractions[name].forces,
             drag=self.plan.fractions[name].drag,
             seed=seed_of(scene.feed.seed, name, stream),
+            noises=self.noises,
             bodies=bodies_and_walls(scene),
             lines=end_lines(scene),
             gravity=scene.plumb.gravity,
