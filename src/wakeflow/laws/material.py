@@ -114,11 +114,10 @@ class Material:
         """How well one of its numbers is known."""
         return self.evidence[quantity].confidence if quantity in self.evidence else self.confidence
 
-    def like(self, quantity: str) -> str | None:
-        """The material whose number of a quantity this one has, as its source says: "as wheat"; None: its own."""
-        found = AS.search(self.evidence[quantity].source) if quantity in self.evidence else None
-        name = "" if found is None else found[1].replace(" ", "-")
-        return name if name in materials else None
+    def like(self, quantity: str) -> str:
+        """The material whose number of a quantity this one has, as its source says: "as wheat"; empty: its own."""
+        found = AS.findall(self.evidence[quantity].source) if quantity in self.evidence else ()
+        return next((name for one in found if (name := one.replace(" ", "-")) in materials), "")
 
     def at_moisture(self, share: float) -> Material:
         """The material with a ``share`` of water (of its whole mass), as it was measured between its driest and its

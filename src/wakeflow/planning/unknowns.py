@@ -155,9 +155,9 @@ def _lots(quantity: str, lot: str, half: float, at: Half) -> Iterator[tuple[str,
     wheat's and how far it is off that, which makes its interval as much wider.
     """
     other = materials[lot].like(quantity)
-    common = 0.0 if other is None or half == 0.0 else min(1.0, at(materials[other].confidence_in(quantity)) / half)
+    common = 0.0 if not other or half == 0.0 else min(1.0, at(materials[other].confidence_in(quantity)) / half)
     yield lot, math.sqrt(1.0 - common**2)
-    if other is not None and common > 0.0:
+    if common > 0.0:
         yield from ((name, common * part) for name, part in _lots(quantity, other, common * half, at))
 
 
