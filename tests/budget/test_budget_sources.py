@@ -18,6 +18,7 @@ from wakeflow.answer.budget.budget import NOTICEABLE, gain_by_replicates
 from wakeflow.answer.budget.flown_again import MAX_FACTOR, AmongOthers, Comparison, compared, differences
 from wakeflow.answer.budget.mesh import Grid, difference_noise, mesh_error, shedding_noise
 from wakeflow.answer.budget.model import MODEL
+from wakeflow.answer.budget.noise import NOISE
 from wakeflow.answer.budget.slab_sources import beyond_chance
 from wakeflow.answer.budget.source import INPUTS, FractionResults, Parts, Source, add, budget_sources, signed_column
 from wakeflow.answer.budget.total import in_ensemble, numerical, remedies, total_of
@@ -260,6 +261,30 @@ def landings(places: Array, cycle: NDArray[np.uint16] | None = None) -> Landings
     """Granules that ended in bins of the numbers ``places`` (COMPARED, n)."""
     shed = {} if cycle is None else {"cycle": cycle}
     return landings_in(places.ravel(), replicate=np.indices(places.shape)[0].ravel(), **shed)
+
+
+def test_what_longer_intervals_of_noise_move_is_a_part_that_chance_leaves_wide() -> None:
+    """One in ten leaves the bin and none comes; in a fraction that nothing moves by chance there is no part."""
+    own = np.tile(np.arange(1000) % 2, (COMPARED, 1))
+    moved = np.where(np.arange(1000) % 10 == 0, 1, own)
+    plan = SimpleNamespace(fractions={"dust": SimpleNamespace(forces=("drag", "dispersion"))})
+    scene = SimpleNamespace(bin={"left": None, "right": None}, images=None)
+    flights = SimpleNamespace(of=lambda source: SimpleNamespace(landings={"dust": landings(moved)}))
+    pipeline = SimpleNamespace(scene=scene, plan=plan, spent=lambda stage: 1.0)
+    shares = {"left": 0.5, "right": 0.5, "elsewhere": 0.0}
+    asked = SimpleNamespace(name="dust", shares=shares, flights=flights, pipeline=pipeline, compared=landings(own))
+    parts: Parts = NOISE.shares(asked)  # type: ignore[arg-type]
+    chance = np.sqrt(0.1 / 4000)
+    for place in ("left", "right"):
+        (part,) = parts[place]
+        assert part.error == pytest.approx(np.hypot(0.1, chance), rel=1e-3)
+        assert part.of_granules == pytest.approx(chance, rel=2e-3)
+    assert parts["elsewhere"][0].error == pytest.approx(np.sqrt(0.5 / 4001 / 4000))
+    now = RefinedSettings(granules=1024, tolerance=1e-3, mesh_scale=None, averaging=None, slab=None)
+    expected = NOISE.expected(parts["left"][0], now, replace(now, granules=1024 * 16**3))
+    assert expected == pytest.approx(0.1, rel=1e-4)
+    plan.fractions["dust"].forces = ("drag",)
+    assert NOISE.shares(asked) == {}  # type: ignore[arg-type]
 
 
 def test_the_noise_of_a_difference_is_of_granules_that_change_their_bin() -> None:

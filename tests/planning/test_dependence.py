@@ -99,6 +99,17 @@ def test_fractions_share_the_plate_and_the_lot() -> None:
     np.testing.assert_allclose(np.corrcoef(z, rowvar=False), found.correlation, atol=0.015)
 
 
+def test_a_material_whose_number_is_as_wheats_shares_that() -> None:
+    """Triticale's restitution is wheat's, to 0.1, and by how much it is off that: 0.15 in all; plate by plate, and two
+    thirds of the lot's.
+    """
+    found = _dependence(shipped("rhombus", {"fraction.dust.material": "triticale"}))
+    wheat, dust = _columns(found, WHEAT, DUST)
+    assert [found.unknowns[i].high for i in (wheat, dust)] == pytest.approx([0.1, 0.15])
+    plates, lots = 0.5 * 0.05 / 0.15, np.sqrt((0.95 - 0.5**2) * (0.95 - (0.05 / 0.15) ** 2)) * 0.1 / 0.15
+    assert found.correlation[wheat, dust] == pytest.approx(plates + lots)
+
+
 @pytest.mark.parametrize(
     ("changes", "apart"),
     [

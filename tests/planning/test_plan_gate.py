@@ -8,7 +8,8 @@ import re
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.answer.budget.budget import total_notices
 from wakeflow.answer.budget.flown_again import compared, free_ends
 from wakeflow.answer.budget.truncation import most_crossing, truncation_terms
+from wakeflow.answer.notices import notices
 from wakeflow.answer.separation import separate
 from wakeflow.answer.shares import BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.cli import main
@@ -30,7 +32,7 @@ from wakeflow.flight.feed.feedstock import feedstock
 from wakeflow.flight.stages import fraction_flights as flying
 from wakeflow.flight.stages import landings
 from wakeflow.flight.stages.fraction_flights import Flight
-from wakeflow.flight.stages.landings import Landings, load_tracked
+from wakeflow.flight.stages.landings import Landings, Tracked, load_tracked
 from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.laws.drag import slip_correction, terminal_velocity
 from wakeflow.laws.forces import FlightScales, forces
@@ -40,10 +42,10 @@ from wakeflow.laws.material import materials
 from wakeflow.laws.turbulence import crossing_times
 from wakeflow.planning import make
 from wakeflow.planning.approach import approaches
-from wakeflow.planning.make import STICKING, Planner
+from wakeflow.planning.make import Planner
 from wakeflow.planning.plan import Plan, whole_terms
 from wakeflow.planning.plan_messages import magnitude_lines
-from wakeflow.planning.terms import TYPICAL, bounds
+from wakeflow.planning.terms import STICKING, TYPICAL, bounds
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 
@@ -380,6 +382,10 @@ def test_dust_that_may_stay_on_grain_is_bounded() -> None:
     tables = shipped("rhombus").tables()
     del tables["feed"]["rate"]
     assert most(Scene.parse(tables)) == {}
+    scene = shipped("rhombus")
+    landed = cast(Tracked, SimpleNamespace(injected={}, landings={}, fates={}))
+    told = notices(scene, Pipeline(scene, make_plan(scene)), None, None, landed)
+    assert [one.text.endswith("the interval does not hold that") for one in told] == [True]
 
 
 def test_in_water_the_plan_warns_of_the_eddies_own_acceleration() -> None:
@@ -405,14 +411,17 @@ def test_the_history_kernel_is_bassets_at_first_and_forgets_faster_later() -> No
     assert history_time(0.2, a, speed, nu) < 0.2 * creeping
 
 
-def test_memories_add_up_to_the_kernels_integral() -> None:
-    """To one percent, from a tenth of the granule's own time on; positive but for what rounds a tail off."""
+@pytest.mark.parametrize(("sphericity", "law"), [(1.0, "brown-lawler"), (0.32, "haider-levenspiel")])
+def test_memories_add_up_to_the_kernels_integral(sphericity: float, law: str) -> None:
+    """To one percent, from a tenth of the granule's own time on; positive but for what rounds a tail off. At the speed
+    with which it falls: a flake with the drag of plates, a quarter of a ball's.
+    """
     diameter, density = (
         np.array([6.37e-3, 1.3e-3, 3.88e-3, 5e-5, 1e-5, 1e-6]),
         np.array([128.0, 200, 1300, 1500, 6, 2e3]),
     )
-    own, weights = memories_of(diameter, density, np.ones(6), 1.2, 1.8e-5)
-    speed = terminal_velocity(diameter, density, 1.2, 1.8e-5)
+    own, weights = memories_of(diameter, density, np.ones(6), 1.2, 1.8e-5, sphericity)
+    speed = terminal_velocity(diameter, density, 1.2, 1.8e-5, law=law, sphericity=sphericity)
     stokes = density * diameter**2 / (18 * 1.8e-5)
     for i in range(6):
         for lasts in (0.1, 1.0, 10.0, 100.0):

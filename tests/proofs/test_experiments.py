@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 
-from proofs.experiments import catch, curtains, droplets, grid, near_wake, sheets, suspension, walls
+from proofs.experiments import catch, curtains, droplets, grid, near_wake, sheets, step, suspension, walls
 from proofs.experiments.ideal import kept_between, on_a_cylinder, on_a_ribbon
 from proofs.experiments.rebound import MEASURED, centre_angle, landing, rebound, run_rebound
 from proofs.report import Report
 from proofs.studies import deposition
+from wakeflow import FlowField
 from wakeflow.core.number import Number
 from wakeflow.flight import near_walls
 from wakeflow.scene.fraction import Fraction
@@ -157,6 +159,23 @@ def test_a_sheet_flies_as_measured_with_the_drag_of_its_fall(monkeypatch: pytest
     assert not ball["met"]
 
 
+@pytest.mark.parametrize(("longer", "missed"), [(1.0, 0), (1.1, 0), (1.5, 3)])
+def test_air_that_meets_the_wall_too_late_behind_a_step_is_a_miss(longer: float, missed: int) -> None:
+    """The measured profiles as a field, stretched along the channel: by half, and two of five are off too."""
+    stations, height = longer * np.array([-40.0, 0.0, 2.0, 5.0, 7.0, 9.0, 12.0, 40.0]), np.linspace(0.0, 2.5, 101)
+    before = np.where(height > 1.0, 1.0 - np.abs((height - 1.75) / 0.75) ** 7, 0.0)
+    behind = [np.interp(height, *points.T) for points in step.profiles().values()]
+    behind[2][:10] = -0.01  # what is nearest to the wall at 7 heights was not read
+    speed = step.CENTRE * np.array([before, before, *behind, behind[-1]]).ravel()
+    x, s = np.meshgrid(height, stations)
+    points = step.HEIGHT * np.stack([x.ravel(), -s.ravel()], axis=1) - (0.5 * step.WIDTH, 0.0)
+    field = FlowField.from_arrays(points, Delaunay(points).simplices, np.stack([0.0 * speed, -speed], axis=1))
+    rows = step.rows_of(field)
+    assert rows[0]["computed"] == pytest.approx(8.0 / 7.0, abs=0.01)
+    assert longer * 7.0 < rows[1]["computed"] < longer * 7.2
+    assert [row["met"] for row in rows].count(False) == missed
+
+
 @pytest.mark.slow
 @pytest.mark.openfoam
 def test_any_cloud_is_flown_by_its_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -184,5 +203,7 @@ def test_a_cylinder_keeps_fewer_droplets_than_ideal_flow_says(tmp_path: Path, mo
 
 
 def test_a_report_writes_what_it_found_with_its_intervals(tmp_path: Path) -> None:
-    Report("near-wake", [], {"rows": [{"stay": Number(5.0, 4.0, 6.0)}]}).write(tmp_path)
-    assert json.loads((tmp_path / "near-wake.json").read_text())["rows"][0]["stay"]["high"] == 6.0
+    Report("near-wake", [], {"rows": [{"stay": Number(5.0, 4.0, 6.0), "met": np.bool_(True)}]}).write(tmp_path)
+    (row,) = json.loads((tmp_path / "near-wake.json").read_text())["rows"]
+    assert row["stay"]["high"] == 6.0
+    assert row["met"] is True

@@ -23,7 +23,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.flight import Fate
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.planning.make import STICKING
+from wakeflow.planning.terms import STICKING
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 

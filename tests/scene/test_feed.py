@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from support import CASES, shipped
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.flight.feed.feedstock import feedstock
+from wakeflow.laws.drag import drag_laws
 from wakeflow.laws.material import materials
 from wakeflow.laws.profile import crowding, profiles
 from wakeflow.planning.coupling import COUPLING, INDEPENDENT, LOADED, MODULATING
@@ -145,6 +147,27 @@ def test_below_its_feed_rate_meetings_are_within_the_accuracy_and_above_not(draf
     assert not any(line.startswith(INDEPENDENT) for line in below.warnings)
 
 
+def _given(scene: Scene, plan: Plan, name: str) -> float:
+    """Velocity (m/s) that the air of 5 m/s gives a granule in its fall of 0.1 m from rest: of w' = g + a, the integral
+    of a, which is g at the terminal velocity and goes with the law of drag.
+    """
+    fraction, g = scene.fraction[name], 9.81
+    settling, law = plan.fractions[name].terminal_velocity, drag_laws[fraction.drag_law].factor
+
+    def rates(_: float, y: np.ndarray) -> list[float]:
+        slip = 5.0 - y[1]
+        reynolds = np.abs([slip, settling]) * 1.204 * fraction.properties.diameter / 1.81e-5
+        here, there = law(reynolds, fraction.roundness)
+        pull = g * here * slip / (there * settling)
+        return [y[1], g + pull, pull]
+
+    def fallen(_: float, y: np.ndarray) -> float:
+        return float(y[0] - 0.1)
+
+    fallen.terminal = True  # type: ignore[attr-defined]
+    return float(solve_ivp(rates, (0.0, 5.0), [0.0] * 3, "LSODA", events=fallen, rtol=1e-8, atol=1e-10).y[2, -1])
+
+
 def test_densities_of_curtain_and_air_are_by_hand(draft: Scene) -> None:
     plan = make_plan(draft)
     found = rows(plan)
@@ -159,7 +182,11 @@ def test_densities_of_curtain_and_air_are_by_hand(draft: Scene) -> None:
     assert found["turbulence"].limit == MODULATING
     assert found["mass-loading"].value == pytest.approx(flow / (1.204 * 5.0 * area), rel=1e-6)
     assert found["mass-loading"].value == pytest.approx(1.92, abs=0.005)  # in the curtain; 0.19 over the channel
-    assert found["air-momentum"].value == pytest.approx(72.6 * 0.1 / (1.204 * 25.0), rel=0.01)  # 72.6 N/m3 over 0.1 m
+    given = sum(
+        share * _given(draft, plan, name) for name, share in {"dust": 0.02, "chaff": 0.08, "wheat": 0.9}.items()
+    )
+    momentum = flow / (1.204 * area) * given / 25.0
+    assert found["air-momentum"].value == pytest.approx(momentum, rel=0.01)
     tent = rows(make_plan(draft.replace({"feed.profile": "triangular"})))
     assert tent["curtain"].value == pytest.approx(4 / 3 * solid, rel=5e-3)
     assert tent["mass-loading"].value == pytest.approx(4 / 3 * found["mass-loading"].value, rel=5e-3)

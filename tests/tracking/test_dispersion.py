@@ -63,21 +63,31 @@ def test_tracers_stay_well_mixed_in_uneven_turbulence(life: float) -> None:
     assert statistic < chi2.ppf(0.999, bins - 1), found
 
 
+LIFE, LATE = 0.05, 1.0  # s
+
+
 def spread(slip: float, noise: float, monkeypatch: pytest.MonkeyPatch, seed: int = 1) -> np.ndarray:
-    """Variances (across, along the fall) of granules that fall at ``slip`` m/s in even turbulence of rms 1 m/s."""
+    """Variances (across, along the fall) of granules that fall at ``slip`` m/s in even turbulence of rms 1 m/s, over
+    those of tracers.
+    """
     monkeypatch.setattr(driver, "NOISE_STEP", noise)
-    life, until, count = 0.05, 1.0, 4000
+    return carried(slip, seed=seed).var(axis=0) / (2 * LIFE * (LATE - LIFE))
+
+
+def carried(slip: float, density: float = 1000.0, count: int = 4000, **more: Any) -> np.ndarray:
+    """Where such granules of 20 um are at the end."""
+    life, until = LIFE, LATE
     points, triangles = box(8, low=-20.0, high=20.0)
     k = np.full(len(points), 1.5)
     field = FlowField.from_arrays(points, triangles, 0 * points, k=k, dissipation=LIFETIME * k / life)
-    grains = Granules(np.zeros((count, 2)), np.tile([0.0, -slip], (count, 1)), diameter=2e-5, density=1000.0)
-    tau = 1000.0 * 4e-10 / (18 * field.viscosity)
+    grains = Granules(np.zeros((count, 2)), np.tile([0.0, -slip], (count, 1)), diameter=2e-5, density=density)
+    tau = density * 4e-10 / (18 * field.viscosity)
     tracks = track(
-        field, grains, until=until, forces=("drag", "gravity", "dispersion"), drag="stokes", seed=seed,
-        gravity=(0.0, -slip / tau), tolerance=1e-4, length=1.0,
+        field, grains, until=until, forces=("drag", "gravity", "dispersion"), drag="stokes",
+        gravity=(0.0, -slip / tau), length=1.0, **{"tolerance": 1e-4, **more},
     )  # fmt: skip
     assert np.all(tracks.fate == Fate.AIRBORNE)
-    return tracks.position.var(axis=0) / (2 * life * (until - life))
+    return tracks.position
 
 
 def test_the_spread_does_not_depend_on_the_intervals_of_noise(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -92,9 +102,32 @@ def test_granules_that_fall_through_eddies_spread_less_and_least_across(monkeypa
     slip = 4.0
     across, along = spread(slip, 0.1, monkeypatch)
     b = 0.8 * slip
-    # the relative velocity holds the fluctuation too, which slows it down a little further
-    assert along == pytest.approx(1 / np.sqrt(1 + b * b), rel=0.12)
-    assert across == pytest.approx(1 / np.sqrt(1 + 4 * b * b), rel=0.12)
+    assert along == pytest.approx(1 / np.sqrt(1 + b * b), rel=0.06)
+    assert across == pytest.approx(1 / np.sqrt(1 + 4 * b * b), rel=0.06)
+
+
+@pytest.mark.parametrize("stokes", [0.2, 1.0, 5.0])
+def test_what_lags_behind_eddies_without_falling_crosses_none(stokes: float) -> None:
+    """x = int u(s) (1 - exp((s - t) / tau)) ds of air whose fluctuation lives for its own lifetime: the slip that the
+    eddies themselves make is none through them. As a slip it took a third of the spread.
+    """
+    found = carried(0.0, density=40_600.0 * stokes, tolerance=1e-3, seed=1).var(axis=0)
+    s = np.linspace(0.0, LATE, 1001)
+    weight = 1 - np.exp((s - LATE) / (stokes * LIFE))
+    kept = np.exp(-np.abs(s[:, None] - s) / LIFE)
+    assert found == pytest.approx(weight @ kept @ weight * (s[1] - s[0]) ** 2, rel=0.12)
+
+
+@pytest.mark.parametrize(("density", "part"), [(1.0, 0.01), (1000.0, 0.2), (40_600.0, 0.5)])
+def test_intervals_twice_as_long_see_the_same_brownian_path(density: float, part: float) -> None:
+    """The variance of the difference, over that of two flights that chance alone tells apart."""
+    own, longer, other = (
+        carried(0.0, density, tolerance=1e-3, **more) for more in ({"seed": 1}, {"seed": 1, "noises": 2}, {"seed": 2})
+    )
+    assert np.all((longer - own).var(axis=0) < part * (other - own).var(axis=0))
+    assert longer.var(axis=0) == pytest.approx(own.var(axis=0), rel=0.1)
+    with pytest.raises(SceneError, match="noises = 3: 1 or 2"):
+        carried(0.0, seed=1, noises=3)
 
 
 def test_random_forces_are_bit_identical_for_any_threads_and_company() -> None:

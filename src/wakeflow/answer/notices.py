@@ -14,6 +14,7 @@ from ..flight.stages.pipeline import Pipeline
 from ..flight.stages.slab_stage import SHARE_OF_SHIFT
 from ..planning.feed_funnel import FunnelSummary
 from ..planning.feed_funnel import notices as funnel_notices
+from ..planning.terms import STICKING
 from ..scene import OVER_THE_TOP, Scene
 from .shares import CollisionSummary
 
@@ -58,6 +59,8 @@ def notices(
         if slab is not None and slab.jammed:
             found.append(void(f"the feed jams in {slab.jammed} of {slab.replicates} replicates: {JAM}"))
         found += [] if slab is None else _step_not_reached(slab, pipeline.plan.unit)
+        kept = [row for row in pipeline.plan.left_out if row.name == STICKING]
+        found += [information(f"{row.fraction}: {row.why}; the interval does not hold that") for row in kept]
         found += [
             *_passing(pipeline, tracked),
             *_out_of_the_top(scene, tracked),

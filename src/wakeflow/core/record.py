@@ -85,8 +85,8 @@ def _adapter(kind: Hashable) -> TypeAdapter[Any]:
 
 
 def _plain(value: Any) -> object:
-    """What pydantic does not know by itself: read-only mappings."""
-    return dict(value)
+    """What pydantic does not know by itself: numpy's truths and whole numbers, and read-only mappings."""
+    return value.item() if hasattr(value, "item") else dict(value)
 
 
 def to_json(value: object) -> Any:

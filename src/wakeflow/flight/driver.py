@@ -53,6 +53,7 @@ def track(
     motion: Motion | None = None,
     gravity: Sequence[float] = (0.0, -GRAVITY),
     seed: int = 0,
+    noises: int = 1,
     record: bool | int = False,
     march: bool = True,
     workers: int | None = None,
@@ -69,7 +70,8 @@ def track(
     when its centre crosses them. An edge of the mesh that no body covers ends it there: BINNED when it lies on a
     line, else ESCAPED. A granule that reaches into a wall at birth is pushed out; one born inside a body is STOPPED,
     one born outside the mesh ESCAPED with no step. ``seed`` numbers the random streams of dispersion and Brownian
-    motion, one a granule, by its place among ``grains``.
+    motion, one a granule, by its place among ``grains``; ``noises`` 2: its intervals last twice as long, along the same
+    Brownian path, so that the difference is their error.
     ``record`` keeps each path, thinned to at most 1024 points, or as many as it says. ``march`` False takes confined
     steps only, none over several triangles (docs/kernel.md): a switch for tests, which measure the order of these
     steps by it; flights become slower, and their landing error is bounded by the same ``tolerance``. ``workers``
@@ -83,11 +85,11 @@ def track(
     solids = [body if isinstance(body, Body) else Body(body, motion=motion) for body in bodies]
     across = float(np.ptp(solids[0].outline[:, 0])) if solids else 1.0
     length = across if length is None else number("length", length, "m")
-    _check(record, length, tolerance, until, seed, workers)
+    _check(record, length, tolerance, until, seed, noises, workers)
     swing, reach = mesh_motion_of(field), REACH * length
     walls = pack_walls(solids, pack_lines(lines), swing, grains.restitution)
     air = pack_air(field, solids, reach, forces)
-    rules = _rules(field, air, solids, walls, until, tolerance, length, seed, march)
+    rules = _rules(field, air, solids, walls, until, tolerance, length, seed, noises, march)
     points = RECORD_POINTS if record is True else int(record)
     tables, table_of = pack_tables(drag, grains.sphericity, grains.fraction)
     flight = Packed(field, grains, forces, gravity, solids, swing, reach, points, walls, air, rules, tables, table_of)
@@ -100,7 +102,9 @@ def track(
     return found
 
 
-def _check(record: bool | int, length: float, tolerance: float, until: float, seed: int, workers: int | None) -> None:
+def _check(
+    record: bool | int, length: float, tolerance: float, until: float, seed: int, noises: int, workers: int | None
+) -> None:
     """Raise SceneError for numbers that are out of range."""
     check_workers(workers)
     if record is not True and not (record == 0 or 16 <= record <= MAX_STEPS):
@@ -112,6 +116,8 @@ def _check(record: bool | int, length: float, tolerance: float, until: float, se
         raise SceneError(f"until = {until:g} s must be finite")
     if not 0 <= seed < 2**63:
         raise SceneError(f"seed = {seed} must lie between 0 and 2^63 - 1")
+    if noises not in (1, 2):
+        raise SceneError(f"noises = {noises}: 1 or 2")
 
 
 def _fly_block(flight: Packed, found: Tracks, low: int) -> int:
@@ -202,6 +208,7 @@ def _rules(
     tolerance: float,
     length: float,
     seed: int,
+    noises: int,
     march: bool,
 ) -> Rules:
     """The kernel's scalars; ``length`` (m), ``until`` (s)."""
@@ -219,7 +226,8 @@ def _rules(
         rest=AGAIN * _longest_wait(field, air, bodies, omega),
         coarse=float(min(coarse, 0.5 / omega) if omega > 0 else coarse),
         shaken=float(np.hypot(air.swing[at.SWING_X], air.swing[at.SWING_Y]) * omega**2),
-        noise=NOISE_STEP,
+        noise=NOISE_STEP * noises,
+        noises=noises,
         seed=int(seed),
         march=int(march),
         left=float(np.min(box[:, at.LOW_X] - swing[:, 0], initial=0.0)),

@@ -9,6 +9,7 @@ The data are in uncertainties.toml, with the words for them at its head.
 from __future__ import annotations
 
 import os
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -28,6 +29,7 @@ SPREAD = ("restitution", "friction", "terminal_velocity")  # quantities with a m
 PARTS = (*SPREAD, "rebound_scatter", "tangential_restitution", "impact")  # quantities with evidence of their own
 CONFIDENCES = ("measured", "typical", "low")
 MISSPELT = 0.75  # likeness of two words from which on one is the other misspelt; chosen
+AS = re.compile(r"(?:^|, )as ([a-z ]+)(?:,|$)")  # in a source: the number is another material's
 SIZES = ("diameter", "density")  # numbers, or tables with evidence of their own
 NEEDED = ("restitution", "friction", "impact")
 KNOWN = (*SIZES, *PARTS, "dimensions", "moisture")
@@ -107,6 +109,15 @@ class Material:
     def half_of(self, quantity: str) -> float | None:
         """Half of the 95 % interval of a quantity's mean where it says that itself."""
         return self.evidence[quantity].uncertainty if quantity in self.evidence else None
+
+    def confidence_in(self, quantity: str) -> str:
+        """How well one of its numbers is known."""
+        return self.evidence[quantity].confidence if quantity in self.evidence else self.confidence
+
+    def like(self, quantity: str) -> str:
+        """The material whose number of a quantity this one has, as its source says: "as wheat"; empty: its own."""
+        found = AS.findall(self.evidence[quantity].source) if quantity in self.evidence else ()
+        return next((name for one in found if (name := one.replace(" ", "-")) in materials), "")
 
     def at_moisture(self, share: float) -> Material:
         """The material with a ``share`` of water (of its whole mass), as it was measured between its driest and its

@@ -71,7 +71,8 @@ def crossing_times(lifetime: float, slip: float, rms: float) -> tuple[float, flo
     both.
 
     T_L / sqrt(1 + b^2 slip^2 / rms^2) along and with 4 b^2 across, b = 0.8: Csanady, G.T. 1963, J. Atmos. Sci. 20, 201.
-    slip = |u - v| m/s of the mean air velocity, rms = sqrt(2 k / 3) m/s. T_L for both at slip 0; 0 where rms = 0.
+    slip = |u - v| m/s in the mean, without what the eddies make of it, rms = sqrt(2 k / 3) m/s. T_L for both at slip 0;
+    0 where rms = 0.
     """
     b2, rms2 = (EULERIAN * slip) ** 2, rms * rms
     calm = lifetime * rms

@@ -5,6 +5,7 @@ Falls through the channel's uniform air with the fraction's own drag (``uniform_
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -46,6 +47,7 @@ def flights(
     _, omega = scene.motion
     kept = bool(scene.body) and set(scene.all_kept) == scene.body.keys()
     upward, aside = air.rises, 0.0 if kept else abs(float(scene.entry @ scene.plumb.across))
+    aside += 2.0 * math.sin(scene.feed.scatter) * scene.feed.fall_speed
     scales = []
     for diameter, factor in _granules(scene, fraction, law, scale):
         fall = UniformFall(scene, air, diameter, density, law, phi, factor)

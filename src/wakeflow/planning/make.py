@@ -35,6 +35,7 @@ from .terms import (
     AIR,
     COLLISIONS,
     LOADING,
+    STICKING,
     SWITCHED_OFF,
     VIBRATION,
     LeftOut,
@@ -48,7 +49,6 @@ from .terms import (
     too_small,
 )
 
-STICKING = "sticking"  # what granules that meet do not do: the fine ones stay on the coarse
 TURNING = "deflection-before-the-impact"  # what injection leaves out: how the air before the body moves granules
 MATTERS = 0.1  # body widths: a warning where the air that is left out could move a fraction by more; chosen
 WORTHLESS = 1.0  # body widths: air that could move a fraction so far decides where it lands; chosen

@@ -35,6 +35,7 @@ from .collisions import why_no_collisions
 # -- A-priori bounds on what each term could move ----------------------------------------------------------------------
 VIBRATION, COLLISIONS, LOADING = "vibration-of-the-air", "collisions", "air-loading"
 EDDIES = "eddy-acceleration"
+STICKING = "sticking"  # what granules that meet do not do: the fine ones stay on the coarse
 SLOWEST_LANDING = 1e-9  # m/s: keeps the slope of a track finite where a granule hangs in the air
 
 

@@ -126,20 +126,39 @@ def _unknown(
         lot = None if fraction is None or confidence == GIVEN else scene.fraction[fraction].material
         if lot is not None and (half := materials[lot].half_of(entry)) is not None:
             own, why = half * value / getattr(materials[lot], entry), f"material {lot}"
-        causes = _causes(entry, lot, own, default.of_plate(value))
+        causes = _causes(entry, lot, own, default.of_plate(value), lambda how: default.half(value, how, scene.width))
     elif isinstance(own, str):
         own = 0.01 * known(split_quantity(own))[0] * abs(value)
     return Unknown(key, entry, value, own, own, unit, why, fraction, causes)
 
 
-def _causes(entry: str, lot: str | None, half: float, plate: float = 0.0) -> tuple[tuple[str, float], ...]:
+Half = Callable[[str], float]  # of the 95 % interval of a number that is known with a confidence
+
+
+def _causes(
+    entry: str, lot: str | None, half: float, plate: float = 0.0, at: Half = lambda _: math.inf
+) -> tuple[tuple[str, float], ...]:
     """Why numbers of several fractions are too large together, with its part of the standard deviation of one whose
     interval's half is ``half``: there is one ``plate``, which makes so much of it, and one ``lot`` of a material, whose
     number all that are of it have; nothing where it is not a material's.
     """
     shared = min(plate / half, math.sqrt(MOST_COMMON)) if half > 0.0 else 0.0
     of_plate = ((f"{entry} on the plate", shared),) if shared > 0.0 else ()
-    return of_plate if lot is None else (*of_plate, (f"{entry} of {lot}", math.sqrt(MOST_COMMON - shared**2)))
+    rest = math.sqrt(MOST_COMMON - shared**2)
+    quantity = {"size": "diameter", "inverse_inertia": "impact"}.get(entry, entry)
+    lots = () if lot is None else _lots(quantity, lot, half, at)
+    return (*of_plate, *((f"{entry} of {one}", rest * part) for one, part in lots if part > 0.0))
+
+
+def _lots(quantity: str, lot: str, half: float, at: Half) -> Iterator[tuple[str, float]]:
+    """The materials that a number rests on, each with its part of the standard deviation: one that is "as wheat" is
+    wheat's and how far it is off that, which makes its interval as much wider.
+    """
+    other = materials[lot].like(quantity)
+    common = 0.0 if not other or half == 0.0 else min(1.0, at(materials[other].confidence_in(quantity)) / half)
+    yield lot, math.sqrt(1.0 - common**2)
+    if common > 0.0:
+        yield from ((name, common * part) for name, part in _lots(quantity, other, common * half, at))
 
 
 def _ranged(scene: Scene, key: str, number: Number, why: str) -> Unknown:

@@ -172,8 +172,8 @@ def _body_needed(scene: SceneTables) -> Iterator[str]:
         yield from _goes_without_a_body(scene)
         yield from _air_is_known_without_a_body(scene)
         return
-    for key in ("level", "direction"):
-        if getattr(scene.feed, key) is not None:
+    for key, given in (("level", None), ("direction", None), ("scatter", 0.0)):
+        if getattr(scene.feed, key) != given:
             first = next(iter(scene.body))
             yield f"feed.{key}: for a channel without a body; here the curtain falls onto body.{first}"
 

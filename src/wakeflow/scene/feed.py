@@ -12,7 +12,19 @@ from pydantic import Field, model_validator
 from ..core.errors import SceneError
 from ..core.quantities import quantity
 from ..laws.profile import crowding, profiles
-from .table import AnyAngle, Array, Coordinate, Length, MassRate, Shorthand, Speed, Table, Weighed, made_by
+from .table import (
+    AnyAngle,
+    Array,
+    Coordinate,
+    Length,
+    MassRate,
+    ScatterAngle,
+    Shorthand,
+    Speed,
+    Table,
+    Weighed,
+    made_by,
+)
 
 EVEN = 1e-9  # of the curtain's width: what is so near is the same
 PARTS = np.linspace(0.05, 0.45, 5)  # of the curtain's mass, at which its two sides are compared
@@ -56,6 +68,9 @@ class Feed(Weighed):
     direction: AnyAngle | None = Field(
         None, description="only without a body: of speed at level, from the x axis; default: along gravity"
     )
+    scatter: ScatterAngle = Field(
+        0.0, description="only without a body: rms angle between a granule's direction and the feed's"
+    )
     width: Length
     position: Coordinate = Field(0.0, description="x of the curtain's middle")
     profile: Annotated[Profile, Shorthand(str, _one_word)] = Field(
@@ -97,8 +112,8 @@ class Feed(Weighed):
         elif (self.height is None) == (self.speed is None):
             raise SceneError("give either height or speed")
         self.profile.quantile(np.array([0.5]), self.width)
-        if self.direction is not None and self.speed is None:
-            raise SceneError("direction goes with speed; granules that fall from a height come straight down")
+        if (self.direction is not None or self.scatter > 0.0) and self.speed is None:
+            raise SceneError("direction and scatter go with speed; granules that fall from a height come straight down")
         return self
 
     def places(self, p: Array) -> Array:

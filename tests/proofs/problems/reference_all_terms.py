@@ -112,6 +112,7 @@ class _Motion:
             air_density=field.density,
             viscosity=field.viscosity,
             gravity=(float(gravity[0]), float(gravity[1])),
+            sphericity=float(grains.sphericity[i]),
         )
         self.memories = [pair for force in acting if force.memory is not None for pair in force.memory(self.granule)]
         self.air: _Air

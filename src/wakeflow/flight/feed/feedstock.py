@@ -219,7 +219,8 @@ def feedstock(
     grains, x = varied_granules(born, variation), scene.feed.places(points[:, 0])
     diameter = grains.diameter
     if not scene.body:
-        return Feedstock(hung(scene, entering(scene, grains, x)), replicate, np.zeros(len(x), dtype=bool))
+        entered = entering(scene, grains, x, traits[:, 3])
+        return Feedstock(hung(scene, entered), replicate, np.zeros(len(x), dtype=bool))
     level, speed = fall_start(scene, 0.5 * diameter)
     time, spin = _times(scene, points[:, 2:], field_period), np.zeros(len(x))
     injected = np.zeros(len(x), dtype=bool)
@@ -257,7 +258,7 @@ def _born(
     measured = isinstance(fraction.terminal_velocity, Speeds)
     points, replicate = samples(name, feed.count, feed.seed, replicates, PLACED if measured else 4, part)
     traits = np.zeros((len(points), TRAITS))
-    if fraction.varies:
+    if fraction.varies or feed.scatter > 0.0:
         traits = traits_of(name, feed.count, feed.seed, replicates, part)
     settling = fraction.settling(points[:, 4] if measured else traits[:, 2])
     diameter = fraction.diameters(points[:, 1])
@@ -275,12 +276,15 @@ def _pull(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, speed
     return np.nan_to_num((later**2 - fall**2) / (2 * way), nan=0.0)
 
 
-def entering(scene: Scene, grains: Granules, x: Array) -> Granules:
-    """The curtain where there is no body: at the feed's level, with the velocity it has there; as if the channel stood
-    upright.
+def entering(scene: Scene, grains: Granules, x: Array, chance: Array) -> Granules:
+    """The curtain where there is no body: at the feed's level, with the velocity it has there, turned by an angle that
+    the part ``chance`` (n,) of all angles lies below; as if the channel stood upright.
     """
     y = np.minimum(scene.level, highest(scene, grains, x))
     velocity = np.broadcast_to(scene.plumb.hung(scene.entry), (len(x), 2))
+    if scene.feed.scatter > 0.0:
+        turn = np.exp(1j * scene.feed.scatter * normal_quantile(chance)) * (velocity[:, 0] + 1j * velocity[:, 1])
+        velocity = np.stack([turn.real, turn.imag], axis=1)
     return grains.replace(position=np.stack([x, y], axis=1), velocity=velocity)
 
 

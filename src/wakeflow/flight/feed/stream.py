@@ -173,7 +173,8 @@ def _born(
 ) -> Granules:
     """Granules where the slab begins, as they come there alone from where the feed does."""
     if not scene.body:
-        return entering(scene, grains, x)
+        chance = np.random.default_rng(seed).random(len(x)) if scene.feed.scatter > 0.0 else x
+        return entering(scene, grains, x, chance)
     plumb = scene.plumb
     level, speed = fall_start(scene, 0.5 * grains.diameter)
     start = slab_top(scene, grains, x)

@@ -41,6 +41,17 @@ def random_normals(ints, rules):
 
 
 @compiled
+def _interval_normals(ints, grain, rules):
+    """Those of an interval; of one that lasts as long as two, the sum of theirs: both then see one Brownian path."""
+    xi, eta = random_normals(ints, rules)
+    if rules.noises > 1:
+        later = 2 if grain[at.DISPERSION] != 0.0 and grain[at.DIFFUSIVITY] != 0.0 else 1  # two numbers an interval
+        a, b = _normals(rules.seed, ints[at.STREAM], ints[at.DRAWS] + later)
+        xi, eta = math.sqrt(0.5) * (xi + a), math.sqrt(0.5) * (eta + b)
+    return xi, eta
+
+
+@compiled
 def _on_beat(span, rest, beat):
     """The least interval that is no shorter than ``span`` and ends ``rest`` from now, or whole beats later."""
     if beat == 0.0:
@@ -58,14 +69,19 @@ def _eddies(state, ints, grain, table, rules, seen, passage, rest, beat):
     half of the drift, flight: second order, and tracers' flight in a lasting eddy is exact where s is linear.
     """
     ux, uy, life, rms, sx, sy, even = seen
-    # a tracer moves with the fluctuation that it has just seen: that is no slip
-    ex, ey = ux + rms * state[at.MEAN_X] - state[at.VX], uy + rms * state[at.MEAN_Y] - state[at.VY]
-    slip = math.sqrt(ex * ex + ey * ey)
-    ex, ey = (ex / slip, ey / slip) if slip > 0.0 else (1.0, 0.0)
-    along, across = _crossing(life, slip, rms)
-    rate, brief = drag_rate(grain, table, slip * slip), min(along, across)
+    wx, wy = rms * state[at.MEAN_X], rms * state[at.MEAN_Y]
+    ex, ey = ux - state[at.VX], uy - state[at.VY]
+    rate = drag_rate(grain, table, (ex + wx) ** 2 + (ey + wy) ** 2)
     stokes = life * rate
     drift = stokes / (1.0 + stokes) if stokes < 1e100 else 1.0  # 1 / (1 + St), St = 1 / (rate x lifetime)
+    # Eddies are crossed by the mean slip. Of the fluctuation that it sees a granule has this part in the mean, and
+    # spreads about it by this variance (Tchen): what is left of its slip is no crossing
+    ex, ey = ex + drift * wx, ey + drift * wy
+    slip2 = ex * ex + ey * ey
+    slip = math.sqrt(max(0.0, slip2 - 2.0 * rms * rms * drift * (1.0 - drift)))
+    ex, ey = (ex / math.sqrt(slip2), ey / math.sqrt(slip2)) if slip > 0.0 else (1.0, 0.0)
+    along, across = _crossing(life, slip, rms)
+    brief = min(along, across)
     least = max(BRIEFEST * passage, min(CROSSED * passage, rules.noise * life))
     span = max(rules.noise * min(brief + (1.0 / rate if rate > 0.0 else math.inf), LONGEST * brief), least)
     if drift > 0.0:
@@ -76,7 +92,7 @@ def _eddies(state, ints, grain, table, rules, seen, passage, rest, beat):
         xi, eta = random_normals(ints, rules)
         span *= math.exp(-0.5 * (xi * xi + eta * eta))
     span = _on_beat(span, rest, beat)
-    xi, eta = random_normals(ints, rules)
+    xi, eta = _interval_normals(ints, grain, rules)
     px = py = mx = my = 0.0
     for side in range(2):
         dx, dy, draw = (ex, ey, xi) if side == 0 else (-ey, ex, eta)
@@ -131,8 +147,10 @@ def renew_in(state, ints, grain, table, rules, wind, seen, rest, beat):
         span = _on_beat(span, rest, beat)
     if grain[at.DIFFUSIVITY] != 0.0:
         size = math.sqrt(2.0 * grain[at.DIFFUSIVITY] / span)
-        xi, eta = random_normals(ints, rules)
+        xi, eta = _interval_normals(ints, grain, rules)
         state[at.KICK_X], state[at.KICK_Y] = size * xi, size * eta
+    if rules.noises > 1:  # on to the next two intervals
+        ints[at.DRAWS] += 2 if grain[at.DISPERSION] != 0.0 and grain[at.DIFFUSIVITY] != 0.0 else 1
     state[at.T_NOISE] = state[at.T] + span
     ints[at.FRESH] = 0
 

@@ -67,6 +67,7 @@ class Rules(NamedTuple):
     coarse: float  # s, a longer step between looks at a field that changes in time would miss how it does
     shaken: float  # m/s2, largest acceleration of the mesh
     noise: float  # part of an eddy's lifetime and the response time over which a fluctuation is held
+    noises: int  # intervals of noise that last as one: 1, or 2 along the same Brownian path
     seed: int  # of the random streams
     march: int  # 1: several triangles in one step where that is worth it
     left: float  # m, box about all bodies in all their places

@@ -50,6 +50,7 @@ class Flight:
     workers: int | None = None
     tell: Callable[[str], None] = lambda _: None
     replicates: int = REPLICATES  # the first of them; all, but for a comparison
+    noises: int = 1  # as of ``track``
 
     def fly_all(self, folder: Path, *, drawn: bool) -> None:
         """Fly every fraction and keep its landings in ``folder``, in the order of the replicates, and the tracks for
@@ -204,6 +205,7 @@ class Flight:
             forces=self.plan.fractions[name].forces,
             drag=self.plan.fractions[name].drag,
             seed=seed_of(scene.feed.seed, name, stream),
+            noises=self.noises,
             bodies=bodies_and_walls(scene),
             lines=end_lines(scene),
             gravity=scene.plumb.gravity,
@@ -291,8 +293,8 @@ def _into_the_wall(outline: Array, scene: Scene) -> Array:
     corners = outline[[edge.first, (edge.first + 1) % len(outline)]] * (1.0 + WALL, 1.0)
     return np.insert(outline, edge.first + 1, corners, axis=0)
 
-
-def _openings(scene: Scene, side: str) -> list[tuple[float, float]]:
+    """Where a wall is another, (from, to) along y in order: open at bins and where a secondary stream enters, or one
+    that keeps a part of what meets it.
     """Where a wall is another, (from, to) along y in order: open at bins and where a secondary stream enters, or one that
     keeps a part of what meets it.
     """

@@ -29,12 +29,14 @@ class PerturbedRerun:
     """Part of the granules flown again, the same ones, with one thing changed: what that changes is an error.
 
     ``name`` among the stages; ``tolerance`` (body widths) instead of the scene's; ``wake``: theta and strength of the
-    wake instead of the answer's own, as in ``field.blended_wake``; ``replicates``: the first of them, that fly.
+    wake instead of the answer's own, as in ``field.blended_wake``; ``noises``: intervals of noise that last as one;
+    ``replicates``: the first of them, that fly.
     """
 
     name: str
     tolerance: float | None = None
     wake: tuple[float, float] | None = None
+    noises: int = 1
     replicates: int = COMPARED
 
 
@@ -81,10 +83,12 @@ class TrackStage:
 
         change = rerun or PerturbedRerun("tracks", replicates=REPLICATES)
         tolerance = change.tolerance or self.scene.numerics.tolerance
-        key = content_key(self.key, tolerance, change.wake, change.replicates)
+        key = content_key(self.key, tolerance, change.wake, change.noises, change.replicates)
         tell = partial(self.cache.tell, change.name)
         airs = self.realised(change)
-        flight = Flight(self.scene, self.plan, airs, tolerance, self.workers, tell, change.replicates)
+        flight = Flight(
+            self.scene, self.plan, airs, tolerance, self.workers, tell, change.replicates, change.noises
+        )  # fmt: skip
         self.finish_compiling(change.name, key)
         folder = self.cache.make(change.name, key, partial(flight.fly_all, drawn=rerun is None))
         return load_tracked(folder, self.scene)

@@ -164,6 +164,10 @@ class Grains(Protocol):
         """Factor on the drag law, slip correction included; None: that alone."""
 
     @property
+    def sphericity(self) -> Array:
+        """By which drag goes; 1: a ball."""
+
+    @property
     def inertia(self) -> Array:
         """k = I / (m r^2); infinite for a point mass."""
 
@@ -241,6 +245,7 @@ class Granule:
     air_density: float
     viscosity: float  # dynamic
     gravity: Vector
+    sphericity: float = 1.0
 
     @property
     def ratio(self) -> float:

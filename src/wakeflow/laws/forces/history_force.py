@@ -19,7 +19,7 @@ makes the slip jump and leaves the memories as they are: what it did is forgotte
 from __future__ import annotations
 
 import math
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -89,7 +89,7 @@ def _weights(late: Array) -> Array:
 
 
 def memories_of(
-    diameter: Array, density: Array, scale: Array, air_density: float, viscosity: float
+    diameter: Array, density: Array, scale: Array, air_density: float, viscosity: float, sphericity: Array | float = 1.0
 ) -> tuple[Array, Array]:
     """What granules (n,) remember of their slip: their own time (n,) s, over which MEMORIES are given, and the weight
     (n, COUNT) 1/s of each memory in the force per mass.
@@ -99,11 +99,15 @@ def memories_of(
 
         t* = 4^(4/3) pi^(-1/3) (a^2 / nu) (f_H / Re)^2      when    K = (pi t* nu / a^2)^(-1/2) k(t / t*)
 
-    passes from Basset's law to the other. The granule's own time is t*, or tau_S where that is less (slow, fine or
-    light granules): what the air did more than 150 such times ago is forgotten.
+    passes from Basset's law to the other. Where the ``sphericity`` is below 1, as of flakes, that speed is by Haider &
+    Levenspiel's law, to which their ``scale`` is calibrated. The granule's own time is t*, or tau_S where that is less
+    (slow, fine or light granules): what the air did more than 150 such times ago is forgotten.
     """
     kinematic, radius = viscosity / air_density, 0.5 * diameter
-    speed = np.abs(terminal_velocity(diameter, density, air_density, viscosity, drag_scale=scale))
+    own = diameter, density, air_density, viscosity
+    fall = partial(terminal_velocity, *own, sphericity=sphericity, drag_scale=scale)
+    ball, other = (np.abs(fall(law=law)) for law in ("brown-lawler", "haider-levenspiel"))
+    speed = np.where(np.asarray(sphericity) < 1.0, other, ball)
     reynolds = speed * diameter / kinematic
     viscous, stokes = radius**2 / kinematic, relaxation_time(diameter, density, viscosity)
     late = np.sqrt(math.pi / 16.0) * (reynolds / (0.75 + 0.105 * reynolds)) ** 1.5  # of t nu / a^2 in the kernel
@@ -114,21 +118,26 @@ def memories_of(
     return own, scale[:, None] * _weights((own / viscous / turns) ** 0.75)
 
 
+def _memories(grains: Grains, air: AirProperties) -> tuple[Array, Array]:
+    own = grains.diameter, grains.density, drag_scale(grains, air)
+    return memories_of(*own, air.density, air.viscosity, grains.sphericity)
+
+
 def _factors(grains: Grains, air: AirProperties) -> Slots:
     """RECALL_0 .. RECALL_6 (1/s): the weight of each memory."""
-    _, weights = memories_of(grains.diameter, grains.density, drag_scale(grains, air), air.density, air.viscosity)
+    _, weights = _memories(grains, air)
     return {f"RECALL_{i}": weights[:, i] for i in range(COUNT)}
 
 
 def _constants(grains: Grains, air: AirProperties) -> Slots:
     """FORGET (1/s): one over the granule's own time."""
-    own, _ = memories_of(grains.diameter, grains.density, drag_scale(grains, air), air.density, air.viscosity)
+    own, _ = _memories(grains, air)
     return {"FORGET": 1.0 / own}
 
 
 def _memory(granule: Granule) -> tuple[tuple[float, float], ...]:
     diameter, density, scale = (np.array([x]) for x in (granule.diameter, granule.density, granule.drag_scale))
-    own, weights = memories_of(diameter, density, scale, granule.air_density, granule.viscosity)
+    own, weights = memories_of(diameter, density, scale, granule.air_density, granule.viscosity, granule.sphericity)
     return tuple(zip((own[0] * MEMORIES).tolist(), weights[0].tolist(), strict=True))
 
 
