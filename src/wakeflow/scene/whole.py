@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from ..core.errors import SceneError, known
 from ..core.geometry import are_symmetric
 from ..laws.constants import GRAVITY
+from .fan_speed import fan_point
 from .feed import CollisionTable, Feed
 from .fraction import Fraction
 from .funnel import Funnel
@@ -176,6 +177,8 @@ class SceneTables(Table):
         for table in (self.feed, self.vibration, self.funnel):
             if table is not None:
                 table.weighed(self.gravity)
+        if self.air is not None and self.air.fan is not None:
+            self.air.blown(fan_point(self, self.air.fan))
         return self
 
     @property
