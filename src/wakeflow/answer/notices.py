@@ -15,6 +15,7 @@ from ..flight.stages.slab_stage import SHARE_OF_SHIFT
 from ..planning.feed_funnel import FunnelSummary
 from ..planning.feed_funnel import notices as funnel_notices
 from ..planning.terms import STICKING
+from ..planning.unknowns import half_of
 from ..scene import OVER_THE_TOP, Scene
 from .shares import CollisionSummary
 
@@ -53,7 +54,7 @@ def notices(
     """
     solved = airflow is not None and not pipeline.kind.at_once
     found = list(_airflow_notices(scene, pipeline, airflow)) if solved and airflow is not None else []
-    found += [] if airflow is None else _unsettled(scene, pipeline, airflow)
+    found += [] if airflow is None else [*_unsettled(scene, pipeline, airflow), *_off_the_fan(scene, airflow)]
     found += [less_sure(line) for line in funnel_notices(scene.funnel, funnel)]
     if tracked is not None:
         if slab is not None and slab.jammed:
@@ -77,6 +78,17 @@ def _unsettled(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iterator[N
         yield less_sure(
             f"the granules' force on the air has not settled, it is {100 * found.unanswered:.2g} % off; "
             f"numerics.loading_passes above {passes} goes on"
+        )
+
+
+def _off_the_fan(scene: Scene, airflow: Airflow) -> Iterator[Notice]:
+    """Of air whose speed is farther from the one at which its fan has it than its interval."""
+    fan, speed = airflow.fan, 0.0 if scene.air is None else scene.air.speed
+    if fan is not None and fan.off > max(1e-3 * speed, half_of(scene, "air.speed", "air_speed", speed)):
+        meets = "nowhere" if fan.meets is None else f"at {fan.meets:.3g} m/s"
+        yield less_sure(
+            f"the fan's curve meets the drop that was computed {meets}, the air blows at {speed:.3g} m/s; "
+            "uncertainty.air.speed that holds both puts it into the intervals"
         )
 
 

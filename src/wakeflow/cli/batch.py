@@ -103,7 +103,7 @@ def operator_map(
     scene: Path,
     *,
     air: Annotated[
-        str | None, Parameter(help="Air speeds: '3:7:5 m/s' or 4,5,6; default 0.8 to 1.2 of its own.")
+        str | None, Parameter(help="Air speeds: '3:7:5 m/s' or 4,5,6; of a fan its speed_ratio; default 0.8 to 1.2.")
     ] = None,
     feed: Annotated[str | None, Parameter(help="Feed rates: '200:800:4 kg/hour'; default likewise.")] = None,
     out: Folder = None,
@@ -141,7 +141,7 @@ def capacity(
 ) -> int:
     """Draw the capacity curve: what is lost of every fraction and what dirt is left over the feed rate, with intervals.
 
-    The airflow is solved once, and kept. --quick computes coarsely.
+    With prices also what it earns. The airflow is solved once, and kept. --quick computes coarsely.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ..answer.moves import InputMove, Remaining
 from ..answer.result import VOID, Result
-from ..answer.result_table import DONE, Difference, Entry, ResultTable
+from ..answer.result_table import DONE, Difference, Entry, ResultTable, is_part
 from ..core.errors import known
 from ..core.quantities import duration, say, speaking
 from ..many.comparison import RunComparison
@@ -17,7 +17,7 @@ from ..many.compute import Sweep, SweepEstimate
 from ..many.sensitivity import Sensitivity
 from ..show.many_figures import input_words, main_quantities
 from ..show.sketch import UNITS
-from ..show.words import NO_VALUE, difference_text, percent
+from ..show.words import NO_VALUE, difference_text, percent, quantity_text
 from .screen import plain, print_lines, screen_table
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def show_table(table: ResultTable) -> None:
     shown, names = table.entries[:MAX_ROWS], main_quantities(table)
     inputs = list(zip(_heads(table), *(_inputs(table, entry) for entry in shown), strict=True))
     numbers = list(
-        zip((name.replace(".", "\n") for name in names), *(_cells(names, one) for one in shown), strict=True)
+        zip((_quantity_head(table, name) for name in names), *(_cells(names, one) for one in shown), strict=True)
     )
     console, title = Console(), "percent, with 95 % interval"
     for columns in _fitting(inputs, numbers, console.width):
@@ -108,6 +108,12 @@ def _doubts(table: ResultTable) -> Iterator[str]:
         yield f"! {key} changes no number here: what is left out of these scenes does not feel it"
 
 
+def _quantity_head(table: ResultTable, name: str) -> str:
+    """Its parts below each other, and the unit of what is no percentage."""
+    head = name.replace(".", "\n")
+    return head if is_part(name) or table.names[name] in ("", "1") else f"{head}\n({table.names[name]})"
+
+
 def _inputs(table: ResultTable, entry: Entry) -> list[str]:
     values = [entry.inputs.get(key) for key in table.inputs]
     return [NO_VALUE if value is None else input_words(value) for value in values] or [entry.name]
@@ -115,7 +121,7 @@ def _inputs(table: ResultTable, entry: Entry) -> list[str]:
 
 def _cells(names: Sequence[str], entry: Entry) -> list[str]:
     void = entry.reason == VOID
-    return [percent(entry.by_name.get(name), void=void) if entry.state == DONE else entry.state
+    return [quantity_text(entry.by_name.get(name), void=void) if entry.state == DONE else entry.state
             for name in names]  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from ..flight.stages.machine_rates import on_this_machine
 from ..planning.cost import begins, typical_cells, wall_seconds
 from ..planning.lifting import floor_notices, lifting_line
 from ..planning.plan import REPLICATES, replicate_size, whole_terms
+from ..planning.trade_lines import trade_lines
 from ..show.machine_words import fall_words, motion_words, tilt_words
 from .screen import MAX_WARNINGS, plain, screen_table, warn
 
@@ -64,6 +65,7 @@ def _lines(plan: Plan, scene: Scene) -> Iterator[tuple[str, str]]:
     if lifted := lifting_line(scene, plan.fractions):
         yield "lifting", lifted
     yield "feed", _feed(scene)
+    yield from trade_lines(scene)
     if held := [f"{name} at most {100 * most:.4g} %" for name, most in scene.limit.asked.items()]:
         yield "held to", ", ".join(held)
     yield "flown with", _terms(plan)

@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 HOW_TO_MEASURE = f"How to measure: {PAGE}. Write what you find as {{ value = ..., uncertainty = ... }}."
 WEIGHS, MAX_PARTS = 0.1, 4  # of the largest error of a quantity, and how many errors are reported on screen
 SHORTEST = 0.5  # s: shorter run times are not worth a word
-MANY = 3  # fractions: from as many on an interval is below its number, so that the table fits 80 letters
 LEVEL = ("floor", "top")  # lines along x
 
 
@@ -116,7 +115,17 @@ def _poured(funnel: FunnelSummary) -> str:
 
 
 def separation_table(result: Result, separation: Separation) -> Table:
-    """Bins by fractions: shares in percent with their 95 % interval; throughput, purity, recovery."""
+    """Bins by fractions: shares in percent with their 95 % interval; throughput, purity, recovery. Intervals are below
+    their numbers where the screen is too narrow for them beside.
+    """
+    from rich.console import Console
+
+    beside, console = _separated(result, separation, parted=False), Console()
+    fits = console.measure(beside).maximum <= console.width
+    return beside if fits else _separated(result, separation, parted=True)
+
+
+def _separated(result: Result, separation: Separation, *, parted: bool) -> Table:
     from rich.text import Text
 
     met = result.landings is not None and result.landings.slab is not None
@@ -129,9 +138,8 @@ def separation_table(result: Result, separation: Separation) -> Table:
     )
     title = f"{of}share of each fraction's mass, %{', granules colliding' if met else ''}"
     rows: list[list[str | Text] | None] = []
-    few = len(separation.fractions) < MANY
     for one in bins_in_words(result, separation):
-        told = [(share if few else _parted(share), wanted) for share, wanted in one.shares]
+        told = [(_parted(share) if parted else share, wanted) for share, wanted in one.shares]
         shares = [Text(share, style="bold green" if wanted else "") for share, wanted in told]
         purest = "\n".join(f"{name} {_parted(share)}".strip() for name, share in one.purities)
         rows.append([one.place, *shares, one.flow, purest])

@@ -1,5 +1,5 @@
-"""What an operator turns, air speed and feed rate: the map of every recovery, purity, loss and dirt over both,
-and the capacity curve over the rate alone, each in one figure.
+"""What an operator turns, air speed (of a fan: its turns) and feed rate: the map of every recovery, purity, loss and
+dirt over both, and the capacity curve over the rate alone, each in one figure.
 
 Each air speed's airflow is solved once and kept; the feed rates fly in it. Both are sweeps like any other, so that what
 they computed is found again by them and by runs.
@@ -22,7 +22,8 @@ from ..scene.whole import switched
 from .compute import Sweep, sweep
 from .variant import variants
 
-SPEED, RATE = "air.speed", "feed.rate"
+SPEED, RATE, TURNS = "air.speed", "feed.rate", "air.fan.speed_ratio"
+TOTAL = "money.total"
 AROUND = (0.8, 1.0, 1.2)  # times the scene's own, where no values are given
 RATES = (0.25, 0.5, 1.0, 1.5, 2.0)  # of a capacity curve likewise
 DRAWN = Callable[[Path, ResultTable], None]
@@ -37,7 +38,8 @@ def operating_map(
     **how: Any,
 ) -> tuple[Sweep, Path]:
     """Sweep ``scene`` over air speeds and feed rates, by default four fifths, once and six fifths of its own, and draw
-    the map; returns both. ``how``: as of :func:`wakeflow.sweep`.
+    the map; returns both. Of air that a fan blows, ``air`` is the fan's speed_ratio. ``how``: as of
+    :func:`wakeflow.sweep`.
 
     Raises SceneError where the scene has no air or no feed rate, where no fraction has a target, and where plans say
     that every answer would be void.
@@ -47,22 +49,25 @@ def operating_map(
     asked = Scene.of(scene)
     if asked.air is None or asked.air.still or asked.feed.rate is None:
         raise SceneError("a map needs an air.speed above 0 and a feed.rate in the scene")
-    speeds = list(air) if air else [part * asked.air.speed for part in AROUND]
+    fan = asked.air.fan
+    key, own = (SPEED, asked.air.speed) if fan is None else (TURNS, fan.speed_ratio)
+    speeds = list(air) if air else [part * own for part in AROUND]
     rates = list(feed) if feed else [part * asked.feed.rate for part in AROUND]
     if min(len(speeds), len(rates)) < 2:
         raise SceneError("a map needs two air speeds and two feed rates at least")
 
     def draw(figure: Path, table: ResultTable) -> None:
-        draw_map(figure, table, main_quantities(table), SPEED, RATE)
+        draw_map(figure, table, main_quantities(table), key, RATE)
 
-    return _swept(asked, {SPEED: speeds, RATE: rates}, out, "map", draw, how)
+    return _swept(asked, {key: speeds, RATE: rates}, out, "map", draw, how)
 
 
 def capacity(
     scene: Scene | Path | str, out: Path | str, *, feed: Sequence[object] | None = None, **how: Any
 ) -> tuple[Sweep, Path]:
     """Sweep ``scene`` over feed rates, by default a quarter to twice its own, and draw what is lost of every fraction
-    with a target and the dirt in its bins over the rate; returns both. ``how`` and errors: as of :func:`operating_map`.
+    with a target, the dirt in its bins and what a scene with prices earns over the rate; returns both. ``how`` and
+    errors: as of :func:`operating_map`.
     """
     from ..show.many_figures import draw_lines
 
@@ -74,7 +79,7 @@ def capacity(
         raise SceneError("a capacity curve needs two feed rates at least")
 
     def draw(figure: Path, table: ResultTable) -> None:
-        draw_lines(figure, table, [name for name in table.names if name.startswith(("loss.", "dirt."))], RATE)
+        draw_lines(figure, table, [name for name in table.names if name.startswith(("loss.", "dirt.", TOTAL))], RATE)
 
     return _swept(asked, {RATE: rates}, out, "capacity", draw, how)
 

@@ -24,6 +24,7 @@ from .lifting import floor_notices, lifting_line, lifting_notices
 from .lock_in import AirMotion
 from .plan import COMPARED, REPLICATES, FractionPlan
 from .terms import COLLISIONS, LOADING, TermSelection
+from .trade_lines import fan_notices, trade_lines
 from .wake import span_lines
 
 # -- What the plan warns of at the bodies ------------------------------------------------------------------------------
@@ -88,7 +89,8 @@ LIGHTEST, HEAVIEST = 25.0, 23000.0  # kg/m3 of granules: foam beads, and no matt
 
 
 def magnitude_lines(scene: Scene) -> Iterator[Notice]:
-    """A notice of each number of the air, the vibration and the granules that is beyond what machines have."""
+    """A notice of each number of the fan, the air, the vibration and the granules that is beyond what machines have."""
+    yield from fan_notices(scene)
     air, vibration = scene.air, scene.vibration
     if air is not None and "density" in air.model_fields_set and not AIRY[0] <= air.density <= AIRY[1]:
         yield less_sure(f"air.density = {air.density:.4g} kg/m3, of air about 1.2: unit forgotten? Check air.density")
@@ -157,6 +159,7 @@ def used_lines(
         brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
         share = brought / (scene.air.speed * scene.channel.width)
         yield f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air"
+    yield from (f"{label}: {text}" for label, text in trade_lines(scene))
     yield from _gravity_lines(scene, fractions)
     for name, fraction in fractions.items():
         yield _fraction_line(scene, name, fraction)

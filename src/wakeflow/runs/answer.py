@@ -136,7 +136,8 @@ class OneRun:
         airflow = pipeline.airflow
         studies = airflow_on_grids(pipeline)
         loading = None if pipeline.loading is None else pipeline.loading.summary
-        table = replace(airflow, grids=studies, momentum=airflow.by_momentum(scene), loading=loading)
+        fan = airflow.by_fan(scene, loaded=loading is not None)
+        table = replace(airflow, grids=studies, momentum=airflow.by_momentum(scene), loading=loading, fan=fan)
         return mesh, with_mesh_error(table, studies or ())
 
     def _flown(self, airflow: Airflow) -> Airflow:

@@ -24,7 +24,7 @@ from .folder import LOCK, refuse_foreign
 from .planned import make_plan
 from .progress import as_listener, ignore
 from .refine import refined
-from .run_stages import one_thread_of_blas, stages_of
+from .run_stages import as_blown, one_thread_of_blas, stages_of
 
 if TYPE_CHECKING:
     from ..planning.plan import Plan
@@ -108,7 +108,8 @@ def run_once(
             remove_drafts(folder)
             remove_drafts(folder / "figures")
             pipeline, poured = stages_of(scene, request, workers, listener, planned, made)
-            result = OneRun(scene, pipeline, poured, folder, request, redraw, report, refinement, pdf).result()
+            asked = as_blown(scene, pipeline)
+            result = OneRun(asked, pipeline, poured, folder, request, redraw, report, refinement, pdf).result()
             if workers is None and request.near is None:  # all cores, from rest: as the plan expects it
                 spent = {stage: one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
                 learn(pipeline.store.root, pipeline.plan.stages, spent)

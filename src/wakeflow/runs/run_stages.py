@@ -11,17 +11,22 @@ from typing import TYPE_CHECKING
 
 from ..answer.budget.source import in_order
 from ..answer.result import Request, asked_in
-from ..core.errors import SceneError
+from ..core.errors import SceneError, known
 from ..flight.stages.pipeline import Pipeline
 from ..planning.feed_funnel import FunnelSummary
 from ..planning.make import Planner
 from ..planning.stage_cache import Listener, StageTimes, thread_safe
 from ..planning.stages import AirLabel
+from ..planning.unknowns import half_of
 from ..scene import Scene
 from .progress import ignore
 
 if TYPE_CHECKING:
     from ..planning.plan import Plan
+
+CHANNEL = "air.fan.channel_loss"
+FEW = 3  # airflows that are solved for a fan, of a kind
+EVEN = 1e-3  # of the air's speed: how near to the fan's it is where the scene says that it is exact
 
 
 def one_thread_of_blas() -> AbstractContextManager[object]:
@@ -64,7 +69,39 @@ def stages_of(
         planner = planner.at(fed)  # the bounds on loading follow the rate
         plan = planner.plan(rung)
         pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan, planner=planner)
+    fan = None if pipeline.scene.air is None else pipeline.scene.air.fan
+    if fan is not None and plan.airflow.stepping is not None and request.until not in ("funnel", "mesh"):
+        pipeline = _blown(pipeline, rung)
     return pipeline, poured
+
+
+def _blown(pipeline: Pipeline, rung: str | None) -> Pipeline:
+    """The stages with the air at the speed at which the fan's curve meets the drop that is computed: first that of the
+    steady airflow, which any other starts from, then the answer's own. Each is solved FEW times at most, and no more
+    once the speed lies within the interval that the answer takes it to have; what is left is in the result.
+    """
+    steady = pipeline.plan.airflow.stepping == "steady"
+    for own in (True,) if steady else (False, True):
+        loaded = own and pipeline.plan.airflow.loaded
+        for _ in range(FEW):
+            scene, kind = pipeline.scene, pipeline.kind if own else pipeline.draft.kind.bare
+            found, speed = known(kind.table.by_fan(scene, loaded=loaded)), scene.airstream.speed
+            if found.off <= max(EVEN * speed, half_of(scene, "air.speed", "air_speed", speed)) or found.meets is None:
+                break
+            pipeline.listener("airflow", f"the fan has the air at {found.meets:.3g} m/s by its drop, not {speed:.3g}")
+            blown = scene.replace({CHANNEL: kind.table.loss(scene, loaded=loaded)})
+            planner = known(pipeline.planner).at(blown)
+            plan = planner.plan(rung)
+            pipeline = replace(pipeline, scene=plan.airflow.flown(blown), plan=plan, planner=planner)
+    return pipeline
+
+
+def as_blown(scene: Scene, pipeline: Pipeline) -> Scene:
+    """The scene as it was asked for, with the channel's loss that the ``pipeline`` found its fan by."""
+    fan = None if pipeline.scene.air is None else pipeline.scene.air.fan
+    if fan is None or scene.airstream.fan == fan:
+        return scene
+    return scene.replace({CHANNEL: fan.channel_loss})
 
 
 def _neighbour(folder: Path, before: tuple[Path, ...], listener: Listener) -> Pipeline:

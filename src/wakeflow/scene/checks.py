@@ -319,6 +319,8 @@ def _prices_exist(scene: SceneTables) -> Iterator[str]:
     targets = {name: tuple(one.targets) for name, one in scene.fraction.items()}
     over = [OVER_THE_TOP] if scene.air is not None and scene.air.rises else []
     yield from scene.price.mistakes(targets, list(dict.fromkeys([*scene.bin, *over])))
+    if scene.air is not None and scene.air.fan is not None and scene.price.other_drop:
+        yield "price.other_drop: the fan's pressure is known from its curve; write the other drop as air.fan.rest_drop"
 
 
 def _trays_known(scene: SceneTables) -> Iterator[str]:

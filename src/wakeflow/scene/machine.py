@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
@@ -16,12 +16,15 @@ from ..core.quantities import quantity, say
 from ..core.record import JsonTable
 from ..laws.constants import GRAVITY
 from ..laws.gas import PRESSURE, TEMPERATURE, air_density, air_viscosity, mean_free_path
+from ..laws.operating_point import FanPoint
 from ..laws.shape import shapes
 from ..laws.vibration import MAX_ROCK, Record, integrated
 from .table import (
+    AirFlow,
     AnyAngle,
     Array,
     Coordinate,
+    Drop,
     FreePath,
     Frequency,
     Length,
@@ -38,7 +41,10 @@ from .table import (
     Weighed,
     WithUnit,
     made_by,
+    rise,
 )
+
+Loss = Annotated[float, Field(ge=0, le=1e6)]
 
 # -- [body.NAME], [channel], [air] and [vibration] ---------------------------------------------------------------------
 MAX_GAMMA = 50.0  # peak acceleration over g
@@ -128,16 +134,66 @@ class Channel(Table):
         return (-self.width / 2, self.width / 2) if side in ("floor", "top") else (self.bottom, self.top)
 
 
+class Fan(Table):
+    """[air.fan]: instead of air.speed, the fan's curve and what the air passes beside the channel."""
+
+    flow: list[AirFlow] | None = Field(None, description="of the curve's points, rising; straight lines between them")
+    pressure: list[Drop] | None = Field(None, description="that the fan gives at each flow")
+    p0: Drop | None = Field(None, description="instead of points: pressure at no flow")
+    k: Annotated[float, Field(gt=0, le=1e9)] | None = Field(
+        None, description="pressure = p0 - k flow^2, in Pa/(m3/s)^2"
+    )
+    speed_ratio: Annotated[float, Field(gt=0, le=4)] = Field(
+        1.0, description="turns over those of the curve: flow grows with it, pressure with its square"
+    )
+    rest_drop: Drop = Field(0.0, description="of ducts, filter, cyclone and damper together at rest_flow")
+    rest_flow: AirFlow | None = Field(None, description="at which rest_drop was measured; it grows with the square")
+    rest_loss: Loss = Field(0.0, description="instead: their drop over density speed^2 / 2 of the channel's mean speed")
+    channel_loss: Loss | None = Field(
+        None, description="the same of channel and bodies, at first; default estimated. A run computes it"
+    )
+
+    @model_validator(mode="after")
+    def _one_curve(self) -> Fan:
+        if (self.p0 is None) != (self.k is None) or (self.flow is None) != (self.pressure is None):
+            raise SceneError("give flow and pressure together, or p0 and k")
+        if (self.p0 is None) == (self.flow is None):
+            raise SceneError("give the curve, either as flow and pressure or as p0 and k")
+        if self.flow is not None:
+            flow, pressure = self.flow, known(self.pressure)
+            if len(flow) != len(pressure) or len(flow) < 2 or flow[0] != 0.0 or not rise(flow):
+                raise SceneError("the curve needs as many pressures as flows, two at least; flows rise from 0")
+        if (self.rest_drop > 0.0) != (self.rest_flow is not None and self.rest_flow > 0.0):
+            raise SceneError("rest_drop is that at rest_flow: give both, above 0")
+        return self
+
+    @property
+    def most(self) -> float:
+        """The flow (m3/s) at which the curve ends."""
+        end = math.sqrt(known(self.p0) / known(self.k)) if self.flow is None else self.flow[-1]
+        return self.speed_ratio * end
+
+    def gives(self, flow: Array) -> Array:
+        """Pressure (Pa) at flows (n,) m3/s, by the affinity laws at other turns than those of the curve."""
+        as_drawn = flow / self.speed_ratio
+        if self.flow is None:
+            found = known(self.p0) - known(self.k) * as_drawn**2
+        else:
+            found = np.interp(as_drawn, self.flow, known(self.pressure))
+        return np.asarray(self.speed_ratio**2 * found)
+
+
 def _speed_or_case(schema: JsonTable) -> None:
-    """A case's speed is read before the tables are validated: in the schema either will do."""
-    schema["anyOf"] = [{"required": [key]} for key in (*schema.pop("required"), "case")]
+    """A case's speed is read before the tables are validated, a fan's found after: in the schema each will do."""
+    schema["anyOf"] = [{"required": [key]} for key in (*schema.pop("required"), "case", "fan")]
 
 
 class Air(Table):
     """[air]: leave the table out for a vacuum.
 
     With ``case`` the air of a user's own OpenFOAM case, already solved; what the case says of speed, direction and
-    viscosity need not be given, what is given is checked against it.
+    viscosity need not be given, what is given is checked against it. With ``fan`` the speed is where the fan's curve
+    meets the machine's pressure drop, which the scene finds.
     """
 
     model_config = ConfigDict(json_schema_extra=_speed_or_case)
@@ -170,6 +226,29 @@ class Air(Table):
     time: Literal["latest", "mean", "all"] | None = Field(
         None, description="of the case: its last time (default), the mean of its times, or all of them"
     )
+
+    fan: Fan | None = Field(None, description="instead of speed: a fan's curve, and what else it blows the air through")
+    _point: FanPoint | None = PrivateAttr(None)
+
+    @property
+    def point(self) -> FanPoint | None:
+        """Where the fan's curve meets the machine's pressure drop; None without a fan."""
+        return self._point
+
+    def blown(self, point: FanPoint) -> None:
+        """Take the speed at which the fan blows; it stays none that was given."""
+        self._point = point
+        self.__dict__["speed"] = point.speed.value
+        self.model_fields_set.discard("speed")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fan_alone(cls, given: Any) -> Any:
+        if not isinstance(given, Mapping) or given.get("fan") is None:
+            return given
+        if wrong := [key for key in ("speed", "case") if key in given]:
+            raise SceneError(f"{wrong[0]} does not go with fan, whose curve says how fast the air is")
+        return {**given, "speed": SLOWEST_AIR}  # until the scene finds it
 
     @property
     def still(self) -> bool:

@@ -46,6 +46,9 @@ def explain(problem: ValidationError, data: Mapping[str, object]) -> Iterator[st
     for error in problem.errors():
         if error["type"] == FOLLOWS:
             continue
+        if not error["loc"]:  # of all tables together
+            yield _words(error)
+            continue
         place = _place(error)
         key, value = dotted(place), at(data, place)
         if error["type"].startswith("union_tag"):

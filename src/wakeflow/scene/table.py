@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from inspect import Parameter, signature
+from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
@@ -108,6 +109,11 @@ class WithUnit:
         return quantity(value, self.unit, self.example) if isinstance(value, str) else value
 
 
+def rise(values: Sequence[float]) -> bool:
+    """Whether each of the values is above the one before it."""
+    return all(low < high for low, high in pairwise(values))
+
+
 RESERVED_BIN = "elsewhere"  # the bin in which everything counts that reaches no other
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,40}$")]  # becomes a patch and a file name
 Length = Annotated[float, Field(gt=0, lt=1e3), WithUnit("m", "50 mm")]
@@ -133,6 +139,8 @@ Viscosity = Annotated[float, Field(ge=1e-7, le=1), WithUnit("Pa*s", "1.8e-5 Pa*s
 Frequency = Annotated[float, Field(gt=0, le=1e4), WithUnit("Hz", "30 Hz")]
 Duration = Annotated[float, Field(gt=0, lt=1e4), WithUnit("s", "0.2 s")]
 MassRate = Annotated[float, Field(gt=0), WithUnit("kg/s", "500 kg/hour")]
+AirFlow = Annotated[float, Field(ge=0, le=1e4), WithUnit("m^3/s", "2000 m3/hour")]
+Drop = Annotated[float, Field(ge=0, le=1e5), WithUnit("Pa", "400 Pa")]
 Mass = Annotated[float, Field(gt=0, lt=1e3), WithUnit("kg", "35 g")]
 Modulus = Annotated[float, Field(ge=5e6, le=1e9), WithUnit("Pa", "5 MPa")]
 SHARE = WithUnit("1", "90 %")

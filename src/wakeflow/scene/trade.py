@@ -5,19 +5,41 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, model_validator
 
+from ..core.errors import SceneError
 from ..core.registry import did_you_mean
-from .table import RESERVED_BIN, Name, Portion, Shorthand, Table, WithUnit
+from .table import RESERVED_BIN, AirFlow, Drop, Name, Portion, Shorthand, Table, WithUnit, rise
 
 TARGET = "target"  # of a price: all bins where the fraction should land
 Price = Annotated[float, Field(ge=-1e7, le=1e7), WithUnit("EUR/t", "220 EUR/t")]
 PowerPrice = Annotated[float, Field(ge=0, le=100), WithUnit("EUR/kWh", "0.25 EUR/kWh")]
-Drop = Annotated[float, Field(ge=0, le=1e5), WithUnit("Pa", "400 Pa")]
 
 
 def _in_targets(given: Any) -> Any:
     return given if isinstance(given, Mapping) else {TARGET: given}
+
+
+def _at_each_flow(given: Any) -> Any:
+    return given if isinstance(given, Mapping) else {"flow": [0.0], "efficiency": [given]}
+
+
+class FanEfficiency(Table):
+    """What part of the electricity a fan, its drive and its motor turn into pressure and flow, over the flow."""
+
+    flow: list[AirFlow] = Field(description="rising")
+    efficiency: list[Annotated[float, Field(gt=0, le=1), WithUnit("1", "55 %")]] = Field(description="at each flow")
+
+    @model_validator(mode="after")
+    def _paired(self) -> FanEfficiency:
+        if not self.flow or len(self.flow) != len(self.efficiency) or not rise(self.flow):
+            raise SceneError("needs as many efficiencies as flows, and flows that rise")
+        return self
+
+    def at(self, flow: float) -> float:
+        """At a flow (m3/s); beyond the ends that of the end."""
+        return float(np.interp(flow, self.flow, self.efficiency))
 
 
 class LimitTable(Table):
@@ -57,7 +79,9 @@ class PriceTable(Table):
         description="EUR/t of a fraction in its targets, or by bin, { target = 220, middle = 90 }; nothing elsewhere",
     )
     electricity: PowerPrice | None = Field(None, description="of the fan")
-    fan_efficiency: Portion | None = Field(None, description="of fan, drive and motor together")
+    fan_efficiency: Annotated[FanEfficiency, Shorthand(str | float, _at_each_flow)] | None = Field(
+        None, description="of fan, drive and motor together, or a curve: { flow = [...], efficiency = [...] }"
+    )
     other_drop: Drop = Field(0.0, description="pressure that the fan gives beside the channel: ducts, filter, cyclone")
 
     @property
@@ -79,7 +103,7 @@ class PriceTable(Table):
         """
         if drop is None or flow is None or self.fan_efficiency is None:
             return None
-        return max(0.0, drop + self.other_drop) * flow * depth / self.fan_efficiency
+        return max(0.0, drop + self.other_drop) * flow * depth / self.fan_efficiency.at(flow * depth)
 
     def mistakes(self, targets: Mapping[str, tuple[str, ...]], bins: list[str]) -> Iterator[str]:
         """What is priced that there is not, among fractions with these ``targets`` and ``bins``."""

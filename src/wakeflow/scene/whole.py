@@ -14,6 +14,7 @@ from ..core.geometry import are_symmetric
 from ..laws.constants import GRAVITY
 from .bins import AnyBin
 from .bins.built_in import SideBin
+from .fan_speed import fan_point
 from .feed import CollisionTable, Feed
 from .fraction import Fraction
 from .funnel import Funnel
@@ -180,6 +181,8 @@ class SceneTables(Table):
                 table.weighed(self.gravity)
         if self.vibration is not None:
             self.vibration.told_arms(self.body)
+        if self.air is not None and self.air.fan is not None:
+            self.air.blown(fan_point(self, self.air.fan))
         return self
 
     @property

@@ -5,6 +5,7 @@ Shares are of a fraction's mass, purities of a bin's mass.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from ..answer.budget.agreement import agreement_in, measured_in
 from ..answer.budget.total import remedies
 from ..answer.measurements import measured_words, worth_measuring
+from ..answer.result_table import is_part
 from ..answer.shares import LEFT_OUT, NOT_COMPUTED, SHARE_UNIT, BudgetPart, BudgetRow
 from ..core.errors import known as required
 from ..core.number import NO_VALUE as NO_VALUE
@@ -25,8 +27,8 @@ from ..core.tables import Cell, CellTable
 
 if TYPE_CHECKING:
     from ..answer.result import Result
-    from ..answer.result_table import Difference
-    from ..answer.shares import LandingResults, Separation
+    from ..answer.result_table import Difference, TableQuantity
+    from ..answer.shares import LandingResults, Separation, Verdict
     from ..flight.feed.impact_loads import ImpactForces, ImpactSummary
 
 
@@ -112,8 +114,21 @@ def headline(result: Result) -> list[str]:
 
 def part_words(number: Number | None) -> str:
     """A part of a whole within a sentence: ``"62.1 (61.3 to 62.9) %"``, or ``"an unknown part (0 to 50 %)"``."""
-    told = f"{percent(number)} %"
+    told = part_text(number)
     return f"an {told[:-3].replace('(', 'part (')} %)" if told.startswith(UNKNOWN_ERROR) else told
+
+
+def part_text(number: Number | None, *, void: bool = False) -> str:
+    """As :func:`percent`, with its sign behind what is a number."""
+    told = percent(number, void=void)
+    return told if told in (NO_VALUE, VOID) else f"{told} %"
+
+
+def quantity_text(one: TableQuantity | None, *, void: bool = False) -> str:
+    """A number of a table with its 95 % interval: a part of a whole as :func:`percent`, another in its own unit."""
+    if one is None or void or is_part(one.name) or not math.isfinite(one.value):
+        return percent(one, void=void)
+    return _unit_words(one, "").rstrip()
 
 
 def rate_words(number: Number | None, *, void: bool = False) -> str:
@@ -124,17 +139,24 @@ def rate_words(number: Number | None, *, void: bool = False) -> str:
 
 
 def _unit_words(number: Number, unit: str) -> str:
-    value, low, high = (say(one, "1", 3) for one in number)
+    value, low, high = (f"{one:.3g}" for one in number)
     return f"{value} ({low} to {high}) {unit}" if number.known else f"{value} {unit}"
 
 
 def verdict_lines(result: Result) -> list[str]:
     """A line for each limit of the scene: what it is, whether it is met, what the answer says, what would decide."""
     return [
-        f"{one.limit} at most {100 * one.most:.4g} %: {one.verdict}, {percent(one.value, void=result.void)} %"
+        f"{one.limit} at most {100 * one.most:.4g} %: {one.verdict}, {_found(one, void=result.void)}"
         + (f"; it takes {one.decides}" if one.decides else "")
         for one in result.limits
     ]
+
+
+def _found(one: Verdict, *, void: bool) -> str:
+    """What the answer says of what a limit holds."""
+    if void:
+        return "the answer is void"
+    return "nothing lands there" if one.value is None else part_words(one.value)
 
 
 def money_lines(result: Result) -> list[str]:
@@ -149,7 +171,7 @@ def money_lines(result: Result) -> list[str]:
         return [f"The products are worth {products}; the fan's cost is not known: this airflow has no pressure drop."]
     fan = ""
     if money.fan_power is not None:
-        fan = f", less {say(money.fan, '1', 3)} EUR/h for a fan that draws {say(money.fan_power, 'W', 3)}"
+        fan = f", less {money.fan:.3g} EUR/h for a fan that draws {say(money.fan_power, 'W', 3)}"
     return [f"It earns {_unit_words(required(money.total), 'EUR/h')}: products worth {products}{fan}."]
 
 

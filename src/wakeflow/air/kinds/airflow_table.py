@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...core.errors import known
+from ...core.errors import SceneError, known
 from ...core.number import Number
 from ...core.record import column
 from ...laws.best_estimate import WakeEstimate
 from ...laws.momentum import momentum_pressure
+from ...laws.operating_point import FanPoint
+from ...scene.fan_speed import fan_point
 from ..field.modes import Truncation
 from ..foam.airflow_result import AirflowResult, SuctionZone
 from ..mesh.spec import MeshReport as MeshReport  # handed on
@@ -86,6 +89,20 @@ class WakeEnds:
 
 
 @dataclass(frozen=True)
+class FanSummary:
+    """Where the fan's curve meets the machine's pressure drop, the channel's as the airflow has it."""
+
+    point: FanPoint = column("", "at the speed that the air was computed at")
+    channel: float = column("Pa", "drop of the channel, as computed at that speed")
+    meets: float | None = column("m/s", "speed at which the curves meet by that drop; null where they do not")
+
+    @property
+    def off(self) -> float:
+        """How far (m/s) the air's speed is from the one at which the curves meet."""
+        return math.inf if self.meets is None else abs(self.meets - self.point.speed.value)
+
+
+@dataclass(frozen=True)
 class AirLoadingSummary:
     """The granules' force on the air, and what it makes of the steady airflow, in which it is gathered."""
 
@@ -122,6 +139,7 @@ class Airflow(AirflowResult):
     wake: WakeEstimate | None = column("", "how the air lies between its ends; null where it is one", default=None)
     ends: WakeEnds | None = column("", "what each end alone has; null where there are none", default=None)
     momentum: MomentumModel | None = column("", "the paper's model; null without a body", default=None)
+    fan: FanSummary | None = column("", "left out without a fan", absent=True, default=None)
     loading: AirLoadingSummary | None = column(
         "", "the granules' force that it is solved under; null where the air does not feel them", default=None
     )
@@ -134,6 +152,25 @@ class Airflow(AirflowResult):
         from ..foam.fallback_settings import warning
 
         return warning(self.settings or "normal", self.attempts or ())
+
+    def loss(self, scene: Scene, *, loaded: bool) -> float:
+        """The channel's loss coefficient on the mean speed of the air of a ``scene`` with a fan; where the air is
+        ``loaded``, feels the granules, the weight that it bears is taken off as the scene estimates it.
+        """
+        air, borne = scene.airstream, known(scene.airstream.point).feed if loaded else 0.0
+        return max(0.0, known(self.pressure_drop) - borne) / (0.5 * air.density * air.speed**2)
+
+    def by_fan(self, scene: Scene, *, loaded: bool) -> FanSummary | None:
+        """Where the scene's fan has the air by the drop that was computed; None without a fan, and without a drop."""
+        air = scene.air
+        if air is None or air.fan is None or self.pressure_drop is None:
+            return None
+        fan = air.fan.model_copy(update={"channel_loss": self.loss(scene, loaded=loaded)} if scene.body else {})
+        try:
+            meets: float | None = fan_point(scene, fan).speed.value
+        except SceneError:  # so large a drop that the fan moves nothing
+            meets = None
+        return FanSummary(known(air.point), self.pressure_drop, meets)
 
     def by_momentum(self, scene: Scene) -> MomentumModel | None:
         """The paper's momentum model of the first body, for comparison: pressure on its front, and Cd with the computed

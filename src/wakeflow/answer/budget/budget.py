@@ -95,7 +95,11 @@ def _prices(pipeline: Pipeline) -> Prices | None:
     if price.electricity is None:
         return Prices(values, None, None)
     air = None if scene.air is None else pipeline.airflow
-    power = 0.0 if air is None else price.fan_power(air.pressure_drop, air.flow_rate, scene.feed.depth)
+    point = None if scene.air is None else scene.air.point
+    if point is not None:
+        power = price.fan_power(point.pressure, point.flow / scene.feed.depth, scene.feed.depth)
+    else:
+        power = 0.0 if air is None else price.fan_power(air.pressure_drop, air.flow_rate, scene.feed.depth)
     return Prices(values, power, price.electricity)
 
 

@@ -9,7 +9,7 @@ from ...cli.screen import print_lines, screen_table
 from ...cli.show_result import measure_next
 from ...core.quantities import split_quantity
 from ...show.many_figures import input_words
-from ...show.words import percent
+from ...show.words import quantity_text
 
 if TYPE_CHECKING:
     from ...answer.result_table import TableQuantity
@@ -61,7 +61,8 @@ def _verdict(found: Search, best: FoundDesign) -> Sequence[str]:
 
 
 def _quantity(one: TableQuantity | None) -> str:
-    return percent(one) if one is None or one.unit == "1" else f"{one.value:.4g} {one.unit}"
+    unit = "" if one is None or one.unit == "1" else f" {one.unit}"
+    return f"{quantity_text(one)}{unit}"
 
 
 def _value(value: object) -> str:

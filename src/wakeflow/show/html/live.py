@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..air_pictures import VorticityShades, moments_of
 from ..canvas import MM, bins_across, fraction_colours
-from ..words import percent
+from ..words import part_text
 
 if TYPE_CHECKING:
     from ...air.field import FlowField
@@ -71,11 +71,11 @@ def _bin(scene: Scene, result: Result, name: str) -> dict[str, object]:
     found = None if result.landings is None else result.landings.separation
     void = result.void
     shares = {} if found is None else {
-        one: f"{percent(places[name], void=void)} %" for one, places in found.fractions.items()
+        one: part_text(places[name], void=void) for one, places in found.fractions.items()
     }  # fmt: skip
     flow = None if found is None or void else found.throughput[name]
     pure = {} if found is None else {
-        one: f"{percent(row, void=void)} %" for one, row in (found.purity[name] or {}).items()
+        one: part_text(row, void=void) for one, row in (found.purity[name] or {}).items()
     }  # fmt: skip
     return {
         "name": name, "line": _flat(scene.bin[name].line(scene)), "shares": shares, "purity": pure, "flow": flow
