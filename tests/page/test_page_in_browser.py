@@ -13,7 +13,7 @@ import pytest
 from serving import Served, served
 
 import wakeflow as wf
-from support import MIN_CONTRAST, lowest_contrast
+from support import MIN_CONTRAST, lowest_contrast, shipped
 from wakeflow.core.files import scene_templates
 
 pytestmark = pytest.mark.browser
@@ -233,7 +233,7 @@ def test_runs_are_made_stopped_gone_on_with_and_compared(page: Served, browser: 
         job.locator("button", has_text="Results").click(timeout=SECONDS)
         opened.wait_for_selector("#shares table")
         assert "wheat" in opened.locator("#shares").text_content()
-        assert opened.frame_locator("#report").locator("h1").text_content() == "coarse"
+        assert opened.frame_locator("#report").locator("h1").text_content() == "prism"  # the machine
         opened.frame_locator("#report").locator("#play").click()
         opened.wait_for_timeout(500)
         assert opened.frame_locator("#report").locator("#play").text_content() == "Pause"
@@ -243,6 +243,73 @@ def test_runs_are_made_stopped_gone_on_with_and_compared(page: Served, browser: 
         opened.wait_for_selector("#differs table")
         assert "feed.count" in opened.locator("#differs").text_content()
         assert opened.frame_locator("#report").locator("#all").count() == 1
+
+
+def _done(opened: Any, name: str) -> str:
+    """What a job of the list says as soon as it has ended well."""
+    job = opened.locator(".job", has=opened.locator("strong", has_text=re.compile(f"^{re.escape(name)}$")))
+    job.locator("button", has_text="Results").wait_for(timeout=SECONDS)
+    found: str = job.text_content()
+    return found
+
+
+COMPUTED = """([bin, fraction]) => {
+  const at = [...document.querySelectorAll("#shares thead th")].findIndex((one) => one.textContent === fraction);
+  const row = [...document.querySelectorAll("#shares tbody tr")].find((one) => one.firstChild.textContent === bin);
+  return row.children[at].textContent.split(" ")[0];
+}"""
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+def test_a_search_is_filled_in_stopped_and_gone_on_with_and_trays_are_told_beside_the_answer(
+    tmp_path: Path, browser: Any
+) -> None:
+    few = {"feed.count": 64, "feed.rate": "1 g/hour", "feed.depth": "1 m", "limit.loss.hard": "99 %"}
+    (tmp_path / "sieve.toml").write_text(shipped("vacuum", few).as_toml())
+    with served(tmp_path / "sieve.toml", tmp_path / "runs") as page, _opened(page, browser) as opened:
+        opened.locator("#quick").uncheck()
+        opened.locator("#kind").select_option("search")
+        form = {name: opened.locator(f"[data-search='{name}']").first for name in ("most", "from", "to", "time")}
+        form["most"].fill("recovery.hrad")
+        opened.locator("[data-search='key to change']").first.fill("fraction.hard.restitution")
+        form["from"].fill("0,4")
+        form["to"].fill("0.6")
+        form["time"].fill("20 s")
+        opened.locator("#run").click()
+        _wait(opened, "document.getElementById('told').textContent.includes(\"did you mean 'recovery.hard'\")")
+        assert opened.locator("#search-form input.wrong").evaluate_all("all => all.map((one) => one.value)") == [
+            "recovery.hrad"
+        ]
+        form["most"].fill("recovery.hard")
+        opened.locator("#run").click()
+        opened.locator(".job button", has_text="Stop").click()
+        opened.locator(".job button", has_text="Go on").click()
+        assert "recommended: hard restitution 0." in _done(opened, "sieve-search")
+        opened.locator(".job button", has_text="Results").click()
+        opened.wait_for_selector(".point")
+        opened.locator("#show-machine").click()
+        opened.locator("#capacity").click()  # one click
+        assert "loss.hard at most 99 %: met" in _done(opened, "sieve-capacity")
+        opened.locator("#kind").select_option("run")
+        opened.locator("#run").click()
+        _done(opened, "sieve")
+        opened.locator(".job", has_text="recovery").last.locator("button", has_text="Results").click()
+        opened.wait_for_selector("#measured table", state="attached")
+        assert opened.frame_locator("#report").locator("h1").text_content() == "prism"  # the machine
+        opened.locator("#measured summary").click()
+        tray = opened.locator("#measured input[data-bin=far][data-fraction=hard]")
+        tray.fill("6O")
+        opened.locator("#measured button").click()
+        assert tray.get_attribute("class") == "wrong"
+        tray.fill(opened.evaluate(COMPUTED, ["far", "hard"]).replace(".", ","))
+        opened.locator("#measured button").click()
+        assert "The measurement " in _done(opened, "sieve and what was measured")
+        opened.locator(".job", has_text="measured").locator("button", has_text="Results").click()
+        _wait(opened, "document.getElementById('shares').textContent.includes('the answer of the calibrated machine')")
+        _wait(opened, "document.getElementById('beside').textContent.includes('the answer before its calibration')")
+        assert "Calibrated with" in opened.locator("#answer-name").text_content()
+        assert opened.locator("#runs button[title='sieve']").count() == 1  # the run's own answer is still there
 
 
 @pytest.fixture(scope="module")

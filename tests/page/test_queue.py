@@ -88,7 +88,7 @@ budget = "30 s"
     [
         ("sweep", "fraction.hard.restitution=0.4,0.6", "2 of 2 scenes done over", "scenes.csv"),
         ("capacity", "feed.rate=1:2:2 g/hour", "loss.hard at most 99 %: met up to 0.002 kg/h", "figures/capacity.png"),
-        ("search", "search.toml", "recommended: fraction.hard.restitution = ", "level-1/scenes.csv"),
+        ("search", "search.toml", "recommended: hard restitution 0.", "level-1/scenes.csv"),
         ("protocol", "hard", "the interval of", "protocol.html"),
     ],
 )

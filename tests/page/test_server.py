@@ -24,6 +24,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.core.files import scene_templates
 from wakeflow.extras.page.session import Session
 from wakeflow.extras.page.stored import listing
+from wakeflow.extras.page.tasks import filled_in
 
 JSON = {"Content-Type": "application/json"}
 
@@ -242,7 +243,29 @@ def test_measured_trays_wait_in_the_list_with_the_runs_own_options(
         "fraction": ["hard", "soft"], "bin": ["far", "near"], "share": [0.6, 0.905], "uncertainty": [0.025, 0.025]
     }  # fmt: skip
     assert added[0]["options"] == {"rung": None, "force": {}}
-    assert added[0]["folder"] == session.runs.resolve() / "vacuum"
+    assert added[0]["folder"] == session.runs.resolve() / "vacuum-calibrated"  # beside the run's own answer
+
+
+def _search(
+    most: str = "recovery.wheat", speed: str = "air.speed", low: str = "3,5 m/s", limit: str = "98,5 %",
+    budget: str = "2 hour",
+) -> str:  # fmt: skip
+    """What the page's form of a search sends."""
+    within, where = {speed: {"from": low, "to": f"7 {low.split()[1]}"}}, {"purity.outer-left.wheat": {"least": limit}}
+    return json.dumps({"maximise": [most], "minimise": [], "within": within, "where": where, "budget": budget})
+
+
+def test_a_search_that_can_only_be_void_does_not_wait(page: Served) -> None:
+    assert "refused" not in page.ask("edit", set={"force.collisions": '"off"', "feed.rate": '"2000 kg/hour"'})
+    assert "would be void" in page.ask("run", kind="search", typed=_search())["refused"]
+
+
+def test_the_form_of_a_search_is_read_as_a_search_file(cases: Path) -> None:
+    task = filled_in(wf.Scene.load(cases / "rhombus.toml"), _search())
+    assert (task.within[0].ends, task.within[0].unit, task.budget) == ((3.5, 7.0), "m/s", 7200.0)
+    assert [(one.quantity, one.least) for one in task.limits] == [("purity.outer-left.wheat", 0.985)]
+    assert task.levels[0]["feed.count"] < task.scene.feed.count
+    assert task.levels[1] == {}
 
 
 def test_other_tasks_are_read_before_they_wait(page: Served, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -252,6 +275,11 @@ def test_other_tasks_are_read_before_they_wait(page: Served, monkeypatch: pytest
         ("sweeep", "", "did you mean 'sweep'"), ("sweep", "", "needs a key to change"),
         ("sweep", "air.sped=4,5", "air.sped"), ("map", "feed.width=1,2", "write air.speed or feed.rate"),
         ("search", "nowhere.toml", "no 'nowhere"), ("search", "../x.toml", "no "), ("protocol", "gravel", "gravel"),
+        ("search", _search(most="recovery.wheet"), "did you mean 'recovery.wheat'"),
+        ("search", _search(low="3 kg"), "search.within.air.speed = '3.0 kg'"),
+        ("search", _search(limit="9 8 %"), "purity.outer-left.wheat: '9 8 %' is no percent"),
+        ("search", _search(budget=""), "search.budget"), ("search", "{}", "run: maximise: "),
+        ("search", _search(speed="bin.middle.too"), "bin.middle.too"),
     ):  # fmt: skip
         assert told in page.ask("run", kind=kind, typed=typed)["refused"], kind
     page.ask("open", kind="vacuum", drop=True)
@@ -349,12 +377,12 @@ def test_what_is_odd_in_a_folder_hides_nothing_else(small_run: Any, tmp_path: Pa
     sums.note(tmp_path, [tmp_path / "scenes.csv"])
     (tmp_path / "scenes.csv").write_text("scene,share.hard.near\nx,0.4\n")
     session = Session(tmp_path, plan_lines, lambda *_: None)
-    session.runs = tmp_path
+    session.runs = session.finished.runs = tmp_path
     try:
         assert session.document.name == "c"
         assert session.list()["runs"] == []
         with pytest.raises(SceneError, match=r"scenes.csv is damaged"):
-            session.sweep(sweep=".")
+            session.finished.sweep(sweep=".")
     finally:
         session.close()
 

@@ -488,6 +488,18 @@ def test_what_water_moves_goes_together() -> None:
     assert made.of("chaff").friction == 1.0  # the scene's own number
     assert made.of("chaff").drag < 0.9
     assert made.of("dust").drag == pytest.approx(1.0)
+    scene = shipped("rhombus").replace(
+        {"fraction.wheat.material": "soybean", "fraction.wheat.size": None, "fraction.chaff.material": "oats"}
+    )
+    plan = make_plan(scene, force=ALONE)
+    known = unknowns(scene, plan)
+    made = variation_at(scene, plan, known, np.array([SIGMAS if one.kind == "moisture" else 0.0 for one in known]))
+    beans, oats = made.of("wheat"), made.of("chaff")
+    assert (beans.size, beans.density) == (pytest.approx(7.14 / 6.855), pytest.approx(906 / 944.5))
+    assert beans.drag == 1.0  # a sphere's, which falls as it then does
+    assert (oats.size, oats.friction) == (1.0, 1.0)
+    assert oats.drag == pytest.approx(oats.density, rel=1e-3)  # it falls as fast as before
+    assert oats.density == pytest.approx(1322 / 1331.5)
 
 
 def test_a_heavier_granule_of_measured_terminal_velocity_falls_as_fast() -> None:

@@ -765,7 +765,8 @@ def test_a_new_material_file_is_whole(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     ("name", "nearest"),
     [("pods", "rapeseed-pods"), ("Husk", "husks"), ("leaf", "leaves"), ("canola", "rapeseed"), ("corn", "maize"),
-     ("rye", "triticale"), ("broken-kernel", "broken-wheat"), ("flake", "chaff"), ("galum", "cleavers")],
+     ("rye", "triticale"), ("broken-kernel", "broken-wheat"), ("flake", "chaff"), ("galum", "cleavers"),
+     ("rapeseed pods", "rapeseed-pods"), ("Rape seed", "rapeseed"), ("weeds", "cleavers")],
 )  # fmt: skip
 def test_an_unknown_material_names_the_nearest(name: str, nearest: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["materials", name]) == 2
@@ -794,6 +795,9 @@ def test_moisture_moves_what_was_measured_by_it(rhombus: Scene) -> None:
     assert wet.terminal_velocity == pytest.approx(dry.terminal_velocity * 8.63 / 7.72)
     assert wet.friction == pytest.approx(dry.friction * 0.335 / 0.292)
     assert wet.restitution == dry.restitution
+    swollen = materials["soybean"].at_moisture(0.16)
+    assert (swollen.diameter, swollen.density) == (pytest.approx(7.14e-3, rel=2e-3), pytest.approx(906.0, rel=2e-3))
+    assert (swollen.terminal_velocity, swollen.restitution) == (None, 0.6)
 
 
 @pytest.mark.parametrize(

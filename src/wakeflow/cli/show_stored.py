@@ -20,7 +20,7 @@ NOTE = (
 
 
 QUANTITIES = ("terminal_velocity", "restitution", "friction", "rebound_scatter", "tangential_restitution", "impact")
-UNITS = {"terminal_velocity": "m/s", "rebound_scatter": "rad"}  # of those that are no plain numbers
+UNITS = {"terminal_velocity": "m/s", "rebound_scatter": "rad", "density": "kg/m3"}  # of those that are no plain numbers
 
 
 def show_materials(known: Mapping[str, Material]) -> None:
@@ -62,9 +62,11 @@ def _values(name: str, one: Material) -> Iterator[tuple[str, str]]:
         sides = " x ".join(f"{1e3 * side:.3g}" for side in one.dimensions)
         yield f"dimensions: {sides} mm; {known.confidence}", known.source
     if one.moisture is not None:
-        ends = zip(one.moisture.share, one.moisture.terminal_velocity, strict=True)
-        told = ", ".join(f"{speed:.3g} m/s at {share:.0%}" for share, speed in ends)
-        yield f"terminal_velocity by moisture: {told}", one.moisture.source
+        for key, ends in one.moisture.ends.items():
+            unit, scale = ("mm", 1e3) if key == "diameter" else (UNITS.get(key, ""), 1.0)
+            pairs = zip(ends, one.moisture.share, strict=True)
+            told = ", ".join(f"{scale * value:.4g} {unit}".strip() + f" at {100 * wet:.3g}%" for value, wet in pairs)
+            yield f"{key} by moisture: {told}", one.moisture.source
 
 
 def _within(one: Material, name: str) -> str:

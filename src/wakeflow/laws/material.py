@@ -27,6 +27,7 @@ from .restitution import Restitution
 
 SPREAD = ("restitution", "friction", "terminal_velocity")  # quantities with a mean and a standard deviation
 PARTS = (*SPREAD, "rebound_scatter", "tangential_restitution", "impact")  # quantities with evidence of their own
+WET = ("diameter", "density", "terminal_velocity", "friction")  # quantities that may be known by moisture
 CONFIDENCES = ("measured", "typical", "low")
 MISSPELT = 0.75  # likeness of two words from which on one is the other misspelt; chosen
 AS = re.compile(r"(?:^|, )as ([a-z ]+)(?:,|$)")  # in a source: the number is another material's
@@ -53,14 +54,13 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Moisture:
-    """What was measured at the driest and at the wettest ``share`` of water (of the whole mass): the terminal velocity
-    (m/s), and of what else was measured at both the friction.
+    """What was measured at the driest and at the wettest ``share`` of water (of the whole mass): the ``ends`` of each
+    of the quantities of WET that were measured at both, in SI units.
     """
 
     share: tuple[float, float]
-    terminal_velocity: tuple[float, float]
     source: str
-    friction: tuple[float, float] | None = None
+    ends: Mapping[str, tuple[float, float]]
 
     @property
     def middle(self) -> float:
@@ -71,9 +71,9 @@ class Moisture:
         """The factor on a ``quantity`` from the middle share of water to ``share``, linear; 1 where it was not
         measured.
         """
-        ends: tuple[float, float] | None = getattr(self, quantity)
-        if ends is None:
+        if quantity not in self.ends:
             return 1.0
+        ends = self.ends[quantity]
         slope = (ends[1] - ends[0]) / (self.share[1] - self.share[0])
         return 1.0 + slope * (share - self.middle) / (0.5 * (ends[0] + ends[1]))
 
@@ -132,13 +132,13 @@ class Material:
         low, high = wet.share
         if not low <= share <= high:
             raise SceneError(f"measured from {100 * low:g} % to {100 * high:g} % of water")
-        faster, rougher = (wet.factor(name, share) for name in ("terminal_velocity", "friction"))
-        return replace(
-            self,
-            terminal_velocity=None if self.terminal_velocity is None else faster * self.terminal_velocity,
-            terminal_velocity_std=faster * self.terminal_velocity_std,
-            friction=rougher * self.friction, friction_std=rougher * self.friction_std,
-        )  # fmt: skip
+        moved = {
+            key: wet.factor(name, share) * getattr(self, key)
+            for name in wet.ends
+            for key in ((name, f"{name}_std") if name in SPREAD else (name,))
+            if getattr(self, key) is not None
+        }
+        return replace(self, **moved)
 
 
 def near_material(name: object, known: Sequence[str]) -> str:
@@ -155,9 +155,10 @@ def near_material(name: object, known: Sequence[str]) -> str:
 
 
 def _misspelt(name: str, other: str) -> bool:
-    words, parts = name.lower().split("-"), other.split("-")
-    alike = (SequenceMatcher(None, a, b).ratio() for a, b in zip(words, parts, strict=False))
-    return len(words) == len(parts) and all(one >= MISSPELT for one in alike)
+    words, parts = re.split("[-_ ]+", name.lower().strip()), other.split("-")
+    if len(words) != len(parts):
+        return "".join(words) == "".join(parts)
+    return all(SequenceMatcher(None, a, b).ratio() >= MISSPELT for a, b in zip(words, parts, strict=True))
 
 
 class Materials(Registry[Material]):
@@ -211,7 +212,7 @@ def read_material(name: str, table: Mapping[str, Any], where: str) -> Material:
 def _keys_of(part: str) -> tuple[str, ...]:
     """The keys that a table of a material needs."""
     if part == "moisture":
-        return ("share", "terminal_velocity", "source")
+        return ("share", "source")
     spread = ("std",) if part in SPREAD else ()
     return ("model" if part == "impact" else "value", *spread, "confidence", "source")
 
@@ -234,7 +235,7 @@ def _not_known(table: Mapping[str, Any]) -> list[str]:
     ]
     for part, keys in table.items():
         if isinstance(keys, Mapping) and part in KNOWN:
-            extra = {"moisture": ("friction",), "impact": ()}.get(part, ("uncertainty",))
+            extra = {"moisture": WET, "impact": ()}.get(part, ("uncertainty",))
             found += [(f"{part}.", key, (*_keys_of(part), *extra)) for key in keys]
     return [
         f"{place}{key}: unknown" + (did_you_mean(key, list(known)) or f" (known: {', '.join(known)})")
@@ -259,7 +260,7 @@ def _dimensions(at: str, table: Mapping[str, Any]) -> tuple[tuple[float, ...], E
 
 def _moisture(at: str, table: Mapping[str, Any]) -> Moisture:
     ends: dict[str, tuple[float, float]] = {}
-    for key in [one for one in ("share", "terminal_velocity", "friction") if one in table]:
+    for key in [one for one in ("share", *WET) if one in table]:
         if not isinstance(table[key], list) or len(table[key]) != 2:
             raise SceneError(f"{at}.{key} = {table[key]!r}: give two numbers, at the driest and at the wettest")
         low, high = (_number(f"{at}.{key}", one, key) for one in table[key])
@@ -268,7 +269,10 @@ def _moisture(at: str, table: Mapping[str, Any]) -> Moisture:
         if key != "share" and min(low, high) <= 0.0:
             raise SceneError(f"{at}.{key} = {table[key]!r}: give two numbers above 0")
         ends[key] = low, high
-    return Moisture(**ends, source=str(table["source"]))
+    share = ends.pop("share")
+    if not ends:
+        raise SceneError(f"{at}: give what was measured at both shares of water: {', '.join(WET)}")
+    return Moisture(share, str(table["source"]), MappingProxyType(ends))
 
 
 def _words(at: str, table: Mapping[str, Any]) -> None:

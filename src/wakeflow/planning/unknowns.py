@@ -23,7 +23,7 @@ from ..laws.drag import drag_factor_for_terminal_velocity
 from ..laws.driven_jet import ENTRAINMENT
 from ..laws.forces.lift_forces import SPIN_LIFT
 from ..laws.lift import MAGNUS_RANGE
-from ..laws.material import Moisture, default_margins, materials
+from ..laws.material import WET, Moisture, default_margins, materials
 from ..laws.restitution import Restitution
 from ..laws.turbulence import LIFETIME, LIFETIMES
 from ..scene import Fraction, Scene
@@ -207,15 +207,24 @@ def _vary_settling(made: Variation, one: Unknown, x: float, scene: Scene, plan: 
     return made.with_granules(name, drag=made.of(name).drag * _drag(scene, plan, name, _factor(one, x)))
 
 
-def _drag(scene: Scene, plan: Plan, name: str, faster: float) -> float:
-    """The factor on the drag of a fraction's granules with which the median one falls ``faster`` by a factor."""
+def _drag(scene: Scene, plan: Plan, name: str, faster: float, size: float = 1.0, density: float = 1.0) -> float:
+    """The factor on the drag of a fraction's granules with which the median one falls ``faster``, where its ``size``
+    and ``density`` are others too; all are factors.
+    """
     how, fraction = plan.fractions[name], scene.fraction[name]
     granule, law = fraction.properties, (*STANDARD_AIR, GRAVITY, how.drag, fraction.roundness)
     own, other = (
-        float(drag_factor_for_terminal_velocity(granule.diameter, granule.density, speed, *law))
-        for speed in known(how.terminal_velocity) * np.array([1.0, faster])
+        float(drag_factor_for_terminal_velocity(d * granule.diameter, rho * granule.density, v * speed, *law))
+        for speed in [known(how.terminal_velocity)]
+        for d, rho, v in ((1.0, 1.0, 1.0), (size, density, faster))
     )
     return other / own
+
+
+def _vary_size(made: Variation, one: Unknown, x: float, _scene: Scene, _plan: Plan) -> Variation:
+    """On top of what water makes of it."""
+    name = known(one.fraction)
+    return made.with_granules(name, size=made.of(name).size * _factor(one, x))
 
 
 def _vary_density(made: Variation, one: Unknown, x: float, scene: Scene, _plan: Plan) -> Variation:
@@ -228,11 +237,29 @@ def _vary_density(made: Variation, one: Unknown, x: float, scene: Scene, _plan: 
 def _vary_moisture(made: Variation, one: Unknown, x: float, scene: Scene, plan: Plan) -> Variation:
     """What was measured of the material at both ends, where the scene gives no number of its own for it."""
     name = known(one.fraction)
-    fraction, own, wet = scene.fraction[name], made.of(name), known(_water(scene.fraction[name]))
-    factor = {key: wet.factor(key, x) / wet.factor(key, one.value) for key in ("friction", "terminal_velocity")}
-    friction = factor["friction"] if fraction.friction is None else 1.0
-    drag = _drag(scene, plan, name, factor["terminal_velocity"]) if _settles(scene, plan, name) else 1.0
-    return made.with_granules(name, friction=own.friction * friction, drag=own.drag * drag)
+    own, wet = made.of(name), known(_water(scene.fraction[name]))
+    moved = dict.fromkeys(WET, 1.0) | {
+        key: wet.factor(key, x) / wet.factor(key, one.value) for key in _moved_by_water(scene, plan, name)
+    }
+    size, density, faster, friction = (moved[key] for key in WET)
+    timed = None not in (scene.fraction[name].measured_settling, plan.fractions[name].terminal_velocity)
+    drag = _drag(scene, plan, name, faster, size, density) if timed and _has_air(scene, plan) else 1.0
+    return made.with_granules(
+        name, size=own.size * size, density=own.density * density, friction=own.friction * friction,
+        drag=own.drag * drag,
+    )  # fmt: skip
+
+
+def _moved_by_water(scene: Scene, plan: Plan, name: str) -> list[str]:
+    """The quantities of a fraction that its moisture changes: those of its material that the scene does not give."""
+    fraction = scene.fraction[name]
+    given = {"diameter": fraction.size, "density": fraction.density, "friction": fraction.friction}
+    wet = _water(fraction)
+    return [
+        key
+        for key in (() if wet is None else wet.ends)
+        if (_settles(scene, plan, name) if key == "terminal_velocity" else given[key] is None)
+    ]
 
 
 def _water(fraction: Fraction) -> Moisture | None:
@@ -309,8 +336,7 @@ def _moistures(scene: Scene, plan: Plan) -> Iterator[Unknown]:
     for name in plan.fractions:
         fraction, key = scene.fraction[name], f"fraction.{name}.moisture"
         wet = _water(fraction)
-        slides = wet is not None and wet.friction is not None and fraction.friction is None
-        if wet is not None and (slides or _settles(scene, plan, name)):
+        if wet is not None and _moved_by_water(scene, plan, name):
             share = wet.middle if fraction.moisture is None else fraction.moisture
             causes = _causes("moisture", fraction.material, METER)
             if key in scene.uncertainty:
@@ -351,7 +377,7 @@ _add_of_fractions("rebound_scatter", "rad", lambda f: f.properties.rebound_scatt
 unknown_kinds.add("terminal_velocity", UnknownKind(_settling, _vary_settling))
 _add_of_fractions("density", "kg/m3", lambda f: f.properties.density, _vary_density, acts=_has_air)
 unknown_kinds.add("moisture", UnknownKind(_moistures, _vary_moisture, span=PORTION))
-_add_of_fractions("size", "m", lambda f: f.properties.diameter, _of_granules("size"))
+_add_of_fractions("size", "m", lambda f: f.properties.diameter, _vary_size)
 _add_of_fractions("inverse_inertia", "1", _inverse_inertia, _of_granules("inverse_inertia"), _how_known)
 
 

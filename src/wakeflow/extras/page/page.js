@@ -3,6 +3,7 @@
 import { ask, ended, make, pick, state, tell } from "./core.js";
 import { showMachine, busyWithMachine } from "./machine.js";
 import { showStored, openRun, openSweep } from "./results.js";
+import { markSearch, searchTyped, showQuantities, showSearches } from "./search.js";
 
 // -- the scene
 const plan = { timer: 0, asked: 0 };
@@ -20,7 +21,7 @@ export function show(scene) {
   pick("mistake").replaceChildren(scene.mistake, ...mended(scene));
   pick("mistake").hidden = !scene.mistake;
   document.body.classList.toggle("stale", Boolean(scene.mistake));
-  pick("run").disabled = Boolean(scene.mistake);
+  pick("run").disabled = pick("capacity").disabled = Boolean(scene.mistake);
   pick("run-name").placeholder = scene.name;
   if (document.activeElement !== pick("text") || pick("text").dataset.sent === pick("text").value) setText(scene.text);
   showMachine(scene);
@@ -63,6 +64,7 @@ async function askPlan() {
   if (!found || found.version !== state.scene.version) return;
   pick("plan").classList.remove("old");
   if (!found.lines) { pick("plan").replaceChildren(make("p", {}, found.mistake || "No plan until the scene is right.")); return; }
+  showQuantities(found.quantities);
   const rows = found.lines.map(([label, text]) => make("tr", {}, make("th", { scope: "row" }, label), make("td", {}, text)));
   pick("plan").replaceChildren(make("table", {}, make("tbody", {}, ...rows)), falls(found),
     ...Object.entries(found.notes).filter(([, lines]) => lines.length).map(([title, lines]) => make("details", {}, make("summary", {}, `${title}: ${lines.length}`), make("ul", {}, ...lines.map((line) => make("li", {}, line))))));
@@ -103,7 +105,7 @@ document.addEventListener("keydown", (event) => {
   if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
   const key = event.key.toLowerCase();
   if (key === "s") { event.preventDefault(); if (state.scene.changed) save(); }
-  if (key === "enter") { event.preventDefault(); run(); }
+  if (key === "enter") { event.preventDefault(); runChosen(); }
   if ((key === "z" || key === "y") && event.target !== pick("text") && event.target.type !== "search") {
     event.preventDefault(); edit(key === "y" || event.shiftKey ? { redo: true } : { undo: true });
   }
@@ -123,19 +125,25 @@ export async function openScene(what) {
 }
 
 // -- runs
-async function run() {
-  const found = await ask("run", { name: pick("run-name").value.trim(), quick: pick("quick").checked, kind: pick("kind").value, typed: pick("typed").value });
+async function run(kind, typed) {
+  const found = await ask("run", { name: pick("run-name").value.trim(), quick: pick("quick").checked, kind, typed });
   if (found) { tell(""); showQueue(found.queue); }
+  if (kind === "search") markSearch(found ? "" : pick("told").textContent);
 }
-pick("run").addEventListener("click", run);
+const runChosen = () => run(pick("kind").value, pick("kind").value === "search" ? searchTyped() : pick("typed").value);
+pick("run").addEventListener("click", runChosen);
+pick("capacity").addEventListener("click", () => run("capacity", ""));
 
 // What is typed for each kind of task, as the command line takes it.
-const TYPED = { sweep: "air.speed=4,5,6 m/s; feed.width='20 mm:40 mm:5'", map: "empty, or air.speed=3:7:5 m/s; feed.rate=200:800:4 kg/hour", capacity: "empty, or feed.rate=200:800:4 kg/hour", search: "a search file beside the scene", protocol: "empty, or FRACTION or FRACTION.BIN" };
+const TYPED = { sweep: "air.speed=4,5,6 m/s; feed.width='20 mm:40 mm:5'", map: "empty, or air.speed=3:7:5 m/s; feed.rate=200:800:4 kg/hour", capacity: "empty, or feed.rate=200:800:4 kg/hour", protocol: "empty, or FRACTION or FRACTION.BIN" };
 pick("kind").addEventListener("change", () => {
   const kind = pick("kind").value;
   Object.assign(pick("typed"), { hidden: !TYPED[kind], placeholder: TYPED[kind] || "", title: TYPED[kind] || "", value: "" });
+  pick("search-form").hidden = kind !== "search";
 });
 
+// Of a search the designs at its finest level.
+const finest = (folder) => state.stored.sweeps.map((one) => one.name).filter((name) => name.startsWith(`${folder}/level-`)).sort().pop() || folder;
 const time = (seconds) => seconds < 100 ? `${Math.round(seconds)} s` : seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${(seconds / 3600).toFixed(1)} h`;
 function showQueue(queue) {
   const focus = document.activeElement && document.activeElement.dataset.act;
@@ -143,7 +151,7 @@ function showQueue(queue) {
   pick("queue").replaceChildren(...queue.map((one) => {
     const act = (word, name) => make("button", { type: "button", "data-act": `${name} ${one.number}`, onclick: async () => { const found = await ask("job", { number: one.number, act: name }); if (found) showQueue(found.queue); } }, word);
     const acts = { waits: [act("Stop", "stop")], "is computed": [act("Stop", "stop")], stopped: [act("Go on", "go_on"), act("Drop", "drop")], failed: [act("Try again", "go_on"), act("Drop", "drop")] }[one.state]
-      || [...(one.kind === "search" ? [] : [make("button", { type: "button", onclick: () => { view("results"); (["run", "protocol"].includes(one.kind) ? openRun : openSweep)(one.folder); } }, "Results")]), act("Drop", "drop")];
+      || [make("button", { type: "button", onclick: () => { view("results"); (["run", "protocol"].includes(one.kind) ? openRun : openSweep)(one.kind === "search" ? finest(one.folder) : one.folder); } }, "Results"), act("Drop", "drop")];
     const left = one.state === "is computed" && one.seconds_left !== undefined && one.seconds_left !== null ? `, about ${time(one.seconds_left)} left` : "";
     const stage = one.state === "is computed" && one.stage ? `${one.stage}: ${one.text}${one.of ? `; stage ${one.at} of ${one.of}` : ""}${left}` : one.told;
     const [, behind, all] = (one.text || "").match(/(\d+) of (\d+) stages/) || [0, 0, 1];
@@ -165,7 +173,7 @@ export async function list() {
   const group = (label, what, names) => make("optgroup", { label }, ...names.map((name) => make("option", { value: `${what}:${name}` }, name)));
   pick("open").replaceChildren(make("option", {}, "Open …"), group("scene files", "file", found.scenes.map((one) => one.name)), group("a new one from", "kind", found.kinds));
   if (!pick("kind").options.length) pick("kind").replaceChildren(...["run", ...found.tasks].map((kind) => make("option", {}, kind)));
-  pick("searches").replaceChildren(...found.searches.map((one) => make("option", { value: one.name })));
+  showSearches(found.searches);
   showStored(found);
 }
 

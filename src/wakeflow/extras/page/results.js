@@ -51,7 +51,7 @@ async function beside(name) {
   const found = await ask("before", { run: name });
   if (!found || !found.other || open.run !== name || pick("answer-head").hidden) return;
   const rows = found.rows.map(([what, before, now, apart, clear]) => make("tr", {}, make("th", { scope: "row" }, what), make("td", {}, before), make("td", {}, now), make("td", {}, clear ? make("strong", {}, apart) : apart)));
-  pick("beside").replaceChildren(make("div", { class: "scroll" }, make("table", {}, make("caption", {}, `Next to the run before, ${found.other.title} of ${when(found.other)}: ${found.differs || "the same scene"}. Bold: the interval of the difference leaves zero out.`),
+  pick("beside").replaceChildren(make("div", { class: "scroll" }, make("table", {}, make("caption", {}, `${found.differs === "before its calibration" ? "Next to the answer before its calibration" : `Next to the run before, ${found.other.title} of ${when(found.other)}: ${found.differs || "the same scene"}`}. Bold: the interval of the difference leaves zero out.`),
     make("thead", {}, make("tr", {}, make("th", {}, "percent"), ...["before", "now", "difference"].map((head) => make("th", { scope: "col" }, head)))), make("tbody", {}, ...rows))));
 }
 function report(path) {
@@ -183,7 +183,7 @@ function shares(found) {
   pick("verdict").replaceChildren(...found.limits.map((line) => make("p", { class: `note ${line.includes(": not met, ") ? "void" : ""}` }, line)));
   const moved = JSON.stringify(open.ends) !== JSON.stringify(open.data.ends);
   pick("own-dividers").disabled = pick("use-dividers").disabled = !moved;
-  pick("shares").replaceChildren(make("div", { class: "scroll" }, make("table", {}, make("caption", {}, moved ? "Percent of each fraction's mass with the dividers as they are here, in brackets the 95 % interval." : "Percent of each fraction's mass, in brackets the 95 % interval: the run's own answer."),
+  pick("shares").replaceChildren(make("div", { class: "scroll" }, make("table", {}, make("caption", {}, moved ? "Percent of each fraction's mass with the dividers as they are here, in brackets the 95 % interval." : `Percent of each fraction's mass, in brackets the 95 % interval: ${open.data.calibrated ? "the answer of the calibrated machine" : "the run's own answer"}.`),
     make("thead", {}, make("tr", {}, make("th", {}, "bin"), ...names.map((name) => make("th", { scope: "col" }, name)), make("th", { class: "text" }, "purity"), make("th", { scope: "col" }, "dirt"))), make("tbody", {}, ...rows, ...last))));
 }
 

@@ -36,7 +36,7 @@ from .session import Lines, Session
 HERE = Path(__file__).parent
 STYLE = PACKAGE / "show" / "html" / "style.css"  # colours and tables are the report's
 FILES = {"": HERE / "page.html", "style.css": STYLE}
-FILES |= {name: HERE / name for name in ("page.css", "core.js", "page.js", "machine.js", "results.js")}
+FILES |= {name: HERE / name for name in ("page.css", "core.js", "page.js", "machine.js", "results.js", "search.js")}
 ADDRESS = "127.0.0.1"
 PORT = 8765  # the first that is tried
 PORTS = 50
@@ -61,6 +61,7 @@ class Page:
         self.ended = asyncio.Event()
         self.pages: set[_News] = set()
         self.seen = False  # whether any page was ever open
+        self.working, self.heard = 0, False  # requests that are worked on; whether one was since the last look
         self.port = 0
         self._quick, self._slow = (ThreadPoolExecutor(1, thread_name_prefix=name) for name in ("quick", "slow"))
         self.session = Session(what, lines, self.say, runs)
@@ -106,18 +107,22 @@ class Page:
 
     async def act(self, name: str, ask: dict[str, Any]) -> dict[str, object]:
         """Do one action of the session in a thread of its kind."""
-        if name not in self.session.ACTIONS:
+        if name not in self.session.actions:
             raise HTTPError(404)
         pool = self._slow if name in SLOW else self._quick
-        return await self.loop.run_in_executor(pool, partial(self.session.ACTIONS[name], self.session, **ask))
+        self.working += 1
+        try:
+            return await self.loop.run_in_executor(pool, partial(self.session.actions[name], **ask))
+        finally:
+            self.working, self.heard = self.working - 1, True
 
     async def serve(self) -> None:
         """Until the last page is closed and nothing is computed, or the process is asked to end."""
         quiet = 0.0
         while not self.ended.is_set():
             await self.loop.run_in_executor(self._quick, self.session.watch)
-            idle = self.seen and not self.pages and not self.session.queue.busy
-            quiet = quiet + WATCH if idle else 0.0
+            busy = self.pages or self.working or self.heard or self.session.queue.busy
+            quiet, self.heard = (quiet + WATCH if self.seen and not busy else 0.0), False
             if quiet > QUIET:
                 break
             await _sleep(self.ended, WATCH)
@@ -260,13 +265,13 @@ class _Handler(_Known):
 
     def _figure(self, name: str) -> None:
         try:
-            self._file(self.page.session.figure(name))
+            self._file(self.page.session.finished.figure(name))
         except SceneError:
             raise HTTPError(404) from None
 
     def _report(self, name: str, kind: str) -> None:
         try:
-            path = self.page.session.file(name, kind)
+            path = self.page.session.finished.file(name, kind)
         except SceneError:
             raise HTTPError(404) from None
         self.set_header("Content-Security-Policy", REPORT)

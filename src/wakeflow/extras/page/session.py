@@ -1,55 +1,41 @@
-"""What one page works on: a scene, its plan, its runs, finished runs; and every action that the browser can ask for.
+"""What one page works on: a scene, its plan, the list of runs; and every action that the browser can ask for.
 
-An action takes and gives plain JSON and raises SceneError for what a person did wrong, and those in ACTIONS pydantic's
-ValidationError for JSON of another shape. None knows of HTTP.
+An action takes and gives plain JSON and raises SceneError for what a person did wrong, and those in ``actions``
+pydantic's ValidationError for JSON of another shape. None knows of HTTP.
 """
 
 from __future__ import annotations
 
-import re
-import shutil
-import tempfile
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
-from pydantic import ConfigDict, Field, validate_call
+from pydantic import ConfigDict, validate_call
 
-from ...answer.budget.verdicts import judged
-from ...answer.moved import StoredLandings
-from ...answer.result import FILE, VOID, Result
-from ...answer.result_table import difference_of
-from ...answer.shares import Separation
+from ...answer.result import FILE, Result
 from ...core.errors import SceneError, WakeflowError
 from ...core.files import scene_templates
-from ...core.number import Number
 from ...core.registry import did_you_mean
 from ...runs.planned import make_plan
 from ...scene import Scene
-from ...show.canvas import fraction_colours
-from ...show.many_figures import main_quantities
 from ...show.sketch import sketch_svg
-from ...show.words import calibrated_with, difference_text, percent, rate_words, verdict_lines
+from ..search.task import quantities_to_seek
 from .document import SceneDocument, merged
+from .finished import CALIBRATED, FinishedRuns, Place
 from .form import addable, first_keys, form_of
 from .handles import dragged, handles_of, step_of
 from .queue import RUN, RunQueue
-from .stored import differs, inside, listing, parts_of, points_of, scene_of
-from .tasks import TASKS, task_of
-from .within import within
+from .stored import inside, listing
+from .tasks import TASKS, percent_typed, task_of
 
 if TYPE_CHECKING:
     from ...planning.plan import Plan
 
 Lines = Callable[..., list[tuple[str, str]]]  # the plan's lines, as the command line prints them
 Say = Callable[[str, dict[str, object]], None]  # tells every open page: kind, data
-Place = Annotated[float, Field(ge=-1e6, le=1e6)]  # m
-Ends = Mapping[str, tuple[Place, Place]]  # of each bin: from, to
 checked = validate_call(config=ConfigDict(allow_inf_nan=False))
-KEPT = 8  # finished runs whose landings are kept in memory
 
 
 class Session:
@@ -59,19 +45,22 @@ class Session:
         self.home, self.runs = Path.cwd(), runs or Path("runs")
         self._lines, self._say = lines, say
         self._drawing = threading.Lock()  # matplotlib's fonts are everyone's
-        self._landings: dict[Path, StoredLandings] = {}
         self.shown: str | None = None  # the run that the page was opened for
         self.document = self._first(what)
-        self._compared = Path(tempfile.mkdtemp(prefix="wakeflow-page-"))
+        self.finished = done = FinishedRuns(self.runs, self._drawing)
         self.queue = RunQueue(self._queue_changed)
         self._drawn: dict[str, object] = {}
         self._planned: dict[str, object] = {}
         self._held: Scene | None = None  # what is dragged is dragged from there
+        self.actions = {one.__name__: checked(one) for one in (
+            self.state, self.edit, self.save, self.settle, self.open, self.plan, self.run, self.job, self.list,
+            self.measured, done.landings, done.inside, done.dividers, done.before, done.compare, done.sweep,
+        )}  # fmt: skip
 
     def close(self) -> None:
         """End what is computed."""
         self.queue.close()
-        shutil.rmtree(self._compared, ignore_errors=True)
+        self.finished.close()
 
     def _first(self, what: Path | None) -> SceneDocument:
         """The scene that is opened: a file, that of a run, the only one of a folder, or one to start from."""
@@ -209,7 +198,7 @@ class Session:
         if file is not None:
             found = SceneDocument.load(inside(self.home, file))
         elif run is not None:
-            found = self._of_run(self._run(run))
+            found = self._of_run(self.finished.folder(run))
         else:
             found = _template(kind)
         found.version = self.document.version + 1
@@ -235,8 +224,10 @@ class Session:
             lines = self._lines(made, look.scene, look.units)
         except WakeflowError as problem:
             return {"version": version, "lines": None, "mistake": str(problem)}
-        return {"version": version, "lines": lines, "notes": _notes(made), "falls": _falls(made, look.scene),
-                "air": None if look.scene.air is None else look.scene.air.speed}  # fmt: skip
+        return {
+            "version": version, "lines": lines, "notes": _notes(made), "falls": _falls(made, look.scene),
+            "air": look.scene.air and look.scene.air.speed, "quantities": quantities_to_seek(look.scene),
+        }  # fmt: skip
 
     # -- runs ----------------------------------------------------------------------------------------------------------
     def run(
@@ -294,133 +285,13 @@ class Session:
     def _queue_changed(self) -> None:
         self._say("queue", {"queue": [one.table() for one in self.queue.runs]})
 
-    # -- finished runs -------------------------------------------------------------------------------------------------
-    def _run(self, name: str) -> Path:
-        folder = inside(self.runs, name)
-        if not (folder / FILE).is_file():
-            raise SceneError(f"{name} holds no finished run")
-        return folder
-
-    def file(self, name: str, kind: str = "report.html") -> Path:
-        """The page of a finished run, or of a comparison. Raises SceneError where there is none."""
-        if kind == "compare.html":
-            return inside(self._compared, f"{name}/compare.html")
-        path = self._run(name) / kind
-        if not path.is_file():
-            raise SceneError(f"{name} has no {kind}; draw it with: wakeflow report {self.runs / name}")
-        return inside(self.runs, f"{name}/{kind}")
-
-    def figure(self, name: str) -> Path:
-        """A picture of a sweep. Raises SceneError where there is none."""
-        path = inside(self.runs, name)
-        if path.parent.name != "figures" or path.suffix != ".png" or not path.is_file():
-            raise SceneError(f"no picture {name!r}")
-        return path
-
-    def _stored(self, name: str) -> StoredLandings:
-        folder = self._run(name)
-        made = (folder / FILE).stat().st_mtime_ns
-        key = folder / str(made)
-        if key not in self._landings:
-            while len(self._landings) >= KEPT:
-                del self._landings[next(iter(self._landings))]
-            self._landings[key] = StoredLandings.of(Result.load(folder))
-        return self._landings[key]
-
-    def landings(self, *, run: str) -> dict[str, object]:
-        """Of a finished ``run``: where its granules landed, its dividers, its shares."""
-        stored = self._stored(run)
-        scene, channel = stored.scene, stored.scene.channel
-        with self._drawing:
-            drawn = sketch_svg(scene)
-        return {
-            "svg": drawn.svg, "origin": drawn.origin, "scale": drawn.scale,
-            "walls": channel.sides,
-            "run": run, "folder": str(stored.result.folder), "calibrated": calibrated_with(stored.result),
-            "report": (stored.result.folder / "report.html").is_file(),
-            "protocol": (stored.result.folder / "protocol.html").is_file(),
-            "colours": fraction_colours(list(scene.fraction)),
-            "targets": {name: list(one.targets) for name, one in scene.fraction.items()},
-            "sides": {
-                on: {"span": list(channel.span(on)), "profile": profile}
-                for on, profile in stored.profile().items()
-            },
-            "on": {name: one.on for name, one in scene.on_sides().items()},
-            "ends": stored.ends, "step": step_of(scene), **self._answer(stored, stored.ends),
-        }  # fmt: skip
-
-    def inside(self, *, run: str) -> dict[str, object]:
-        """Tracks and air of a finished ``run``, to be drawn within its machine."""
-        return within(self._stored(run).result)
-
-    def dividers(self, *, run: str, ends: Ends) -> dict[str, object]:
-        """The answer of a finished ``run`` with its bins between other ``ends`` (m)."""
-        return self._answer(self._stored(run), ends)
-
-    def _answer(self, stored: StoredLandings, ends: Ends) -> dict[str, object]:
-        found, void = stored.result.between(ends).shares, stored.result.void
-
-        def told(numbers: Mapping[str, Number | None]) -> dict[str, object]:
-            return {
-                key: None if one is None else [one.value, *one.ends, percent(one, void=void)]
-                for key, one in numbers.items()
-            }
-
-        return {
-            "shares": {name: told(row) for name, row in found.fractions.items()},
-            "purity": {place: told(row) for place, row in found.purity.items() if row},
-            **{kind: told(getattr(found, kind)) for kind in ("recovery", "loss", "dirt")},
-            "lost": {name: rate_words(one, void=void) for name, one in found.lost.items()},
-            "limits": _verdicts(stored, ends, found),
-        }
-
-    def before(self, *, run: str) -> dict[str, object]:
-        """A finished ``run`` next to the one before it with the same fractions and bins: both main numbers and what
-        differs; nothing where there is none.
-        """
-        from ...many.comparison import compare
-
-        rows = listing(self.runs, self.home)["runs"]
-        names = [str(row["name"]) for row in rows]
-        place = names.index(run) if run in names else len(names)
-        scenes = [scene_of(self.runs / name) for name in names[place:]]
-        alike = (i for i, one in enumerate(scenes) if i and parts_of(one) == parts_of(scenes[0]))
-        if (other := next(alike, None)) is None:
-            return {"run": run, "other": None}
-        table = compare([self._run(names[place + other]), self._run(run)]).table
-        first, last = table.entries
-        void = [one.reason == VOID for one in table.entries]
-        found = [(name, difference_of(first, last, name)) for name in main_quantities(table)]
-        return {
-            "run": run, "other": rows[place + other], "differs": differs(scenes[other], scenes[0]),
-            "rows": [
-                [name.replace(".", " of ", 1).replace(".", ", "), percent(first.by_name.get(name), void=void[0]),
-                 percent(last.by_name.get(name), void=void[1]),
-                 VOID if any(void) else "" if one is None else difference_text(one), one is not None and one.clear]
-                for name, one in found
-            ],
-        }  # fmt: skip
-
-    def compare(self, *, runs: tuple[str, ...]) -> dict[str, object]:
-        """Write the page of several ``runs`` side by side; returns its name."""
-        from ...many.comparison import compare
-
-        found = compare([self._run(name) for name in runs])
-        place = Path(tempfile.mkdtemp(dir=self._compared))
-        with self._drawing:
-            found.write(place)
-        return {"page": place.name, "differs": {key: [str(entry.inputs.get(key, "")) for entry in found.table.entries]
-                                                for key in found.table.inputs}}  # fmt: skip
-
-    def sweep(self, *, sweep: str) -> dict[str, object]:
-        """A sweep's points."""
-        return points_of(inside(self.runs, sweep))
-
+    # -- measured trays -----------------------------------------------------------------------------------------------
     def measured(self, *, run: str, rows: tuple[tuple[str, str, str], ...], error: str) -> dict[str, object]:
-        """Put the calibration of a ``run`` by measured trays at the end of the list: ``rows`` of fraction, bin and
-        percent as it is typed, ``error`` of each in points. What cannot be read is returned as ``wrong``, by its place.
+        """Put the calibration of a ``run`` by measured trays at the end of the list, beside the run: ``rows`` of
+        fraction, bin and percent as it is typed, ``error`` of each in points. What cannot be read is returned as
+        ``wrong``, by its place.
         """
-        folder, wrong = self._run(run), dict[str, str]()
+        folder, wrong = self.finished.folder(run), dict[str, str]()
 
         def part(where: str, typed: str) -> float:
             try:
@@ -439,8 +310,9 @@ class Session:
         if wrong:
             return {"wrong": wrong}
         result = Result.load(folder)
+        own = folder.name.removesuffix(CALIBRATED)
         self.queue.add(
-            name=f"{folder.name} and what was measured", folder=folder, base=self.home, scene=folder.name,
+            name=f"{own} and what was measured", folder=folder.with_name(own + CALIBRATED), base=self.home, scene=own,
             text=Scene.parse(result.scene).as_toml(),
             options={"rung": result.options.rung, "force": result.options.force},
             measured={
@@ -449,37 +321,6 @@ class Session:
             },
         )  # fmt: skip
         return self.list()
-
-    ACTIONS: ClassVar = {one.__name__: checked(one) for one in (
-        state, edit, save, settle, open, plan, run, job, list, landings, inside, dividers, before, compare, sweep,
-        measured,
-    )}  # fmt: skip
-
-
-def _verdicts(stored: StoredLandings, ends: Ends, found: Separation) -> list[str]:
-    """Of each limit of a run whether it is kept with its bins between ``ends``, in the words of the report."""
-    result = stored.result
-    if dict(ends) == stored.ends:
-        return verdict_lines(result)
-    parts = {"loss": found.loss, "dirt": found.dirt}
-    now = [(one, parts[kind].get(of)) for one in result.limits for kind, _, of in [one.limit.partition(".")]]
-    moved = [replace(one, value=value, verdict=judged(result, value, one.most), decides="") for one, value in now]
-    return verdict_lines(replace(result, limits=tuple(moved)))
-
-
-def percent_typed(typed: str) -> float:
-    """A share from what is typed as percent, with a point or a comma, with or without the sign. Raises ValueError.
-
-    >>> percent_typed("26,5"), percent_typed("26.5 %")
-    (0.265, 0.265)
-    """
-    found = re.fullmatch(r"\s*(\d+(?:[.,]\d*)?|[.,]\d+)\s*%?\s*", typed, re.ASCII)
-    if found is None:
-        raise ValueError(f"{typed!r} is no percent; write a number such as 26.5 or 26,5")
-    part = float(found[1].replace(",", "."))
-    if part > 100.0:
-        raise ValueError(f"{typed!r}: of a fraction at most 100 % lie in a tray")
-    return part / 100.0
 
 
 def _template(kind: str) -> SceneDocument:

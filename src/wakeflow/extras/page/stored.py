@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -30,22 +30,12 @@ LARGEST = 100_000_000  # bytes of a sweep's table, or of a result
 TOLD = 3  # keys that a run is said to differ in
 OF_A_NAME = ("body", "bin", "fraction")  # tables whose members have names of the user's
 HIDDEN = (".", "_")
+Row = dict[str, object]
 
 
-def listing(root: Path, scenes: Path) -> dict[str, list[dict[str, object]]]:
+def listing(root: Path, scenes: Path) -> dict[str, list[Row]]:
     """Scene files below the folder ``scenes``, runs and sweeps below ``root``, the newest first."""
-    found_runs, sweeps = [], []
-    for folder, files in _folders(root):
-        if FILE in files and (folder / FILE).is_file():
-            found_runs.append(_row(root, folder, FILE))
-        if WIDE in files and (folder / WIDE).is_file():
-            sweeps.append(_row(root, folder, WIDE))
-    runs = _newest(found_runs)
-    scenes_of = [scene_of(root / str(row["name"])) for row in runs]
-    for row, scene in zip(runs, scenes_of, strict=True):
-        row["title"] = title_of(str(row["name"]), scene)
-    for (row, now), (_, before) in pairwise(zip(runs, scenes_of, strict=True)):
-        row["differs"] = differs(before, now)
+    runs, sweeps = runs_below(root)
     own = [path for path in sorted(scenes.glob("*.toml")) if not path.name.startswith(".") and path.is_file()][:MOST]
     searches = [path for path in own if _asks_for_a_search(path)]
     found = [_row(scenes, path, "") for path in own if path not in searches]
@@ -53,8 +43,27 @@ def listing(root: Path, scenes: Path) -> dict[str, list[dict[str, object]]]:
         "scenes": found,
         "searches": [_row(scenes, path, "") for path in searches],
         "runs": runs,
-        "sweeps": _newest(sweeps),
+        "sweeps": sweeps,
     }
+
+
+def runs_below(root: Path) -> tuple[list[Row], list[Row]]:
+    """Runs and sweeps below the folder ``root``, the newest first; each run with what a person calls it, and in what it
+    differs from the run before.
+    """
+    found, sweeps = list[Row](), list[Row]()
+    for folder, files in _folders(root):
+        if FILE in files and (folder / FILE).is_file():
+            found.append(_row(root, folder, FILE))
+        if WIDE in files and (folder / WIDE).is_file():
+            sweeps.append(_row(root, folder, WIDE))
+    runs = _newest(found)
+    scenes_of = [scene_of(root / str(row["name"])) for row in runs]
+    for row, scene in zip(runs, scenes_of, strict=True):
+        row["title"] = title_of(str(row["name"]), scene)
+    for (row, now), (_, before) in pairwise(zip(runs, scenes_of, strict=True)):
+        row["differs"] = differs(before, now)
+    return runs, _newest(sweeps)
 
 
 def _asks_for_a_search(path: Path) -> bool:
@@ -95,10 +104,15 @@ def title_of(name: str, scene: JsonTable) -> str:
     place, _, last = name.rpartition("/")
     parts = [part.partition("=") for part in last.split(PARTS)]
     own = [key for key, sign, _ in parts if not sign]
-    changed = [
-        f"{_key(key)} {_value(key, scene[key]) if key in scene else value}" for key, sign, value in parts if sign
-    ]
-    return ": ".join(filter(None, ("/".join(filter(None, (place, PARTS.join(own)))), ", ".join(changed))))
+    changed = said({key: value for key, sign, value in parts if sign}, scene)
+    return ": ".join(filter(None, ("/".join(filter(None, (place, PARTS.join(own)))), changed)))
+
+
+def said(changes: Mapping[str, object], scene: JsonTable) -> str:
+    """What ``changes`` made of a scene as a person says it, with the values that its flat tables (SI) hold."""
+    return ", ".join(
+        f"{_key(key)} {_value(key, scene[key]) if key in scene else value}" for key, value in changes.items()
+    )
 
 
 def differs(before: JsonTable, now: JsonTable) -> str:
@@ -166,9 +180,9 @@ def _folders(root: Path) -> Iterator[tuple[Path, list[str]]]:
         yield folder, files
 
 
-def _row(root: Path, path: Path, file: str) -> dict[str, object]:
+def _row(root: Path, path: Path, file: str) -> Row:
     return {"name": path.relative_to(root).as_posix(), "made": (path / file).stat().st_mtime}
 
 
-def _newest(rows: list[dict[str, object]]) -> list[dict[str, object]]:
+def _newest(rows: list[Row]) -> list[Row]:
     return sorted(rows, key=lambda row: -float(str(row["made"])))[:MOST]

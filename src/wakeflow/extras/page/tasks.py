@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+from pydantic import BaseModel
+
+from ...answer.result_table import is_part
 from ...core.errors import SceneError
 from ...core.quantities import say, speaking
 from ...core.registry import did_you_mean
@@ -13,17 +17,28 @@ from ...many.axis import axis_of_text
 from ...many.compute import Sweep, sweep
 from ...many.operating import RATE, SPEED, capacity, met_up_to, operating_map
 from ...many.variant import variants
+from ...runs.effort import quick_keys
 from ...scene import Scene
 from ...show.sketch import UNITS
-from ..search.designs import search
-from ..search.task import read_search_file
+from ..search.designs import refuse_void, search
+from ..search.task import SearchTask, read_search_file, search_of
 from ..trays.protocol import protocol, wanted_share
-from .stored import inside
+from .stored import inside, said, scene_of
 
 Work = Callable[..., str]  # (folder, listener, planned, how): does it, and says what came out
 Task = Callable[
     [Scene, str, Path], Work
 ]  # (scene, what is typed, folder of files): raises SceneError where it is wrong
+
+
+class SearchForm(BaseModel, extra="forbid"):
+    """What the page's form of a search holds, as it is typed: names of quantities, keys to change, limits, a time."""
+
+    maximise: list[str]
+    minimise: list[str]
+    within: dict[str, dict[Literal["from", "to"], str]]
+    where: dict[str, dict[Literal["least", "most"], str]]
+    budget: str
 
 
 def _swept(scene: Scene, typed: str, _: Path) -> Work:
@@ -65,17 +80,57 @@ def _capacity(scene: Scene, typed: str, _: Path) -> Work:
 
 
 def _searched(scene: Scene, typed: str, base: Path) -> Work:
-    del scene
-    task = read_search_file(inside(base, typed))
+    task = filled_in(scene, typed) if typed.startswith("{") else read_search_file(inside(base, typed))
+    refuse_void(task)
 
     def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
         del planned, how
         found = search(task, folder, listener=listener)
-        best = ", ".join(f"{key} = {value}" for key, value in found.recommended.changes.items())
+        best = said(found.recommended.changes, scene_of(found.recommended.folder))
         kept = "" if found.recommended.allowed else "; no design keeps the limits, this one comes nearest"
         return f"recommended: {best}{kept}; within the intervals {len(found.rivals)} others may be as good"
 
     return work
+
+
+def filled_in(scene: Scene, typed: str) -> SearchTask:
+    """The search of the page's form: a [search] table as JSON, its limits in percent where they are shares. Designs are
+    computed with the settings of a quick answer first.
+    """
+    form = SearchForm.model_validate_json(typed)
+    table = form.model_dump() | {
+        "within": {key: {end: _pointed(one) for end, one in ends.items()} for key, ends in form.within.items()},
+        "where": {name: {end: _limit(name, one) for end, one in ends.items()} for name, ends in form.where.items()},
+        "level": [quick_keys(scene), {}],
+    }
+    return search_of(table, scene)
+
+
+def _pointed(typed: str) -> str:
+    """What is typed with a decimal comma, such as "3,5 m/s", with a point."""
+    return re.sub(r"^(\s*-?\d+),(\d+)", r"\1.\2", typed)
+
+
+def _limit(name: str, typed: str) -> float:
+    try:
+        return percent_typed(typed) if is_part(name) else float(_pointed(typed))
+    except ValueError as problem:
+        raise SceneError(f"{name}: {problem}") from None
+
+
+def percent_typed(typed: str) -> float:
+    """A share from what is typed as percent, with a point or a comma, with or without the sign. Raises ValueError.
+
+    >>> percent_typed("26,5"), percent_typed("26.5 %")
+    (0.265, 0.265)
+    """
+    found = re.fullmatch(r"\s*(\d+(?:[.,]\d*)?|[.,]\d+)\s*%?\s*", typed, re.ASCII)
+    if found is None:
+        raise ValueError(f"{typed!r} is no percent; write a number such as 26.5 or 26,5")
+    part = float(found[1].replace(",", "."))
+    if part > 100.0:
+        raise ValueError(f"{typed!r}: a share is at most 100 %")
+    return part / 100.0
 
 
 def _protocol(scene: Scene, typed: str, _: Path) -> Work:

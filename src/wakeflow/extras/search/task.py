@@ -94,29 +94,43 @@ def read_search_file(
     """
     held = dict(fixed or {})
     with TaskFile.open(path, "search", KNOWN) as file:
-        goals = [Goal(name, sign) for key, sign in DIRECTIONS.items() for name in _names(file.table, key)]
-        if not goals:
-            raise SceneError("search.maximise or search.minimise: name at least one quantity, such as 'recovery.wheat'")
         scene = Scene.load(file.scene, {**flat(file.inside("set")), **held})
-        where = {name: _limit(name, ends) for name, ends in file.inside("where").items()}
-        own = {name: QuantityLimit(name, most=most) for name, most in scene.limit.asked.items()}
-        task = SearchTask(
-            scene,
-            tuple(_within(file, held)),
-            tuple(goals),
-            _seconds(file.table.get("budget") if budget is None else budget),
-            tuple({**own, **where}.values()),
-            _levels(file.table.get("level", [{}]), held),
-            file.whole_number("seed") or 0,
-            file.whole_number("at_a_time", least=1) or AT_A_TIME,
-        )
-        _check_names(task)
-        return task
+        return _task(file, scene, held, file.table.get("budget") if budget is None else budget)
+
+
+def search_of(table: Mapping[str, object], scene: Scene) -> SearchTask:
+    """The search of a ``scene`` that a [search] ``table`` asks for. Raises SceneError as :func:`read_search_file`."""
+    return _task(TaskFile(Path(), "search", table), scene, {}, table.get("budget"))
+
+
+def _task(file: TaskFile, scene: Scene, held: Mapping[str, object], budget: object) -> SearchTask:
+    goals = [Goal(name, sign) for key, sign in DIRECTIONS.items() for name in _names(file.table, key)]
+    if not goals:
+        raise SceneError("search.maximise or search.minimise: name at least one quantity, such as 'recovery.wheat'")
+    where = {name: _limit(name, ends) for name, ends in file.inside("where").items()}
+    own = {name: QuantityLimit(name, most=most) for name, most in scene.limit.asked.items()}
+    task = SearchTask(
+        scene,
+        tuple(_within(file, held)),
+        tuple(goals),
+        _seconds(budget),
+        tuple({**own, **where}.values()),
+        _levels(file.table.get("level", [{}]), held),
+        file.whole_number("seed") or 0,
+        file.whole_number("at_a_time", least=1) or AT_A_TIME,
+    )
+    _check_names(task)
+    return task
+
+
+def quantities_to_seek(scene: Scene) -> list[str]:
+    """Every quantity that a search of a scene may have as a goal or a limit."""
+    return names_for(scene) + ([FAN] if scene.air is not None else [])
 
 
 def _check_names(task: SearchTask) -> None:
     """Raise SceneError where a goal, a limit or a key to change is none of the scene: before anything is computed."""
-    known = names_for(task.scene) + ([FAN] if task.scene.air is not None else [])
+    known = quantities_to_seek(task.scene)
     for name in task.asked:
         if name not in known:
             example = f"recovery.{next(iter(task.scene.fraction))}"

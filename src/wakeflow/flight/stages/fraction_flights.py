@@ -293,10 +293,10 @@ def _into_the_wall(outline: Array, scene: Scene) -> Array:
     corners = outline[[edge.first, (edge.first + 1) % len(outline)]] * (1.0 + WALL, 1.0)
     return np.insert(outline, edge.first + 1, corners, axis=0)
 
+
+def _openings(scene: Scene, side: str) -> list[tuple[float, float]]:
     """Where a wall is another, (from, to) along y in order: open at bins and where a secondary stream enters, or one
     that keeps a part of what meets it.
-    """Where a wall is another, (from, to) along y in order: open at bins and where a secondary stream enters, or one that
-    keeps a part of what meets it.
     """
     streams = [inlet.span for inlet in scene.channel.inlet.values() if inlet.side == side]
     return sorted([*streams, *(one.ends for one in scene.on_sides(side).values())])

@@ -1,0 +1,183 @@
+"""Finished runs as the page shows them: where granules landed, dividers that move, runs side by side, sweeps.
+
+What is asked for and what is given is plain JSON. SceneError is raised for what a person did wrong.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import threading
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from ...answer.budget.verdicts import judged
+from ...answer.moved import StoredLandings
+from ...answer.result import FILE, VOID, Result
+from ...answer.result_table import difference_of
+from ...answer.shares import Separation
+from ...core.errors import SceneError
+from ...core.number import Number
+from ...many.comparison import compare
+from ...show.canvas import fraction_colours
+from ...show.many_figures import main_quantities
+from ...show.sketch import sketch_svg
+from ...show.words import calibrated_with, difference_text, percent, rate_words, verdict_lines
+from .handles import step_of
+from .stored import differs, inside, parts_of, points_of, runs_below, scene_of
+from .within import within
+
+Place = Annotated[float, Field(ge=-1e6, le=1e6)]  # m
+Ends = Mapping[str, tuple[Place, Place]]  # of each bin: from, to
+KEPT = 8  # finished runs whose landings are kept in memory
+CALIBRATED = "-calibrated"  # ends the name of the folder of a run's calibration
+
+
+class FinishedRuns:
+    """The runs below the folder ``runs``; one at a time is drawn, under the lock ``drawing``."""
+
+    def __init__(self, runs: Path, drawing: threading.Lock) -> None:
+        self.runs = runs
+        self._drawing = drawing  # matplotlib's fonts are everyone's
+        self._landings: dict[Path, StoredLandings] = {}
+        self._compared = Path(tempfile.mkdtemp(prefix="wakeflow-page-"))
+
+    def close(self) -> None:
+        """Remove the comparisons."""
+        shutil.rmtree(self._compared, ignore_errors=True)
+
+    def folder(self, name: str) -> Path:
+        """The folder of a finished run. Raises SceneError where there is none."""
+        folder = inside(self.runs, name)
+        if not (folder / FILE).is_file():
+            raise SceneError(f"{name} holds no finished run")
+        return folder
+
+    def file(self, name: str, kind: str = "report.html") -> Path:
+        """The page of a finished run, or of a comparison. Raises SceneError where there is none."""
+        if kind == "compare.html":
+            return inside(self._compared, f"{name}/compare.html")
+        path = self.folder(name) / kind
+        if not path.is_file():
+            raise SceneError(f"{name} has no {kind}; draw it with: wakeflow report {self.runs / name}")
+        return inside(self.runs, f"{name}/{kind}")
+
+    def figure(self, name: str) -> Path:
+        """A picture of a sweep. Raises SceneError where there is none."""
+        path = inside(self.runs, name)
+        if path.parent.name != "figures" or path.suffix != ".png" or not path.is_file():
+            raise SceneError(f"no picture {name!r}")
+        return path
+
+    def _stored(self, name: str) -> StoredLandings:
+        folder = self.folder(name)
+        made = (folder / FILE).stat().st_mtime_ns
+        key = folder / str(made)
+        if key not in self._landings:
+            while len(self._landings) >= KEPT:
+                del self._landings[next(iter(self._landings))]
+            self._landings[key] = StoredLandings.of(Result.load(folder))
+        return self._landings[key]
+
+    def landings(self, *, run: str) -> dict[str, object]:
+        """Of a finished ``run``: where its granules landed, its dividers, its shares."""
+        stored = self._stored(run)
+        scene, channel = stored.scene, stored.scene.channel
+        with self._drawing:
+            drawn = sketch_svg(scene)
+        return {
+            "svg": drawn.svg, "origin": drawn.origin, "scale": drawn.scale,
+            "walls": channel.sides,
+            "run": run, "folder": str(stored.result.folder), "calibrated": calibrated_with(stored.result),
+            "report": (stored.result.folder / "report.html").is_file(),
+            "protocol": (stored.result.folder / "protocol.html").is_file(),
+            "colours": fraction_colours(list(scene.fraction)),
+            "targets": {name: list(one.targets) for name, one in scene.fraction.items()},
+            "sides": {
+                on: {"span": list(channel.span(on)), "profile": profile}
+                for on, profile in stored.profile().items()
+            },
+            "on": {name: one.on for name, one in scene.on_sides().items()},
+            "ends": stored.ends, "step": step_of(scene), **self._answer(stored, stored.ends),
+        }  # fmt: skip
+
+    def inside(self, *, run: str) -> dict[str, object]:
+        """Tracks and air of a finished ``run``, to be drawn within its machine."""
+        return within(self._stored(run).result)
+
+    def dividers(self, *, run: str, ends: Ends) -> dict[str, object]:
+        """The answer of a finished ``run`` with its bins between other ``ends`` (m)."""
+        return self._answer(self._stored(run), ends)
+
+    def _answer(self, stored: StoredLandings, ends: Ends) -> dict[str, object]:
+        found, void = stored.result.between(ends).shares, stored.result.void
+
+        def told(numbers: Mapping[str, Number | None]) -> dict[str, object]:
+            return {
+                key: None if one is None else [one.value, *one.ends, percent(one, void=void)]
+                for key, one in numbers.items()
+            }
+
+        return {
+            "shares": {name: told(row) for name, row in found.fractions.items()},
+            "purity": {place: told(row) for place, row in found.purity.items() if row},
+            **{kind: told(getattr(found, kind)) for kind in ("recovery", "loss", "dirt")},
+            "lost": {name: rate_words(one, void=void) for name, one in found.lost.items()},
+            "limits": _verdicts(stored, ends, found),
+        }
+
+    def before(self, *, run: str) -> dict[str, object]:
+        """A finished ``run`` next to the one before it with the same fractions and bins: both main numbers and what
+        differs; nothing where there is none.
+        """
+        rows = runs_below(self.runs)[0]
+        names = [str(row["name"]) for row in rows]
+        place = names.index(run) if run in names else len(names)
+        scenes = [scene_of(self.runs / name) for name in names[place:]]
+        alike = [i for i, one in enumerate(scenes) if i and parts_of(one) == parts_of(scenes[0])]
+        plain = [i for i in alike if run.endswith(CALIBRATED) and names[place + i] == run.removesuffix(CALIBRATED)]
+        if not alike:
+            return {"run": run, "other": None}
+        other = [*plain, *alike][0]
+        apart = "before its calibration" if plain else differs(scenes[other], scenes[0])
+        table = compare([self.folder(names[place + other]), self.folder(run)]).table
+        first, last = table.entries
+        void = [one.reason == VOID for one in table.entries]
+        found = [(name, difference_of(first, last, name)) for name in main_quantities(table)]
+        return {
+            "run": run, "other": rows[place + other], "differs": apart,
+            "rows": [
+                [name.replace(".", " of ", 1).replace(".", ", "), percent(first.by_name.get(name), void=void[0]),
+                 percent(last.by_name.get(name), void=void[1]),
+                 VOID if any(void) else "" if one is None else difference_text(one), one is not None and one.clear]
+                for name, one in found
+            ],
+        }  # fmt: skip
+
+    def compare(self, *, runs: tuple[str, ...]) -> dict[str, object]:
+        """Write the page of several ``runs`` side by side; returns its name."""
+        found = compare([self.folder(name) for name in runs])
+        place = Path(tempfile.mkdtemp(dir=self._compared))
+        with self._drawing:
+            found.write(place)
+        return {"page": place.name, "differs": {key: [str(entry.inputs.get(key, "")) for entry in found.table.entries]
+                                                for key in found.table.inputs}}  # fmt: skip
+
+    def sweep(self, *, sweep: str) -> dict[str, object]:
+        """A sweep's points."""
+        return points_of(inside(self.runs, sweep))
+
+
+def _verdicts(stored: StoredLandings, ends: Ends, found: Separation) -> list[str]:
+    """Of each limit of a run whether it is kept with its bins between ``ends``, in the words of the report."""
+    result = stored.result
+    if dict(ends) == stored.ends:
+        return verdict_lines(result)
+    parts = {"loss": found.loss, "dirt": found.dirt}
+    now = [(one, parts[kind].get(of)) for one in result.limits for kind, _, of in [one.limit.partition(".")]]
+    moved = [replace(one, value=value, verdict=judged(result, value, one.most), decides="") for one, value in now]
+    return verdict_lines(replace(result, limits=tuple(moved)))
