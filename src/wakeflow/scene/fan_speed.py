@@ -13,9 +13,10 @@ from ..core.errors import SceneError
 from ..core.number import Number
 from ..laws.drag import terminal_velocity
 from ..laws.operating_point import FLOWS, OFF, FanPoint, OfFlow, bluff_loss, borne, meeting
+from .bins import Machine as BinPlace
 from .feed import Feed
 from .fraction import Fraction
-from .machine import Air, BinPlace, Fan
+from .machine import Air, Fan
 from .table import Array
 
 FASTEST = 100.0  # m/s: air.speed ends there
