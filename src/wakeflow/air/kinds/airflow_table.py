@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...core.errors import known
 from ...core.number import Number
 from ...core.record import column
 from ...laws.best_estimate import WakeEstimate
@@ -152,5 +151,5 @@ class Airflow(AirflowResult):
         """
         if not scene.body or self.cp_base is None:
             return None
-        model = momentum_pressure(next(iter(scene.body.values())).outline(), known(scene.air).direction)
+        model = momentum_pressure(next(iter(scene.body.values())).outline(), scene.airstream.direction)
         return MomentumModel(model.front, model.drag(self.cp_base.value))

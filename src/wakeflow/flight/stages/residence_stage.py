@@ -19,7 +19,7 @@ def residence_times(scene: Scene, cache: StageCache, airs: Mapping[str, tuple[st
     body, air = next(iter(scene.body.values())), scene.airstream
     where = body.outline(), air.direction, air.speed
     asked = [(key, found.cycles) for key, found in airs.values()]
-    key = content_key("residence", asked, where[0].tolist(), *where[1:], code_of("residence"))
+    key = content_key("residence", asked, where[0].tolist(), *where[1:], code_of("flight.residence"))
 
     def work(part: Path) -> None:
         from ..residence import residence_time
