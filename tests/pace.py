@@ -8,7 +8,7 @@
     python tests/pace.py --whole runs                  beside the whole answers in runs/SCENE, which wakeflow run left
 
 Every run starts from an empty cache, with the tracker compiled. The machine may be busy: the time on idle cores is
-that of src/wakeflow/core/idle_clock.py. (Linux)
+that of tests/proofs/idle_clock.py. (Linux)
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from typing import Any
 import numpy as np
 
 import wakeflow as wf
+from proofs.idle_clock import IdleClock
 from proofs.scene_curves import forget_all_but_air, one_cache, timed_run
 from support import ALONE, CASES
 from wakeflow.answer.result import Result
-from wakeflow.core.idle_clock import IdleClock
 from wakeflow.core.process import cores
 
 SCENES = ("vacuum", "aspirator", "prism", "rhombus", "wheat-straw-dust", "labyrinth", "funnel")

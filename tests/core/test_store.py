@@ -33,7 +33,6 @@ from wakeflow.core.store import (
 )
 from wakeflow.extras.funnel.beads import CODE as POURING
 from wakeflow.flight.stages.fraction_flights import Flight
-from wakeflow.planning.stages import stages
 from wakeflow.runs.planned import make_plan
 
 KEYS = [f"{number}" * 64 for number in range(5)]
@@ -244,7 +243,14 @@ def test_a_link_is_one_file_and_a_copy_where_there_are_none(tmp_path: Path, monk
     assert not list(target.parent.glob(".*"))
 
 
-CODE = {name: stages[name].code for name in stages if stages[name].code}
+GIVEN = re.compile(
+    r'(?:code_of\(|^(?:    code(?:: ClassVar\[str\])?|CODE|GATHERING) = )((?:"[\w.]+"(?:, )?)+)', re.MULTILINE
+)
+NAMED = (  # the modules of every key
+    tuple(f"wakeflow.{module}" for module in re.findall(r"[\w.]+", given))
+    for path in sources.PACKAGE.rglob("*.py") for given in GIVEN.findall(path.read_text())
+)  # fmt: skip
+CODE = {modules[0].rpartition(".")[2]: modules for modules in NAMED}  # by the first of them
 STAGES = {**CODE, "kernel": ("wakeflow.flight.kernel.loop",)}
 
 
@@ -314,20 +320,21 @@ def test_modules_that_run_while_granules_fly_stand_in_the_closure(cases: Path, t
     flight = Flight(scene, make_plan(scene), Realisations(None), 1e-4)
     own = _ran(lambda: flight.fly_all(tmp_path, drawn=True))
     assert {"wakeflow.flight.stages.fraction_flights", "wakeflow.planning.plan", "wakeflow.laws.collision"} <= own
-    assert own <= sources.closure(*CODE["tracks"])
+    assert own <= sources.closure(*CODE["fraction_flights"])
 
 
 def test_modules_that_run_while_a_duct_is_made_stand_in_the_closure(cases: Path) -> None:
     scene = Scene.load(cases / "aspirator.toml")
     own = _ran(lambda: duct_field(scene, turbulent=True))
     assert {"wakeflow.air.kinds.analytic", "wakeflow.air.field.flow"} <= own
-    assert own <= sources.closure(*CODE["duct"])
+    assert own <= sources.closure(*CODE["analytic"])
 
 
-def test_every_stage_that_a_key_names_is_listed() -> None:
-    given = re.compile(r'(?:code_of\(|^    stage(?:: ClassVar\[str\])? = )"([^"]+)"', re.MULTILINE)
-    named = {name for path in sources.PACKAGE.rglob("*.py") for name in given.findall(path.read_text())}
-    assert named == set(CODE)
+def test_the_keys_of_all_stages_are_found_by_their_modules() -> None:
+    assert set(CODE) == {
+        "spec", "airflow", "span_run", "case_field", "analytic", "user_case", "combined", "gathered_force",
+        "fraction_flights", "slab_stage", "input_samples", "film_stage", "residence",
+    }  # fmt: skip
 
 
 def test_a_name_that_is_no_module_is_refused() -> None:
@@ -336,7 +343,7 @@ def test_a_name_that_is_no_module_is_refused() -> None:
 
 
 def test_what_a_package_registers_as_it_is_imported_counts() -> None:
-    tracks = sources.closure(*CODE["tracks"])
+    tracks = sources.closure(*CODE["fraction_flights"])
     assert {"wakeflow.laws.forces.basic", "wakeflow.laws.forces.lift_forces"} <= tracks
 
 

@@ -37,8 +37,7 @@ def weighing(work: Workload) -> Iterator[StageCost]:
 @pytest.fixture
 def weights() -> Iterator[Stage]:
     """An example of a stage, as docs/extending.md shows it, registered and taken out again."""
-    code = ("wakeflow.laws.size",)
-    yield stages.add("weights", Stage("weights", code, "weighing", Scaling.CELLS, "scales", weighing))
+    yield stages.add("weights", Stage("weights", "weighing", Scaling.CELLS, "scales", weighing))
     stages.remove("weights")
 
 
@@ -46,12 +45,12 @@ def weights() -> Iterator[Stage]:
 def test_a_new_stage_is_made_and_timed(tmp_path: Path) -> None:
     heard: list[str] = []
     cache = StageCache(Store(tmp_path), lambda stage, _: heard.append(stage), StageTimes(), AirLabel(grid=1.5))
-    cache.make("weights", code_of("weights"), lambda folder: (folder / "kg").write_text("1"))
+    cache.make("weights", code_of("laws.size"), lambda folder: (folder / "kg").write_text("1"))
     (key,) = cache.seconds
     assert isinstance(key, StageKey)
     assert (key, key.label.grid, key.stage.heading) == ("grid x 1.5 weights", 1.5, "scales")
     assert heard == ["grid x 1.5 weights"]
-    assert code_of("weights") == code_key("wakeflow.laws.size")
+    assert code_of("laws.size") == code_key("wakeflow.laws.size")
 
 
 @pytest.mark.usefixtures("weights")

@@ -17,12 +17,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from proofs.idle_clock import IdleClock
 from proofs.report import Report, Row, Table, Tell
 from wakeflow import runs
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import Separation
 from wakeflow.core.errors import SceneError
-from wakeflow.core.idle_clock import IdleClock
 from wakeflow.core.process import cores
 from wakeflow.core.quantities import duration
 from wakeflow.core.store import cache_root

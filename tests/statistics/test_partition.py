@@ -16,7 +16,7 @@ from support import ALONE, landings_in, shipped
 from wakeflow.answer.dividers import Landed1D, best_stretches, cut, dividers, landed_along, purities, trade_off
 from wakeflow.answer.draws import ErrorSource
 from wakeflow.answer.ensemble import joint_answer
-from wakeflow.answer.partition import partition_curves, settling_velocities
+from wakeflow.answer.partition import partition_curves
 from wakeflow.cli import main
 from wakeflow.cli.show_result import show_dividers
 from wakeflow.core.errors import SceneError
@@ -24,6 +24,7 @@ from wakeflow.core.number import Number
 from wakeflow.flight.stages.landings import Landings
 from wakeflow.laws.constants import STANDARD_AIR
 from wakeflow.laws.drag import drag_laws, terminal_velocity
+from wakeflow.planning.uniform_fall import settling_velocities
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from ..core.number import Number, student
 from ..flight.stages.landings import Landings
-from ..laws.constants import GRAVITY, STANDARD_AIR
-from ..laws.drag import drag_laws
 from ..planning.plan import Plan
+from ..planning.uniform_fall import settling_air, settling_velocities
 from ..planning.unknowns import SIGMAS
 from ..scene import RESERVED_BIN, Scene
 from .draws import INPUTS, SAMPLING, column
@@ -35,7 +34,6 @@ ALIKE = 1.02  # a property whose largest value is within that factor of its smal
 GAP = 2.0  # between two classes: a cut in it is interpolated where nothing is
 MAX_GRANULES = 2**16  # granules of a fraction that are looked at
 SHIFTS = np.linspace(-20.0, 20.0, 801)  # of a fraction's curve, in the logit of its shares
-REYNOLDS = np.geomspace(1e-9, 1e8, 4096)  # of the table of terminal velocities; its error is below 1e-5
 
 
 class _Fed(NamedTuple):
@@ -48,22 +46,6 @@ class _Fed(NamedTuple):
     sample: NDArray[np.int64]
     fraction: NDArray[np.int64]
     by: dict[str, Array]
-
-
-def settling_velocities(
-    diameter: Array, density: float, drag: Array, law: str, sphericity: float, air: tuple[float, float],
-    gravity: float = GRAVITY,
-) -> Array:  # fmt: skip
-    """Terminal velocities (n,) m/s of granules of ``diameter`` (n,) m with the factors ``drag`` (n,) on their drag
-    ``law``, in ``air`` of a density (kg/m3) and a viscosity (Pa s); nan of what does not sink.
-
-    The same root as :func:`wakeflow.laws.drag.terminal_velocity`, from a table of f(Re) Re, for very many granules.
-    """
-    rho, mu = air
-    table = np.log(drag_laws[law].factor(REYNOLDS, np.full(REYNOLDS.shape, sphericity)) * REYNOLDS)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        weight = np.log(rho * (density - rho) * gravity * diameter**3 / (18.0 * mu**2 * drag))
-    return np.asarray(np.exp(np.interp(weight, table, np.log(REYNOLDS))) * mu / (rho * diameter))
 
 
 def partition_curves(
@@ -85,7 +67,7 @@ def partition_curves(
 
 def _fed(scene: Scene, plan: Plan, landings: Mapping[str, Landings]) -> _Fed:
     """The granules that count, at most MAX_GRANULES of a fraction, evenly chosen from all replicates."""
-    air = STANDARD_AIR if scene.air is None else (scene.air.density, scene.air.viscosity)
+    air = settling_air(scene)
     shares, parts = scene.mass_shares(), []
     by: dict[str, list[Array]] = {"size": [], "terminal velocity": []}
     for number, name in enumerate(landings):

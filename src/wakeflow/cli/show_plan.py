@@ -10,11 +10,11 @@ from ..core.graded import Grade, Notice
 from ..core.process import cores
 from ..core.quantities import duration, metres, say, speaking
 from ..core.store import cache_root
-from ..flight.stages.machine_rates import on_this_machine
 from ..planning.cost import begins, typical_cells, wall_seconds
 from ..planning.lifting import floor_notices, lifting_line
 from ..planning.plan import REPLICATES, replicate_size, whole_terms
 from ..planning.trade_lines import trade_lines
+from ..runs.progress import on_this_machine
 from ..show.machine_words import fall_words, motion_words, tilt_words
 from .screen import MAX_WARNINGS, plain, screen_table, warn
 

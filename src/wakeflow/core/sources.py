@@ -24,6 +24,7 @@ from .user_folder import kernel_root
 NAME = __name__.partition(".")[0]
 PACKAGE = Path(__file__).parent.parent
 CALL = re.compile(rf"({NAME}(?:\.\w+)*):\w[\w.]*")  # "wakeflow.module:function" in a string: what a child process runs
+EVERY = "iter_modules(__path__)"  # in a package that imports whatever lies in its folder
 Import = tuple[str, str | None, str, bool]  # module, name wanted of it (None: itself), bound as, whether it runs
 
 
@@ -70,7 +71,11 @@ def _wanted_by(module: str, name: str | None) -> Iterator[tuple[str, str | None]
 @lru_cache(maxsize=1024)
 def _imports(path: Path, module: str) -> tuple[Import, ...]:
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-    return tuple(_read(parsed(path), package, runs=True))
+    found = list(_read(parsed(path), package, runs=True))
+    if path.name == "__init__.py" and EVERY in path.read_text(encoding="utf-8"):
+        names = sorted({one.stem for one in path.parent.glob("*.py")} - {"__init__"})
+        found += [(f"{package}.{name}", None, name, True) for name in names]
+    return tuple(found)
 
 
 def _read(node: ast.AST, package: str, *, runs: bool) -> Iterator[Import]:

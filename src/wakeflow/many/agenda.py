@@ -22,15 +22,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..air.kinds.airflow_kinds import CaseAir
 from ..answer.result import Request
 from ..core.errors import ProgramError, SceneError
 from ..core.executor import Cluster
 from ..core.lazy import cached_property
-from ..core.store import content_key
-from ..flight.stages.air_loading import exerted_by
-from ..flight.stages.pipeline import Pipeline
-from ..flight.stages.track_stage import unweighed
 from ..planning.cost import SHARED, airflow_cost, ranks_for, typical_cells
 from ..planning.plan import Plan
 from ..planning.plan_messages import unfelt, unfelt_line
@@ -39,6 +34,7 @@ from ..planning.stages import FLIGHTS
 from ..runs import answer_key
 from ..runs.planned import make_plan
 from ..runs.progress import OVERDUE, TRUSTED, time_left
+from ..runs.run_stages import airflow_told, flights_told
 from ..scene import Scene
 from .variant import SCENES_PER_LINE, Variant
 from .work import Job, finished, fly_scene, solve_airflow_of
@@ -145,12 +141,7 @@ class _Planned:
     @cached_property
     def airflow(self) -> str | None:
         """What tells its airflow from others; None where it costs nothing."""
-        flown = Pipeline(self.plan.airflow.flown(self.scene), self.plan)
-        if flown.kind.at_once:
-            return None
-        spec = repr(flown.kind.flow_spec) if isinstance(flown.kind, CaseAir) else repr(flown.scene.air)
-        force = exerted_by(self.scene, self.plan) if self.plan.airflow.loaded else None
-        return content_key(repr(self.plan.airflow), spec, force)
+        return airflow_told(self.scene, self.plan)
 
     def job(self, folder: Path, threads: int, *, report: bool = False) -> Job:
         """What a worker does for it in a folder."""
@@ -180,8 +171,7 @@ class _Planned:
     @cached_property
     def flight(self) -> str:
         """What tells its flights from others in the same airflow."""
-        how = {name: repr(row.tracked) for name, row in self.plan.fractions.items()}
-        return content_key(unweighed(self.scene), list(self.scene.bin), how)
+        return flights_told(self.scene, self.plan)
 
 
 def make_agenda(

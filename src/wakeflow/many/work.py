@@ -15,9 +15,8 @@ from ..core import sums
 from ..core.errors import ProgramError, SceneError, WakeflowError
 from ..core.files import atomic_write, read_json, write_json
 from ..core.record import JsonMapping
-from ..flight.stages.compilation import compile_tracker
 from ..planning.plan import Plan
-from ..runs import run_once
+from ..runs import compile_tracker, run_once
 from ..scene import Scene
 
 LOCK = ".job.lock"  # held by the process that works on a folder

@@ -13,7 +13,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import known
 from ..core.lazy import cached_property
 from ..core.record import column
 from ..laws.collision import approach_speed, collide
@@ -57,7 +56,7 @@ class Deflection:
 
 def axis(scene: Scene) -> float:
     """x (m) of the first body's top, which parts the curtain."""
-    outline = known(scene.first_outline)
+    outline = scene.outline
     return float(outline[np.isclose(outline[:, 1], outline[:, 1].max(), atol=WIDEST * scene.width), 0].mean())
 
 

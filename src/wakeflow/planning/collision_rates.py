@@ -24,7 +24,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import known
 from ..core.geometry import edges, normals
 from ..laws.flake import section
 from ..laws.forces import FlightScales
@@ -294,7 +293,7 @@ def slope_of(scene: Scene) -> tuple[float, float]:
     """Angle (rad) to gravity of the first body's faces that granules fall on, less a right one, mean over their
     projected width; their length (m) together.
     """
-    outline = scene.plumb.seen(known(scene.first_outline))
+    outline = scene.plumb.seen(scene.outline)
     start, end = edges(outline)
     up = normals(outline)[:, 1] > LEVEL
     across, length = np.abs(end - start)[up, 0], np.linalg.norm(end - start, axis=1)[up]

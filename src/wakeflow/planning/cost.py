@@ -335,41 +335,35 @@ def _flown(work: Workload, count: int) -> float:
     return EACH_STAGE + (WITHOUT_AIR if work.airflow.rung == "none" else one) * count * work.effort
 
 
-def _code(*modules: str) -> tuple[str, ...]:
-    return tuple(f"wakeflow.{module}" for module in modules)
-
-
-MESH = Stage("mesh", _code("air.mesh.spec"), "mesh", Scaling.CELLS, "airflow", _meshing)
-AIRFLOW = Stage("airflow", _code("air.foam.airflow"), "airflow", Scaling.AIR, "airflow", _solving)
-FIELD = Stage("field", _code("air.kinds.case_field"), "field", Scaling.CELLS, "airflow", _reading)
-MOMENTUM = Stage("momentum", _code("flight.stages.gathered_force"), FLIGHTS, Scaling.AIR, "air loading", _gathering)
-SLAB_MOMENTUM = Stage(
-    "slab-momentum", _code("flight.stages.gathered_force"), "slab", Scaling.AIR, "air loading", _gathering_in_slab
-)
-DEVELOPING = Stage("early-airflow", (), "airflow", Scaling.AIR, "airflow", _developing)
-LOADED = Stage("loaded-airflow", _code("air.foam.airflow"), "airflow", Scaling.AIR, "air loading", _loading)
+MESH = Stage("mesh", "mesh", Scaling.CELLS, "airflow", _meshing)
+AIRFLOW = Stage("airflow", "airflow", Scaling.AIR, "airflow", _solving)
+FIELD = Stage("field", "field", Scaling.CELLS, "airflow", _reading)
+MOMENTUM = Stage("momentum", FLIGHTS, Scaling.AIR, "air loading", _gathering)
+SLAB_MOMENTUM = Stage("slab-momentum", "slab", Scaling.AIR, "air loading", _gathering_in_slab)
+DEVELOPING = Stage("early-airflow", "airflow", Scaling.AIR, "airflow", _developing)
+LOADED = Stage("loaded-airflow", "airflow", Scaling.AIR, "air loading", _loading)
 SHARED = MESH, AIRFLOW, DEVELOPING, FIELD, MOMENTUM, LOADED  # by all scenes that fly in one airflow
 COMPILE = Stage("compile", work="compile", scaling=Scaling.ONCE, heading="compilation")
 # In the order in which they are usually done. Those without a cost are part of another, or of few runs.
 for _one in (
-    Stage("funnel", (), "funnel", Scaling.ONCE, "funnel", _pouring),
+    Stage("funnel", "funnel", Scaling.ONCE, "funnel", _pouring),
     COMPILE,
     MESH,
     AIRFLOW,
     DEVELOPING,
-    Stage("span", _code("air.foam.spanwise.span_run"), scaling=Scaling.AIR),
-    Stage("given", _code("air.foam.user_case"), scaling=Scaling.ONCE),
-    Stage("duct", _code("air.kinds.analytic"), scaling=Scaling.ONCE),
+    Stage("span", scaling=Scaling.AIR),
+    Stage("given", scaling=Scaling.ONCE),
+    Stage("duct", scaling=Scaling.ONCE),
     FIELD,
-    Stage("layers", _code("air.kinds.case_field"), scaling=Scaling.CELLS),
-    Stage("blend", _code("air.field.combined"), scaling=Scaling.CELLS),
+    Stage("layers", scaling=Scaling.CELLS),
+    Stage("blend", scaling=Scaling.CELLS),
     MOMENTUM,
     SLAB_MOMENTUM,
     LOADED,
-    Stage("tracks", _code("flight.stages.fraction_flights", "flight.stages.landings"), heading="tracks", cost=_flying),
-    Stage("slab", _code("flight.stages.slab_stage", "flight.stages.landings"), "slab", Scaling.SLAB, "slab", _in_slab),
-    Stage("draws", _code("flight.stages.input_samples", "air.field.combined"), heading="draws"),
-    Stage("film", _code("flight.stages.film_stage", "flight.stages.slab_stage", "flight.stages.gathered_force")),
+    Stage("tracks", heading="tracks", cost=_flying),
+    Stage("slab", "slab", Scaling.SLAB, "slab", _in_slab),
+    Stage("draws", heading="draws"),
+    Stage("film"),
     Stage("report", heading="report"),
 ):
     stages.add(_one.name, _one)

@@ -21,7 +21,7 @@ from ..core.process import check_cancelled
 from ..core.record import column
 from ..core.sources import code_key
 from ..core.store import MANIFEST, Store
-from .stages import OWN, AirLabel, StageKey, stages
+from .stages import OWN, AirLabel, StageKey
 
 
 # -- The run time that a stage took ------------------------------------------------------------------------------------
@@ -74,9 +74,9 @@ def thread_safe(listener: Listener) -> Listener:
     return tell
 
 
-def code_of(stage: str) -> str:
-    """sha256 (hex) of all sources that compute a registered stage."""
-    return code_key(*stages[stage].code)
+def code_of(*modules: str) -> str:
+    """sha256 (hex) of all sources that compute a stage: of these ``modules`` of the package, and what they import."""
+    return code_key(*(f"{__name__.partition('.')[0]}.{module}" for module in modules))
 
 
 def version_of(package: str) -> str:

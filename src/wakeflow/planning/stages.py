@@ -93,13 +93,11 @@ def _nothing(work: Workload) -> Iterable[StageCost]:
 class Stage:
     """A stage by its ``name``; as it is by default, one in which granules fly again.
 
-    ``code``: the modules that compute it, whose sources and those of all that they import are part of its key;
     ``work``: the kind of work, whose pace is learned; ``scaling``: what its run time goes with; ``heading``: under
     which its run time is shown; ``cost``: each time that a run makes it, with what that is expected to take.
     """
 
     name: str
-    code: tuple[str, ...] = ()
     work: str = FLIGHTS
     scaling: Scaling = Scaling.FLIGHTS
     heading: str = "companions"

@@ -14,11 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_laws, relaxed, slip_correction, terminal_velocity
 from ..laws.forces.force import REACH
 from ..scene import Air, Fraction, Scene
 
 Array = NDArray[np.float64]
+REYNOLDS = np.geomspace(1e-9, 1e8, 4096)  # of the table of terminal velocities; its error is below 1e-5
 STEP = 0.01  # of the time that the whole fall takes about; chosen: an error of about 1 %
 MAX_STEPS = 3000  # 30 times that: a granule that has not come through by then hangs in the air
 MIN_LANDING = 0.1  # of the air speed: what a landing speed is at least taken for, where a granule nearly hangs
@@ -207,3 +209,24 @@ def fall_speeds(scene: Scene, name: str, law: str, factor: float, diameter: floa
     rows = np.array([(0.0, 0.0, speed), *fall.points(speed, FallRoom(float(drop.max()), room))])
     down = rows[: int(rows[:, 1].argmax()) + 1]
     return np.asarray(np.interp(drop, down[:, 1], down[:, 2], right=np.nan))
+
+
+def settling_air(scene: Scene) -> tuple[float, float]:
+    """Density (kg/m3) and viscosity (Pa s) of the air of terminal velocities: the scene's, or standard air."""
+    return STANDARD_AIR if scene.air is None else (scene.air.density, scene.air.viscosity)
+
+
+def settling_velocities(
+    diameter: Array, density: float, drag: Array, law: str, sphericity: float, air: tuple[float, float],
+    gravity: float = GRAVITY,
+) -> Array:  # fmt: skip
+    """Terminal velocities (n,) m/s of granules of ``diameter`` (n,) m with the factors ``drag`` (n,) on their drag
+    ``law``, in ``air`` of a density (kg/m3) and a viscosity (Pa s); nan of what does not sink.
+
+    The same root as :func:`wakeflow.laws.drag.terminal_velocity`, from a table of f(Re) Re, for very many granules.
+    """
+    rho, mu = air
+    table = np.log(drag_laws[law].factor(REYNOLDS, np.full(REYNOLDS.shape, sphericity)) * REYNOLDS)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        weight = np.log(rho * (density - rho) * gravity * diameter**3 / (18.0 * mu**2 * drag))
+    return np.asarray(np.exp(np.interp(weight, table, np.log(REYNOLDS))) * mu / (rho * diameter))

@@ -4,8 +4,9 @@ Comes in: a scene file or a Scene, and what a run may cost. Goes out: a folder w
 May call it: a user (``wf.run``, ``wf.plan``, ``wf.chain``), ``many``, the command line, extras.
 """
 
+from ..flight.stages.compilation import compile_tracker
 from .again import film_of, report_again
 from .folder import answer_key, versions
 from .one_run import run, run_once
 
-__all__ = ["answer_key", "film_of", "report_again", "run", "run_once", "versions"]
+__all__ = ["answer_key", "compile_tracker", "film_of", "report_again", "run", "run_once", "versions"]

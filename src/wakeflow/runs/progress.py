@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from ..core.process import cores
 from ..core.quantities import duration
 from ..core.store import cache_root
-from ..flight.stages.machine_rates import on_this_machine
+from ..flight.stages.machine_rates import on_this_machine as on_this_machine  # handed on
 from ..planning.cost import wall_seconds
 from ..planning.plan import Plan
 from ..planning.stage_cache import Listener, null_listener

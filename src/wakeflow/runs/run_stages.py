@@ -9,10 +9,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..air.kinds.airflow_kinds import CaseAir
 from ..answer.budget.source import in_order
 from ..answer.result import Request, asked_in
 from ..core.errors import SceneError, known
+from ..core.store import content_key
+from ..flight.stages.air_loading import exerted_by
 from ..flight.stages.pipeline import Pipeline
+from ..flight.stages.track_stage import unweighed
 from ..planning.feed_funnel import FunnelSummary
 from ..planning.make import Planner
 from ..planning.stage_cache import Listener, StageTimes, thread_safe
@@ -124,3 +128,18 @@ def _fed(scene: Scene, poured: FunnelSummary) -> Scene:
             "funnel.orifice, shake it harder (funnel.gamma) or give feed.rate"
         )
     return scene.fed(None if poured.rate is None else poured.rate.value)
+
+
+def airflow_told(scene: Scene, plan: Plan) -> str | None:
+    """What tells the airflow of a scene from those of others; None where it costs nothing."""
+    kind = Pipeline(plan.airflow.flown(scene), plan).kind
+    if kind.at_once:
+        return None
+    spec = repr(kind.flow_spec) if isinstance(kind, CaseAir) else repr(kind.scene.air)
+    return content_key(repr(plan.airflow), spec, exerted_by(scene, plan) if plan.airflow.loaded else None)
+
+
+def flights_told(scene: Scene, plan: Plan) -> str:
+    """What tells the flights of a scene from others in the same airflow."""
+    how = {name: repr(row.tracked) for name, row in plan.fractions.items()}
+    return content_key(unweighed(scene), list(scene.bin), how)

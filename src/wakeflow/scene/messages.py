@@ -58,7 +58,7 @@ def explain(problem: ValidationError, data: Mapping[str, object]) -> Iterator[st
             hint = "missing" if given is None else f"{given!r} is unknown{near}"
             yield f"{key}.kind: {hint} (known: {', '.join(kinds)})"
         elif error["type"] == "extra_forbidden":
-            known = known_keys(described(place[:-1], data))
+            known = known_keys(described(place[:-1], data), at(data, place[:-1]))
             yield f"{key}: unknown key{did_you_mean(str(place[-1]), known)} (known: {', '.join(known)})"
         elif error["type"] == "missing":
             yield f"{key}: missing{_allowed(place, data, None)}"

@@ -75,9 +75,12 @@ def allowed_range(node: Node, unit: str) -> str:
     return " and ".join(f"{sign} {say(number[word], unit)}" for word, sign in LIMITS if word in number)
 
 
-def known_keys(node: Node) -> list[str]:
-    """The keys that a table may have; none for a table with other keys of the user's, and for a value."""
-    closed = (one for one in _variants(node) if "properties" in one and not one.get("additionalProperties"))
+def known_keys(node: Node, table: object = None) -> list[str]:
+    """The keys that a table may have, or the ``table`` that is given; none for one with other keys of the user's, and
+    for a value.
+    """
+    kinds = (one for one in _variants(node) if table is None or _is_kind(one, table))
+    closed = (one for one in kinds if "properties" in one and not one.get("additionalProperties"))
     return list(dict.fromkeys(key for one in closed for key in one["properties"]))
 
 

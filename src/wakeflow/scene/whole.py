@@ -207,6 +207,11 @@ class SceneTables(Table):
         return next((body.outline() for body in self.body.values()), None)
 
     @property
+    def outline(self) -> Array:
+        """:attr:`first_outline` of a scene that has a body. Raises LookupError without one."""
+        return known(self.first_outline, "the outline of no body")
+
+    @property
     def level(self) -> float:
         """y (m) down to which the feed falls freely: the first body's top, or where the curtain enters without one."""
         first = self.first_outline

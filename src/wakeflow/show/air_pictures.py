@@ -142,7 +142,7 @@ def pressure_coefficient(mean: FlowField, scene: Scene, airflow: Airflow) -> Arr
 
 def dynamic_pressure(field: FlowField, scene: Scene) -> float:
     """0.5 rho U^2 of the air ahead of the bodies, Pa."""
-    return 0.5 * field.density * known(scene.air).speed ** 2
+    return 0.5 * field.density * scene.airstream.speed**2
 
 
 def suction_nodes(mean: FlowField, cp: Array, scene: Scene) -> NDArray[np.bool_]:
@@ -152,8 +152,8 @@ def suction_nodes(mean: FlowField, cp: Array, scene: Scene) -> NDArray[np.bool_]
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    outline = known(scene.first_outline)
-    along = 1.0 if known(scene.air).direction == "down" else -1.0
+    outline = scene.outline
+    along = 1.0 if scene.airstream.direction == "down" else -1.0
     ends = outline[np.isin(outline[:, 0], (outline[:, 0].min(), outline[:, 0].max()))]
     widest = float((along * ends[:, 1]).min())
     low = (cp < SUCTION_LEVEL) & (along * mean.points[:, 1] <= widest + 1e-6 * scene.width)
@@ -170,7 +170,7 @@ def inlet_pressure(field: FlowField, scene: Scene, airflow: Airflow) -> float:
     if airflow.p_inlet is not None:
         return airflow.p_inlet
     y = field.points[:, 1]
-    end = y.max() if known(scene.air).direction == "down" else y.min()
+    end = y.max() if scene.airstream.direction == "down" else y.min()
     there = np.flatnonzero(np.abs(y - end) <= 1e-9 * np.ptp(y))
     there = there[np.argsort(field.points[there, 0])]
     x, p = field.points[there, 0], np.asarray(field.pressure)[there]
@@ -182,11 +182,11 @@ def window_round_body(scene: Scene, airflow: Airflow) -> Window:
     clipped to the channel.
     """
     channel, width = scene.channel, scene.width
-    middle = known(scene.first_outline).mean(axis=0)
+    middle = scene.outline.mean(axis=0)
     zone = airflow.suction
     longest = 0.0 if zone is None else max(zone.length or 0.0, zone.reversal_length or 0.0)
     behind = max(DOWNSTREAM * width, 1.5 * width + longest)
-    above, below = (UPSTREAM * width, behind) if known(scene.air).direction == "down" else (behind, UPSTREAM * width)
+    above, below = (UPSTREAM * width, behind) if scene.airstream.direction == "down" else (behind, UPSTREAM * width)
     corners = np.concatenate([body.outline() for body in scene.body.values()])
     (left, low), (right, high) = corners.min(axis=0) - BESIDE * width, corners.max(axis=0) + BESIDE * width
     return (

@@ -25,6 +25,7 @@ from wakeflow.core.lazy import cached_property
 from wakeflow.core.store import Store, content_key
 from wakeflow.flight.feed.feedstock import feedstock
 from wakeflow.flight.stages.fraction_flights import Flight
+from wakeflow.flight.stages.input_samples import CODE
 from wakeflow.laws.forces import forces
 from wakeflow.planning.dependence import dependence
 from wakeflow.planning.plan import Plan
@@ -147,7 +148,16 @@ class Truth:
         forces_used = {name: how.forces for name, how in used.fractions.items()}
         varied_by = {name: repr(made.of(name)) for name in told.scene.fraction}
         air = repr((made.air, made.feed_width, made.feed_shift))
-        key = content_key(told.pipeline.tracks_key, count, seed, FINE, forces_used, varied_by, air, code_of("draws"))
+        key = content_key(
+            told.pipeline.tracks_key,
+            count,
+            seed,
+            FINE,
+            forces_used,
+            varied_by,
+            air,
+            code_of(*CODE),
+        )
 
         def work(folder: Path) -> None:
             write_json(folder / FILE, {name: list(row) for name, row in self._flown(count, made, used, seed)})

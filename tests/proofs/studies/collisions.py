@@ -40,6 +40,7 @@ from wakeflow.answer.shares import Separation
 from wakeflow.core.number import student
 from wakeflow.core.store import content_key
 from wakeflow.core.tables import Columns
+from wakeflow.flight.stages.input_samples import CODE
 from wakeflow.flight.stages.landings import Landings
 from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.planning.collision_rates import encounters
@@ -104,7 +105,14 @@ def _flown_drawn(pipeline: Pipeline, number: int, made: Variation, airs: Realisa
     stage, name = pipeline._collision_stage, f"slab-draw-{number}"
     flight = stage.flight(name, stage.crowd.depth, stage.fly().clock.step)
     flight = replace(flight, scene=made.fed(pipeline.scene), airs=airs, variation=made)
-    key = content_key(stage.key, "draw", number, repr(made), REPLICATES_DRAWN, code_of("draws"))
+    key = content_key(
+        stage.key,
+        "draw",
+        number,
+        repr(made),
+        REPLICATES_DRAWN,
+        code_of(*CODE),
+    )
     folder = pipeline.cache.make(name, key, partial(flight.fly_all, replicates=REPLICATES_DRAWN))
     return flight.found(folder, REPLICATES_DRAWN).landings
 

@@ -14,12 +14,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
+from proofs.idle_clock import IdleClock
 from proofs.report import Row, Tell
 from proofs.scene_curves import BinShares, largest_error, one_cache
 from proofs.tracker.curves import BenchmarkCase, benchmark_case
 from proofs.tracker.foam import FINE_PARCELS, FoamInterpolant, fly_parcels, make_foam_interpolant
 from wakeflow.air.field import FlowField
-from wakeflow.core.idle_clock import IdleClock
 from wakeflow.core.process import cores
 from wakeflow.flight import Tracks, track
 from wakeflow.flight.stages.pipeline import Pipeline

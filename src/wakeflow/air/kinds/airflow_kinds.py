@@ -243,7 +243,7 @@ class CaseAir(AirflowKind):
         """Cache key and folder of what granules can fly in: field.npz, and state-N.npz for each late state."""
         from .case_field import case_field, state_fields
 
-        key = content_key("field", self.solution[0], code_of("field"), version_of("foamlib"))
+        key = content_key("field", self.solution[0], code_of("air.kinds.case_field"), version_of("foamlib"))
         density, table = self.scene.airstream.density, self.measured
 
         def work(part: Path) -> None:

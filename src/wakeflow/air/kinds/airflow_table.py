@@ -178,5 +178,5 @@ class Airflow(AirflowResult):
         """
         if not scene.body or self.cp_base is None:
             return None
-        model = momentum_pressure(next(iter(scene.body.values())).outline(), known(scene.air).direction)
+        model = momentum_pressure(next(iter(scene.body.values())).outline(), scene.airstream.direction)
         return MomentumModel(model.front, model.drag(self.cp_base.value))

@@ -48,7 +48,7 @@ class AnalyticAir(AirflowKind):
             return loading.key, jet_field(self.scene, loading.force)
         air, channel, turbulence = self.scene.air, self.scene.channel, self.plan.airflow.turbulence
         asked = (repr(air), channel.width, channel.top, channel.bottom, turbulence)
-        key = content_key("duct", asked, code_of("duct"))
+        key = content_key("duct", asked, code_of("air.kinds.analytic"))
         return key, duct_field(self.scene, turbulent=turbulence == "decaying")
 
     def make_table(self) -> Airflow:
@@ -84,7 +84,7 @@ class GivenAir(CaseAir):
 
         time = self.scene.airstream.time or "latest"
         files = digest_files(case_files(self.case, time))
-        key = content_key("given", repr(self.flow_spec), time, files, code_of("given"))
+        key = content_key("given", repr(self.flow_spec), time, files, code_of("air.foam.user_case"))
 
         def work(part: Path) -> None:
             self.cache.tell("airflow", f"measuring {self.case}")

@@ -35,14 +35,14 @@ class SolvedAir(CaseAir):
     """An airflow that Gmsh meshes and OpenFOAM solves; ``made_as``: the stage that this is."""
 
     made_as: str = field(default="airflow", kw_only=True)
-    stage: ClassVar[str] = "airflow"  # whose sources are those of ``solve``
+    code: ClassVar[str] = "air.foam.airflow"  # the module of ``solve``
 
     @cached_property
     def mesh(self) -> tuple[str, Path]:
         """Key and folder (mesh.msh, mesh.vtu, mesh.json); in a checkout its folder ``meshes`` gets <key>.msh too."""
         from ..mesh import build_mesh
 
-        key = content_key("mesh", repr(self.mesh_spec), code_of("mesh"), version_of("gmsh"))
+        key = content_key("mesh", repr(self.mesh_spec), code_of("air.mesh.spec"), version_of("gmsh"))
         folder = self.cache.make("mesh", key, lambda part: build_mesh(self.mesh_spec, part))
         _publish(folder / "mesh.msh", key)
         return key, folder
@@ -85,7 +85,7 @@ class SolvedAir(CaseAir):
 
     def make_solution(self) -> tuple[str, Path]:
         (mesh_key, mesh_folder), spec = self.mesh, self.solved_spec
-        code = content_key(code_of(self.stage), digest_files([case_template()]), self.solver)
+        code = content_key(code_of(self.code), digest_files([case_template()]), self.solver)
         asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
         under = None if self.force is None else self.force.digest  # another core solves the start meanwhile
         start = self.start()  # by its key: the same airflow from another start would end at another moment
@@ -166,7 +166,7 @@ class TimeResolvedAir(SolvedAir):
         if resolved.times is None or theta == strength == 1.0:  # it came to rest, or is asked for as it is
             return self.resolved
         steady, _ = known(self.steady().field)
-        made = content_key("blend", key, steady, theta, strength, code_of("blend"))
+        made = content_key("blend", key, steady, theta, strength, code_of("air.field.combined"))
         return made, self.wakes.blended(theta, strength)
 
 

@@ -26,7 +26,7 @@ class SpanAir(SolvedAir):
     """A scale-resolving solution in three dimensions: its layers are realisations of a plane wake."""
 
     means = "the wake in three dimensions"
-    stage = "span"
+    code = "air.foam.spanwise.span_run"
 
     def start(self) -> Path:
         return self.steady().case
@@ -46,7 +46,7 @@ class SpanAir(SolvedAir):
         """Cache key and folder of the fields, a file a layer that is flown in."""
         from .case_field import save_layers
 
-        key = content_key("layers", self.solution[0], code_of("layers"), version_of("foamlib"))
+        key = content_key("layers", self.solution[0], code_of("air.kinds.case_field"), version_of("foamlib"))
 
         def work(part: Path) -> None:
             self.cache.tell("field", "reading the layers of the airflow")

@@ -12,8 +12,9 @@ Without a body the curtain enters the channel at the feed's level.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,11 +49,11 @@ CLEARANCE = 1e-3  # of its radius: how far above a contact a resolved granule ma
 
 @dataclass(frozen=True)
 class Feedstock:
-    """One fraction's granules as they enter the field; which replicate each belongs to; which have met the body."""
+    """One fraction's granules as they enter the field; which have met the body; which replicate each belongs to."""
 
     granules: Granules
-    replicate: NDArray[np.int64]
     injected: NDArray[np.bool_]
+    replicate: NDArray[np.int64]
 
 
 def contact_points(outline: Array, x: Array, radius: Array) -> tuple[Array, Array]:
@@ -132,7 +133,11 @@ def fall_start(scene: Scene, radius: Array) -> tuple[Array, Array]:
 
 
 def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
-    """Times (s) of a stream that is uniform over the vibration's and the shedding's periods, from points (n, 2)."""
+    """Times (s) of a stream that is uniform over the vibration's and the shedding's periods, from points (n, 2); 0 in a
+    channel without a body.
+    """
+    if not scene.body:
+        return np.zeros(len(points))
     if scene.vibration is None:
         return points[:, 0] * (field_period or 0.0)
     period = scene.vibration.period
@@ -200,6 +205,25 @@ def granules_of(
     )
 
 
+@dataclass(frozen=True)
+class Curtain:
+    """Granules of a fraction that hang over the machine, at rest, at ``x`` (n,) m as if the channel stood upright; when
+    each starts is in them. ``chance`` (n,): by which its shape turns the first wall it meets; ``blows``: makes what
+    turns a flake there, (n,) as of :func:`~wakeflow.laws.flake.flung`.
+    """
+
+    scene: Scene
+    plan: FractionPlan
+    grains: Granules
+    x: Array
+    chance: Array
+    blows: Callable[[], Array]
+
+
+Entered = tuple[Granules, NDArray[np.bool_]]  # and which of them have met the body
+ENTERED = ("position", "velocity", "time", "spin", "arrival")  # what an impact changes
+
+
 def feedstock(
     scene: Scene,
     plan: Plan,
@@ -214,38 +238,63 @@ def feedstock(
     ``replicates``: only those, and of each a ``part``, the same granules as among all, but for what a ``variation``
     changes of each.
     """
-    fraction_plan = plan.fractions[name]
-    points, traits, replicate, born = _born(scene, fraction_plan, name, replicates, part)
-    grains, x = varied_granules(born, variation), scene.feed.places(points[:, 0])
-    diameter = grains.diameter
-    if not scene.body:
-        entered = entering(scene, grains, x, traits[:, 3])
-        return Feedstock(hung(scene, entered), replicate, np.zeros(len(x), dtype=bool))
-    level, speed = fall_start(scene, 0.5 * diameter)
-    time, spin = _times(scene, points[:, 2:], field_period), np.zeros(len(x))
-    injected = np.zeros(len(x), dtype=bool)
-    if scene.feed.start == "resting":
-        lying = grains.replace(position=_lying(scene, known(scene.first_outline), x, diameter / 2), time=time)
-        return Feedstock(lying, replicate, injected)
-    position, velocity = released(scene, fraction_plan, grains, x, level, speed)
-    came = velocity.copy()
-    if fraction_plan.mode == "injected":
-        height, normal = contact_points(known(scene.first_outline), x, diameter / 2)
-        meets = np.isfinite(height)
-        if fraction_plan.impaction is not None:
-            meets &= fraction_plan.impaction.meets(diameter, x - axis(scene))
-        fall = arrival(scene, fraction_plan, grains, level - np.where(meets, height, level - 1.0), speed)
-        injected = meets & np.isfinite(fall)
-        i = np.flatnonzero(injected)
-        passing, pull = time[i].copy(), _pull(scene, fraction_plan, grains[i], level[i] - height[i], speed[i], fall[i])
-        time[i], wall = first_contact(fall[i], normal[i], passing, motion_of(scene), pull)
-        since = time[i] - passing
-        position[i] = np.stack([x[i], height[i] - since * (fall[i] + 0.5 * pull * since)], axis=1)
-        came[i, 1] = -(fall[i] + pull * since)
-        xi = blows_of(name, scene.feed.count, scene.feed.seed, replicates, part)
-        velocity[i], spin[i] = _rebound(grains[i], -came[i, 1], normal[i], wall, traits[i, 3], xi[i])
-    entered = grains.replace(position=position, velocity=velocity, time=time, spin=spin, arrival=came)
-    return Feedstock(hung(scene, entered), replicate, injected)
+    points, traits, replicate, born = _born(scene, plan.fractions[name], name, replicates, part)
+    grains = varied_granules(born, variation).replace(time=_times(scene, points[:, 2:], field_period))
+    blows = partial(blows_of, name, scene.feed.count, scene.feed.seed, replicates, part)
+    curtain = Curtain(scene, plan.fractions[name], grains, scene.feed.places(points[:, 0]), traits[:, 3], blows)
+    granules, met = entrance_of(curtain)(curtain)
+    return Feedstock(hung(scene, granules), met, replicate)
+
+
+def entrance_of(curtain: Curtain) -> Callable[[Curtain], Entered]:
+    """How a curtain comes into the field: one of four ways."""
+    if not curtain.scene.body:
+        return past_no_body
+    if curtain.scene.feed.start == "resting":
+        return from_rest
+    return struck if curtain.plan.mode == "injected" else released_above
+
+
+def past_no_body(curtain: Curtain) -> Entered:
+    """Into a channel without a body, at the feed's level."""
+    return entering(curtain.scene, curtain.grains, curtain.x, curtain.chance), np.zeros(len(curtain.x), dtype=bool)
+
+
+def from_rest(curtain: Curtain) -> Entered:
+    """Lying on the body at its lower dead point."""
+    lying = _lying(curtain.scene, curtain.scene.outline, curtain.x, curtain.grains.diameter / 2)
+    return curtain.grains.replace(position=lying), np.zeros(len(lying), dtype=bool)
+
+
+def released_above(curtain: Curtain) -> Entered:
+    """Above the body, which the tracker lets them meet."""
+    fall = fall_start(curtain.scene, 0.5 * curtain.grains.diameter)
+    position, velocity = released(curtain.scene, curtain.plan, curtain.grains, curtain.x, *fall)
+    granules = curtain.grains.replace(position=position, velocity=velocity, arrival=velocity)
+    return granules, np.zeros(len(position), dtype=bool)
+
+
+def struck(curtain: Curtain) -> Entered:
+    """From their first impact, those that meet the body; the others from above it."""
+    scene, plan, x, (grains, _) = curtain.scene, curtain.plan, curtain.x, released_above(curtain)
+    level, speed = fall_start(scene, 0.5 * grains.diameter)
+    height, normal = contact_points(scene.outline, x, grains.diameter / 2)
+    meets = np.isfinite(height)
+    if plan.impaction is not None:
+        meets &= plan.impaction.meets(grains.diameter, x - axis(scene))
+    fall = arrival(scene, plan, grains, level - np.where(meets, height, level - 1.0), speed)
+    met = meets & np.isfinite(fall)
+    i, entered = np.flatnonzero(met), {key: getattr(grains, key).copy() for key in ENTERED}
+    pull = _pull(scene, plan, grains[i], level[i] - height[i], speed[i], fall[i])
+    entered["time"][i], wall = first_contact(fall[i], normal[i], grains.time[i], motion_of(scene), pull)
+    since = entered["time"][i] - grains.time[i]
+    came = fall[i] + pull * since
+    entered["position"][i, 1] = height[i] - since * (fall[i] + 0.5 * pull * since)
+    entered["arrival"][i, 1] = -came
+    entered["velocity"][i], entered["spin"][i] = _rebound(
+        grains[i], came, normal[i], wall, curtain.chance[i], curtain.blows()[i]
+    )
+    return grains.replace(**entered), met
 
 
 def _born(

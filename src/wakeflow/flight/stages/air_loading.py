@@ -43,6 +43,7 @@ Array = NDArray[np.float64]
 Made = tuple[str, Path | None]  # key of an airflow, and its folder where it is in one
 SHARES = (0.05, 1.0)  # of the way to the force gathered last, at least and at most; chosen
 ON_THE_WAY = 200  # iterations of a pass before the last, where the air follows a force that changes itself; chosen
+GATHERING = "flight.stages.gathered_force"  # the module that computes it
 WITHOUT_SOLVER = 8  # passes where no solver runs for one where it does; chosen
 
 
@@ -225,7 +226,7 @@ class AirLoading(ABC):
             [(name, repr(bin_)) for name, bin_ in self.scene.bin.items()],
             gathered(self.scene.feed.count, most),
         )
-        made = content_key("momentum", key, exerted_by(self.scene, self.plan), bins, count, code_of("momentum"))
+        made = content_key("momentum", key, exerted_by(self.scene, self.plan), bins, count, code_of(GATHERING))
         return self._gathered("momentum", made, lambda part: self._gatherer("momentum", field()).alone(count, part))
 
     def _among_others(self, last: Pass) -> Gathered:
@@ -233,7 +234,7 @@ class AirLoading(ABC):
         field = partial(self.field_in, last.force, (last.key, last.folder))
         alone = self._alone(last.key, field, GATHERED)
         stage, start_up = "slab-momentum", steady_after(self.plan, alone.late.__getitem__)
-        made = content_key(stage, last.key, exerted_by(self.scene, self.plan), start_up, code_of("slab-momentum"))
+        made = content_key(stage, last.key, exerted_by(self.scene, self.plan), start_up, code_of(GATHERING))
 
         def work(part: Path) -> None:
             self.compilation.finish_slab(self.cache)
@@ -316,7 +317,7 @@ class LoadedCase(AirLoading):
 
         assert isinstance(air, SolvedAir)
         spec, msh, before = air.solved_spec, air.mesh[1] / "mesh.msh", start / "case"
-        key = content_key("loaded-airflow", from_key, force.digest, most, code_of("loaded-airflow"))
+        key = content_key("loaded-airflow", from_key, force.digest, most, code_of("air.foam.airflow"))
 
         def work(part: Path) -> None:
             solve_airflow(
@@ -359,7 +360,7 @@ class DrivenAir(AirLoading):
         del before, last  # no solver starts from it
         feed = self.scene.feed
         curtain = self.scene.level, feed.position, feed.width, repr(feed.profile)
-        return content_key("jet", self.bare[0], curtain, force.digest, code_of("duct")), None
+        return content_key("jet", self.bare[0], curtain, force.digest, code_of("air.kinds.analytic")), None
 
     def field_in(self, force: ForceDensity, made: Made) -> FlowField:
         del made

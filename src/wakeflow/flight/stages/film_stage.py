@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from .. import Granules, Tracks
     from .landings import Landings
 
+CODE = "flight.stages.film_stage", "flight.stages.slab_stage", "flight.stages.gathered_force"  # what computes it
+
 
 IN_VIEW = 400.0  # granules of a slab that are in flight at a time; chosen: more hide each other
 THINNEST = 0.2  # of the answer's slab: depth; three widths of its coarsest granules
@@ -86,7 +88,7 @@ class FilmStage:
         lasting = self.start_up if span is None else span
         rate = self.scene.feed.mass_flow, self.scene.feed.depth, self.scene.mass_shares()
         crowd = None if self.plan.crowd is None else (repr(self.plan.crowd), repr(self.scene.collisions))
-        key = content_key("film", self.upstream, lasting, rate, crowd, code_of("film"))
+        key = content_key("film", self.upstream, lasting, rate, crowd, code_of(*CODE))
         folder = self.cache.make("film", key, partial(self._work, lasting))
         told = json.loads((folder / FILE).read_text())
         paths = {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in self.scene.fraction}

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from .landings import Tracked
     from .track_stage import TrackStage
 
+CODE = "flight.stages.input_samples", "air.field.combined"  # what computes it
+
 
 Array = NDArray[np.float64]
 MOST_POINTS = 2**14  # of which INPUT_SAMPLES keep to the orders of a scene, or hardly any do
@@ -141,7 +143,7 @@ class DrawStage:
         stage = self.tracks
         tolerance = stage.scene.numerics.tolerance
         known = [[one.key, one.kind, one.value, one.low, one.high] for one in self.unknowns]
-        key = content_key("draws", stage.key, tolerance, known, self.design.tolist(), code_of("draws"))
+        key = content_key("draws", stage.key, tolerance, known, self.design.tolist(), code_of(*CODE))
         tracked = stage.fly()  # whose granules these are
         stage.finish_compiling("draws", key)
         folder = stage.cache.make("draws", key, partial(self._fly_all, tracked))

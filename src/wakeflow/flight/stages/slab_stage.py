@@ -35,6 +35,8 @@ from .landings import Landings
 if TYPE_CHECKING:
     from .track_stage import TrackStage
 
+CODE = "flight.stages.slab_stage", "flight.stages.landings"  # what computes it
+
 
 # -- The stage of the slab ---------------------------------------------------------------------------------------------
 MIN_REPLICATES = 2  # replicates of a companion
@@ -110,7 +112,7 @@ class CollisionStage:
         scene, crowd = self.tracks.scene, self.crowd
         fed = scene.feed.mass_flow, scene.feed.depth, scene.mass_shares(), repr(scene.collisions)
         flown = crowd.tracers, crowd.operation, crowd.count, crowd.replicates
-        return content_key("crowd", self.tracks.key, self.tolerance, *fed, *flown, code_of("slab"))
+        return content_key("crowd", self.tracks.key, self.tolerance, *fed, *flown, code_of(*CODE))
 
     def flight(self, name: str, depth: float, step: float | None) -> SlabFlight:
         """What flies a slab of ``depth`` (m) under the ``name`` of a stage."""
@@ -229,7 +231,7 @@ class SlabFlight:
         if self.also is not None:
             self.also(number, stream, tracks)
         kept = np.flatnonzero(stream.counted)
-        feed = Feedstock(stream.granules[kept], np.full(len(kept), pair), np.zeros(len(kept), dtype=bool))
+        feed = Feedstock(stream.granules[kept], np.zeros(len(kept), dtype=bool), np.full(len(kept), pair))
         cycle = self.airs.cycle_of(feed.granules.time)
         crowd = known(tracks.crowd)
         return {

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from .fraction_flights import Flight
     from .landings import Tracked
 
+CODE = "flight.stages.fraction_flights", "flight.stages.landings"  # what computes it
+
 
 @dataclass(frozen=True)
 class PerturbedRerun:
@@ -74,7 +76,7 @@ class TrackStage:
         order = list(self.scene.bin)  # landings hold the bin's place in it
         mirrored, airs = self.plan.airflow.mirrored, self.air.realisations
         flown = mirrored, len(airs), airs.cycles
-        return content_key("tracks", tables, order, *flown, repr(how), upstream, code_of("tracks"), versions)
+        return content_key("tracks", tables, order, *flown, repr(how), upstream, code_of(*CODE), versions)
 
     def fly(self, rerun: PerturbedRerun | None = None) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""

@@ -1,6 +1,6 @@
 """[bin.NAME]: the collectors. Each kind is a table and says where its line runs, what it catches, how it is drawn and
-what of it can be dragged; nobody else asks which kind a bin is. A new kind is a module of this folder, which
-:data:`bin_kinds` finds, or a class that is registered before a scene is read.
+what of it can be dragged; nobody else asks which kind a bin is. A new kind is a module of this folder, which adds its
+class to :data:`bin_kinds`.
 
 Comes in: the table of a bin. Goes out: a bin of its kind. May call it: ``scene``, and through a scene all after it.
 """

@@ -114,8 +114,8 @@ def _scale(levels: Array, limit: float) -> object:
 
 def _zones(axes: Axes, grid: PlotGrid, scene: Scene, window: Window, numbers: Mapping[str, str]) -> None:
     """Name the pressing and the suction zone at the side, with a line to each, ``numbers`` before the names."""
-    outline, width = known(scene.first_outline), scene.width
-    upstream = 1.0 if known(scene.air).direction == "down" else -1.0
+    outline, width = scene.outline, scene.width
+    upstream = 1.0 if scene.airstream.direction == "down" else -1.0
     cp = np.ma.filled(grid.values[2], np.nan)
     x, y = np.meshgrid(grid.x - outline[:, 0].mean(), upstream * grid.y)
     if "body" in numbers:
@@ -167,10 +167,10 @@ def draw_surface(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow)
 
     Among several bodies the title names it: the others are not drawn.
     """
-    mean, outline = as_flown(field.mean(), scene), known(scene.first_outline)
+    mean, outline = as_flown(field.mean(), scene), scene.outline
     arc, cp = pressure_along(mean, outline, pressure_coefficient(mean, scene, airflow))
     edges = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.roll(outline, -1, axis=0) - outline).T))])
-    model = momentum_pressure(outline, known(scene.air).direction)
+    model = momentum_pressure(outline, scene.airstream.direction)
     axes = new_axes(6.4, 3.6, paper)
     axes.plot(MM * arc, cp, ".-", ms=3, lw=1.2, color=COLOURS[0], label="computed, mean")
     for i, (value, lit) in enumerate(zip(model.cp, model.lit, strict=True)):
@@ -201,7 +201,7 @@ def draw_vorticity(paper: Paper, field: FlowField, scene: Scene, airflow: Airflo
     window = window_round_body(scene, airflow)
     now = {} if field.times is None else {f"at {1e3 * float(field.times[0]):.3g} ms of the loop": _first(field)}
     shown = {**now, "mean": as_flown(field.mean(), scene)}
-    scaled = {name: vorticity(one) * scene.width / known(scene.air).speed for name, one in shown.items()}
+    scaled = {name: vorticity(one) * scene.width / scene.airstream.speed for name, one in shown.items()}
     here = inside_window(field.points, window)
     most = max(_strong(np.abs(values[here]), field.node_area[here]) for values in scaled.values())
     across = TALLEST * 0.75 * (window[1] - window[0]) / (window[3] - window[2])
@@ -257,7 +257,7 @@ def _air_at_the_surface(outcome: Outcome) -> tuple[FlowField, Scene, Airflow] | 
     found = air_with_pressure(outcome)
     if found is None:
         return None
-    arc, _ = pressure_along(found[0], known(outcome.scene.first_outline), np.zeros(len(found[0].points)))
+    arc, _ = pressure_along(found[0], outcome.scene.outline, np.zeros(len(found[0].points)))
     return found if len(arc) > 2 else None
 
 

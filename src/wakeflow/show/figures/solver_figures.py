@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core.errors import known
 from ..air_pictures import window_round_body
 from ..canvas import COLOURS, INK, MM, Window, frame, new_figure, save, solids
 from ..outcome import add_figure
@@ -82,7 +81,7 @@ EDGE = "#33526b"
 
 def draw_mesh(paper: Paper, cells: PlaneCells, scene: Scene, airflow: Airflow) -> NDArray[np.object_]:
     """Draw the cells in the window of the other pictures of the air, and close to the first body's wall."""
-    x, y = known(scene.first_outline).mean(axis=0)
+    x, y = scene.outline.mean(axis=0)
     reach = CLOSE_UP_WIDTHS * scene.width
     windows = [window_round_body(scene, airflow), (x - reach, x + reach, y - reach, y + reach)]
     shapes = [(w[1] - w[0]) / (w[3] - w[2]) for w in windows]
