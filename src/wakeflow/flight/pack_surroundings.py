@@ -189,7 +189,7 @@ def pack_lines(lines: Sequence[object]) -> tuple[Array, Index]:
 
 
 # -- From a field to the plain arrays of the kernel --------------------------------------------------------------------
-NODES = 128  # of which splines are made at a time: they fit into a core's cache
+PRODUCTS = 2**18  # in a product of matrices: of more than some 2^19 BLAS starts threads, which wait for each other
 SIGNS = np.array([-1.0, 1.0, -1.0, 1.0, 1.0, 1.0])  # of the values in a mirror
 ROUND = 1e-9  # of the mesh's extent: so near to its box an edge is on it
 # Chosen by experiment, see docs/model.md: a tenth of them, which an interval of noise lasts, keeps tracers well mixed
@@ -382,8 +382,9 @@ def _smooth(field: FlowField, forces: Sequence[str], swing: MeshOscillation | No
     stirred: tuple[Array, ...] = ()
     if _needed("turbulence", forces):
         stirred = eddies(field, field.at_knots("k"), field.at_knots("dissipation"))
-    for low in range(0, count, NODES):
-        part = slice(low, low + NODES)
+    each = max(1, PRODUCTS // (2 * shares.size))
+    for low in range(0, count, each):
+        part = slice(low, low + each)
         for place, parts in enumerate(vectors):
             assert parts is not None
             drawn = (shares @ parts[:, part].reshape(len(parts), -1)).reshape(len(around), -1, 2)
