@@ -103,8 +103,14 @@ def test_the_shipped_scenes_run_and_tell_their_bounds(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"vibration.amplitude": "2 mm"}, "about a pivot is an angle"),
-        ({"vibration.amplitude": "40 deg"}, "40 deg about a pivot, allowed up to 30 deg"),
+        (
+            {"vibration.amplitude": "2 mm"},
+            "amplitude is of a motion along a line; about a pivot give frequency and angle",
+        ),
+        ({"vibration.angle": "2 mm"}, "vibration.angle"),
+        ({"vibration.angle": "40 deg"}, "vibration.angle = "),
+        ({"vibration.angle": None}, "pivot and angle go together"),
+        ({"vibration.pivot": None}, "pivot and angle go together"),
         ({"vibration.gamma": 2.0}, "gamma is of a motion along a line"),
         ({"vibration.direction": "0 deg"}, "direction is of a motion along a line"),
         ({"vibration.pivot": [0.0]}, "vibration.pivot"),
@@ -122,7 +128,7 @@ def test_what_cannot_be_is_one_line(change: dict[str, Any], told: str) -> None:
 
 
 def test_a_rocking_body_that_would_lock_its_wake_is_refused() -> None:
-    fast = shipped("rocking", {"vibration.frequency": "40 Hz", "vibration.amplitude": "6 deg"})
+    fast = shipped("rocking", {"vibration.frequency": "40 Hz", "vibration.angle": "6 deg"})
     with pytest.raises(SceneError, match=r"vibration\.pivot"):
         vibration_of_scene(fast)
     left_out = vibration_of_scene(fast, asked=False)

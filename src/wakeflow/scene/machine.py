@@ -12,13 +12,13 @@ from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from ..core.errors import SceneError, known
 from ..core.geometry import is_simple, rounded
-from ..core.quantities import quantity, say
+from ..core.quantities import say
 from ..core.record import JsonTable
 from ..laws.constants import GRAVITY
 from ..laws.gas import PRESSURE, TEMPERATURE, air_density, air_viscosity, mean_free_path
 from ..laws.operating_point import FanPoint
 from ..laws.shape import shapes
-from ..laws.vibration import MAX_ROCK, Record, integrated
+from ..laws.vibration import Record, integrated
 from .table import (
     AirFlow,
     AnyAngle,
@@ -33,6 +33,7 @@ from .table import (
     Point,
     PositiveSpeed,
     Pressure,
+    RockAngle,
     SlopeAngle,
     Table,
     Temperature,
@@ -303,7 +304,7 @@ class Vibration(Weighed):
     """
 
     frequency: Frequency | None = None
-    amplitude: Length | None = Field(None, description="to either side; about a pivot an angle, such as 2 deg")
+    amplitude: Length | None = None
     gamma: Annotated[float, Field(gt=0, le=MAX_GAMMA)] | None = Field(None, description="peak acceleration over g")
     direction: AnyAngle = Field(math.pi / 2, description="from the x axis; 90 deg is vertical")
     samples: Samples | None = Field(
@@ -311,31 +312,18 @@ class Vibration(Weighed):
         description="instead of frequency and strength: a CSV file (time s, acceleration m/s2), or both as lists",
         json_schema_extra=_or_a_file,
     )
-    pivot: Point | None = Field(None, description="all bodies rock about it as one; amplitude is then an angle")
+    pivot: Point | None = Field(None, description="all bodies rock about it as one piece, by angle")
+    angle: RockAngle | None = Field(None, description="about the pivot, to either side: up to 30 deg")
     _arms: tuple[float, float] = PrivateAttr((0.0, 0.0))
 
     @model_validator(mode="before")
     @classmethod
-    def _angle_about_a_pivot(cls, given: object) -> object:
-        """The amplitude of what rocks in rad, where it is said with a unit."""
-        if not isinstance(given, Mapping) or given.get("pivot") is None or not isinstance(given.get("amplitude"), str):
-            return given
-        try:
-            return {**given, "amplitude": quantity(given["amplitude"], "rad", "2 deg")}
-        except ValueError as problem:
-            raise SceneError(f"amplitude = {given['amplitude']!r} about a pivot is an angle: {problem}") from None
-
-    @model_validator(mode="after")
-    def _rocks_or_not(self) -> Vibration:
-        if self.pivot is None:
-            return self
-        for key in ("gamma", "samples", "direction"):
-            if key in self.model_fields_set and getattr(self, key) is not None:
-                raise SceneError(f"{key} is of a motion along a line: about a pivot give frequency and amplitude alone")
-        if self.amplitude is not None and self.amplitude > MAX_ROCK:
-            asked = f"{math.degrees(self.amplitude):.4g} deg"
-            raise SceneError(f"amplitude = {asked} about a pivot, allowed up to {math.degrees(MAX_ROCK):.3g} deg")
-        return self
+    def _along_a_line_or_about_a_pivot(cls, given: object) -> object:
+        if isinstance(given, Mapping) and given.get("pivot") is not None:
+            for key in ("amplitude", "gamma", "samples", "direction"):
+                if given.get(key) is not None:
+                    raise SceneError(f"{key} is of a motion along a line; about a pivot give frequency and angle")
+        return given
 
     def told_arms(self, bodies: Mapping[str, Body]) -> None:
         """Take how far (m) from the pivot, along x and along y, the scene's bodies reach."""
@@ -351,8 +339,12 @@ class Vibration(Weighed):
                 raise SceneError("samples say how fast and how far it moves: leave out frequency, amplitude and gamma")
             if (found := self.record.peak_acceleration / GRAVITY) > MAX_GAMMA:
                 raise SceneError(f"samples: peak acceleration of {found:.3g} g, allowed {MAX_GAMMA:g} g")
+        elif (self.pivot is None) != (self.angle is None):
+            raise SceneError("pivot and angle go together: the place it rocks about, and how far to either side")
         elif self.frequency is None:
-            raise SceneError("give frequency, and either amplitude or gamma; or samples")
+            raise SceneError("give frequency, and either amplitude or gamma, or pivot and angle; or samples")
+        elif self.pivot is not None:
+            return self
         elif (self.amplitude is None) == (self.gamma is None):
             raise SceneError("give either amplitude or gamma")
         return self
@@ -385,7 +377,7 @@ class Vibration(Weighed):
         displacement; about a pivot of the body's farthest places along x and along y, to first order in the angle.
         """
         if self.pivot is not None:
-            return known(self.amplitude) * np.array(self._arms[::-1])
+            return known(self.angle) * np.array(self._arms[::-1])
         if self.samples is not None:
             return self.record.reach * self.along
         if self.amplitude is not None:

@@ -27,6 +27,7 @@ from ..core.quantities import QUANTITY, quantity
 from ..core.record import JsonTable
 from ..core.registry import Registry
 from ..laws.constants import GRAVITY
+from ..laws.vibration import MAX_ROCK
 
 # -- What all tables of a scene share ----------------------------------------------------------------------------------
 Array = NDArray[np.float64]
@@ -126,6 +127,7 @@ SlopeAngle = Annotated[
     WithUnit("rad", "60 deg"),
 ]
 TiltAngle = Annotated[float, Field(ge=-math.pi / 2 - 1e-9, le=math.pi / 2 + 1e-9), WithUnit("rad", "20 deg")]
+RockAngle = Annotated[float, Field(gt=0, le=MAX_ROCK), WithUnit("rad", "2 deg")]
 AnyAngle = Annotated[float, Field(ge=-2 * math.pi, le=2 * math.pi), WithUnit("rad", "90 deg")]
 ScatterAngle = Annotated[float, Field(ge=0, le=1), WithUnit("rad", "0.1 rad")]
 Speed = Annotated[float, Field(ge=0, le=100), WithUnit("m/s", "1.4 m/s")]

@@ -55,7 +55,7 @@ def motion_words(vibration: Vibration) -> str:
     reach = metres(float(np.hypot(*vibration.displacement)), 3)
     if vibration.pivot is not None:
         x, y = (metres(part) for part in vibration.pivot)
-        reach = f"{say(vibration.amplitude or 0.0, 'rad', 3)} about x = {x}, y = {y}"
+        reach = f"{say(vibration.angle or 0.0, 'rad', 3)} about x = {x}, y = {y}"
     return f"{say(1.0 / vibration.period, 'Hz', 4)}, ± {reach} ({vibration.strength:.3g} g)"
 
 

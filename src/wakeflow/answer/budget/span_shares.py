@@ -80,9 +80,16 @@ def _interval(ends: Sequence[float]) -> Number:
     return Number(0.5 * (low + high), low, high)
 
 
+def _keeps_or_rocks(scene: Scene) -> bool:
+    """Whether walls keep granules or rock, as those of no entry do."""
+    sticks = any(one.capture_speed or one.sticks for one in scene.fraction.values())
+    rocks = scene.vibration is not None and scene.vibration.pivot is not None
+    return sticks or rocks or any(one.keeps_part is not None for one in scene.bin.values())
+
+
 def _known_shares(scene: Scene, plan: Plan) -> dict[str, dict[str, Entry]]:
     """The entries for a machine like the scene's, by fraction and bin."""
-    if plan.airflow.wake is None or scene.airstream.direction != "down" or scene.collecting:
+    if plan.airflow.wake is None or scene.airstream.direction != "down" or _keeps_or_rocks(scene):
         return {}
     body = next(iter(scene.body.values()))
     if abs(scene.feed.position - body.at[0]) > NEAR * scene.width:

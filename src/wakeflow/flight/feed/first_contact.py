@@ -29,7 +29,7 @@ def motion_of(scene: Scene) -> Motion | None:
     if vibration is None:
         return None
     if vibration.pivot is not None:
-        return Motion(known(vibration.amplitude), 1.0 / vibration.period, pivot=vibration.pivot)
+        return Motion(known(vibration.angle), 1.0 / vibration.period, pivot=vibration.pivot)
     if vibration.samples is not None:
         return Motion.sampled(vibration.samples.time, vibration.samples.acceleration, tuple(vibration.along))
     return Motion(tuple(vibration.displacement), 1.0 / vibration.period)
