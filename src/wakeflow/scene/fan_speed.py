@@ -24,7 +24,7 @@ NEAREST = 1e-6  # m to the floor, of a feed that the scene's checks refuse
 PARTS = np.array([0.1, 0.3, 0.5, 0.7, 0.9])  # of a fraction's mass, whose granules stand for it
 
 
-class Machine(BinPlace, Protocol):
+class Blown(BinPlace, Protocol):
     """What the air and the feed pass: a scene."""
 
     @property
@@ -48,13 +48,13 @@ class Machine(BinPlace, Protocol):
     def mass_shares(self) -> Mapping[str, float]: ...
 
 
-def blocked(scene: Machine) -> Array:
+def blocked(scene: Blown) -> Array:
     """The part (k,) of the channel's width that each body takes, less than all of it."""
     widths = np.array([np.ptp(body.outline()[:, 0]) for body in scene.body.values()])
     return np.minimum(widths / scene.channel.width, 0.99)
 
 
-def fan_point(scene: Machine, fan: Fan) -> FanPoint:
+def fan_point(scene: Blown, fan: Fan) -> FanPoint:
     """Where the fan's curve meets the pressure drop of the scene's machine. Raises SceneError where it does not."""
     channel, air, depth = scene.channel, scene.airstream, scene.feed.depth
     section, beside = channel.width * depth, depth * sum(i.width * i.velocity for i in channel.inlet.values())
@@ -102,7 +102,7 @@ def _speed_or(end: float, fan: Fan, takes: OfFlow, speed: OfFlow) -> float:
         return end
 
 
-def _feed_load(scene: Machine, speeds: Array) -> Array:
+def _feed_load(scene: Blown, speeds: Array) -> Array:
     """Weight (N) of the feed that air of ``speeds`` (n,) m/s bears, what granules take to come to their speed taken
     off; negative in downward air, where it drives. None without a feed.rate, and of what gravity pulls across.
     """
@@ -125,7 +125,7 @@ def _borne(settling: tuple[float, ...], air: tuple[float, ...], *rest: float) ->
     return np.asarray(borne(np.array(settling), np.array(air), *rest).mean(axis=1))
 
 
-def _settling(scene: Machine, fraction: Fraction) -> Array:
+def _settling(scene: Blown, fraction: Fraction) -> Array:
     """Terminal velocities (m/s) of granules at the PARTS of a fraction's mass: as measured, else by its drag law."""
     measured = fraction.settling(PARTS)
     if measured is not None:
