@@ -377,12 +377,11 @@ def _smooth(field: FlowField, forces: Sequence[str], swing: MeshOscillation | No
     knots, count = len(field.times), len(field.points)
     around = np.arange(-1, knots + 2) % knots
     shares = field.coefficients[around]
-    values = np.zeros((count, len(around), _width(forces)))
+    values, each = np.zeros((count, len(around), _width(forces))), max(1, PRODUCTS // (2 * shares.size))
     vectors = [field.velocity, *([field.pressure_gradient] if _needed("pressure", forces) else [])]
     stirred: tuple[Array, ...] = ()
     if _needed("turbulence", forces):
         stirred = eddies(field, field.at_knots("k"), field.at_knots("dissipation"))
-    each = max(1, PRODUCTS // (2 * shares.size))
     for low in range(0, count, each):
         part = slice(low, low + each)
         for place, parts in enumerate(vectors):
