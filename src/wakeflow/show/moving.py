@@ -28,6 +28,14 @@ Array = NDArray[np.float64]
 TOUCH = 1e-3  # of its radius: a recorded point nearer than that to a body is a contact
 
 
+def body_displacement(scene: Scene, time: Array, place: Array | tuple[float, float] = (0.0, 0.0)) -> Array:
+    """Where the bodies are off the middle of their vibration, (n, 2) m at times (n,) s; of bodies that rock, what is at
+    the ``place`` (n, 2) m then.
+    """
+    motion = motion_of(scene)
+    return np.zeros((len(time), 2)) if motion is None else motion.at(time, place)[0]
+
+
 def seen_from_body(scene: Scene, time: Array, position: Array) -> Array:
     """Where (n, 2) m what is at ``position`` (n, 2) m at times (n,) s lies about a body in the middle of its motion."""
     motion = motion_of(scene)
@@ -103,9 +111,8 @@ class MovingMachine:
         """The bodies to where they are at ``time`` (s), the granules to ``places`` (n, 2) m, of which those that are
         NaN are not seen.
         """
-        motion = motion_of(self.scene)
         for patch, outline in zip(self.bodies, self.outlines, strict=True):
-            patch.set_xy(MM * (outline if motion is None else outline + motion.at(time, outline)[0]))
+            patch.set_xy(MM * (outline + body_displacement(self.scene, np.full(len(outline), time), outline)))
         self.discs.set_offsets(np.ma.masked_invalid(MM * places))
 
 
