@@ -242,7 +242,7 @@ def test_runs_are_made_stopped_gone_on_with_and_compared(page: Served, browser: 
         opened.locator("#compare").click()
         opened.wait_for_selector("#differs table")
         assert "feed.count" in opened.locator("#differs").text_content()
-        assert opened.frame_locator("#report").locator("#all").count() == 1
+        opened.frame_locator("#report").locator("#all").wait_for(state="attached")  # the frame loads
 
 
 def _done(opened: Any, name: str) -> str:

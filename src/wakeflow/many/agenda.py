@@ -274,7 +274,9 @@ def _flight_steps(planned: Iterable[_Planned], out: Path, threads: int, *, repor
 
 # -- Doing an agenda ---------------------------------------------------------------------------------------------------
 LOOK_EVERY = 1.0  # s between looks at the time left, where nothing ends
-TOLD_AGAIN = 1.5  # times shorter than the one told last: the time left is told anew
+TOLD_AGAIN, SHORTER = 1.5, 5.0  # times, and s, shorter than the one told last: the time left is told anew
+TRUSTED_PART = 0.05  # of all that is expected: until so much is done, if that is less than TRUSTED, as that; chosen
+STARTS = 3.5  # s of a worker's first step: what it imports, and the compiled kernels that it reads; measured
 AT_HAND = 0.02  # of the expected time: a step that takes less was found in the cache, and says nothing of the pace
 
 
@@ -282,7 +284,8 @@ AT_HAND = 0.02  # of the expected time: a step that takes less was found in the 
 class SweepProgress:
     """How far an agenda of ``steps`` is on so many ``workers``: what has begun and ended when, by the name of a step.
 
-    What is left is laid out on the workers, each kind of step, airflows and flights, at the pace that it had so far.
+    What is left is laid out on the workers, each kind of step, airflows and flights, at the pace that it had so far,
+    without the seconds in which a worker starts.
     """
 
     steps: Sequence[Step]
@@ -290,6 +293,7 @@ class SweepProgress:
     clock: Callable[[], float] = time.monotonic
     began: dict[str, float] = field(default_factory=dict)  # of steps under way: when
     took: dict[str, float] = field(default_factory=dict)  # of steps that have ended: s
+    first: set[str] = field(default_factory=set)  # the first step of each worker
     failed: int = 0
     least: float = math.inf  # seconds left as reported so far
     told: float = math.inf  # those told last, if nothing has ended since
@@ -298,6 +302,8 @@ class SweepProgress:
         """Note which steps are under way: of those that are handed out, and have not ended, as many as work at once."""
         for step in islice(handed_out, self.workers):
             self.began.setdefault(step.name, self.clock())
+            if len(self.first) < self.workers:
+                self.first.add(step.name)
 
     def end(self, step: Step, problem: str) -> None:
         """Note that a step has ended, perhaps before it began."""
@@ -307,21 +313,23 @@ class SweepProgress:
 
     def news(self, tell: Callable[[str], None]) -> None:
         """Tell how far it is, where a step has ended or much less is left than at the last time."""
-        if self.told > TOLD_AGAIN * (left := self.left):
+        if self.told > max(TOLD_AGAIN * (left := self.left), left + SHORTER):
             self.told = left
             tell(str(self))
 
     def _pace(self, airflow: bool) -> float:
         """Seconds that steps of a kind take over those expected of them."""
-        taken = expected = TRUSTED
+        trusted = min(TRUSTED, TRUSTED_PART * sum(step.wall for step in self.steps if step.airflow is airflow))
+        taken = expected = trusted
         for step in self.steps:
             now = self.took.get(step.name)
             if now is None and step.name in self.began:
                 now = self.clock() - self.began[step.name]
                 now = now if now > step.wall else None  # overdue
             if step.airflow is airflow and now is not None and now > AT_HAND * step.wall:
-                taken, expected = taken + now, expected + step.wall
-        return taken / expected
+                started = STARTS if step.name in self.first else 0.0
+                taken, expected = taken + max(0.0, now - started), expected + step.wall
+        return taken / expected if expected else 1.0
 
     @property
     def left(self) -> float:
