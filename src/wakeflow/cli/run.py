@@ -65,7 +65,7 @@ def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None
     Parameters
     ----------
     kind
-        One of: rhombus, prism, labyrinth, aspirator, fan, zigzag, vacuum, funnel, wheat-straw-dust.
+        One of: rhombus, prism, labyrinth, cascade, aspirator, fan, zigzag, vacuum, funnel, wheat-straw-dust.
     path
         Where to write it; default KIND.toml here.
     overwrite
