@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 
 import wakeflow as wf
 from support import Here, shipped
+from wakeflow.cli.show_many import show_verdicts
 from wakeflow.core.errors import SceneError
 from wakeflow.many import operating
 
@@ -46,7 +48,9 @@ def test_a_map_is_a_sweep_with_one_figure(tmp_path: Path) -> None:
     assert figure.read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_capacity_curve_is_a_sweep_over_the_rate_with_one_figure(tmp_path: Path) -> None:
+def test_a_capacity_curve_is_a_sweep_over_the_rate_with_one_figure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     scene, here = shipped("vacuum", {"feed.count": 64, "feed.rate": "1 kg/hour"}), Here()
     found, figure = operating.capacity(scene, tmp_path, feed=["0.5 kg/hour", "1 kg/hour"], scheduler=here)
     assert len(found.table.done) == 2
@@ -56,6 +60,13 @@ def test_a_capacity_curve_is_a_sweep_over_the_rate_with_one_figure(tmp_path: Pat
     high = max(one.by_name["loss.hard"].high for one in found.table.done)
     met = operating.met_up_to(found.table, {"loss.hard": high, "dirt.near": 1e-6})
     assert met == {"loss.hard": pytest.approx(1.0 / 3600.0), "dirt.near": None}
+    low = min(one.by_name["loss.hard"].low for one in found.table.done)
+    counted = [operating.met_at(found.table, {"loss.hard": most})["loss.hard"] for most in (high, low / 2.0)]
+    assert counted == [{"met": 2}, {"not met": 2}]
+    void = replace(found.table, entries=[replace(one, reason="void") for one in found.table.entries])
+    assert operating.met_at(void, {"loss.hard": high})["loss.hard"] == {"open": 2}
+    show_verdicts(operating.met_at(void, {"loss.hard": high}), {"loss.hard": high})
+    assert "open at 2 of 2 settings" in capsys.readouterr().out
     with pytest.raises(SceneError, match=r"needs a feed\.rate"):
         operating.capacity(shipped("vacuum"), tmp_path)
     with pytest.raises(SceneError, match="two feed rates"):

@@ -165,10 +165,10 @@ def _operated(
     quiet: bool,
 ) -> int:
     """A map or a curve of a scene over what an operator turns, drawn and printed."""
-    from ..many.operating import met_up_to
+    from ..many.operating import met_at, met_up_to
     from ..runs.effort import quick_settings
     from ..runs.progress import live
-    from .show_many import show_limits, show_sweep
+    from .show_many import show_limits, show_sweep, show_verdicts
 
     asked, folder = scene_and_folder(scene, settings, pace, None)
     how = pace.how
@@ -181,6 +181,8 @@ def _operated(
         show_sweep(found)
         if name == "capacity":
             show_limits(met_up_to(found.table, asked.limit.asked), asked.limit.asked)
+        else:
+            show_verdicts(met_at(found.table, asked.limit.asked), asked.limit.asked)
         print(figure)
     return SOME_FAILED if found.failed else 0
 

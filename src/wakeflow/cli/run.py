@@ -65,7 +65,8 @@ def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None
     Parameters
     ----------
     kind
-        One of: rhombus, prism, labyrinth, aspirator, fan, zigzag, vacuum, funnel, wheat-straw-dust, rocking, sticky.
+        One of: rhombus, prism, labyrinth, cascade, aspirator, fan, zigzag, vacuum, funnel, wheat-straw-dust,
+        rocking, sticky.
     path
         Where to write it; default KIND.toml here.
     overwrite

@@ -72,6 +72,13 @@ def show_limits(met: Mapping[str, float | None], limits: Mapping[str, float]) ->
         print_lines([f"{name} at most {100 * limits[name]:.4g} %: met {until}"])
 
 
+def show_verdicts(found: Mapping[str, Mapping[str, int]], limits: Mapping[str, float]) -> None:
+    """Print at how many settings each limit is met, not met and open."""
+    for name, counted in found.items():
+        told = ", ".join(f"{verdict} at {number}" for verdict, number in counted.items())
+        print_lines([f"{name} at most {100 * limits[name]:.4g} %: {told} of {sum(counted.values())} settings"])
+
+
 def show_table(table: ResultTable) -> None:
     """Print a row a scene: its inputs and the quantities that it is made for, with their 95 % intervals; where not
     all columns fit beside each other, in several tables.

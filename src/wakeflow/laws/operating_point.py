@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.number import Number
+from ..core.quantities import say
 from ..core.record import column
 
 Array = NDArray[np.float64]
@@ -21,6 +22,7 @@ BLUNT = 2.2  # loss of a bluff body over b / (1 - b)^2, b the part of the channe
 # cylinder (b = 0.05) and the 6 of a zigzag (0.38); rhombus 2.3 (0.13), prism 3.3 (0.25), labyrinth 3.1. Computed here
 OFF = 3.0  # by which factor that may be off, as these are
 FLOWS, ROWS = 257, 4  # of a row, and rows: the flow is found to the 256^4th part of the range
+HOUR = 3600.0  # s
 SAME = 1e-12  # of the fan's pressure: rounding
 STEPS, HANGING = 60, 10  # of a crossing of the channel; crossings after which a granule is taken to hang in the air
 
@@ -36,6 +38,21 @@ class FanPoint:
     rest: float = column("Pa", "of that for what else the air passes")
     feed: float = column("Pa", "of that for the weight of the feed that the air bears; negative where that drives it")
     others: int = column("1", "lower flows at which the curves meet too: there the fan may stall, or the feed settle")
+
+    @property
+    def words(self) -> str:
+        """Where they meet, and what the drop is made of."""
+        speed = say(self.speed.value, "m/s", 3)
+        if self.speed.low != self.speed.high:
+            ends = f"{self.speed.low:.3g} to {self.speed.high:.3g}"
+            speed += f" ({ends} with {OFF:g} times, or a {OFF:g}rd, of the channel's estimated drop; a run computes it)"
+        parts = [
+            f"{say(drop, 'Pa', 3)} for {what}"
+            for what, drop in (("the channel", self.channel), ("the rest", self.rest), ("the feed", self.feed))
+            if drop
+        ]
+        of_which = f", of which {', '.join(parts)}" if parts else ""
+        return f"{speed} at {HOUR * self.flow:.4g} m3/h and {say(self.pressure, 'Pa', 3)}{of_which}"
 
 
 def bluff_loss(blocked: Array) -> float:

@@ -7,12 +7,14 @@ they computed is found again by them and by runs.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
 from ..answer.result_table import ResultTable
+from ..answer.shares import MET, NOT_MET, OPEN
 from ..core import sums
 from ..core.errors import SceneError
 from ..core.files import path_of
@@ -94,6 +96,20 @@ def met_up_to(table: ResultTable, limits: Mapping[str, float]) -> dict[str, floa
         met = list(takewhile(lambda row, n=name, m=most: not row.reason and row.by_name[n].high <= m, rows))  # type: ignore[misc]
         found[name] = float(met[-1].inputs[RATE]) if met else None
     return found
+
+
+def met_at(table: ResultTable, limits: Mapping[str, float]) -> dict[str, Counter[str]]:
+    """At how many settings of a map each of the ``limits`` is met, not met or open: as of a single run, it is open
+    where the limit lies within the interval, and where anything is against the answer.
+    """
+    return {
+        name: Counter(
+            OPEN if row.reason or (one := row.by_name.get(name)) is None or one.low <= most < one.high
+            else MET if one.high <= most else NOT_MET
+            for row in table.done
+        )
+        for name, most in limits.items()
+    }  # fmt: skip
 
 
 def _swept(

@@ -16,6 +16,7 @@ from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from ..scene import Scene
 from ..scene.fraction import COEFFICIENTS
 from .airflow_choice import AirflowPlan
+from .cascade import cascade_lines
 from .collisions import CollisionPlan, collision_lines
 from .cost import ranks_for, span_cost, typical_cells
 from .coupling import COUPLING, INDEPENDENT, Limit, strained
@@ -164,6 +165,7 @@ def used_lines(
     for name, fraction in fractions.items():
         yield _fraction_line(scene, name, fraction)
     yield from _kept_lines(scene)
+    yield from cascade_lines(scene, blown=scene.air is not None and not scene.air.still)
     numbers = ", ".join(f"{limit.name} {limit.value:.2g}" for limit in validity if limit.limit is not None)
     yield f"feed: {3600 * scene.feed.mass_flow:.3g} kg/h, profile {scene.feed.profile.distribution}; {numbers}"
     if scene.vibration is not None:

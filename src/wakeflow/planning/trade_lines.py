@@ -6,33 +6,17 @@ from collections.abc import Iterator
 
 from ..core.graded import Notice, less_sure
 from ..core.quantities import say
-from ..laws.operating_point import OFF, bluff_loss
+from ..laws.operating_point import HOUR, bluff_loss
 from ..scene import Scene
 from ..scene.fan_speed import blocked
 
-HOUR, TONNE, KILO = 3600.0, 1e3, 1e3
+TONNE, KILO = 1e3, 1e3
 
 
 def trade_lines(scene: Scene) -> Iterator[tuple[str, str]]:
     """Label and text of each line of a scene that has a fan or prices."""
-    yield from ((label, text) for label, text in (("fan", _fan(scene)), ("money", _money(scene))) if text)
-
-
-def _fan(scene: Scene) -> str:
-    """Where the fan's curve meets the machine's pressure drop, and what that is made of; empty without a fan."""
-    point = None if scene.air is None else scene.air.point
-    if point is None:
-        return ""
-    speed = say(point.speed.value, "m/s", 3)
-    if point.speed.low != point.speed.high:
-        ends = f"{point.speed.low:.3g} to {point.speed.high:.3g}"
-        speed += f" ({ends} with {OFF:g} times, or a {OFF:g}rd, of the channel's estimated drop; a run computes it)"
-    feed = f", {say(point.feed, 'Pa', 3)} for the feed that it bears" if point.feed else ""
-    rest = f" and {say(point.rest, 'Pa', 3)} for the rest" if point.rest else ""
-    return (
-        f"{speed} at {HOUR * point.flow:.4g} m3/h and {say(point.pressure, 'Pa', 3)}, of which "
-        f"{say(point.channel, 'Pa', 3)} for the channel{rest}{feed}"
-    )
+    point = "" if scene.air is None or scene.air.point is None else scene.air.point.words
+    yield from ((label, text) for label, text in (("fan", point), ("money", _money(scene))) if text)
 
 
 def fan_notices(scene: Scene) -> Iterator[Notice]:
