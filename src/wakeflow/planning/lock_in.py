@@ -84,10 +84,10 @@ def frequency_ratios(scene: Scene) -> tuple[float, float]:
     """The range in which f / fs of a scene lies, before its airflow is known; of samples from their period's to that
     of their fastest change.
     """
-    width = scene.width
+    width, vibration = scene.width, known(scene.vibration)
     reduced = width / scene.airstream.speed * (1.0 - width / scene.channel.width)
-    slow = 1.0 / known(scene.vibration).period
-    fast = slow if known(scene.vibration).samples is None else known(scene.vibration).record.pace / (2.0 * math.pi)
+    slow = 1.0 / vibration.period
+    fast = slow if vibration.samples is None else vibration.record.pace / (2.0 * math.pi)
     return slow * reduced / STROUHAL[1], fast * reduced / STROUHAL[0]
 
 

@@ -244,18 +244,18 @@ class Fraction(Table):
         """The fraction's own values where given, its material's elsewhere; diameter is the mass median, coefficients of
         rebound are the middle ones.
         """
-        own = self.terminal_velocity
+        own, source = self.terminal_velocity, self._source
         terminal = float(own.quantile(np.array([0.5]))[0]) if isinstance(own, Speeds) else own
-        if terminal is None and self.sphericity is None and self.material is not None:
-            terminal = known(self._source).terminal_velocity
+        if terminal is None and self.sphericity is None and source is not None:
+            terminal = source.terminal_velocity
         return Material(
             diameter=float(self.diameters(np.array([0.5]))[0]),
             density=self._or_material("density"),
             terminal_velocity=terminal,
             restitution=self._middle("restitution"),
             friction=self._middle("friction"),
-            confidence="given" if self.material is None else known(self._source).confidence,
-            source="scene" if self.material is None else known(self._source).source,
+            confidence="given" if source is None else source.confidence,
+            source="scene" if source is None else source.source,
             rebound_scatter=self._of_shape("rebound_scatter"),
             tangential_restitution=self._of_shape("tangential_restitution") if self.inertia is not None else 0.0,
             impact=self.impact_model,
@@ -263,9 +263,9 @@ class Fraction(Table):
 
     def confidence_in(self, name: str) -> str:
         """How well one of its numbers, of a key ``name``, is known: that of its material's, or given."""
-        if getattr(self, name) is not None or self.material is None:
+        source = self._source
+        if getattr(self, name) is not None or source is None:
             return "given"
-        source = known(self._source)
         evidence = source.evidence.get({"size": "diameter"}.get(name, name))
         return source.confidence if evidence is None else evidence.confidence
 
@@ -313,7 +313,7 @@ class Fraction(Table):
     @property
     def impact_model(self) -> str:
         """Name of the impact model: as given, else that of the material, else the paper's."""
-        return self.impact or (PAPER if self.material is None else known(self._source).impact)
+        return self.impact or (PAPER if (source := self._source) is None else source.impact)
 
     @property
     def inertia(self) -> float | None:
@@ -327,7 +327,7 @@ class Fraction(Table):
 
     @property
     def _dimensions(self) -> Sequence[float] | None:
-        return self.dimensions or (None if self.material is None else known(self._source).dimensions)
+        return self.dimensions or (None if (source := self._source) is None else source.dimensions)
 
     @property
     def shape(self) -> Array:
@@ -363,11 +363,10 @@ class Fraction(Table):
         The material's own granule when the material brings the velocity: a scene's other size or density does not
         change what was measured, it changes how fast its granules fall.
         """
-        own = self.properties
+        own, source = self.properties, self._source
         if own.terminal_velocity is None:
             return None
-        if self.terminal_velocity is None and self.material is not None:
-            source = known(self._source)
+        if self.terminal_velocity is None and source is not None:
             return source.diameter, source.density, own.terminal_velocity
         return own.diameter, own.density, own.terminal_velocity
 

@@ -170,17 +170,17 @@ def _with_boundary(resolved: FlowField, still: dict[str, Array], mean: Array) ->
 
 def _swinging(field: FlowField, still: Array, share: float) -> FlowField:
     """The ``field`` with ``share`` of what the swing of its mesh does to the steady air ``still`` (N, 2) m/s."""
-    amplitude = np.array(known(field.motion)[:2])
-    along = amplitude / np.linalg.norm(amplitude)
+    motion, times = known(field.motion), known(field.times)
+    along = np.array(motion[:2]) / np.linalg.norm(motion[:2])
     width, height = np.ptp(field.points, axis=0)
     through = float(field.area @ still[field.triangles, 1].mean(axis=1)) / (width * height)  # the same at every height
     pushed = along - still * float(along[1]) / through
     if field.coefficients is None:
-        speed = known(field.motion).velocity(known(field.times)) @ along
+        speed = motion.velocity(times) @ along
         return field.with_values(velocity=field.velocity + share * speed[:, None, None] * pushed)
-    count = len(known(field.times))
-    times = known(field.times)[0] + np.arange(SAMPLES * count) * (known(field.period) / (SAMPLES * count))
-    found = fit(times, (known(field.motion).velocity(times) @ along)[:, None], known(field.period), count)
+    count, period = len(times), known(field.period)
+    times = times[0] + np.arange(SAMPLES * count) * (period / (SAMPLES * count))
+    found = fit(times, (motion.velocity(times) @ along)[:, None], period, count)
     more: dict[str, Any] = {
         name: np.concatenate([values, np.zeros_like(values[:1])]) for name, values in nodal(field).items()
     }

@@ -177,7 +177,7 @@ def _bins(scene: Scene) -> Iterator[Handle]:
     joined: dict[tuple[str, float], list[tuple[str, tuple[float, float], Grip]]] = {}
     for name, one in scene.bin.items():
         for grip in one.grips(scene):
-            key, at = f"bin.{name}.{grip.key}", (float(grip.at[0]), float(grip.at[1]))
+            key, at = f"bin.{name}.{grip.key}", (round(float(grip.at[0]), 9), round(float(grip.at[1]), 9))
             if grip.joins is not None:
                 joined.setdefault(grip.joins, []).append((key, at, grip))
                 continue

@@ -149,9 +149,9 @@ def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
 
 def _dead_point(scene: Scene) -> float:
     """Time (s) within the first period at which the vibrating body stands still at its lowest along the vibration."""
-    motion = known(motion_of(scene))
-    period, along = known(scene.vibration).period, known(scene.vibration).along
-    if known(scene.vibration).samples is None:
+    motion, vibration = known(motion_of(scene)), known(scene.vibration)
+    period, along = vibration.period, vibration.along
+    if vibration.samples is None:
         return 0.75 * period
     times = np.linspace(0.0, period, 4097)
     lowest = int(np.argmin(motion.at(times)[0] @ along))
