@@ -51,6 +51,6 @@ def test_what_is_dragged_moves_that_point_alone(name: str) -> None:
 
 def test_an_unknown_key_of_a_bin_is_told_with_those_of_all_kinds() -> None:
     with pytest.raises(
-        SceneError, match=r"bin\.own\.poins: unknown key; did you mean 'points'\? \(known: on, from, to, points"
+        SceneError, match=r"bin\.own\.poins: unknown key; did you mean 'points'\? \(known: on, from, to, keeps, points"
     ):
         with_bin({"poins": [], "from": "0 mm", "to": "1 mm"})

@@ -266,3 +266,17 @@ def scene_templates() -> dict[str, Path]:
 def case_template() -> Path:
     """The OpenFOAM case that every airflow starts from."""
     return _cases() / "template"
+
+
+# -- Files of the user that a scene, a sweep or a search names ----------------------------------------------------------
+def own_path(given: str, base: Path, key: str) -> Path:
+    """The path ``given`` under a ``key`` of a file in the folder ``base``: relative to that; ~ is the home of a user.
+
+    Raises SceneError, naming the key, where no file can have that path.
+    """
+    if "\0" in given:
+        raise SceneError(f"{key} = {given!r}: no path holds a zero byte; write it anew")
+    try:
+        return base / Path(given).expanduser()
+    except RuntimeError:
+        raise SceneError(f"{key} = {given!r}: no home of that user is known; write the whole path") from None

@@ -86,13 +86,12 @@ def track(
     across = float(np.ptp(solids[0].outline[:, 0])) if solids else 1.0
     length = across if length is None else number("length", length, "m")
     _check(record, length, tolerance, until, seed, noises, workers)
-    swing, reach = mesh_motion_of(field), REACH * length
+    swing, reach, points = mesh_motion_of(field), REACH * length, RECORD_POINTS if record is True else int(record)
     walls = pack_walls(solids, pack_lines(lines), swing, grains.restitution)
     air = pack_air(field, solids, reach, forces)
     rules = _rules(field, air, solids, walls, until, tolerance, length, seed, noises, march)
-    points = RECORD_POINTS if record is True else int(record)
-    tables, table_of = pack_tables(drag, grains.sphericity, grains.fraction)
-    flight = Packed(field, grains, forces, gravity, solids, swing, reach, points, walls, air, rules, tables, table_of)
+    tables = pack_tables(drag, grains.sphericity, grains.fraction)
+    flight = Packed(field, grains, forces, gravity, solids, swing, reach, points, walls, air, rules, *tables)
     found = Tracks.empty(len(grains), recorded=bool(record))
     if not len(grains):
         pack_granules(grains, field, forces, gravity)  # for what it raises

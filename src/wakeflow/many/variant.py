@@ -10,14 +10,13 @@ from numbers import Integral
 from pathlib import Path
 
 from ..core.errors import SceneError
-from ..core.files import path_of, read_toml
+from ..core.files import own_path, path_of, read_toml
 from ..core.record import JsonMapping, JsonTable
 from ..core.registry import did_you_mean
 from ..planning.stage_cache import Listener, null_listener
 from ..scene import Scene
 from ..scene.changes import differing, flat, folder_name, stem_name
 from ..scene.overrides import changes_of
-from ..scene.own_path import own_path
 from ..scene.schema import refuse_unknown
 from .axis import DIGITS, Axis, axes_of, axis_of_text, designs
 

@@ -29,9 +29,9 @@ from ..laws.turbulence import LIFETIME, LIFETIMES
 from ..scene import Fraction, Scene
 from ..scene.ties import margins_of
 from ..scene.uncertainty import SIGMAS as SIGMAS
+from ..scene.variation import Variation
 from .airflow_choice import AirflowPlan
 from .plan import Plan
-from .variation import Variation
 
 Array = NDArray[np.float64]
 MOST_COMMON = 0.95  # of a number's variance that others have too: what is left is its own; chosen

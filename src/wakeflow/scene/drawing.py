@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.errors import SceneError
-from ..core.files import read_whole
+from ..core.files import own_path, read_whole
 from ..core.quantities import quantity
 from ..core.registry import did_you_mean
-from .own_path import own_path
 from .table import Array
 
 if TYPE_CHECKING:

@@ -20,12 +20,11 @@ from pydantic import Field, ValidationError, model_validator
 
 from ..core.arrays import plain
 from ..core.errors import SceneError
-from ..core.files import path_of
+from ..core.files import own_path, path_of
 from ..core.number import Number
 from ..core.quantities import quantity, split_quantity
 from ..core.registry import did_you_mean
 from ..core.sheets import read_sheet
-from .own_path import own_path
 from .table import RESERVED_BIN, SHARE, Name, Table
 from .uncertainty import SIGMAS
 

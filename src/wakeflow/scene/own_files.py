@@ -10,7 +10,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from ..core.errors import FoamError, SceneError, known
-from ..core.files import read_toml
+from ..core.files import own_path, read_toml
 from ..core.foam_text import Entries, read_entries
 from ..core.quantities import quantity, split_quantity
 from ..core.record import JsonMapping, JsonTable
@@ -18,7 +18,6 @@ from ..core.sheets import Sheet, read_sheet
 from ..laws.material import Material, materials, read_material
 from .drawing import with_drawings
 from .machine import Air
-from .own_path import own_path
 
 # -- Materials of the user's own ---------------------------------------------------------------------------------------
 SHAPED = ("rebound_scatter", "tangential_restitution")  # of granules whose shape is known, where they are not 0

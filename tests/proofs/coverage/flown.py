@@ -31,9 +31,9 @@ from wakeflow.planning.dependence import dependence
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.stage_cache import code_of
 from wakeflow.planning.unknowns import FARTHEST, Unknown, unknowns, variation_at
-from wakeflow.planning.variation import AS_GIVEN, AirVariation, Variation
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
+from wakeflow.scene.variation import AS_GIVEN, AirVariation, Variation
 
 Array = NDArray[np.float64]
 GRANULES_PER_FRACTION = 64  # granules a fraction that show where bins are wanted

@@ -39,9 +39,9 @@ from wakeflow.flight.stages.fraction_flights import bodies_and_walls, end_lines
 from wakeflow.laws.collision import contact_time
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.planning.plan import Plan
-from wakeflow.planning.variation import Variation
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
+from wakeflow.scene.variation import Variation
 
 # -- machine -----------------------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]

@@ -47,7 +47,7 @@ from wakeflow.planning.collision_rates import encounters
 from wakeflow.planning.plan import INPUT_SAMPLES, SAME_AIR, replicate_size
 from wakeflow.planning.stage_cache import code_of
 from wakeflow.planning.terms import COLLISIONS, LOADING, limit_of
-from wakeflow.planning.variation import Variation
+from wakeflow.scene.variation import Variation
 from wakeflow.show.canvas import fraction_colours
 from wakeflow.show.words import percent
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...laws.restitution import Restitution
 from ...planning.plan import REPLICATES, replicate_size
-from ...planning.variation import GranuleVariation
+from ...scene.variation import GranuleVariation
 from .. import Granules
 
 # -- Random numbers of granules at birth -------------------------------------------------------------------------------

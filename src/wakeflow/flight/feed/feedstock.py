@@ -32,8 +32,8 @@ from ...laws.restitution import restitution_at
 from ...laws.size import normal_quantile
 from ...planning.carried_round import axis
 from ...planning.plan import REPLICATES, FractionPlan, Plan
-from ...planning.variation import GranuleVariation
 from ...scene import Scene, Speeds
+from ...scene.variation import GranuleVariation
 from .. import Granules
 from ..granules import toss_of
 from .birth import PLACED, TRAITS, blows_of, samples, traits_of, varied_granules

@@ -25,8 +25,8 @@ from ...laws.flake import section
 from ...laws.restitution import Restitution, restitution_at
 from ...planning.collisions import MASS_LEVELS, CollisionPlan, number_rates
 from ...planning.plan import Plan
-from ...planning.variation import AS_GIVEN, GranuleVariation, Variation
 from ...scene import Scene
+from ...scene.variation import AS_GIVEN, GranuleVariation, Variation
 from .. import Granules
 from .birth import varied_granules
 from .feedstock import entering, fall_start, granules_of, highest, hung, released

@@ -20,9 +20,9 @@ from ...core.errors import SceneError
 from ...core.geometry import wall_edge
 from ...core.tables import AnyArray, Columns
 from ...planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
-from ...planning.variation import GranuleVariation
 from ...scene import Scene
 from ...scene.pictures import TRACKS_RECORDED
+from ...scene.variation import GranuleVariation
 from .. import Body, Granules, Tracks
 from ..feed.feedstock import Feedstock, feedstock
 from ..feed.first_contact import motion_of

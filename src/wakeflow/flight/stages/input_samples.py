@@ -28,7 +28,7 @@ from ...planning.dependence import Dependence, correlated, dependence
 from ...planning.plan import INPUT_SAMPLES, REPLICATES, SAME_AIR, replicate_size
 from ...planning.stage_cache import code_of
 from ...planning.unknowns import FARTHEST, Unknown, unknowns, variation_at
-from ...planning.variation import AirVariation, Variation
+from ...scene.variation import AirVariation, Variation
 from .landings import BLOCKS, block_of
 
 if TYPE_CHECKING:

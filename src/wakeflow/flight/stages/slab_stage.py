@@ -25,8 +25,8 @@ from ...laws.forces import forces
 from ...planning.collisions import CollisionPlan
 from ...planning.plan import Plan
 from ...planning.stage_cache import code_of
-from ...planning.variation import AS_GIVEN, Variation
 from ...scene import Scene
+from ...scene.variation import AS_GIVEN, Variation
 from ..feed.feedstock import Feedstock
 from ..feed.stream import SlabFeed, slab_stream
 from .fraction_flights import PATIENCE, bodies_and_walls, end_lines, landing_columns, seed_of, slowest_pace

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from ..scene import Scene
+from .scene import Scene
 
 ONE = 1.0
 
