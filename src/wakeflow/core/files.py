@@ -268,7 +268,7 @@ def case_template() -> Path:
     return _cases() / "template"
 
 
-# -- Files of the user that a scene, a sweep or a search names ----------------------------------------------------------
+# -- Files of the user that a scene, a sweep or a search names --------------------------------------------------------
 def own_path(given: str, base: Path, key: str) -> Path:
     """The path ``given`` under a ``key`` of a file in the folder ``base``: relative to that; ~ is the home of a user.
 
