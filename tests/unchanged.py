@@ -29,8 +29,6 @@ PACKAGE = re.compile(r"\bsubprocess\b|sys\.executable|Popen|wakeflow\.cli|\bsmal
 ALL = re.compile(r"\bROOT\b|\bDOCS\b|\br?glob\(|import_module|\bexec\(|__file__")
 # Whose own use of these counts where a test asks for it
 SHARED = {TESTS / name for name in ("support.py", "conftest.py", "unchanged.py")}
-    TESTS / name for name in ("support.py", "conftest.py", "unchanged.py")
-}  # whose own use of these counts where a test asks for it
 Wanted = tuple[str, str | None]  # module, a name of it or None for all
 
 
