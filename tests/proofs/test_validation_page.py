@@ -24,7 +24,7 @@ def test_a_record_has_what_it_claims(name: str) -> None:
     if record["chapter"] not in CHAPTERS:  # told on the page of its subject
         assert record["chapter"] == "pages"
         assert any(f"records/{name}.toml" in " ".join(file.read_text().split()) for file in DOCS.glob("*.md"))
-    assert re.fullmatch(r"\d{4}-\d\d-\d\d", record["date"])
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d|no date was kept", record["date"])
     assert (RECORDS / f"{name}.toml").read_text() == text_of(record)
     told = record["notes"] + "".join(cell + " " for table in record.get("table", ()) for row in table["rows"]
                                      for cell in (*row, *table["head"]))  # fmt: skip
