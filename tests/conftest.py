@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 
+import unchanged
+
 ROOT = Path(__file__).parents[1]
 PROGRAMS = {  # by marker: what a test with it may start
     "openfoam": (
@@ -24,16 +26,73 @@ PROGRAMS = {  # by marker: what a test with it may start
 _HOMES = {shutil.which(name): marker for marker, names in PROGRAMS.items() for name in names}
 _HOMES.pop(None, None)
 _running: dict[str, pytest.Item] = {}
+NARROWED = ("keyword", "markexpr", "deselect", "lf", "failedfirst", "maxfail", "collectonly", "last_failed")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--slow", action="store_true", help="run the long validation as well")
+    parser.addoption("--all", action="store_true", help="run test files too that are as they were when they passed")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     # Before any test module imports the tracker: its compiled kernel lives in the cache too. Kept between sessions.
     os.environ["WAKEFLOW_CACHE"] = os.environ.get("WAKEFLOW_TEST_CACHE") or str(ROOT / "runs" / ".test-cache")
     sys.addaudithook(_only_marked_tests_start_programs)
+    config.stash[PASSED] = Passed(config)
+    if not hasattr(config, "workerinput"):
+        config.pluginmanager.register(config.stash[PASSED])
+
+
+PASSED = pytest.StashKey["Passed"]()
+
+
+class Passed:
+    """Which test files passed as they are now, and are left out; which have passed in this session."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        self.folder = Path(os.environ["WAKEFLOW_CACHE"]) / "passed"
+        missing = sorted(name for marker in PROGRAMS.values() for name in marker if shutil.which(name) is None)
+        self.mode = f"slow={config.getoption('--slow')} without={missing}"
+        self.narrowed = any(config.getoption(name, None) for name in NARROWED)
+        self.asked = {Path(word.partition("::")[0]).resolve() for word in config.args}
+        self.whole = {path for path in self.asked if path.is_dir()} if "::" not in "".join(config.args) else set()
+        self.seen: set[Path] = set()
+        self.failed: set[Path] = set()
+        if hasattr(config, "workerinput"):
+            self.left_out = {Path(name) for name in config.workerinput["unchanged"]}
+        elif config.getoption("--all") or self.narrowed:
+            self.left_out = set()
+        else:
+            files = {file for folder in self.whole for file in folder.rglob("test_*.py")} - self.asked
+            self.left_out = unchanged.unchanged(files, self.folder, self.mode)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_configure_node(self, node: Any) -> None:
+        """A worker of xdist leaves out the same files."""
+        node.workerinput["unchanged"] = [str(file) for file in self.left_out]
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        file = (ROOT / report.nodeid.partition("::")[0]).resolve()
+        self.seen.add(file)
+        if report.failed:
+            self.failed.add(file)
+
+    def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> None:
+        """Note what passed as a whole; a session that ended early, or ran a part of a file, notes nothing."""
+        if exitstatus == pytest.ExitCode.NO_TESTS_COLLECTED and self.left_out:
+            session.exitstatus = pytest.ExitCode.OK
+        ended = exitstatus in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED)
+        if ended and not self.narrowed and "::" not in "".join(session.config.args):
+            for file in self.seen - self.failed:
+                unchanged.note_passed(file, self.folder, self.mode)
+
+    def pytest_terminal_summary(self, terminalreporter: Any) -> None:
+        if self.left_out:
+            terminalreporter.write_line(f"{len(self.left_out)} test files are as they were when they passed: left out")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    return True if collection_path in config.stash[PASSED].left_out else None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -1,5 +1,5 @@
 """Every package that wakeflow and its tests need, as installed here: ``python tests/dependencies.py`` writes
-requirements.lock, which set-up installs, and the table of licences in docs/reliability.md.
+requirements.lock, which set-up installs, and the table of licences in docs/developing.md.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
-LOCK, PAGE = ROOT / "requirements.lock", ROOT / "docs" / "reliability.md"
+LOCK, PAGE = ROOT / "requirements.lock", ROOT / "docs" / "developing.md"
 BEGIN, END = "<!-- licences -->", "<!-- /licences -->"
 # GPL-3.0-or-later is this program's: what is linked or imported must allow to be passed on under it
 COMPATIBLE = re.compile(

@@ -1,5 +1,6 @@
 #!/bin/sh
-# Sets up and runs linters, types and tests: sh tests/run.sh [options of pytest]; --slow adds the long validation
+# Sets up and runs linters, types and tests: sh tests/run.sh [options of pytest]; --slow adds the long validation,
+# --all the test files that have not changed, nor anything that they read, since they passed (tests/unchanged.py)
 set -eu
 root=$(cd "$(dirname "$0")/.." && pwd)
 slow=

@@ -168,7 +168,7 @@ def test_a_vacuum_is_not_told_to_resolve_a_wake(small_run: wf.Result, capsys: py
     show_result(small_run)
     told = " ".join(capsys.readouterr().out.split())
     assert "and it becomes" in told
-    assert "How to measure: docs/measuring.md" in told
+    assert "How to measure: docs/uncertainty.md" in told
     assert "3d" not in told
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import wakeflow
 
 LIST = Path(__file__).with_name("contract.txt")
-PAGE = Path(__file__).parents[1] / "docs" / "python.md"
+PAGE = Path(__file__).parents[1] / "docs" / "commands.md"
 GENERATED = "<!-- written by python tests/test_contract.py from here on -->\n"
 
 
@@ -88,7 +88,7 @@ def _plain(annotation: Any) -> Any:
 
 
 def signatures() -> str:
-    """The public names with their signatures and the first line of what they do, as Markdown."""
+    """The public names with their signatures, as one block of Markdown."""
     parts = []
     for name in sorted(wakeflow.__all__, key=str.lower):
         thing = getattr(wakeflow, name)

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from cyclopts import CycloptsError, MissingArgumentError
 
+import architecture_page
 import wakeflow
 from readability import prose, reading_ease
 from support import ROOT
@@ -205,6 +206,11 @@ def test_messages_and_docstrings_use_plain_words() -> None:
 @pytest.mark.parametrize("text", ["The share hangs\nmost on it.", "*Known.* It is so.", "Beside it lies another."])
 def test_an_unclear_sentence_is_found(text: str) -> None:
     assert len(_unclear(_prose(text), BANNED)) == 1
+
+
+def test_the_architecture_is_what_the_rooms_say() -> None:
+    """Brought up to date by: python tests/architecture_page.py."""
+    assert (ROOT / "docs" / "architecture.md").read_text() == architecture_page.page()
 
 
 def test_help_begins_with_a_screen_and_shows_no_addresses() -> None:

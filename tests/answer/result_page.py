@@ -1,17 +1,18 @@
 """The last part of docs/results.md, made from the types of result.json: ``python tests/answer/result_page.py``."""
 
+import re
 import types
 from collections.abc import Iterator, Mapping
 from dataclasses import is_dataclass
 from enum import Enum
 from pathlib import Path
-from textwrap import fill
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from wakeflow.answer.result import Result
 from wakeflow.core.record import columns
 
 PAGE = Path(__file__).parents[2] / "docs" / "results.md"
+HEAD = "| key | type | unit | meaning |\n|---|---|---|---|\n"
 PLAIN = {int: "integer", float: "number", str: "text", bool: "true or false", Any: "anything"}
 
 
@@ -29,7 +30,7 @@ def word(kind: Any) -> str:
         return f"list of {word(parts[0])}"
     if origin in (dict, Mapping):
         return f"table of {word(parts[1])}"
-    return PLAIN.get(kind) or f"[{kind.__name__}](#{kind.__name__.lower()})"
+    return PLAIN.get(kind) or str(kind.__name__)
 
 
 def records(kind: type = Result, seen: set[type] | None = None) -> Iterator[type]:
@@ -63,17 +64,17 @@ def rows(kind: type) -> list[tuple[str, str, str, str]]:
 
 
 def section(kind: type) -> str:
-    """A section of the page."""
-    about = fill(" ".join((kind.__doc__ or "").split("\n\n")[0].split()).replace("``", "`"), 120)
-    lines = [f"| {' | '.join(row)} |\n" for row in rows(kind)]
-    table = "".join(["\n| key | type | unit | meaning |\n|---|---|---|---|\n", *lines]) if lines else ""
-    return f"### {kind.__name__}\n\n{about}\n{table}"
+    """The rows of the page for a type: what it is, then its keys."""
+    about = " ".join((kind.__doc__ or "").split("\n\n")[0].split()).replace("``", "`")
+    told = re.sub(r":\w+:`[~.]*([\w.]+)`", r"`\1`", about)
+    lines = [(f"**{kind.__name__}**", "", "", told), *rows(kind)]
+    return "".join(f"| {' | '.join(row)} |\n" for row in lines)
 
 
 def page() -> str:
     """The page as it should be: what stands above the first type, and the types."""
-    above, _, _ = PAGE.read_text().partition("### Result\n")
-    return above + "\n".join(section(kind) for kind in records())
+    above, _, _ = PAGE.read_text().partition(HEAD)
+    return above + HEAD + "".join(section(kind) for kind in records())
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ from wakeflow.answer.shares import InputPart, InputSummary
 from wakeflow.planning.unknowns import SIGMAS, unknown_kinds
 from wakeflow.show.words import measured_words
 
-PAGE = Path(__file__).parents[2] / "docs" / "measuring.md"
+PAGE = Path(__file__).parents[2] / "docs" / "uncertainty.md"
 RESTITUTION = "fraction.wheat.restitution"
 KNOWN = {
     RESTITUTION: InputSummary(0.5, 0.4, 0.6, unit="1", why="default"),
@@ -118,7 +118,7 @@ def test_a_run_says_what_to_measure_of_its_own_numbers(small_run: Result) -> Non
 
 @pytest.mark.parametrize("key", list(METHODS))
 def test_every_method_is_described_where_it_says(key: str) -> None:
-    """Its section of docs/measuring.md is there, and the number is one that is drawn."""
+    """Its section of docs/uncertainty.md is there, and the number is one that is drawn."""
     heads = [
         line.lstrip("# ").lower() for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("##")
     ]

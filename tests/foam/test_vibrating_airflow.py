@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from scipy.special import kv
 
-from support import DOCS, RHOMBUS, WIDTH, kept_airflow
+from proofs.validation_page import record_of
+from support import RHOMBUS, WIDTH, kept_airflow
 from wakeflow.air.field import FlowField
 from wakeflow.air.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
 from wakeflow.air.foam.force_history import CD, CL, Tail, read_table
@@ -311,9 +312,9 @@ class TestRule:
         assert vibration_of_air(0.3, 2.0, sheds=False).used
 
     def test_the_bound_covers_what_was_measured(self) -> None:
-        """Every change of mean drag and base pressure in docs/validation.md, locked or not, is below the bound."""
-        text = (DOCS / "validation.md").read_text().split("## Locked band")[1]
-        rows = re.findall(r"^\| (0\.\d+) \| ([\d.]+) \|.*\| ([-+][\d.]+) % \| [^|]+ \| ([-+][\d.]+) % \|", text, re.M)
+        """Every change of mean drag and base pressure in the record, locked or not, is below the bound."""
+        (table,) = (one for one in record_of("Locked band")["table"] if one["head"][0] == "a w / U")
+        rows = [(row[0], row[1], row[5].rstrip(" %"), row[7].rstrip(" %")) for row in table["rows"]]
         assert len(rows) > 12
         for speed, frequency, *changes in rows:
             motion = vibration_of_air(float(speed), float(frequency))
@@ -321,8 +322,8 @@ class TestRule:
                 assert max(abs(float(change)) for change in changes) <= 100 * motion.bound, (speed, frequency)
 
     def test_what_shares_move_covers_what_was_measured_and_holds_for_that_machine_alone(self, cases: Path) -> None:
-        text = (DOCS / "validation.md").read_text().split("## Air that sees the body vibrate")[1].split("\n## ")[0]
-        moved = re.findall(r"([-+][\d.]+) ± ([\d.]+) (?:dust|chaff|wheat)", text)
+        rows = record_of("Air that sees the body vibrate")["table"][0]["rows"]
+        moved = re.findall(r"([-+][\d.]+) ± ([\d.]+) (?:dust|chaff|wheat)", " ".join(row[-1] for row in rows))
         assert len(moved) == 6
         assert all(abs(float(change)) + 2.0 * float(error) < 100.1 * SHARES_MOVED for change, error in moved)
         scene = Scene.load(cases / "rhombus.toml")

@@ -29,7 +29,7 @@ def test_the_lock_holds_every_dependency_within_its_bounds() -> None:
 
 
 def test_every_licence_is_listed_and_may_be_passed_on_with_the_program() -> None:
-    page = (ROOT / "docs" / "reliability.md").read_text()
+    page = (ROOT / "docs" / "developing.md").read_text()
     packages = dependencies.needed()
     for name, made in packages.items():
         licence = dependencies.licence_of(made)

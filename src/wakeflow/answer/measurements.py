@@ -18,13 +18,13 @@ from .shares import InputPart, LandingResults
 
 GAIN = 0.005  # of a share: a measurement that narrows an interval by less is not worth a line; chosen
 MAX_LISTED = 3  # measurements of a quantity
-PAGE = "docs/measuring.md"
+PAGE = "docs/uncertainty.md"
 
 
 @dataclass(frozen=True)
 class Method:
     """How a number is measured, and how well: ``within`` of a 95 % interval, ``relative`` to the number or in its own
-    unit; the section of docs/measuring.md that says how.
+    unit; the section of docs/uncertainty.md that says how.
     """
 
     within: float

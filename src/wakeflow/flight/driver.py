@@ -73,11 +73,11 @@ def track(
     motion, one a granule, by its place among ``grains``; ``noises`` 2: its intervals last twice as long, along the same
     Brownian path, so that the difference is their error.
     ``record`` keeps each path, thinned to at most 1024 points, or as many as it says. ``march`` False takes confined
-    steps only, none over several triangles (docs/kernel.md): a switch for tests, which measure the order of these
+    steps only, none over several triangles (docs/model.md): a switch for tests, which measure the order of these
     steps by it; flights become slower, and their landing error is bounded by the same ``tolerance``. ``workers``
     threads (default: all cores); results do not depend on their number. ``progress(done, total)``.
     ``collisions`` (:class:`Collisions`): granules meet. All fly on one clock in three dimensions, each from its time
-    and its place across the slab (``grains.depth``, or drawn by ``seed``); docs/collisions.md. Raises SceneError for an
+    and its place across the slab (``grains.depth``, or drawn by ``seed``); docs/model.md. Raises SceneError for an
     unknown force or drag law, a force that needs what the field has not, or arguments out of range.
     """
     check_forces(forces, field)

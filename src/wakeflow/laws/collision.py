@@ -77,7 +77,7 @@ impact_models.add("paper", ImpactModel(None, "a point mass: slips, or stops alon
 impact_models.add("sphere", ImpactModel(0.4, "a solid sphere: bead, round seed", _ROUTH))
 impact_models.add("kernel", ImpactModel(
     0.4, "a kernel that comes any way: along a slope it goes, in the mean, as a solid sphere",
-    "rigid ellipsoids of measured kernels' dimensions on slopes: 2.0 to 3.0 of m r^2 / I (docs/rebound.md)",
+    "rigid ellipsoids of measured kernels' dimensions on slopes: 2.0 to 3.0 of m r^2 / I (docs/model.md)",
 ))  # fmt: skip
 impact_models.add("disc", ImpactModel(0.5, "a disc or solid cylinder about its axis: a lying kernel", _ROUTH))
 impact_models.add("shell", ImpactModel(2.0 / 3.0, "a hollow sphere with a thin wall: an empty husk", _ROUTH))

@@ -9,7 +9,7 @@ and xi a standard normal number, the spin about the axis across the picture chan
     (SPREAD J_n xi - TURN J_t) / c.
 
 Both numbers are those of rigid plates that were thrown on slopes of 30 to 60 degrees and followed through all their
-blows (``tests/proofs/studies flakes``, docs/rebound.md): mean and standard deviation of that component, the axis being
+blows (``tests/proofs/studies flakes``, docs/model.md): mean and standard deviation of that component, the axis being
 any. TURN is 0.63 to 0.88, of stems 1.1 to 1.5; SPREAD 0.25 at 30, 0.4 to 0.6 at 45 and 0.6 at 60 degrees. Energy does
 not grow: that of a rod as long as c, c^2 W^2 / 24 over the mass (Routh 1897), gains no more than the blow has freed.
 

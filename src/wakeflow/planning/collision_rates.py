@@ -10,7 +10,7 @@ share 2 m_j / (m_i + m_j), one at most.
 The wake of a body in upward air is above it, where the feed is, and shelters what falls: the air in it flows up as much
 as down, and light fractions that fall faster than it recirculates come down with the heavy ones, as through air at
 rest, and leave the body with them before the air beside it takes them away.
-docs/throughput.md sets the numbers beside those counted in slabs.
+docs/model.md sets the numbers beside those counted in slabs.
 """
 
 from __future__ import annotations

@@ -7,13 +7,13 @@ does not lower the slope; its interval is a jackknife's over the draws. *Taken* 
 (src/wakeflow/answer/budget/flown_again.py). docs/uncertainty.md.
 
 crowd_speed: How fast granules that meet fly, and in how much memory: a stream of wheat and chaff through air that rises
-in a channel past the rhombus. docs/collisions.md: --granules 3000
+in a channel past the rhombus. docs/model.md: --granules 3000
 
 crowding: The plan's estimate of collisions and its bound on what they change, next to slabs that were flown; the bound
 holds where the change of no share exceeds it by more than sampling explains. docs/validation.md.
 
 throughput: Recovery and purity against the feed rate, of granules that meet in air that feels them, printed and drawn.
-The first row has each granule alone in air that does not feel it. docs/throughput.md: docs/pictures/throughput.png
+The first row has each granule alone in air that does not feel it. docs/model.md: docs/pictures/throughput.png
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Studies of run time (docs/validation.md, docs/sweeps.md).
+"""Studies of run time (docs/validation.md, docs/scenes.md).
 
 plan_times: The run time that `wakeflow plan` expects of each shipped scene next to the time that `wakeflow run` then
 takes, each in a cache of its own: *new* is what is expected of a machine on which nothing has run, *learned* what is

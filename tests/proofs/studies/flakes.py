@@ -4,18 +4,18 @@ flakes: Plates of random orientation fall on a slope and are followed through al
 with restitution and Coulomb friction, until they are clear of it or lie on it. Printed are the spin about the axis
 across the picture beside that of a disc with the equal ball's radius, the velocity of the centre along and off the
 slope, TURN and SPREAD of laws/flake.py as these plates give them, and the time in which still air halves the rms spin
-of one of 0.19 kg/m2. docs/rebound.md: flakes --count 1500
+of one of 0.19 kg/m2. docs/model.md: flakes --count 1500
 
 flakes_in_air: The same plates in a stream of 3.5 m/s for 60 ms, by the quasi-steady pressure on strips, without the
 circulation of their rotation: how far they come across the stream, and how far the law of laws/flake.py takes those of
-the same spins. docs/rebound.md: flakes_in_air --count 1000
+the same spins. docs/model.md: flakes_in_air --count 1000
 
-chaff_alone: Where chaff of the shipped rhombus lands alone in its steady air. docs/rebound.md
+chaff_alone: Where chaff of the shipped rhombus lands alone in its steady air. docs/model.md
 
 kernels: Ellipsoids of measured kernels' dimensions on a slope, as the plates: the restitution that a drop test on a
 level plate would find of them, what they keep of their way along the slope (as m r^2 / I of a granule that rolls), off
 it, and how they scatter: as the rms angle of the model ``kernel`` that scatters their velocities, and where they land
-four body widths below, as much. docs/rebound.md
+four body widths below, as much. docs/model.md
 """
 
 from __future__ import annotations

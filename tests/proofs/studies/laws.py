@@ -8,7 +8,7 @@ Vaicis, Vutukuru & Irbe 2020, doi 10.22616/ERDev.2020.19.TF365): velocity down t
 energy (after over before) above 1 is energy from nothing.
 
 rebound: Shares of the shipped rhombus with one part of a real rebound after the other, from the paper's point mass to
-what the materials say. docs/rebound.md: rebound --count 2048
+what the materials say. docs/model.md: rebound --count 2048
 
 labyrinth: What the air does in cases/labyrinth.toml: shares without air and in the steady airflow of all bodies; how
 far landings move next to the bound of the plan that leaves the air out. docs/validation.md: labyrinth 512 2

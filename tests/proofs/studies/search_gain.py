@@ -3,7 +3,7 @@
 Shipped scenes without their air, which fly in parts of a second: a design's levels differ in how many granules are
 flown, and its cost is their number, so that the table does not depend on the machine. What each way recommends is flown
 once more with many granules. A recommendation that then breaks a limit by more than half a point counts as 0. The
-budget pays for so many designs at the fine level. docs/search.md.
+budget pays for so many designs at the fine level. docs/extras.md.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ The shipped scene with each of the BODIES, 12.5 % blocked, Re 16 500, downward a
 defaults, 40 minutes with --set numerics.mesh_scale=1.6; what is in the cache goes on or is read. --second-span: all
 of them on another depth for longer, after which the first depth is known to be enough, or not. --analyse FOLDER reads
 a run made by hand instead: ``flat`` the one-layer case, ``deep`` the extruded one, ``packed`` and ``layers.npz`` as
-of ``wakeflow.air.foam.spanwise.span_record``; its name begins with the body's. The tables of docs/three-dimensions.md.
+of ``wakeflow.air.foam.spanwise.span_record``; its name begins with the body's. The tables of docs/model.md.
 """
 
 from __future__ import annotations

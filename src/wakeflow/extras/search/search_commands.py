@@ -29,7 +29,7 @@ def search(
     Parameters
     ----------
     file
-        A TOML file with a [search] table (docs/search.md).
+        A TOML file with a [search] table (docs/extras.md).
     """
     from ...runs.progress import live
     from ...scene.changes import run_folder

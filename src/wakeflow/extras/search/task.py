@@ -86,7 +86,7 @@ class SearchTask:
 def read_search_file(
     path: Path | str, fixed: Mapping[str, object] | None = None, budget: str | float | None = None
 ) -> SearchTask:
-    """The search of a file with a [search] table: docs/search.md. ``fixed``: keys of the scene that are the same in all
+    """The search of a file with a [search] table: docs/extras.md. ``fixed``: keys of the scene that are the same in all
     designs at all levels, those to be searched too; ``budget``: instead of the file's own. The scene's own [limit]
     holds too, where [search.where] does not say another.
 

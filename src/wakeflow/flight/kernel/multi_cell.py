@@ -1,5 +1,5 @@
 """Strides where no wall is near: one step over several triangles (``strides``), in place of many confined ones
-(``step_control``). docs/kernel.md derives them and the numbers below.
+(``step_control``). docs/model.md derives them and the numbers below.
 """
 
 from __future__ import annotations

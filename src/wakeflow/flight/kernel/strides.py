@@ -7,7 +7,7 @@ is judged. Errors of strides add up as independent ones do, so each may have the
 its way over the flight's gives it.
 
 Where an interval of noise ends before the error asks for an end, the strides that follow look at the air once, at their
-end, and judge themselves by how the force bends from one to the next. docs/kernel.md derives the steps, their errors
+end, and judge themselves by how the force bends from one to the next. docs/model.md derives the steps, their errors
 and the numbers below.
 """
 

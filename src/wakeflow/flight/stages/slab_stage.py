@@ -41,7 +41,7 @@ CODE = "flight.stages.slab_stage", "flight.stages.landings"  # what computes it
 # -- The stage of the slab ---------------------------------------------------------------------------------------------
 MIN_REPLICATES = 2  # replicates of a companion
 STEP_ERROR_PART = (
-    0.3  # of the accuracy asked for: landing error that a step of the slab may make, body widths (docs/collisions.md)
+    0.3  # of the accuracy asked for: landing error that a step of the slab may make, body widths (docs/model.md)
 )
 SHARE_OF_SHIFT = 0.5  # share that changes its bin, about, over the mean shift of all landings (body widths)
 
