@@ -3,8 +3,8 @@
 import re
 
 import pytest
-from wakeflow.extras.verify.report import Report, Table
 
+from proofs.report import Report, Table
 from proofs.validation_page import CHAPTERS, PAGE, RECORDS, page, records, text_of, with_report
 from support import DOCS
 
