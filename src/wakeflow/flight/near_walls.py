@@ -24,10 +24,11 @@ def wall_edges(field: FlowField) -> tuple[Index, Index]:
     mean. Where all air is, walls are where k is 0.
     """
     triangle, corner = np.nonzero(field.neighbours < 0)
-    mean = field.mean()
-    still = np.abs(mean.velocity).max(axis=1) <= STILL * np.abs(field.velocity).max()
+    share = None if field.times is None else field.time_axis.mean_weights()
+    mean = field.velocity if share is None else np.tensordot(share, field.velocity, axes=1)
+    still = np.abs(mean).max(axis=1) <= STILL * np.abs(field.velocity).max()
     if still.all():
-        still = np.zeros_like(still) if mean.k is None else mean.k <= 0.0
+        still = np.zeros_like(still) if field.k is None else (field.k if share is None else share @ field.k) <= 0.0
     on = np.all([still[field.triangles[triangle, (corner + step) % 3]] for step in (1, 2)], axis=0)
     return triangle[on], corner[on]
 
@@ -50,16 +51,22 @@ def eddies(field: FlowField, k: Array, dissipation: Array) -> tuple[Array, Array
 
 
 def _away(field: FlowField) -> tuple[Index, Array]:
-    """Nodes (W, 2) of the edges on no-slip walls; distance (N,) m of all nodes from the nearest of those near by."""
+    """Nodes (W, 2) of the edges on no-slip walls; distance (N,) m of all nodes from the nearest of those near by. Kept
+    with the mesh for the next air that has the same walls.
+    """
     from scipy.spatial import cKDTree
 
     triangle, corner = wall_edges(field)
     ends = field.triangles[triangle[:, None], (corner[:, None] + [1, 2]) % 3]
     if not len(ends):
         return ends, np.zeros(0)
-    start, end = np.swapaxes(field.points[ends], 0, 1)
-    near = cKDTree(0.5 * (start + end)).query(field.points, k=range(1, min(FEW, len(start)) + 1))[1]
-    return ends, distance_to_edges(field.points, start[near], end[near])
+    kept, away = field.geometry.get("away", (ends[:0], np.zeros(0)))
+    if not np.array_equal(kept, ends):
+        start, end = np.swapaxes(field.points[ends], 0, 1)
+        near = cKDTree(0.5 * (start + end)).query(field.points, k=range(1, min(FEW, len(start)) + 1))[1]
+        away = distance_to_edges(field.points, start[near], end[near])
+        field.geometry["away"] = ends, away
+    return ends, away
 
 
 def hold_off(field: FlowField, velocity: Array) -> None:

@@ -337,14 +337,12 @@ def evenness(field: FlowField, rms: Array, life: Array) -> Array:
     lives = np.maximum(life.mean(axis=0)[corners].mean(axis=1), across / np.maximum(mean[corners].max(axis=1), LEAST))
     inside = np.minimum(lives, STEEP / np.maximum(slope, LEAST))
     np.minimum.at(own, corners, inside[:, None])
-    here, there = corners.ravel(), np.roll(corners, 1, axis=1).ravel()
-    away = np.linalg.norm(field.points[there] - field.points[here], axis=1)
+    here, there, away = field.sides
     way = away / np.maximum(REACH * np.maximum(mean[here], mean[there]), LEAST)
     # the shortest way, either way along each side, from a place from which each node is as far as its own time
     rows = np.concatenate([here, there, np.full(count, count)])
     columns, weights = np.concatenate([there, here, np.arange(count)]), np.concatenate([way, way, own])
-    _, once = np.unique(rows * (count + 1) + columns, return_index=True)
-    graph = csr_array((np.maximum(weights[once], LEAST), (rows[once], columns[once])), shape=(count + 1, count + 1))
+    graph = csr_array((np.maximum(weights, LEAST), (rows, columns)), shape=(count + 1, count + 1))
     return np.ascontiguousarray(dijkstra(graph, indices=count)[:count])
 
 

@@ -78,6 +78,15 @@ class Triangles:
         return np.ascontiguousarray(across.reshape(3, -1).T)
 
     @of_mesh
+    def sides(self) -> tuple[Index, Index, Array]:
+        """The two nodes (S,) of every side of a triangle, each side once, and its length (S,) m."""
+        ends = np.sort(
+            np.concatenate([self.triangles[:, [0, 1]], self.triangles[:, [1, 2]], self.triangles[:, [2, 0]]])
+        )
+        first, second = np.divmod(np.unique(ends[:, 0] * len(self.points) + ends[:, 1]), len(self.points))
+        return first, second, np.linalg.norm(self.points[second] - self.points[first], axis=1)
+
+    @of_mesh
     def boundary(self) -> Index:
         """The nodes on edges that belong to one triangle only, in order."""
         triangle, opposite = np.nonzero(self.neighbours < 0)
