@@ -93,8 +93,7 @@ def benchmark_case(
     assert changed.air is not None
     height = changed.channel.top - changed.channel.bottom
     until = PATIENCE * height / changed.air.speed
-    floor = [b for b in changed.bin.values() if b.on == "floor" and b.points is None]
-    edges = sorted({x for b in floor for x in (b.start, b.to) if x is not None})
+    edges = sorted({x for one in changed.on_sides("floor").values() for x in one.ends})
     problem = TrackingProblem(field, bodies, until, changed.width, gravity=changed.plumb.gravity)
     free = _free(grains, field, bodies)
     return BenchmarkCase(kind, air, problem, grains[free], np.array(edges), feed.replicate[free])

@@ -46,7 +46,7 @@ def why_no_peer(scene: Scene) -> str | None:
         return "no airflow about a body is solved"
     if not scene.plumb.upright:
         return "gravity is at an angle to the channel"
-    if any(place.on != "floor" or place.points is not None for place in scene.bin.values()):
+    if len(scene.on_sides("floor")) < len(scene.bin):
         return "its parcels are counted where they cross the channel's floor, and other bins are there"
     return None
 
