@@ -66,6 +66,20 @@ class Triangles:
         Raises SceneError when an edge belongs to more than two triangles.
         """
         cells = self.triangles
+        ends = np.sort(np.concatenate([cells[:, [1, 2]], cells[:, [2, 0]], cells[:, [0, 1]]]), axis=1)
+        key = ends[:, 0] * np.int64(len(self.points)) + ends[:, 1]
+        order = np.argsort(key, kind="stable")
+        same = key[order][1:] == key[order][:-1]
+        if np.any(same[1:] & same[:-1]):
+            raise SceneError("triangles: an edge belongs to more than two triangles")
+        first, second = order[:-1][same], order[1:][same]
+        across = np.full(len(key), -1, dtype=np.int64)
+        across[first], across[second] = second % len(cells), first % len(cells)
+        return np.ascontiguousarray(across.reshape(3, -1).T)
+
+    @of_mesh
+    def sides(self) -> tuple[Index, Index, Array]:
+        """The two nodes (S,) of every side of a triangle, each side once, and its length (S,) m."""
         ends = np.sort(self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2))
         first, second = np.divmod(np.unique(ends[:, 0] * len(self.points) + ends[:, 1]), len(self.points))
         return first, second, np.linalg.norm(self.points[second] - self.points[first], axis=1)
