@@ -15,7 +15,7 @@ from ...core.quantities import say, speaking
 from ...core.registry import did_you_mean
 from ...many.axis import axis_of_text
 from ...many.compute import Sweep, sweep
-from ...many.operating import RATE, SPEED, capacity, met_up_to, operating_map
+from ...many.operating import RATE, SPEED, TURNS, capacity, met_up_to, operating_map
 from ...many.variant import variants
 from ...runs.effort import quick_keys
 from ...scene import Scene
@@ -52,11 +52,12 @@ def _swept(scene: Scene, typed: str, _: Path) -> Work:
 
 
 def _mapped(scene: Scene, typed: str, _: Path) -> Work:
-    axes = _axes(scene, typed, (SPEED, RATE))
+    blower = SPEED if scene.air is None or scene.air.fan is None else TURNS
+    axes = _axes(scene, typed, (blower, RATE))
 
     def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
         del planned
-        found = operating_map(scene, folder, air=axes.get(SPEED), feed=axes.get(RATE), listener=listener, **how)
+        found = operating_map(scene, folder, air=axes.get(blower), feed=axes.get(RATE), listener=listener, **how)
         return _outcome(found[0])
 
     return work
@@ -161,7 +162,7 @@ def _parts(typed: str) -> list[str]:
 
 
 def _axes(scene: Scene, typed: str, known: Sequence[str]) -> dict[str, Sequence[object]]:
-    given = {RATE: scene.feed.rate, SPEED: scene.air and scene.air.speed}
+    given = {RATE: scene.feed.rate, SPEED: scene.air and scene.air.speed, TURNS: True}
     if lacking := [key for key in known if not given[key]]:
         raise SceneError(f"the scene has no {lacking[0]} to vary: give it one")
     found: dict[str, Sequence[object]] = {axis.key: axis.values for axis in map(axis_of_text, _parts(typed))}
