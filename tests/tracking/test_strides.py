@@ -164,7 +164,7 @@ from tracking.test_strides import air
 field, h, radius = air("steady"), 1e-3, 2e-5
 bodies = [Body(np.array([[0.5, 0.4], [0.4, 0.5], [0.3, 0.4], [0.4, 0.3]]))]
 walls, packed = pack_walls(bodies, pack_lines([])), pack_air(field, bodies, 1e-6, ("drag",))
-rules = _rules(field, packed, bodies, walls, 1.0, 1e-2, 0.1, 0, True)
+rules = _rules(field, packed, bodies, walls, 1.0, 1e-2, 0.1, 0, 1, True)
 grain = np.zeros(at.CONSTANTS)
 grain[at.RADIUS] = radius
 for gap in (1e-16, 1e-12, 1e-6, 1e-4):
