@@ -18,7 +18,7 @@ LEFT_OUT = {  # the first words of a command, and why it is not tried here
     "animate": FINISHED, "bins": FINISHED, "compare": FINISHED, "view": FINISHED, "report": FINISHED,
     "sensitivity runs/": FINISHED, "run cases/rhombus.toml --set air.speed=5.5 --near runs/rhombus": FINISHED,
     "verify": "minutes to hours: tests/proofs proves each problem, --slow the long ones",
-    "doctor": "tries programs: tests/test_doctor.py", "run $scene": "of a loop over scenes that are shown alone",
+    "doctor": "tries programs: tests/test_doctor.py",
     "--install-completion": "tests/test_cli.py installs it for every shell",
     "sweep cases/sweep-air-speed.toml --scheduler": "asks for a cluster: tests/batch/test_on_a_cluster.py",
 }  # fmt: skip
