@@ -164,6 +164,18 @@ def test_a_new_command_is_one_function(cases: Path, capsys: pytest.CaptureFixtur
         del app["count"]
 
 
+@pytest.mark.parametrize("columns", [72, 80, 200])
+def test_no_interval_of_a_share_is_broken(
+    small_run: wf.Result, columns: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where the screen is too narrow for numbers and intervals side by side, these are below them, whole."""
+    monkeypatch.setenv("COLUMNS", str(columns))
+    show_result(small_run)
+    table = capsys.readouterr().out.split("share of each")[1].split("recovery")[0]
+    assert table.count("(") > 4
+    assert all(line.count("(") == line.count(")") for line in table.splitlines())
+
+
 def test_a_vacuum_is_not_told_to_resolve_a_wake(small_run: wf.Result, capsys: pytest.CaptureFixture[str]) -> None:
     show_result(small_run)
     told = " ".join(capsys.readouterr().out.split())

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 HOW_TO_MEASURE = f"How to measure: {PAGE}. Write what you find as {{ value = ..., uncertainty = ... }}."
 WEIGHS, MAX_PARTS = 0.1, 4  # of the largest error of a quantity, and how many errors are reported on screen
+UNBROKEN = 1000  # letters, in which no line of a table breaks
 SHORTEST = 0.5  # s: shorter run times are not worth a word
 LEVEL = ("floor", "top")  # lines along x
 
@@ -121,8 +122,8 @@ def separation_table(result: Result, separation: Separation) -> Table:
     from rich.console import Console
 
     beside, console = _separated(result, separation, parted=False), Console()
-    fits = console.measure(beside).maximum <= console.width
-    return beside if fits else _separated(result, separation, parted=True)
+    unbroken = console.measure(beside, options=console.options.update(max_width=UNBROKEN)).maximum
+    return beside if unbroken <= console.width else _separated(result, separation, parted=True)
 
 
 def _separated(result: Result, separation: Separation, *, parted: bool) -> Table:
