@@ -81,7 +81,8 @@ def test_air_next_to_walls_that_move_is_held_off_as_they_move() -> None:
 @pytest.mark.parametrize("name", list(deposition.MESHES))
 def test_turbulence_lays_granules_on_a_wall_about_as_measured(name: str) -> None:
     field, count = deposition.layer(name), 500
-    for tau in (3.0, 10.0, 30.0):  # at 100 a wall function misses the curve: 3.2, as the record of walls says
+    heaviest = [100.0] if name == "resolved" else []  # with wall functions the curve is missed there: 3.2 times it
+    for tau in [3.0, 10.0, 30.0, *heaviest]:
         heavy, error = deposition.laid(field, tau, count)
         assert 1 / 3 < heavy / deposition.curve(tau) < 3.0, (heavy, error)
     light, _ = deposition.laid(field, 0.1, 50)

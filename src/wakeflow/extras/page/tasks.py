@@ -162,7 +162,8 @@ def _parts(typed: str) -> list[str]:
 
 
 def _axes(scene: Scene, typed: str, known: Sequence[str]) -> dict[str, Sequence[object]]:
-    given = {RATE: scene.feed.rate, SPEED: scene.air and scene.air.speed, TURNS: True}
+    air = scene.air
+    given = {RATE: scene.feed.rate, SPEED: air and air.speed, TURNS: air and air.fan and air.fan.speed_ratio}
     if lacking := [key for key in known if not given[key]]:
         raise SceneError(f"the scene has no {lacking[0]} to vary: give it one")
     found: dict[str, Sequence[object]] = {axis.key: axis.values for axis in map(axis_of_text, _parts(typed))}
