@@ -74,7 +74,7 @@ def signature(name: str, thing: Any) -> str:
         parameters=[one.replace(annotation=_plain(one.annotation)) for one in shown.parameters.values()],
         return_annotation=_plain(shown.return_annotation),
     )
-    return fill(f"{name}{plain}", 110, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+    return fill(f"{name}{plain}", 118, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
 
 
 class _Text(str):
@@ -89,21 +89,20 @@ def _plain(annotation: Any) -> Any:
 
 def signatures() -> str:
     """The public names with their signatures, as one block of Markdown."""
-    parts = []
+    calls = []
     for name in sorted(wakeflow.__all__, key=str.lower):
         thing = getattr(wakeflow, name)
         if inspect.isclass(thing) and issubclass(thing, Exception | Enum | wakeflow.Scene):
-            calls = [f"class {name}({thing.__mro__[1].__name__})"]
+            calls.append(f"class {name}({thing.__mro__[1].__name__})")
         else:
-            calls = [signature(f"class {name}" if inspect.isclass(thing) else name, thing)]
+            calls.append(signature(f"class {name}" if inspect.isclass(thing) else name, thing))
         if inspect.isclass(thing) and not issubclass(thing, Exception | Enum):
             for key, member in sorted(vars(thing).items()):
                 call = getattr(member, "__func__", member)
                 if not key.startswith(("_", "model_")) and inspect.isfunction(call):
                     calls.append(signature(f"{name}.{key}", call))
-        body = "\n".join(calls)
-        parts.append(f"### {name}\n\n```\n{body}\n```\n")
-    return "\n".join(parts)
+    body = "\n".join(calls)
+    return f"```text\n{body}\n```\n"
 
 
 def test_the_page_of_signatures_is_what_there_is() -> None:
