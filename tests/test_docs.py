@@ -7,27 +7,20 @@ import ast
 import importlib
 import pydoc
 import re
-import shlex
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from cyclopts import CycloptsError, MissingArgumentError
 
 import architecture_page
 import wakeflow
+from pages import PAGES, blocks, parse_command
 from readability import prose, reading_ease
 from support import ROOT
-from wakeflow.cli import app
 from wakeflow.laws.forces import forces
 from wakeflow.planning.stages import OTHER_MESHES, stages
 from wakeflow.planning.terms import bounds
 
 SOURCE = ROOT / "src" / "wakeflow"
-PAGES = [
-    *(ROOT / f"{name}.md" for name in ("README", "CHANGELOG", "CONTRIBUTING", "SECURITY")),
-    *sorted((ROOT / "docs").glob("*.md")),
-]
 TOP = {"src", "tests", "cases", "docs", "meshes", *wakeflow.LAYERS}  # a path begins with one of these
 EASE, WORDS = 73.0, 15.0  # of every page: Flesch's reading ease at least, words a sentence at most
 PRODUCED = ("runs/", "figures/", "cases/template/turbulence-models/")  # what a run writes, or an example would add
@@ -54,36 +47,22 @@ BANNED = BANNED_IN_SOURCES | {
 page = pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
 
 
-def _blocks(text: str, *languages: str) -> Iterator[str]:
-    """Fenced blocks of the languages."""
-    for language, body in re.findall(r"^```(\w*)\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
-        if language in languages:
-            yield body
-
-
 def _spans(text: str) -> list[str]:
     """Code between backticks in the running text."""
     found = re.findall(r"`([^`]+)`", re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL))
     return [" ".join(span.split()) for span in found]
 
 
-def _shell(text: str) -> list[str]:
-    """Lines of shell blocks and of indented ones, without comments."""
-    fenced = [line for body in _blocks(text, "sh") for line in body.splitlines()]
-    prose = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
-    indented = [line.strip() for line in prose.splitlines() if line.startswith("    ")]
-    return [re.sub(r"\s+#.*|\s{3,}.*", "", line).strip() for line in (*fenced, *indented)]
+def _shell(page: Path) -> list[str]:
+    """Lines of shell blocks, without comments."""
+    fenced = [line for block in blocks(page) if block.info == "sh" for line in block.body.splitlines()]
+    return [re.sub(r"\s+#.*|\s{3,}.*", "", line).strip() for line in fenced]
 
 
-def _commands(text: str) -> list[str]:
-    """Every ``wakeflow ...`` that a page shows, without its first word."""
-    lines = [line for line in (*_shell(text), *_spans(text)) if COMMAND.match(line)]
-    return [COMMAND.sub("", line) for line in lines]
-
-
-def _words(text: str) -> set[str]:
+def _words(page: Path) -> set[str]:
     """Words of code, spans and shell lines, that may be paths."""
-    words = {word.strip("(),;:") for line in (*_spans(text), *_shell(text)) for word in line.split()}
+    lines = (*_spans(page.read_text()), *_shell(page))
+    words = {word.strip("(),;:") for line in lines for word in line.split()}
     placeholder = re.compile(r"[*<>{}=\"']|NAME|STAGE|KEY")
     return {word.removesuffix("/") for word in words if not placeholder.search(word)}
 
@@ -91,7 +70,7 @@ def _words(text: str) -> set[str]:
 @page
 def test_files_exist(page: Path) -> None:
     missing = []
-    for word in _words(page.read_text()):
+    for word in _words(page):
         named = word.split("/")[0] in TOP and "/" in word and not word.startswith(PRODUCED)
         there = any((base / word).exists() for base in (ROOT, SOURCE))
         if (named or word.endswith(SUFFIXES)) and word != "my.toml" and not there:
@@ -140,21 +119,11 @@ def _anchors(file: Path) -> set[str]:
 
 
 @page
-def test_commands_parse(page: Path) -> None:
-    for command in _commands(page.read_text()):
-        words = shlex.split(command)
-        try:
-            app.parse_args(words, exit_on_error=False, print_error=False)
-        except MissingArgumentError:  # the command alone, or with one option: it is there
-            app.parse_args([words[0], "--help"], exit_on_error=False, print_error=False)
-        except CycloptsError as problem:
-            raise AssertionError(f"wakeflow {command}: {problem}") from None
-
-
-@page
-def test_python_compiles(page: Path) -> None:
-    for body in _blocks(page.read_text(), "python"):
-        ast.parse(body)
+def test_commands_in_the_text_parse(page: Path) -> None:
+    """Those of fenced blocks: tests/test_examples.py."""
+    for span in _spans(page.read_text()):
+        if COMMAND.match(span):
+            parse_command(COMMAND.sub("", span))
 
 
 @page

@@ -1,8 +1,15 @@
-"""What README, docs and docstrings show in Python runs; so do the scripts that make families of scenes."""
+"""Every fenced block of every page runs, and what docstrings show; so do the scripts that make families of scenes.
+
+The word behind a fence says what a block is: ``python`` is a script, ``sh`` what is typed, ``toml`` a scene, a part of
+one, a sweep, a search or materials, ``csv`` trays; ``text`` is what a program prints. A second word is the test that
+runs the blocks of that page in their order.
+"""
 
 import doctest
 import re
+import shlex
 import tomllib
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -13,28 +20,22 @@ import pytest
 import rhombi
 
 import wakeflow as wf
-from support import CASES, DOCS, ROOT
+from pages import PAGES, Block, blocks, parse_command, tried
+from proofs.studies.__main__ import app as studies
+from support import CASES, ROOT, shipped
 from wakeflow.extras.search.designs import refuse_void
 from wakeflow.extras.search.task import read_search_file
 from wakeflow.many.variant import read_sweep_file
 from wakeflow.scene.changes import flat
+from wakeflow.scene.measured import read_trays
 from wakeflow.scene.schema import described
 from wakeflow.scene.uncertainty import with_uncertainty_table
 from wakeflow.scene.whole import SceneTables
 
-BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SMALL = {  # instead of the minutes of a page: a trickle of granules that neither meet nor load the air
     "numerics.rung": "draft", "numerics.mesh_scale": 3.0, "feed.count": 64, "feed.rate": "0.5 kg/hour",
 }  # fmt: skip
-# tests/test_extending.py, tests/test_tutorial.py, tests/report/test_plot.py (a finished run, read again)
-ELSEWHERE = {DOCS / f"{page}.md" for page in ("extending", "tutorial", "results")}
-PAGES = [ROOT / "README.md", *sorted(set(DOCS.glob("*.md")) - ELSEWHERE)]
 AIRFLOW = re.compile(r"wf\.run\(|Pipeline\(")  # what computes one
-SHOWN = [
-    pytest.param(code, id=f"{page.name}-{number}", marks=[pytest.mark.openfoam] if AIRFLOW.search(code) else [])
-    for page in PAGES
-    for number, code in enumerate(BLOCK.findall(page.read_text()), 1)
-]
 SOURCES = ROOT / "src"
 WITH_EXAMPLES = [
     ".".join(path.relative_to(SOURCES).with_suffix("").parts)
@@ -43,38 +44,39 @@ WITH_EXAMPLES = [
 ]
 
 
-@pytest.mark.parametrize("code", SHOWN)
-def test_python_on_a_page_runs(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    load = wf.Scene.load
-
-    def small(path: Path | str, changes: dict[str, Any] | None = None) -> wf.Scene:
-        scene = load(path, changes or {})
-        return scene if scene.air is None else scene.replace(SMALL)
-
-    monkeypatch.setattr(wf.Scene, "load", small)
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "cases").symlink_to(CASES)
-    exec(compile(code, "a page", "exec"), {"wf": wf})
+def _python(block: Block, folder: Path) -> None:
+    """A script, in a folder with the cases and the runs that it names."""
+    with tried(block.body):
+        pass
 
 
-TOML = re.compile(r"^```toml\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-TABLES = [
-    pytest.param(text, id=f"{page.name}-{number}")
-    for page in [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
-    for number, text in enumerate(TOML.findall(page.read_text()), 1)
-]
+def _sh(block: Block, folder: Path) -> None:
+    """What is typed: commands of the program parse, and scripts are there; of other programs nothing is known."""
+    for line in block.body.splitlines():
+        for command in re.split(r" && ", line):
+            words = shlex.split(command, comments=True)
+            if not words:
+                continue
+            program = words[0].removeprefix(".venv/bin/")
+            if program == "wakeflow":
+                parse_command(command.removeprefix(".venv/bin/").removeprefix("wakeflow "))
+            elif program == "python" and words[1].endswith("studies"):
+                parse_command(shlex.join(words[2:]), studies)
+            elif program in ("python", "sh"):
+                scripts = [word for word in words[1:] if "/" in word and not word.startswith("-")]
+                assert scripts
+                assert all((ROOT / script).exists() for script in scripts)
 
 
-@pytest.mark.parametrize("text", TABLES)
-def test_tables_on_a_page_are_what_the_program_takes(text: str, tmp_path: Path) -> None:
+def _toml(block: Block, folder: Path) -> None:
     """A whole scene, search or sweep is read, and a search is none that could only end void; of a part of a scene its
     keys are there; other tables are those of a material.
     """
-    given = with_uncertainty_table(tomllib.loads(text))
+    given = with_uncertainty_table(tomllib.loads(block.body))
     for path in CASES.glob("*.toml"):
-        (tmp_path / path.name).write_text(path.read_text())
-    file = tmp_path / "page.toml"
-    file.write_text(text)
+        (folder / path.name).write_text(path.read_text())
+    file = folder / "page.toml"
+    file.write_text(block.body)
     if "search" in given:
         refuse_void(read_search_file(file))
     elif "sweep" in given:
@@ -87,6 +89,70 @@ def test_tables_on_a_page_are_what_the_program_takes(text: str, tmp_path: Path) 
         assert not unknown
     else:
         assert all({"confidence", "source"} <= table.keys() for table in given.values())
+
+
+def _csv(block: Block, folder: Path) -> None:
+    file = folder / "trays.csv"
+    file.write_text(block.body)
+    assert read_trays(file)
+
+
+def _text(block: Block, folder: Path) -> None:
+    assert block.body.strip()
+
+
+TAKEN_AS: dict[str, Callable[[Block, Path], None]] = {
+    "python": _python, "sh": _sh, "toml": _toml, "csv": _csv, "text": _text,
+}  # fmt: skip
+SHOWN = [
+    pytest.param(
+        block,
+        id=f"{page.stem}-{number}-{block.info or 'nothing'}".replace(" ", "-"),
+        marks=[pytest.mark.openfoam] if block.info == "python" and AIRFLOW.search(block.body) else [],
+    )
+    for page in PAGES
+    for number, block in enumerate(blocks(page), 1)
+]
+
+
+@pytest.fixture(scope="session")
+def run_of_a_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run of the shipped rhombus, in air at rest, which needs no solver."""
+    scene = shipped("rhombus", {"air.speed": 0.0, "feed.count": 64, "feed.rate": "0.5 kg/hour"})
+    return wf.run(scene, tmp_path_factory.mktemp("page") / "rhombus").folder
+
+
+@pytest.mark.usefixtures("no_screen")
+@pytest.mark.parametrize("block", SHOWN)
+def test_a_block_is_what_it_says(
+    block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
+    language, _, test = block.info.partition(" ")
+    if test:
+        (file,) = (ROOT / "tests").rglob(f"{test}.py")
+        assert block.page.name in file.read_text()
+        return
+    load = wf.Scene.load
+
+    def small(path: Path | str, changes: dict[str, Any] | None = None) -> wf.Scene:
+        scene = load(path, changes or {})
+        return scene if scene.air is None else scene.replace(SMALL)
+
+    if language == "python":
+        (tmp_path / "cases").symlink_to(CASES)
+        if 'load("runs/' in block.body:
+            (tmp_path / "runs").symlink_to(request.getfixturevalue("run_of_a_page").parent)
+        monkeypatch.setattr(wf.Scene, "load", small)
+    monkeypatch.chdir(tmp_path)
+    TAKEN_AS[language](block, tmp_path)
+
+
+def test_pages_show_no_code_without_a_fence() -> None:
+    """Indented lines are formulas: neither commands, nor tables of a scene, nor statements."""
+    for page in PAGES:
+        text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+        for line in re.findall(r"^ {4,}(\S.*)", text, re.MULTILINE):
+            assert not re.match(r"wakeflow |import |from |def |\[\w|\w+ = [\"{\[]", line), f"{page.name}: {line}"
 
 
 @pytest.mark.parametrize("name", WITH_EXAMPLES)

@@ -1,70 +1,40 @@
-"""Every example of docs/extending.md is run as it stands there, what it adds is used the public way, and removed."""
+"""What the examples of docs/extending.md add is used the public way, and removed again."""
 
 import contextlib
 import io
-import re
-import sys
-from collections.abc import Callable, Iterator
+import math
+from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import wakeflow as wf
+from pages import blocks, tried
 from proofs.airflow.measured import quantities
 from proofs.problems.exact import exact_numbers, exact_problems, fly
 from support import DOCS
-from wakeflow.cli import app, main
-from wakeflow.core.registry import Registry
-from wakeflow.laws.collision import impact_models
-from wakeflow.laws.drag import drag_laws
-from wakeflow.laws.forces import forces
-from wakeflow.laws.impaction import Cylinder, fronts
-from wakeflow.laws.material import materials
-from wakeflow.laws.profile import profiles
-from wakeflow.laws.restitution import restitution_laws
-from wakeflow.laws.shape import shapes
-from wakeflow.laws.size import sizes
+from wakeflow.answer.budget.source import budget_sources
+from wakeflow.cli import main
+from wakeflow.laws.impaction import Cylinder
+from wakeflow.laws.turbulence import turbulence_models
 from wakeflow.planning.carried_round import front_of
-from wakeflow.planning.terms import other_terms
-from wakeflow.scene.rungs import rungs
-from wakeflow.show.asked_pictures import draw_all, pictures
+from wakeflow.planning.stages import stages
+from wakeflow.show.asked_pictures import draw_all
+from wakeflow.show.figures import figures
 
-PAGE = DOCS / "extending.md"
 Check = Callable[[Path, Path, dict[str, Any]], None]  # cases, a folder, names of the example
-CHECKS: dict[str, Check] = {}
-REGISTRIES: tuple[Registry[Any], ...] = (
-    drag_laws, exact_numbers, exact_problems, forces, fronts, impact_models, materials, other_terms, pictures,
-    profiles, quantities, restitution_laws, rungs, shapes, sizes,
-)  # fmt: skip
-
-
-def _examples() -> dict[str, str]:
-    """Heading to the code below it."""
-    sections = re.split(r"^## ", PAGE.read_text(), flags=re.MULTILINE)[1:]
-    blocks = {part.partition("\n")[0]: re.findall(r"^```python\n(.*?)^```", part, re.M | re.S) for part in sections}
-    return {heading: "\n".join(found) for heading, found in blocks.items() if heading in CHECKS}
+CHECKS: dict[str, list[Check]] = defaultdict(list)
+EXAMPLES = {block.heading: block.body for block in blocks(DOCS / "extending.md")}
+LAWS = "Laws, shapes and materials"
 
 
 def example(heading: str) -> Callable[[Check], None]:
     """The decorated function uses what the example under ``heading`` adds."""
-
-    def add(check: Check) -> None:
-        CHECKS[heading] = check
-
-    return add
-
-
-@pytest.fixture
-def _registries() -> Iterator[None]:
-    """Every registry as it was, whatever the example adds."""
-    before = [dict(registry._entries) for registry in REGISTRIES]
-    yield
-    for registry, entries in zip(REGISTRIES, before, strict=True):
-        registry._entries.clear()
-        registry._entries.update(entries)
+    return CHECKS[heading].append
 
 
 def _thrown(**changes: Any) -> wf.Granules:
@@ -82,7 +52,7 @@ def _vacuum(cases: Path, **changes: Any) -> wf.Scene:
     return wf.Scene.load(cases / "vacuum.toml").replace({"feed.count": 32, **changes})
 
 
-@example("A drag law")
+@example(LAWS)
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     at = wf.track(_still_air(), _thrown(), until=0.05, drag="abraham").position
     other = wf.track(_still_air(), _thrown(), until=0.05).position
@@ -102,7 +72,7 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     assert all("electric-field" in fraction.forces for fraction in plan.fractions.values())
 
 
-@example("A size distribution")
+@example(LAWS)
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     size = {"distribution": "log-uniform", "low": "1 mm", "high": "4 mm"}
     scene = _vacuum(cases, **{"fraction.soft.size": size})
@@ -110,14 +80,14 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     assert wf.chain(scene).share("soft", "near")[0] > 0.0
 
 
-@example("A profile of the curtain")
+@example(LAWS)
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     scene = _vacuum(cases, **{"feed.profile": "cosine"})
     assert scene.feed.places(np.array([0.0, 0.5, 1.0])) == pytest.approx([2.5e-3, 12.5e-3, 22.5e-3])
     assert scene.feed.crowding == pytest.approx(np.pi**2 / 8, rel=1e-3)
 
 
-@example("A restitution law")
+@example(LAWS)
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     law = wf.Restitution("exponential", value=0.8, at=2.0)
     floor = np.array([(-1.0, -0.1), (1.0, -0.1), (1.0, 0.0), (-1.0, 0.0)])
@@ -130,19 +100,19 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     assert _vacuum(cases, **{"fraction.hard.restitution": table}).fraction["hard"].restitution is not None
 
 
-@example("An impact model")
+@example(LAWS)
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     assert _vacuum(cases, **{"fraction.hard.impact": "coin"}).fraction["hard"].inertia == 0.25
 
 
-@example("A material")
+@example(LAWS)
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     scene = wf.Scene.load(cases / "rhombus.toml").replace({"fraction.dust.material": "steel-shot"})
     assert scene.fraction["dust"].properties.density == 7850.0
     assert any("low confidence" in warning for warning in wf.plan(scene).warnings)
 
 
-@example("A shape")
+@example(LAWS)
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     body = {"shape": "gable", "width": "50 mm", "slope_angle": "45 deg", "height": "10 mm"}
     scene = wf.Scene.load(cases / "rhombus.toml").replace({"body.rhombus": body, "feed.count": 32})
@@ -152,7 +122,7 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     assert sum(row["value"] for row in shares.values()) == pytest.approx(1.0)
 
 
-@example("The air before a shape")
+@example(LAWS)
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     octagon = [[0.025 * np.cos(a), 0.025 * np.sin(a)] for a in np.pi / 4 * np.arange(8)]
     body = {"shape": "polygon", "points": octagon}
@@ -160,7 +130,7 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     assert isinstance(front_of(scene), Cylinder)
 
 
-@example("A bound on a term")
+@example(LAWS)
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     plan = wf.plan(wf.Scene.load(cases / "rhombus.toml"))
     assert 0.0 < plan.fractions["wheat"].bounds["electrostatic"] < 0.04
@@ -213,30 +183,50 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
 
 @example("A command")
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
-    try:
-        with contextlib.redirect_stdout(io.StringIO()) as out:
-            assert main(["gamma", str(cases / "rhombus.toml"), "--times", "2"]) == 0
-        strength = wf.Scene.load(cases / "rhombus.toml").vibration.strength  # type: ignore[union-attr]
-        assert float(out.getvalue()) == pytest.approx(2 * strength, rel=0.01)
-        with contextlib.redirect_stderr(io.StringIO()) as told:
-            assert main(["gamma", str(cases / "aspirator.toml")]) == 2
-        assert "nothing vibrates" in told.getvalue()
-    finally:
-        del app["gamma"]
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        assert main(["gamma", str(cases / "rhombus.toml"), "--times", "2"]) == 0
+    strength = wf.Scene.load(cases / "rhombus.toml").vibration.strength  # type: ignore[union-attr]
+    assert float(out.getvalue()) == pytest.approx(2 * strength, rel=0.01)
+    with contextlib.redirect_stderr(io.StringIO()) as refused:
+        assert main(["gamma", str(cases / "aspirator.toml")]) == 2
+    assert "nothing vibrates" in refused.getvalue()
 
 
-def test_every_section_with_an_example_has_a_check() -> None:
-    examples = _examples()
-    assert set(examples) == set(CHECKS)
-    assert all(examples.values())
+@example("A turbulence model")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    assert turbulence_models["realizableKE"].turbulent  # tests/foam/test_turbulence_models.py solves an airflow with it
 
 
-@pytest.mark.usefixtures("_registries")
-@pytest.mark.parametrize("heading", list(CHECKS))
-def test_the_example_runs_and_serves(
-    heading: str, cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    module = ModuleType("example_of_a_page")
-    monkeypatch.setitem(sys.modules, module.__name__, module)  # where a scene's table looks up its annotations
-    exec(compile(_examples()[heading], str(PAGE), "exec"), module.__dict__)
-    CHECKS[heading](cases, tmp_path, module.__dict__)
+@example("A source of the budget")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    assert budget_sources["coarser-steps"].place == 70
+    result = wf.run(_vacuum(cases), folder, report=False)
+    parts = [part for row in result.budget if row.quantity.startswith("share.") for part in row.parts]
+    errors = [part.error for part in parts if part.source == "coarser-steps"]
+    assert errors
+    assert all(error is not None and math.isfinite(error) for error in errors)
+
+
+@example("A stage")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    (cost,) = [stage for stage in wf.plan(_vacuum(cases)).stages if stage.name == "weights"]
+    assert cost.seconds == 2000.0
+    assert stages["weights"].heading == "scales"
+
+
+@example("A standard figure")
+def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
+    landings = {name: SimpleNamespace(bin=np.zeros(5)) for name in ("soft", "hard")}
+    figures["sizes"].draw(folder / "sizes.png", SimpleNamespace(landings=landings))  # type: ignore[arg-type]
+    assert (folder / "sizes.png").stat().st_size > 500
+
+
+def test_every_example_is_used() -> None:
+    assert set(EXAMPLES) == set(CHECKS)
+
+
+@pytest.mark.parametrize("heading", list(EXAMPLES))
+def test_the_example_serves(heading: str, cases: Path, tmp_path: Path) -> None:
+    with tried(EXAMPLES[heading]) as names:
+        for check in CHECKS[heading]:
+            check(cases, tmp_path, names)

@@ -8,11 +8,12 @@ from typing import Any
 
 import pytest
 
+from pages import blocks
 from support import DOCS
 from wakeflow.cli import main
 
 PAGE = DOCS / "tutorial.md"
-BLOCK = re.compile(r"^```(python|sh)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(r"^```(python|sh) test_tutorial\n(.*?)^```", re.MULTILINE | re.DOTALL)
 STEPS = 10
 pytestmark = pytest.mark.usefixtures("no_screen")
 
@@ -77,5 +78,5 @@ def test_the_page_is_a_notebook() -> None:
     jupytext = pytest.importorskip("jupytext")
     book = jupytext.reads(PAGE.read_text(), fmt="md")
     code = [cell.source for cell in book.cells if cell.cell_type == "code"]
-    told = [body.strip() for _, body in BLOCK.findall(PAGE.read_text())]
-    assert [cell.removeprefix("%%sh\n").strip() for cell in code] == told
+    shown = [block.body.strip() for block in blocks(PAGE)]
+    assert [cell.removeprefix("%%sh\n").strip() for cell in code] == shown

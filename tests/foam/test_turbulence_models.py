@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pages import blocks
+from support import DOCS
 from wakeflow.air.foam import case as case_module
 from wakeflow.air.foam.airflow import solve_airflow
 from wakeflow.air.foam.case import MODELS, FlowSpec, write_case
@@ -30,7 +32,6 @@ from wakeflow.laws.turbulence import (
 )
 
 OWN_FILES = Path(__file__).parent / "turbulence-models"
-SECTION = (Path(__file__).parents[2] / "docs" / "extending.md").read_text().split("## A turbulence model\n")[1]
 
 
 def rhombus(turbulence: str, scale: float = 2.5) -> FlowSpec:
@@ -47,8 +48,8 @@ def realizable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TurbulenceMod
     shutil.copytree(case_template(), template)
     shutil.copytree(OWN_FILES, template / MODELS, dirs_exist_ok=True)
     monkeypatch.setattr(case_module, "case_template", lambda: template)
-    code = re.search(r"^```python\n(.*?)^```", SECTION, re.M | re.S)
-    exec(code[1], {})
+    (code,) = [block.body for block in blocks(DOCS / "extending.md") if block.heading == "A turbulence model"]
+    exec(code, {})
     return turbulence_models["realizableKE"]
 
 
@@ -81,12 +82,6 @@ def test_the_plan_finds_one_model_at_every_reynolds_number(reynolds: float) -> N
 def test_words_that_are_no_model_bring_turbulence() -> None:
     found = [name for name in ("laminar", "kOmegaSST", "given", "decaying", None) if has_no_turbulence(name)]
     assert found == ["laminar"]
-
-
-def test_the_files_of_the_example_are_those_of_the_page() -> None:
-    blocks = [body for language, body in re.findall(r"^```(\w*)\n(.*?)^```", SECTION, re.M | re.S) if not language]
-    for name, block in zip(("0/epsilon", "system/fvSchemes", "system/fvSolution"), blocks, strict=True):
-        assert (OWN_FILES / "realizableKE" / name).read_text().endswith("\n\n" + block)
 
 
 def test_fields_scale_with_their_units(realizable: TurbulenceModel) -> None:

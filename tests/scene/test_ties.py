@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from support import CASES, shipped
+from pages import blocks
+from support import CASES, DOCS, shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.extras.page.form import form_of
 from wakeflow.scene import Scene
@@ -48,9 +49,7 @@ def test_the_command_line_gives_ties_as_lists() -> None:
 
 
 def test_the_example_of_the_documents_is_a_scene(tmp_path: Path) -> None:
-    page = (CASES.parent / "docs" / "uncertainty.md").read_text(encoding="utf-8")
-    section = page.partition("\n## Inputs that belong together\n")[2].partition("\n- `together`")[0]
-    example = "\n".join(line.strip() for line in section.splitlines() if line.startswith("    "))
+    (example,) = [block.body for block in blocks(DOCS / "uncertainty.md") if "together" in block.heading]
     file = tmp_path / "scene.toml"
     file.write_text((CASES / "rhombus.toml").read_text(encoding="utf-8") + "\n" + example)
     uncertainty = Scene.load(file).uncertainty

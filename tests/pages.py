@@ -1,0 +1,79 @@
+"""The pages of the documents for their tests: fenced blocks, commands that a page shows, and code that is tried."""
+
+import gc
+import re
+import shlex
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from cyclopts import App, CycloptsError, MissingArgumentError
+
+import wakeflow as wf
+from support import DOCS, ROOT
+from wakeflow.cli import app
+from wakeflow.core.extras import register_extras
+from wakeflow.core.registry import Registry
+
+PAGES = [
+    *(ROOT / f"{name}.md" for name in ("README", "CHANGELOG", "CONTRIBUTING", "SECURITY")),
+    *sorted(DOCS.glob("*.md")),
+]
+FENCED = re.compile(r"^```([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+EXAMPLE = "example_of_a_page"  # the module that a block of Python is
+
+
+class Block(NamedTuple):
+    """A fenced block: its page, the heading above it, what stands behind the fence, and its text."""
+
+    page: Path
+    heading: str
+    info: str
+    body: str
+
+
+def blocks(page: Path) -> Iterator[Block]:
+    """Every fenced block of a page, in order."""
+    for part in re.split(r"^#+ (?=[^\n]*\n)", f"\n{page.read_text()}", flags=re.MULTILINE):
+        for info, body in FENCED.findall(part):
+            yield Block(page, part.partition("\n")[0], info, body)
+
+
+def parse_command(command: str, of: App = app) -> None:
+    """Read a command line without its first word. Raises AssertionError where the program would refuse it."""
+    words = shlex.split(command, comments=True)
+    try:
+        of.parse_args(words, exit_on_error=False, print_error=False)
+    except MissingArgumentError:  # the command alone, or with one option: it is there
+        of.parse_args([words[0], "--help"], exit_on_error=False, print_error=False)
+    except CycloptsError as problem:
+        raise AssertionError(f"{command}: {problem}") from None
+
+
+@contextmanager
+def tried(code: str) -> Iterator[dict[str, Any]]:
+    """The names that a block of Python leaves; what it adds to registries and commands is taken out again.
+
+    Its imports come first: modules of the package that add entries when they are imported keep them.
+    """
+    module = ModuleType(EXAMPLE)
+    sys.modules[EXAMPLE] = module  # where a scene's table looks up its annotations
+    module.__dict__["wf"] = wf
+    imports = [line for line in code.splitlines() if line.startswith(("import ", "from "))]
+    exec("\n".join(imports), module.__dict__)
+    register_extras()
+    registries = [one for one in gc.get_objects() if isinstance(one, Registry)]
+    before, commands = [dict(one._entries) for one in registries], set(app)
+    try:
+        exec(compile(code, "a page", "exec"), module.__dict__)
+        yield module.__dict__
+    finally:
+        del sys.modules[EXAMPLE]
+        for registry, entries in zip(registries, before, strict=True):
+            registry._entries.clear()
+            registry._entries.update(entries)
+        for name in set(app) - commands:
+            del app[name]
