@@ -14,8 +14,7 @@ import pytest
 
 import wakeflow as wf
 from pages import blocks, tried
-from proofs.airflow.measured import quantities
-from proofs.problems.exact import exact_numbers, exact_problems, fly
+from proofs.problems.exact import exact_problems, fly
 from support import DOCS
 from wakeflow.answer.budget.source import budget_sources
 from wakeflow.cli import main
@@ -150,20 +149,6 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
     setting, answer = exact_problems["coasting"].at(6)
     assert np.allclose(fly(setting, 1e-3).position, answer.position, atol=1e-12)
-
-
-@example("An exact number")
-def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
-    number = exact_numbers["height-of-a-throw"]
-    found = number.measure(1e-5)
-    assert np.all((number.low <= found) & (found <= number.high))
-
-
-@example("A quantity of an airflow")
-def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
-    airflow: Any = SimpleNamespace(found=SimpleNamespace(suction=SimpleNamespace(length=0.1)), width=0.05)
-    found = quantities["suction_length"].of(airflow)
-    assert found.value == 2.0
 
 
 @example("A rung, a kind of airflow")
