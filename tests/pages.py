@@ -1,6 +1,5 @@
 """The pages of the documents for their tests: fenced blocks, commands that a page shows, and code that is tried."""
 
-import gc
 import re
 import shlex
 import sys
@@ -10,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
+import pytest
 from cyclopts import App, CycloptsError, MissingArgumentError
 
 import wakeflow as wf
@@ -55,25 +55,38 @@ def parse_command(command: str, of: App = app) -> None:
 
 @contextmanager
 def tried(code: str) -> Iterator[dict[str, Any]]:
-    """The names that a block of Python leaves; what it adds to registries and commands is taken out again.
-
-    Its imports come first: modules of the package that add entries when they are imported keep them.
-    """
-    module = ModuleType(EXAMPLE)
-    sys.modules[EXAMPLE] = module  # where a scene's table looks up its annotations
-    module.__dict__["wf"] = wf
-    imports = [line for line in code.splitlines() if line.startswith(("import ", "from "))]
-    exec("\n".join(imports), module.__dict__)
+    """The names that a block of Python leaves; what it adds to registries and commands is taken out again."""
     register_extras()
-    registries = [one for one in gc.get_objects() if isinstance(one, Registry)]
-    before, commands = [dict(one._entries) for one in registries], set(app)
-    try:
-        exec(compile(code, "a page", "exec"), module.__dict__)
-        yield module.__dict__
-    finally:
-        del sys.modules[EXAMPLE]
-        for registry, entries in zip(registries, before, strict=True):
-            registry._entries.clear()
-            registry._entries.update(entries)
-        for name in set(app) - commands:
-            del app[name]
+    module = ModuleType(EXAMPLE)
+    module.__dict__["wf"] = wf
+    added: list[tuple[Registry[Any], str]] = []
+    commands, add = set(app), Registry.add
+
+    def noted(registry: Registry[Any], name: str, entry: Any) -> Any:
+        if _by_the_example():
+            added.append((registry, name))
+        return add(registry, name, entry)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(sys.modules, EXAMPLE, module)  # where a scene's table looks up its annotations
+        patch.setattr(Registry, "add", noted)
+        try:
+            exec(compile(code, "a page", "exec"), module.__dict__)
+            yield module.__dict__
+        finally:
+            for registry, name in added:
+                registry.remove(name)
+            for name in set(app) - commands:
+                del app[name]
+
+
+def _by_the_example() -> bool:
+    """Whether the example adds an entry, and not a module of the package that is imported meanwhile."""
+    frame = sys._getframe(2)
+    while "importlib" not in frame.f_code.co_filename:
+        if frame.f_globals.get("__name__") == EXAMPLE:
+            return True
+        if frame.f_back is None:
+            return False
+        frame = frame.f_back
+    return False
