@@ -14,7 +14,7 @@ from wakeflow.air.mesh import SideInlet, build_mesh, plan_mesh, read_mesh
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import between_walls, contains, wall_edge
 from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.planning.lifting import narrowest_gap
+from wakeflow.planning.scene_lines import narrowest_gap
 from wakeflow.planning.wake import family_of
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene

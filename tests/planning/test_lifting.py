@@ -6,7 +6,7 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.planning.lifting import floor_notices, lifting_line, lifting_notices, narrowest_gap
+from wakeflow.planning.scene_lines import floor_notices, lifting_line, lifting_notices, narrowest_gap
 
 
 def test_the_gap_is_the_flow_over_what_bodies_leave_free() -> None:

@@ -44,7 +44,7 @@ from wakeflow.planning import make
 from wakeflow.planning.approach import approaches
 from wakeflow.planning.make import Planner
 from wakeflow.planning.plan import Plan, whole_terms
-from wakeflow.planning.plan_messages import magnitude_lines
+from wakeflow.planning.scene_lines import magnitude_lines
 from wakeflow.planning.terms import STICKING, TYPICAL, bounds
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene

@@ -11,9 +11,8 @@ from ..core.process import cores
 from ..core.quantities import duration, metres, say, speaking
 from ..core.store import cache_root
 from ..planning.cost import begins, typical_cells, wall_seconds
-from ..planning.lifting import floor_notices, lifting_line
 from ..planning.plan import REPLICATES, replicate_size, whole_terms
-from ..planning.trade_lines import trade_lines
+from ..planning.scene_lines import floor_notices, lifting_line, trade_lines
 from ..runs.progress import on_this_machine
 from ..show.machine_words import fall_words, motion_words, tilt_words
 from .screen import MAX_WARNINGS, plain, screen_table, warn

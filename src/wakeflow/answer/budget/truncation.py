@@ -106,10 +106,10 @@ def swung(scene: Scene, plan: Plan, part: BudgetPart, effect: InputPart | None, 
     if part.source != VIBRATION or plan.airflow.stepping != "time-resolved":
         return part
     motion = vibration_of_scene(scene, plan.airflow.accuracy)
-    if motion is None or motion.used:
+    if motion.used or not motion.why:
         return part
     ways: list[tuple[float, str]] = []
-    if motion.moved is not None:
+    if motion.moved < np.inf:
         measured = "measured: no share moved by more in air that sees the body vibrate"
         ways.append((motion.moved, f"{measured}; {motion.why}"))
     if part.kind == NOT_COMPUTED and effect is not None and speed is not None:
