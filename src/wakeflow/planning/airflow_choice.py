@@ -126,8 +126,8 @@ class AirflowPlan:
         return rungs[self.rung].resolves if self.rung in rungs else None
 
     @property
-    def summary(self) -> str | None:
-        """The plan's line on an airflow that is not solved; None where there is nothing to say."""
+    def summary(self) -> str:
+        """The plan's line on an airflow that is not solved; empty where there is nothing to say."""
         return f"airflow: rung {self.rung}, {rungs[self.rung].meaning} ({self.why})"
 
     def flown(self, scene: Scene) -> Scene:
@@ -151,8 +151,8 @@ class NoAirPlan(AirflowPlan):
     """No air, or air that is left out."""
 
     @property
-    def summary(self) -> str | None:
-        return None
+    def summary(self) -> str:
+        return ""
 
     def flown(self, scene: Scene) -> Scene:
         return scene.without_air()
@@ -162,7 +162,7 @@ class AnalyticAirPlan(AirflowPlan):
     """Air without bodies, or at rest: known in closed form."""
 
     @property
-    def summary(self) -> str | None:
+    def summary(self) -> str:
         return f"airflow: {self.why}"
 
     def feeling(self, scene: Scene, *, loaded: bool) -> AirflowPlan:
@@ -194,7 +194,7 @@ class GivenAirPlan(AirflowPlan):
         return False
 
     @property
-    def summary(self) -> str | None:
+    def summary(self) -> str:
         return f"airflow: a solved OpenFOAM case of yours; neither mesh nor solver runs ({self.why})"
 
 
@@ -205,7 +205,7 @@ class SolvedAirPlan(AirflowPlan):
     def kind(self) -> str:
         if self.span is not None:
             return "three-dimensional"
-        return known(self.stepping) if self.wake is None else "best-estimate"
+        return str(self.stepping) if self.wake is None else "best-estimate"
 
     def notices(self, scene: Scene) -> Iterator[Notice]:
         if self.resolves is not None and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
@@ -257,8 +257,9 @@ def _chosen(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
         return _analytic(scene, asked)
     if scene.air.case is not None:
         return _given(scene.air.case, asked)
-    name, why = (asked, "asked for") if rungs[asked].kind is not None else _auto(known(scene.reynolds), target_error)
-    return _at_body(scene, known(scene.reynolds), name, why)
+    reynolds = known(scene.reynolds)
+    name, why = (asked, "asked for") if rungs[asked].kind is not None else _auto(reynolds, target_error)
+    return _at_body(scene, reynolds, name, why)
 
 
 def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
@@ -296,7 +297,7 @@ def _analytic(scene: Scene, asked: str) -> AirflowPlan:
     if air.still:
         why = "the air is at rest, and what bodies and granules stir up in it is left out: neither mesh nor solver"
         return AnalyticAirPlan("analytic", why, None, "laminar", scene.symmetric, half=False)
-    laminar = air.profile == "parabolic" or known(scene.reynolds) < LAMINAR_BELOW
+    laminar = air.profile == "parabolic" or (scene.reynolds or 0.0) < LAMINAR_BELOW
     why = f"it has no body: {air.profile} everywhere, neither mesh nor solver"
     return AnalyticAirPlan("analytic", why, None, "laminar" if laminar else DECAYING, symmetric=True, half=False)
 

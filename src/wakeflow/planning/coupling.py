@@ -42,14 +42,14 @@ class Limit:
     name: str = column("", "name of the number")
     about: str = column("", "which assumption it checks")
     value: Most = column("1", "the number; null where it has no bound")
-    limit: float | None = column("1", "up to where it holds; null for a scale without limit")
-    feed_rate: Most | None = column("kg/h", "feed that reaches the limit")
+    limit: Most = column("1", "up to where it holds; null for a scale without limit")
+    feed_rate: Most = column("kg/h", "feed that reaches the limit")
     why: str = column("", "what the number is, with its source")
 
     @property
     def holds(self) -> bool:
         """Whether the value stays within its limit."""
-        return self.limit is None or self.value <= self.limit
+        return self.value <= self.limit
 
 
 def limits(
@@ -80,7 +80,7 @@ def limits(
         yield row("slope-covered", INDEPENDENT, layer.covered, LOADED, why)
         size = f"{layer.sizes:.2g} granule sizes, {layer.solid:.2g} of it solid"
         why = f"m, height to which granules bounce off the slope: {size}"
-        yield Limit("layer", INDEPENDENT, layer.height, None, None, why)
+        yield Limit("layer", INDEPENDENT, layer.height, math.inf, math.inf, why)
     if scene.air is not None:
         yield from _of_the_air(_taken_from_the_air(scene, scales), rate, min(speeds.values()))
         why = f"solid volume in the curtain: more than this damps or feeds the air's turbulence ({ELGHOBASHI})"
@@ -241,8 +241,8 @@ def strained(rows: Sequence[Limit], lifted: Collection[str] = ()) -> Iterator[No
         beyond = [row for row in rows if row.about == about and about not in lifted and not row.holds]
         if beyond:
             numbers = ", ".join(f"{row.name} {row.value:.2g} (limit {row.limit:.2g})" for row in beyond)
-            least = min(row.feed_rate or 0.0 for row in beyond)
-            grade = void if any(row.value > MAX_EXCEEDANCE * (row.limit or math.inf) for row in beyond) else less_sure
+            least = min(row.feed_rate for row in beyond)
+            grade = void if any(row.value > MAX_EXCEEDANCE * row.limit for row in beyond) else less_sure
             yield grade(
                 f"the feed is too dense for {about}: {numbers}; with feed.rate below {least:.2g} kg/h it is not"
             )

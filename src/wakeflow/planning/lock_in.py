@@ -102,7 +102,7 @@ def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | No
         return AirMotion()
     across, along = scene.shaking
     ratios = frequency_ratios(scene)
-    sheds = known(scene.reynolds) >= SHEDDING_ABOVE
+    sheds = (scene.reynolds or 0.0) >= SHEDDING_ABOVE
     sideways = abs(float(across)) / scene.air.speed
     motion = vibration_of_air(float(along) / scene.air.speed, ratios, accuracy, sheds=sheds)
     if asked is False:
@@ -134,8 +134,8 @@ def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | No
 def _measured(scene: Scene, speed_ratio: float) -> bool:
     """Whether it was measured what vibration along the air with a w / U = ``speed_ratio`` changes of shares."""
     family, (flat, steep), (low, high) = family_of(scene), MEASURED_SLOPES, MEASURED_REYNOLDS
-    alike = family.name == MEASURED_FAMILY and flat <= known(family.slope) <= steep
-    return alike and low <= known(scene.reynolds) <= high and abs(speed_ratio) <= MEASURED_MOTION
+    alike = family.name == MEASURED_FAMILY and flat <= family.slope <= steep
+    return alike and low <= (scene.reynolds or 0.0) <= high and abs(speed_ratio) <= MEASURED_MOTION
 
 
 def _most_sideways(ratios: tuple[float, float], *, sheds: bool) -> float:

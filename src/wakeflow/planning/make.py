@@ -34,8 +34,8 @@ from .terms import (
     LOADING,
     STICKING,
     VIBRATION,
-    Gate,
     LeftOut,
+    TermGate,
     TermSelection,
     check_switches,
     limit_of,
@@ -85,7 +85,7 @@ def _planned(
     crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
     airflow, known = _under_load(flown, airflow, known, target, switches.get(LOADING))
     together = whole_terms(airflow, crowd)
-    gate = Gate(flown, switches, target, airflow.turbulence, together, obstacle, motion.moved)
+    gate = TermGate(flown, switches, target, airflow.turbulence, together, obstacle, motion.moved)
     fractions, chosen = {}, {}
     for name, one in known.items():
         fractions[name], chosen[name] = _decide(gate, name, one)
@@ -194,7 +194,7 @@ def _laws(approaches: Mapping[str, Approach]) -> dict[str, tuple[str, float]]:
     return {name: (one.law, one.scale) for name, one in approaches.items()}
 
 
-def _decide(gate: Gate, name: str, known: Approach) -> tuple[FractionPlan, TermSelection]:
+def _decide(gate: TermGate, name: str, known: Approach) -> tuple[FractionPlan, TermSelection]:
     """How fraction ``name`` is computed, and with which forces. Raises SceneError as :func:`make_plan` does."""
     scene, turned = gate.scene, known.turned
     if scene.air is None:

@@ -89,7 +89,7 @@ def used_lines(
         yield _fraction_line(scene, name, fraction)
     yield from _kept_lines(scene)
     yield from cascade_lines(scene, blown=scene.air is not None and not scene.air.still)
-    numbers = ", ".join(f"{limit.name} {limit.value:.2g}" for limit in validity if limit.limit is not None)
+    numbers = ", ".join(f"{limit.name} {limit.value:.2g}" for limit in validity if limit.limit < math.inf)
     yield f"feed: {3600 * scene.feed.mass_flow:.3g} kg/h, profile {scene.feed.profile.distribution}; {numbers}"
     if scene.vibration is not None:
         peak, often = float(np.linalg.norm(scene.shaking)), 1.0 / scene.vibration.period
@@ -193,7 +193,7 @@ def _spread(scene: Scene, name: str) -> str:
 def _airflow_lines(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
     """The airflow that is computed, why, and what is computed in addition."""
     if airflow.stepping is None:
-        yield from () if airflow.summary is None else (airflow.summary,)
+        yield from filter(None, (airflow.summary,))
         return
     part = ", half of the channel mirrored" if airflow.half else ""
     if airflow.mirrored:
@@ -332,7 +332,7 @@ def _injected_beyond(name: str, fraction: FractionPlan, target: float) -> Iterat
         yield less_sure(
             f"{name}: injected, though in upward air the slopes lie in the wake; feed.mode = 'resolved' computes it"
         )
-    elif turned is not None and (turned.missed > target or turned.shift > (fraction.limit or 0.0)):
+    elif turned is not None and (turned.missed > target or turned.shift > fraction.limit):
         yield less_sure(
             f"{name}: injected, though the air carries {turned.missed:.2g} of it round the body and moves the landing "
             f"of the rest by up to {turned.shift:.2g} body widths; feed.mode = 'resolved' computes both"

@@ -193,7 +193,7 @@ def _obstacle(scene: Scene, fraction: str, term: str, turbulence: str | None) ->
 
 
 @dataclass(frozen=True)
-class Gate:
+class TermGate:
     """What decides for every fraction of a ``scene`` which terms it is flown with, for an accuracy of ``target`` (a
     share).
 

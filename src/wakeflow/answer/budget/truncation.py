@@ -66,7 +66,7 @@ def truncation_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> 
     parts: dict[str, list[BudgetPart]] = {place: [] for place in [*scene.bin, RESERVED_BIN]}
     if not rows or not len(landing.bin):
         return parts
-    limit = plan.fractions[name].limit or 0.0
+    limit = plan.fractions[name].limit
     distance = {point: np.linalg.norm(landing.position - point, axis=1) / scene.width for point in points_of(ends)}
     number = {place: index for index, place in enumerate(scene.bin)} | {RESERVED_BIN: -1}
     places, own = list(parts), range(len(parts))
