@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.laws.far_wake import DEFICIT, DRAG, slower_behind
+from wakeflow.laws.best_estimate import DEFICIT, DRAG, slower_behind
 from wakeflow.planning.scene_lines import _thrown, cascade_lines
 
 G, RADIUS = 9.81, 1e-3

@@ -54,8 +54,7 @@ def check_forces(forces: Sequence[str], field: FlowField | None) -> None:
         if not force.computed:
             computed = ", ".join(known for known in all_forces if all_forces[known].computed)
             raise SceneError(f"force {name!r} is only bounded, not computed (computed: {computed})")
-        lacking = None if field is None else force.lacks(field)
-        if lacking is not None:
+        if field is not None and (lacking := force.lacks(field)):
             raise SceneError(f"forces: {name} needs {lacking}")
 
 

@@ -29,7 +29,7 @@ from .terms import LOADING, VIBRATION
 from .wake import Wake, span_of, wake_of, wakes_beside
 
 Stepping = Literal["steady", "time-resolved"]
-SOLVED: dict[str | None, Stepping] = {
+SOLVED: dict[str, Stepping] = {
     "steady": "steady",
     "time-resolved": "time-resolved",
     "three-dimensional": "time-resolved",
@@ -116,14 +116,9 @@ class AirflowPlan:
         return wakes_beside(self.brackets, self.wake)
 
     @property
-    def computes_streams(self) -> bool:
-        """Whether the scene's secondary streams are added to the main one; else the airflow brings its own."""
-        return True
-
-    @property
-    def resolves(self) -> str | None:
-        """The rung that resolves what this airflow leaves out where the wake sheds; None where nothing is left out."""
-        return rungs[self.rung].resolves if self.rung in rungs else None
+    def resolves(self) -> str:
+        """The rung that resolves what this airflow leaves out where the wake sheds; empty where nothing is left out."""
+        return rungs[self.rung].resolves or "" if self.rung in rungs else ""
 
     @property
     def summary(self) -> str:
@@ -144,7 +139,7 @@ class AirflowPlan:
     def notices(self, scene: Scene) -> Iterator[Notice]:
         """One for each way in which the airflow of ``scene`` differs from the real one."""
         del scene
-        yield from ()
+        return iter(())
 
 
 class NoAirPlan(AirflowPlan):
@@ -190,10 +185,6 @@ class GivenAirPlan(AirflowPlan):
     """A solved OpenFOAM case of the user's."""
 
     @property
-    def computes_streams(self) -> bool:
-        return False
-
-    @property
     def summary(self) -> str:
         return f"airflow: a solved OpenFOAM case of yours; neither mesh nor solver runs ({self.why})"
 
@@ -208,7 +199,7 @@ class SolvedAirPlan(AirflowPlan):
         return str(self.stepping) if self.wake is None else "best-estimate"
 
     def notices(self, scene: Scene) -> Iterator[Notice]:
-        if self.resolves is not None and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
+        if self.resolves and (scene.reynolds or 0.0) > SHEDDING_ABOVE:
             yield less_sure(
                 f"{self.rung} airflow: a steady wake is too long and its suction too weak; numerics.rung = "
                 f"'{self.resolves}' resolves the shedding"
@@ -265,7 +256,7 @@ def _chosen(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
 def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
     """The airflow past the scene's bodies at a rung that names its kind."""
     rung, sheds, symmetric = rungs[name], reynolds >= SHEDDING_ABOVE, scene.symmetric
-    kind = rung.kind if sheds else rung.kind_below_shedding or rung.kind
+    kind = str(rung.kind if sheds else rung.kind_below_shedding or rung.kind)
     if kind not in SOLVED:
         return AirflowPlan(name, why, None, "laminar", symmetric, half=False)
     if kind == "three-dimensional":

@@ -222,12 +222,13 @@ def feels_granules(
     airflow: AirflowPlan,
     approaches: Mapping[str, Approach],
     target: float,
-    switched: bool | None,
+    switches: Mapping[str, bool],
 ) -> bool:
     """Whether the airflow is computed with the granules' force on it: where that could move one of the fractions that
-    come by ``approaches`` farther than the accuracy ``target`` (of a share) allows, or as ``switched`` by hand. Raises
-    SceneError where it is asked for and cannot be had.
+    come by ``approaches`` farther than the accuracy ``target`` (of a share) allows, or as it is switched by hand.
+    Raises SceneError where it is asked for and cannot be had.
     """
+    switched = switches.get(LOADING)
     if switched is False:
         return False
     if obstacle := _obstacle(scene, airflow):

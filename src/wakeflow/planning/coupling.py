@@ -75,7 +75,7 @@ def limits(
     if number > 0.0:
         yield row("meetings", INDEPENDENT, number, bearable, why)
     layer = _layer(scene, speeds)
-    if layer is not None:
+    if layer.height:
         why = "share of the slope under granules that have bounced and not left it yet"
         yield row("slope-covered", INDEPENDENT, layer.covered, LOADED, why)
         size = f"{layer.sizes:.2g} granule sizes, {layer.solid:.2g} of it solid"
@@ -186,23 +186,21 @@ def with_driven_air(scene: Scene, scales: Mapping[str, Sequence[FlightScales]]) 
 class _Layer:
     """The layer of granules on the first body's slopes."""
 
-    covered: float  # share of the slopes under granules
-    height: float  # m, to which the fraction that bounces highest does
-    sizes: float  # the same in that fraction's granule sizes
-    solid: float  # share of the layer's volume
+    covered: float = 0.0  # share of the slopes under granules
+    height: float = 0.0  # m, to which the fraction that bounces highest does
+    sizes: float = 0.0  # the same in that fraction's granule sizes
+    solid: float = 0.0  # share of the layer's volume
 
 
-def _layer(scene: Scene, speeds: Mapping[str, float]) -> _Layer | None:
-    """The layer on the first body's slopes; None without a body, and where its top is level.
+def _layer(scene: Scene, speeds: Mapping[str, float]) -> _Layer:
+    """The layer on the first body's slopes: nothing without a body, and where its top is level.
 
     A granule that meets the slope goes half its length at the tangential speed of eq. (2), and faster by gravity
     less friction, until it leaves: t = (sqrt(v^2 + a L) - v) / a. It bounces to v_n^2 / (2 g cos b). Without vibration.
     """
-    if scene.first_outline is None:
-        return None
-    beta, length = slope_of(scene)
-    if beta <= 0.0:
-        return None
+    if scene.first_outline is None or (slope := slope_of(scene))[0] <= 0.0:
+        return _Layer()
+    beta, length = slope
     on_slope = scene.feed.mass_flow * _share_on(scene, scene.first_outline) / scene.feed.depth
     covered = solid = height = sizes = 0.0
     for name, share in scene.mass_shares().items():

@@ -77,13 +77,13 @@ def _planned(
     given: Scene, rung: str, switches: Mapping[str, bool], target: float, sources: Sequence[FliesAgain]
 ) -> Plan:
     """The plan of a scene by a ``rung``, with its terms as switched, for the error ``target`` of a share."""
-    airflow, motion = _airflow(given, rung, target, switches.get(VIBRATION))
+    airflow, motion = _airflow(given, rung, target, switches)
     flown, chain = airflow.flown(given), given.air is not None and airflow.kind == "none"
     check_switches(flown, switches, airflow.turbulence)
     known = approaches(flown, airflow)
     obstacle = FIRST_LOOK if chain else why_no_collisions(flown) or too_many_to_collide(flown, _laws(known))
     crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
-    airflow, known = _under_load(flown, airflow, known, target, switches.get(LOADING))
+    airflow, known = _under_load(flown, airflow, known, target, switches)
     together = whole_terms(airflow, crowd)
     gate = TermGate(flown, switches, target, airflow.turbulence, together, obstacle, motion.moved)
     fractions, chosen = {}, {}
@@ -148,24 +148,22 @@ class Planner:
         return self if scene == self.scene else replace(self, scene=scene)
 
 
-def _airflow(scene: Scene, rung: str, target: float, vibrates: bool | None) -> tuple[AirflowPlan, AirMotion]:
-    """The airflow of a ``rung`` asked for, and what the vibration asks of it; ``vibrates``: the mesh's motion is
-    switched by hand.
-    """
+def _airflow(scene: Scene, rung: str, target: float, switches: Mapping[str, bool]) -> tuple[AirflowPlan, AirMotion]:
+    """The airflow of a ``rung`` asked for, and what the vibration asks of it, with the mesh's motion as switched."""
     airflow = choose_airflow(scene, rung, target)
     if airflow.stepping != "time-resolved":
         return airflow, AirMotion()
-    motion = vibration_of_scene(scene, airflow.accuracy, asked=vibrates)
+    motion = vibration_of_scene(scene, airflow.accuracy, asked=switches.get(VIBRATION))
     if airflow.span is not None and motion.used:
         raise SceneError(f"rung = {rung!r} holds the body still in the air, and here {motion.why}; choose standard")
     return replace(airflow, moving=motion.used), motion
 
 
 def _under_load(
-    scene: Scene, airflow: AirflowPlan, known: dict[str, Approach], target: float, switched: bool | None
+    scene: Scene, airflow: AirflowPlan, known: dict[str, Approach], target: float, switches: Mapping[str, bool]
 ) -> tuple[AirflowPlan, dict[str, Approach]]:
     """The airflow that the granules' force moves, where that matters, and how they come through it."""
-    airflow = airflow.feeling(scene, loaded=feels_granules(scene, airflow, known, target, switched))
+    airflow = airflow.feeling(scene, loaded=feels_granules(scene, airflow, known, target, switches))
     driven = airflow.turbulence == JET
     return airflow, {name: one.driven if driven else one for name, one in known.items()}
 
@@ -262,7 +260,7 @@ def _sticking(scene: Scene, approaches: Mapping[str, Approach]) -> Iterator[Left
         if met > 0.0:
             why = f"it meets {met:.2g} granules of {' or '.join(heavy)} in the mean; if it stayed on the first that it "
             why += f"met, {-math.expm1(-met):.0%} of it at most would land with these: no granule stays on another"
-            yield LeftOut(STICKING, None, why, name)
+            yield LeftOut(STICKING, math.inf, why, name)
 
 
 def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> tuple[list[LeftOut], list[Notice]]:

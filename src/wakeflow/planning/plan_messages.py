@@ -79,7 +79,7 @@ def used_lines(
         yield from span_lines(airflow.span, span_cost(scene, airflow))
     if chain:
         yield "no air: granules fly in parabolas from impact to impact (the chain); neither Gmsh nor OpenFOAM"
-    if scene.air is not None and scene.channel.inlet and airflow.computes_streams:
+    if scene.air is not None and scene.channel.inlet and airflow.kind != "given":  # which brings its own streams
         brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
         share = brought / (scene.air.speed * scene.channel.width)
         yield f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air"

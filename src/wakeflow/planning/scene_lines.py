@@ -17,7 +17,7 @@ import numpy as np
 from ..core.geometry import ON_WALL, between_walls, distance_between, edges, normals, wall_edge
 from ..core.graded import Notice, information, less_sure
 from ..core.quantities import metres, say
-from ..laws.far_wake import DRAG, apart, slower_behind
+from ..laws.best_estimate import DRAG, apart, slower_behind
 from ..laws.operating_point import HOUR, bluff_loss
 from ..scene import Scene
 from ..scene.fan_speed import blocked
@@ -37,12 +37,12 @@ UNCOVERED = 1e-3  # of the channel's width: a shorter part of the floor without 
 @dataclass(frozen=True)
 class Gap:
     """The narrowest place beside the bodies: what is ``free`` (m) of the channel, the air's mean ``speed`` there (m/s)
-    and the ``bodies`` beside it.
+    and the ``bodies`` beside it, none where air moves past none.
     """
 
     free: float
     speed: float
-    bodies: tuple[str, ...]
+    bodies: tuple[str, ...] = ()
 
     @property
     def where(self) -> str:
@@ -50,13 +50,13 @@ class Gap:
         return " and ".join(self.bodies) if len(self.bodies) < 3 else "the bodies"
 
 
-def narrowest_gap(scene: Scene) -> Gap | None:
-    """The narrowest gap of a scene; None without bodies, or air that moves.
+def narrowest_gap(scene: Scene) -> Gap:
+    """The narrowest gap of a scene: the whole channel without bodies, or air that moves.
 
     Its speed is the flow over the free width: the wakes of bodies make it faster still.
     """
     if scene.air is None or scene.air.still or not scene.body:
-        return None
+        return Gap(scene.channel.width, scene.airstream.speed)
     outlines = {name: body.outline() for name, body in scene.body.items()}
     corners = np.concatenate([outline[:, 1] for outline in outlines.values()])
     levels = np.concatenate([corners - LEVEL_APART, corners + LEVEL_APART])
@@ -69,17 +69,17 @@ def narrowest_gap(scene: Scene) -> Gap | None:
     return Gap(free, scene.air.speed * width / free, beside)
 
 
-def _span(outline: Array, y: float) -> tuple[float, float] | None:
-    """From where to where (m) an outline reaches at a level; None where it does not."""
+def _span(outline: Array, y: float) -> tuple[float, ...]:
+    """From where to where (m) an outline reaches at a level; empty where it does not."""
     (x0, y0), (x1, y1) = (ends.T for ends in edges(outline))
     cut = (y0 - y) * (y1 - y) < 0.0
     if not cut.any():
-        return None
+        return ()
     x = x0[cut] + (y - y0[cut]) / (y1[cut] - y0[cut]) * (x1[cut] - x0[cut])
     return float(x.min()), float(x.max())
 
 
-def _covered(spans: list[tuple[float, float]]) -> float:
+def _covered(spans: list[tuple[float, ...]]) -> float:
     """Length (m) of the union of some stretches."""
     total, reach = 0.0, -np.inf
     for low, high in sorted(spans):
@@ -110,21 +110,21 @@ def lifting_line(scene: Scene, fractions: Mapping[str, FractionPlan]) -> str:
     if scene.air is None:
         return ""
     gap, air = narrowest_gap(scene), scene.air.blows
-    if gap is not None:
+    if gap.bodies:
         free = f"{metres(gap.free, 3)} of {metres(scene.channel.width, 3)} are free"
         air += f", {say(gap.speed, 'm/s', 2)} beside {gap.where} ({free})"
     fates = (_fate(scene, gap, name, terminal_velocities(scene, name, plan)) for name, plan in fractions.items())
     return f"{air}: {', '.join(fates)}"
 
 
-def _fate(scene: Scene, gap: Gap | None, name: str, speeds: Array) -> str:
+def _fate(scene: Scene, gap: Gap, name: str, speeds: Array) -> str:
     """``"wheat (7.5 to 8.1 m/s) is lifted beside it"``, the body."""
     low, middle, high = (float(one) for one in speeds)
     spread = f"{low:.2g} to {high:.2g}" if f"{low:.2g}" != f"{high:.2g}" else f"{middle:.2g}"
     up = scene.airstream.rises
     middle *= math.cos(scene.channel.tilt)
     verdict, where = _verdict(middle, scene.airstream.speed if up else -scene.airstream.speed), ""
-    if gap is not None and verdict == FALLS:
+    if gap.bodies and verdict == FALLS:
         rises, place = (gap.speed, " beside it") if up else (TURNS_BACK * gap.speed, " behind it")
         if (there := _verdict(middle, rises)) != FALLS:
             verdict, where = there, place.replace("it", "them", 1) if len(gap.bodies) > 1 else place
@@ -136,20 +136,19 @@ def lifting_notices(scene: Scene, fractions: Mapping[str, FractionPlan]) -> Iter
     if scene.air is None or scene.air.still:
         return
     air, gap = scene.air, narrowest_gap(scene)
-    fastest = air.speed if gap is None else gap.speed
     along = math.cos(scene.channel.tilt)  # of the air, whose axis is the channel's
     slow = {name: along * float(terminal_velocities(scene, name, plan)[1]) for name, plan in fractions.items()}
     blown = f"air of {say(air.speed, 'm/s', 3)} {air.direction}"
     if air.direction == "up" and len(slow) > 1:
         if all(_verdict(speed, air.speed) == LIFTED for speed in slow.values()):
             yield less_sure(f"the {blown} lifts every fraction; a lower air.speed lets the heavy ones fall")
-        elif all(_verdict(speed, fastest) == FALLS for speed in slow.values()):
+        elif all(_verdict(speed, gap.speed) == FALLS for speed in slow.values()):
             yield less_sure(f"the {blown} lifts no fraction, not even in the narrowest gap; a higher air.speed does")
     for name, speed in slow.items():
         heights = [float(scene.bin[place].line(scene)[:, 1].mean()) for place in scene.fraction[name].targets]
         if not heights:
             continue
-        key, rises = f"fraction.{name}.target", fastest if air.direction == "up" else -air.speed
+        key, rises = f"fraction.{name}.target", gap.speed if air.direction == "up" else -air.speed
         if min(heights) > scene.level and _verdict(speed, rises) == FALLS:
             yield less_sure(
                 f"{key} lies above the feed, but {name} falls at {speed:.2g} m/s through the {blown}; name a bin below"

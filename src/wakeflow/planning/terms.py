@@ -129,7 +129,7 @@ class LeftOut:
     """
 
     name: str = column("", "name of the term")
-    bound: Most | None = column("as plan.unit", "how far it could move a granule; null where that is no shift")
+    bound: Most = column("as plan.unit", "how far it could move a granule; null where that is no shift")
     why: str = column("", "why it is left out")
     fraction: str | None = column("", "for which fraction; null for all", default=None)
 
@@ -277,8 +277,9 @@ class TermGate:
             return "computed only where OpenFOAM solves the air about a body and feed.rate is given; lower feed.rate"
         if term not in forces:
             return "not computed in this version"
-        laminar, point_mass = has_no_turbulence(self.turbulence), fraction.inertia is None
-        return forces[term].blocked(laminar=laminar, point_mass=point_mass) or ""
+        return forces[term].blocked(
+            laminar=has_no_turbulence(self.turbulence), point_mass=fraction.inertia is None
+        )  # fmt: skip
 
     def _refusal(self, name: str, term: str, shift: float) -> str:
         limit, target, unit = self.limit, self.target, self.scene.unit

@@ -149,8 +149,8 @@ def _unknown(
         how = "given without" if confidence == GIVEN else f"confidence {confidence},"
         own = default.half(value, confidence, scene.width)
         why = f"default ({how} uncertainty; {default.status})"
-        lot = scene.fraction[fraction].material if fraction and confidence != GIVEN else None
-        if lot is not None and (half := materials[lot].half_of(entry)) is not None:
+        lot = (scene.fraction[fraction].material or "") if fraction and confidence != GIVEN else ""
+        if lot and (half := materials[lot].half_of(entry)) is not None:
             own, why = half * value / getattr(materials[lot], entry), f"material {lot}"
         causes = _causes(entry, lot, own, default.of_plate(value), lambda how: default.half(value, how, scene.width))
     elif isinstance(own, str):
@@ -162,7 +162,7 @@ Half = Callable[[str], float]  # of the 95 % interval of a number that is known 
 
 
 def _causes(
-    entry: str, lot: str | None, half: float, plate: float = 0.0, at: Half = lambda _: math.inf
+    entry: str, lot: str, half: float, plate: float = 0.0, at: Half = lambda _: math.inf
 ) -> tuple[tuple[str, float], ...]:
     """Why numbers of several fractions are too large together, with its part of the standard deviation of one whose
     interval's half is ``half``: there is one ``plate``, which makes so much of it, and one ``lot`` of a material, whose
@@ -172,7 +172,7 @@ def _causes(
     of_plate = ((f"{entry} on the plate", shared),) if shared > 0.0 else ()
     rest = math.sqrt(MOST_COMMON - shared**2)
     quantity = {"size": "diameter", "inverse_inertia": "impact"}.get(entry, entry)
-    lots = () if lot is None else _lots(quantity, lot, half, at)
+    lots = _lots(quantity, lot, half, at) if lot else ()
     return (*of_plate, *((f"{entry} of {one}", rest * part) for one, part in lots if part > 0.0))
 
 
@@ -341,7 +341,7 @@ def _moistures(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         wet = _water(fraction)
         if wet is not None and _moved_by_water(scene, plan, name):
             share = wet.middle if fraction.moisture is None else fraction.moisture
-            causes = _causes("moisture", fraction.material, METER)
+            causes = _causes("moisture", fraction.material or "", METER)
             if key in scene.uncertainty:
                 yield _unknown(scene, key, "moisture", share, "1", fraction=name)
             elif fraction.moisture is not None:

@@ -324,23 +324,23 @@ class Force:
         """Whether it acts where there is no air."""
         return self.needs == "nothing"
 
-    def lacks(self, field: Field) -> str | None:
-        """What ``field`` lacks for it, in words; None where it has all."""
+    def lacks(self, field: Field) -> str:
+        """What ``field`` lacks for it, in words; empty where it has all."""
         if self.needs == "pressure" and field.pressure is None and field.given_gradient is None:
             return "a field with pressure"
         if self.needs == "turbulence" and (field.k is None or field.dissipation is None):
             return "a field with k and dissipation; a laminar airflow has none"
-        return None
+        return ""
 
-    def blocked(self, *, laminar: bool, point_mass: bool) -> str | None:
-        """Why it cannot be computed for granules in a laminar airflow, or that are point masses; None where it can."""
+    def blocked(self, *, laminar: bool, point_mass: bool) -> str:
+        """Why it cannot be computed for granules in a laminar airflow, or that are point masses; empty where it can."""
         if not self.computed:
             return "not computed in this version"
         if self.needs == "turbulence" and laminar:
             return "the airflow is laminar and brings no turbulence"
         if self.turns and point_mass:
             return "a point mass gets no spin at the body; impact = 'sphere' gives it one"
-        return None
+        return ""
 
 
 forces: Registry[Force] = Registry("force")
