@@ -51,24 +51,25 @@ def flights(
     channel's end.
     """
     air, fraction = scene.airstream, scene.fraction[name]
-    density, phi = fraction.properties.density, fraction.roundness
+    density = fraction.properties.density
     _, omega = scene.motion
     kept = bool(scene.body) and set(scene.all_kept) == scene.body.keys()
     upward, aside = air.rises, 0.0 if kept else abs(float(scene.entry @ scene.plumb.across))
     aside += 2.0 * math.sin(scene.feed.scatter) * scene.feed.fall_speed
     scales = []
     for diameter, factor in _granules(scene, fraction, law, scale):
-        fall = UniformFall(scene, air, diameter, density, law, phi, factor)
+        fall = UniformFall.by_factor(scene, fraction, law, factor, diameter)
         times = fall.times()
         arrival = max(times.arrival, scene.feed.fall_speed)
-        slip = max(abs(complex(arrival - fall.along, fall.across)), air.speed, abs(times.landing) - abs(fall.along))
+        along, settling = fall.granule.along, abs(fall.granule.settling)
+        slip = max(abs(complex(arrival - along, fall.granule.across)), air.speed, abs(times.landing) - abs(along))
         stays = 0.0
-        if scene.body and upward and abs(fall.settling) < air.speed:  # it falls into the wake, and leaves with the air
+        if scene.body and upward and settling < air.speed:  # it falls into the wake, and leaves with the air
             stays = REACH * scene.width / (RECIRCULATION * air.speed) / (1.0 + times.tau * air.speed / scene.width)
         thrown = ejection_speed(scene, fraction, arrival) * arrival if scene.body and not kept else aside
         scales.append(FlightScales(
             diameter=diameter, density=density, tau=times.tau, calm=not scene.body or air.still,
-            arrival=arrival, thrown=thrown, slip=slip, settling=abs(fall.settling),
+            arrival=arrival, thrown=thrown, slip=slip, settling=settling,
             landing=times.landing, whole=times.whole + stays, time=times.time + stays, near=times.near + stays,
             beside=straight and not upward,
             sideways_bins=_sideways_bins(scene),
@@ -207,9 +208,9 @@ def arrival_at_body(scene: Scene, name: str, law: str, scale: float) -> BodyArri
     fraction = scene.fraction[name]
     fall = UniformFall.of(scene, fraction, law, scale, fraction.properties.diameter)
     speed = fall.arrival().speed
-    tau = float(fall.tau(np.array([abs(speed - fall.along)]))[0])
+    tau = float(fall.granule.tau(np.array([abs(speed - fall.granule.along)]))[0])
     stokes = tau * max(speed, 0.0) / (0.5 * scene.width) if scene.body else math.inf
-    return BodyArrival(fall.settling, tau, stokes, speed)
+    return BodyArrival(fall.granule.settling, tau, stokes, speed)
 
 
 # -- Whether the air feels the granules --------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from ..core.record import column
 from ..laws.collision import impact
 from ..laws.forces import FlightScales
 from ..scene import Scene
-from .collision_rates import Encounters, shifted, slope_of
+from .collision_rates import Encounters, shifted, slope_of, time_down
 
 Array = NDArray[np.float64]
 
@@ -208,20 +208,13 @@ def _layer(scene: Scene, speeds: Mapping[str, float]) -> _Layer:
         after = impact(beta, speeds[name], 0.0, granule.restitution, granule.friction, scene.fraction[name].inertia)
         along, out = float(after.tangential), float(after.normal)
         pull = scene.gravity * (math.sin(beta) - granule.friction * math.cos(beta))
-        volume = on_slope * share / granule.density * _stay(along, pull, length) / length
+        volume = on_slope * share / granule.density * time_down(0.5 * length, along, pull) / length
         covered += SHADE * volume / granule.diameter
         solid += volume
         bounce = 0.5 * out**2 / (scene.gravity * math.cos(beta))
         if bounce + granule.diameter > height:
             height, sizes = bounce + granule.diameter, bounce / granule.diameter + 1.0
     return _Layer(covered, height, sizes, solid / height)
-
-
-def _stay(along: float, pull: float, length: float) -> float:
-    """Seconds on a slope of ``length`` (m), from its middle on, at first ``along`` (m/s), under ``pull`` (m/s2)."""
-    if along**2 + pull * length < 0.0 or along == pull == 0.0:
-        return math.inf
-    return length / (math.sqrt(along**2 + pull * length) + along)
 
 
 def _share_on(scene: Scene, outline: Array) -> float:

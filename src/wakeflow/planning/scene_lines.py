@@ -95,7 +95,7 @@ def terminal_velocities(scene: Scene, name: str, plan: FractionPlan) -> Array:
     if measured is not None:
         return measured
     fine = fraction.diameters(QUANTILES)
-    return np.sort([UniformFall.of(scene, fraction, plan.drag, plan.drag_scale, one).settling for one in fine])
+    return np.sort([UniformFall.of(scene, fraction, plan.drag, plan.drag_scale, one).granule.settling for one in fine])
 
 
 def _verdict(falls: float, rises: float) -> str:
