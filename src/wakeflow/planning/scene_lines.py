@@ -56,7 +56,7 @@ def narrowest_gap(scene: Scene) -> Gap:
     Its speed is the flow over the free width: the wakes of bodies make it faster still.
     """
     if scene.air is None or scene.air.still or not scene.body:
-        return Gap(scene.channel.width, scene.airstream.speed)
+        return Gap(scene.channel.width, 0.0 if scene.air is None else scene.air.speed)
     outlines = {name: body.outline() for name, body in scene.body.items()}
     corners = np.concatenate([outline[:, 1] for outline in outlines.values()])
     levels = np.concatenate([corners - LEVEL_APART, corners + LEVEL_APART])
