@@ -31,6 +31,7 @@ from .errors import ProgramError, SceneError, WakeflowError
 
 # -- Work in a second thread, on a core that would be idle -------------------------------------------------------------
 _thread = threading.local()
+_NEVER = threading.Event()  # of a thread beside which nothing runs: it is not set
 
 
 class _Over(BaseException):
@@ -39,8 +40,7 @@ class _Over(BaseException):
 
 def check_cancelled() -> None:
     """End this thread's work where the other's has failed; called several times a second by what takes long."""
-    over: threading.Event | None = getattr(_thread, "over", None)
-    if over is not None and over.is_set():
+    if getattr(_thread, "over", _NEVER).is_set():
         raise _Over
 
 
@@ -84,8 +84,7 @@ def background(jobs: Sequence[Callable[[], object]]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _ends_with(event: threading.Event) -> Iterator[None]:
-    before: threading.Event | None = getattr(_thread, "over", None)
-    _thread.over = event
+    before, _thread.over = getattr(_thread, "over", _NEVER), event
     try:
         yield
     finally:
