@@ -52,7 +52,6 @@ def flights(
     """
     air, fraction = scene.airstream, scene.fraction[name]
     density = fraction.properties.density
-    _, omega = scene.motion
     kept = bool(scene.body) and set(scene.all_kept) == scene.body.keys()
     upward, aside = air.rises, 0.0 if kept else abs(float(scene.entry @ scene.plumb.across))
     aside += 2.0 * math.sin(scene.feed.scatter) * scene.feed.fall_speed
@@ -75,7 +74,7 @@ def flights(
             sideways_bins=_sideways_bins(scene),
             air_density=air.density, viscosity=air.viscosity, air_speed=air.speed, width=scene.width,
             intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(scene.shaking)),
-            omega=omega, meetings=met.heavier, knock=met.knock, shedding=shedding, kept=kept,
+            omega=scene.motion[1], meetings=met.heavier, knock=met.knock, shedding=shedding, kept=kept,
             given=_given_by_drag(scene, times, density, slip),
             temperature=air.temperature, mean_free_path=air.mean_free_path, gravity=scene.gravity,
         ))  # fmt: skip
