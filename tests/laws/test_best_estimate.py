@@ -129,7 +129,7 @@ def test_without_a_source_or_below_their_reynolds_numbers_the_range_is_the_wides
     })  # fmt: skip
     widest = (0.1, 0.9)
     for family, reynolds, why in (
-        (None, 2e4, "several bodies or a shape without data"),
+        ("", 2e4, "several bodies or a shape without data"),
         ("plate", 2e4, "no measurement of the shape (plate)"),
         ("rhombus", 5e3, "below the data's 1e"),
     ):
@@ -153,7 +153,7 @@ def test_a_strength_that_nobody_measured_goes_with_theta() -> None:
     assert found.strength.value == pytest.approx(0.6 / 0.5 * 0.25)
     assert found.strength.low == pytest.approx(1.2 * found.theta.low)
     assert "theta times 1.20" in found.why
-    assert "theta times 1.20" in best_estimate(None, 0.1, 2e4, known).why
+    assert "theta times 1.20" in best_estimate("", 0.1, 2e4, known).why
 
 
 @pytest.mark.parametrize(
@@ -177,7 +177,7 @@ def test_an_entry_that_breaks_the_rules_is_named(changes: dict[str, object], sai
 
 def test_the_shipped_data_say_something_for_every_shape_and_hold_their_own_entries() -> None:
     assert {one.family for one in wakes()} == set(WAKE_FAMILIES)
-    for family in (*WAKE_FAMILIES, None):
+    for family in (*WAKE_FAMILIES, ""):
         found = best_estimate(family, 0.125, 1.65e4)
         for number in (found.theta, found.strength):
             assert 0.0 <= number.low < number.value < number.high <= 1.0

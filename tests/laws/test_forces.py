@@ -44,23 +44,22 @@ def grains_of(count: int) -> wf.Granules:
 @pytest.mark.parametrize("name", COMPUTED)
 def test_slots_of_a_force_are_places_of_the_kernels_granule(name: str) -> None:
     force, grains = forces[name], grains_of(5)
-    slots = {**(force.factors(grains, STILL) if force.factors else {})}
-    slots |= force.constants(grains, STILL) if force.constants else {}
+    slots = {**force.factors(grains, STILL), **force.constants(grains, STILL)}
     places = [getattr(layout, slot) for slot in slots]
     assert all(0 <= place < layout.CONSTANTS for place in places)
-    assert slots or force.acceleration is not None
+    assert slots or force.acceleration is not Force.acceleration
     taken = [slot for other in COMPUTED if other != name for slot in _slots(forces[other], grains)]
     assert not set(slots) & set(taken)  # no two forces fill the same place
 
 
 def _slots(force: Force, grains: wf.Granules) -> list[str]:
-    parts = [make(grains, STILL) for make in (force.factors, force.constants) if make is not None]
-    return [slot for part in parts for slot in part]
+    return [*force.factors(grains, STILL), *force.constants(grains, STILL)]
 
 
 @pytest.mark.parametrize("name", COMPUTED)
 def test_a_force_that_is_not_random_has_a_formula_for_the_reference_integrator(name: str) -> None:
-    assert forces[name].random or forces[name].reference is not None or forces[name].memory is not None
+    force = forces[name]
+    assert force.random or force.reference is not Force.reference or force.memory is not Force.memory
 
 
 def test_a_record_carries_its_own_name_and_the_order_is_that_of_plans() -> None:
@@ -75,7 +74,7 @@ def test_what_a_field_lacks_is_named() -> None:
     calm = field_on(box(2), np.zeros_like)
     assert "pressure" in str(forces["pressure-gradient"].lacks(calm))
     assert "dissipation" in str(forces["dispersion"].lacks(calm))
-    assert forces["drag"].lacks(calm) is None
+    assert not forces["drag"].lacks(calm)
     with pytest.raises(SceneError, match="needs a field with pressure"):
         wf.track(calm, grains_of(1), until=0.1, forces=("pressure-gradient",))
 

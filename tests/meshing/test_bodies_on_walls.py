@@ -14,7 +14,7 @@ from wakeflow.air.mesh import SideInlet, build_mesh, plan_mesh, read_mesh
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import between_walls, contains, wall_edge
 from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.planning.lifting import narrowest_gap
+from wakeflow.planning.scene_lines import narrowest_gap
 from wakeflow.planning.wake import family_of
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
@@ -149,6 +149,6 @@ def test_a_body_on_a_wall_is_no_shape_of_the_measured_wakes() -> None:
     points = [[-0.04, -0.002], [0.0, -0.002], [0.0, 0.002], [-0.04, 0.002]]
     tables = shipped("zigzag").tables()
     tables["body"] = {"step": {"shape": "polygon", "points": points}}
-    assert family_of(Scene.parse(tables)).name is None
+    assert not family_of(Scene.parse(tables)).name
     tables["body"]["step"]["at"] = [0.015, 0.0]
     assert family_of(Scene.parse(tables)).name == "plate"

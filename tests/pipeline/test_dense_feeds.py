@@ -56,7 +56,7 @@ def test_a_thousandth_of_the_feed_is_left_out_with_its_bound() -> None:
     rows = {row.fraction: row for row in plan.left_out if row.name == LOADING}
     assert set(rows) == set(plan.fractions)
     for name, row in rows.items():
-        assert 0.0 < row.bound <= (plan.fractions[name].limit or 0.0)
+        assert 0.0 < row.bound <= plan.fractions[name].limit
     whole = make_plan(shipped("rhombus"))
     for name, row in rows.items():  # nearly proportional where it is small
         assert whole.fractions[name].bounds[LOADING] > 1e3 * (row.bound or 0.0)

@@ -21,7 +21,7 @@ from wakeflow.flight.feed.stream import slab_stream
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.flight.stages.gathered_force import Gathered, Gatherer
 from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.planning.lifting import lifting_line
+from wakeflow.planning.scene_lines import lifting_line
 from wakeflow.planning.uniform_fall import UniformFall
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene

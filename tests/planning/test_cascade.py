@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.laws.far_wake import DEFICIT, DRAG, slower_behind
-from wakeflow.planning.cascade import _thrown, cascade_lines
+from wakeflow.laws.best_estimate import DEFICIT, DRAG, slower_behind
+from wakeflow.planning.scene_lines import _thrown, cascade_lines
 
 G, RADIUS = 9.81, 1e-3
 SLOPE, REBOUND = math.pi / 4, 0.3

@@ -21,7 +21,7 @@ from wakeflow.answer.result import Result
 from wakeflow.cli import main
 from wakeflow.core import sums
 from wakeflow.core.errors import SceneError
-from wakeflow.core.files import atomic_write, write_json
+from wakeflow.core.files import atomic_write, digest_of, write_json
 from wakeflow.core.tables import CellTable
 from wakeflow.scene import Scene
 from wakeflow.scene.changes import run_folder
@@ -162,7 +162,7 @@ def test_a_killed_command_has_not_changed_the_form_that_it_wrote(tmp_path: Path)
 
 def test_a_list_of_checksums_that_the_user_made_stays(run: Path, small_run: Any, tmp_path: Path) -> None:
     (tmp_path / "compare.csv").write_text("mine")
-    own = f"{sums.digest_of(tmp_path / 'compare.csv')}  compare.csv\n"
+    own = f"{digest_of(tmp_path / 'compare.csv')}  compare.csv\n"
     (tmp_path / "SHA256SUMS").write_text(own)
     for _ in "with it", "without a file that is replaced":
         with pytest.raises(SceneError, match="holds SHA256SUMS, which no run of wakeflow wrote"):

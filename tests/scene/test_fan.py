@@ -20,7 +20,7 @@ from wakeflow.laws.operating_point import borne, meeting
 from wakeflow.many import operating
 from wakeflow.planning.make import Planner
 from wakeflow.planning.plan import Plan
-from wakeflow.planning.trade_lines import trade_lines
+from wakeflow.planning.scene_lines import trade_lines
 from wakeflow.runs.run_stages import CHANNEL, FEW, _blown, as_blown
 from wakeflow.scene import Scene
 

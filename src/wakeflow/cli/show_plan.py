@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from ..air.kinds.every_kind import airflow_kinds
@@ -11,9 +12,8 @@ from ..core.process import cores
 from ..core.quantities import duration, metres, say, speaking
 from ..core.store import cache_root
 from ..planning.cost import begins, typical_cells, wall_seconds
-from ..planning.lifting import floor_notices, lifting_line
 from ..planning.plan import REPLICATES, replicate_size, whole_terms
-from ..planning.trade_lines import trade_lines
+from ..planning.scene_lines import floor_notices, lifting_line, trade_lines
 from ..runs.progress import on_this_machine
 from ..show.machine_words import fall_words, motion_words, tilt_words
 from .screen import MAX_WARNINGS, plain, screen_table, warn
@@ -153,7 +153,7 @@ def _left_out(plan: Plan) -> str:
     """Each term with the most that it could move a landing by; those that could move it too far are doubts."""
     most: dict[str, float] = {}
     for row in plan.left_out:
-        most[row.name] = max(most.get(row.name, 0.0), row.bound or 0.0)
+        most[row.name] = max(most.get(row.name, 0.0), row.bound if isfinite(row.bound) else 0.0)
     doubted = {notice.text.partition(", left out")[0] for notice in plan.notices}
     told = [f"{name} {bound:.1g}" if bound else name for name, bound in most.items() if name not in doubted]
     return f"{', '.join(told)} ({plan.unit} at most)" if told else "nothing else"
@@ -195,7 +195,7 @@ def show_whole_plan(plan: Plan) -> None:
         console.print(_bounds_table(plan))
     rows = []
     for (name, why), out in _grouped(plan.left_out).items():
-        bounds = "\n".join("–" if row.bound is None else f"{row.bound:.2g}" for row in out)
+        bounds = "\n".join(f"{row.bound:.2g}" if isfinite(row.bound) else "–" for row in out)
         rows.append([name, "\n".join(row.fraction or "all" for row in out), bounds, why])
     console.print(screen_table(["left out", "fraction", f"bound ({plan.unit})", "why"], rows, left=4))
     console.print(_stages_table(on_this_machine(plan, cache_root())[0]))

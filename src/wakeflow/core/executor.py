@@ -28,7 +28,7 @@ from itertools import count as numbers_from
 from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from threading import Timer, local
-from types import FrameType, TracebackType
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 from uuid import uuid4
 
@@ -44,6 +44,7 @@ Result = TypeVar("Result")
 Given = ParamSpec("Given")
 # One core each: libraries that multiply matrices must not start a thread for every core of the machine.
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+NO_CHANGE: Mapping[str, str] = MappingProxyType({})  # of the environment
 TIDY = 20.0  # s that a worker that is asked to end has for ending its solver and letting go of its locks
 ENDED = 128 + signal.SIGTERM  # exit code of one that did not manage
 
@@ -57,9 +58,9 @@ class Workers(Executor):
     ends, and end the programs that they have started before they let go of their locks.
     """
 
-    def __init__(self, count: int, folder: Path, cwd: Path | None = None, env: Mapping[str, str] | None = None) -> None:
+    def __init__(self, count: int, folder: Path, cwd: Path = Path(), env: Mapping[str, str] = NO_CHANGE) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        self.count, self.folder, self.cwd, self.env = count, folder, cwd or Path.cwd(), env or {}
+        self.count, self.folder, self.cwd, self.env = count, folder, cwd.absolute(), env
         self._threads = ThreadPoolExecutor(count, initializer=self._begin)  # a process each
         self._numbers, self._own, self._over = numbers_from(1), local(), False
         self._alive: dict[subprocess.Popen[bytes], Connection] = {}
@@ -87,9 +88,7 @@ class Workers(Executor):
                     os.killpg(child.pid, signal.SIGTERM)
         self.shutdown(cancel_futures=True)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, problem: object, trace: object) -> None:
         if kind is None:
             self.shutdown()
         else:
@@ -135,7 +134,7 @@ class Workers(Executor):
         return child.returncode
 
 
-def _end_tidily(number: int, frame: FrameType | None) -> None:
+def _end_tidily(number: int, frame: object) -> None:
     """Unwind what is done at this moment, as for Ctrl-C: the solver is ended first, then its folder is unlocked, so
     that no other process finds the one without the other. What cannot be unwound in time is cut short.
     """
@@ -269,9 +268,7 @@ class Cluster(Executor):
         if self._own:
             self.client.close()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, problem: object, trace: object) -> None:
         if not isinstance(problem, _Lost):
             self.shutdown(cancel_futures=kind is not None)
         elif self._own:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import gzip
+import hashlib
 import json
 import os
 import re
@@ -151,6 +152,14 @@ def _bytes_of(handle: int, most: int, path: Path) -> bytes:
     except OSError as problem:  # names no file
         raise SceneError(f"{path}: cannot be read ({problem.strerror}); is its disk damaged or away?") from None
     return bytes(found)
+
+
+def digest_of(path: Path) -> str:
+    """sha256 (hex) of a file's bytes. Raises SceneError for a pipe or a device, which may give none."""
+    if path.exists() and not path.is_file():
+        raise SceneError(f"{path} is no file; move it, or choose another --out")
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def read_packed(path: Path, most: int = MAX_RECORD) -> bytes:

@@ -120,7 +120,7 @@ class _Reader:
                 return "".join([*pieces, self.raw[begin : part.start()]]).strip(), at
             if part["kind"]:
                 end = self._end_of_list(part)
-                depth, at = depth + (end is None), end or at
+                depth, at = depth + (not end), end or at
             elif part["computed"]:
                 raise self._refused(at, f"{part[0]} is computed by OpenFOAM; write out its result")
             elif part["note"] or part["macro"]:
@@ -134,10 +134,10 @@ class _Reader:
                 break
         raise self._refused(begin, "it ends within an entry, or has a bracket too many; write it anew")
 
-    def _end_of_list(self, part: re.Match[str]) -> int | None:
-        """Where a list of numbers ends that begins with a ``part``; None where it has to be read piece by piece."""
+    def _end_of_list(self, part: re.Match[str]) -> int:
+        """Where a list of numbers ends that begins with a ``part``; 0 where it has to be read piece by piece."""
         if part["kind"] not in NUMBERS:
-            return None
+            return 0
         if self.header.get("format") == "binary":
             size = 4 if "scalar=32" in cast(str, self.header.get("arch", "")) else 8
             end = part.end() + int(part["count"]) * NUMBERS[part["kind"]] * size
@@ -145,7 +145,7 @@ class _Reader:
                 raise self._refused(part.start(), "its list is cut short; write it anew")
             return end + 1
         end = self.raw.find(";", part.end())
-        return None if end < 0 or any(mark in self.raw[part.end() : end] for mark in ("$", "/", "}")) else end
+        return 0 if end < 0 or any(mark in self.raw[part.end() : end] for mark in ("$", "/", "}")) else end
 
     def _macro(self, scopes: tuple[Entries, ...], macro: str, at: int) -> str | Entries:
         """What a ``macro`` at byte ``at`` represents."""

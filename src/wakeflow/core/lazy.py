@@ -33,12 +33,12 @@ class cached_property(Generic[Value]):
         self.name = name
 
     @overload
-    def __get__(self, instance: None, owner: type | None = None) -> cached_property[Value]: ...
+    def __get__(self, instance: None, owner: object = None) -> cached_property[Value]: ...
 
     @overload
-    def __get__(self, instance: object, owner: type | None = None) -> Value: ...
+    def __get__(self, instance: object, owner: object = None) -> Value: ...
 
-    def __get__(self, instance: object | None, owner: type | None = None) -> cached_property[Value] | Value:
+    def __get__(self, instance: object, owner: object = None) -> cached_property[Value] | Value:
         if instance is None:
             return self
         kept = self.place(instance)

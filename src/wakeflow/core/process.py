@@ -10,6 +10,7 @@ import contextlib
 import fcntl
 import importlib
 import json
+import math
 import os
 import shutil
 import signal
@@ -30,6 +31,7 @@ from .errors import ProgramError, SceneError, WakeflowError
 
 # -- Work in a second thread, on a core that would be idle -------------------------------------------------------------
 _thread = threading.local()
+_NEVER = threading.Event()  # of a thread beside which nothing runs: it is not set
 
 
 class _Over(BaseException):
@@ -38,8 +40,7 @@ class _Over(BaseException):
 
 def check_cancelled() -> None:
     """End this thread's work where the other's has failed; called several times a second by what takes long."""
-    over: threading.Event | None = getattr(_thread, "over", None)
-    if over is not None and over.is_set():
+    if getattr(_thread, "over", _NEVER).is_set():
         raise _Over
 
 
@@ -83,8 +84,7 @@ def background(jobs: Sequence[Callable[[], object]]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _ends_with(event: threading.Event) -> Iterator[None]:
-    before: threading.Event | None = getattr(_thread, "over", None)
-    _thread.over = event
+    before, _thread.over = getattr(_thread, "over", _NEVER), event
     try:
         yield
     finally:
@@ -136,15 +136,19 @@ def tail(log: Path, lines: int = 12) -> str:
     return "\n".join(text.splitlines()[-lines:])
 
 
+def unheard(_: object) -> None:
+    """What hears of a program that nobody listens to."""
+
+
 def run_program(
     command: Sequence[str],
     *,
     cwd: Path,
     log: Path,
-    env: Mapping[str, str] | None = None,
-    on_line: Callable[[str], None] | None = None,
-    timeout: float | None = None,
-    on_idle: Callable[[float], None] | None = None,
+    env: Mapping[str, str] = os.environ,
+    on_line: Callable[[str], None] = unheard,
+    timeout: float = math.inf,
+    on_idle: Callable[[float], None] = unheard,
     append: bool = False,
     error: type[ProgramError] = ProgramError,
     hint: str = "",
@@ -157,7 +161,7 @@ def run_program(
     ``hint`` is appended to the message when the program is missing.
     """
     words = [str(word) for word in command]
-    if shutil.which(words[0], path=(env or os.environ).get("PATH")) is None:
+    if shutil.which(words[0], path=env.get("PATH")) is None:
         missing = f"program {words[0]!r} is not installed{'; ' + hint if hint else ''}"
         raise error(missing, command=" ".join(words), ended="missing")
     log.parent.mkdir(parents=True, exist_ok=True)
@@ -165,9 +169,9 @@ def run_program(
     with log.open("ab" if append else "wb") as sink, log.open("rb") as source:
         source.seek(0, os.SEEK_END)
         death = "TERM" if words[0] == "mpirun" else "KILL"  # mpirun has ranks to end; nobody else has
-        child = start_in_group(words, cwd, os.environ if env is None else env, sink, death=death)
+        child = start_in_group(words, cwd, env, sink, death=death)
         try:
-            _follow(child, source, on_line, on_idle, None if timeout is None else started + timeout)
+            _follow(child, source, on_line, on_idle, started + timeout)
         except subprocess.TimeoutExpired:
             said = f"{words[0]} did not end within {timeout:.0f} s; log: {log}"
             raise error(said, command=" ".join(words), log=log, tail=tail(log), ended="timed out") from None
@@ -254,9 +258,9 @@ def _is_locked(place: str) -> bool:
 def _follow(
     child: subprocess.Popen[bytes],
     source: IO[bytes],
-    on_line: Callable[[str], None] | None,
-    on_idle: Callable[[float], None] | None,
-    deadline: float | None,
+    on_line: Callable[[str], None],
+    on_idle: Callable[[float], None],
+    deadline: float,
 ) -> None:
     """Hand every finished line of the log to ``on_line`` until the child has ended."""
     rest, heard = b"", time.monotonic()
@@ -266,15 +270,14 @@ def _follow(
         new = source.read()
         if new:
             heard = time.monotonic()
-        if on_line is not None:
-            *lines, rest = (rest[-MAX_LINE:] + new).split(b"\n")
-            for line in lines:
-                on_line(line.decode(errors="replace"))
+        *lines, rest = (rest[-MAX_LINE:] + new).split(b"\n")
+        for line in lines:
+            on_line(line.decode(errors="replace"))
         if ended:
             return
-        if on_idle is not None and time.monotonic() - heard > POLL:
+        if time.monotonic() - heard > POLL:
             on_idle(time.monotonic() - heard)
-        if deadline is not None and time.monotonic() > deadline:
+        if time.monotonic() > deadline:
             raise subprocess.TimeoutExpired(child.args, 0.0)
         try:
             child.wait(POLL)
@@ -309,7 +312,7 @@ def _group_lives(group: int) -> bool:
     return True
 
 
-def capture(command: Sequence[str], *, env: Mapping[str, str] | None = None, timeout: float = 20.0) -> tuple[int, str]:
+def capture(command: Sequence[str], *, env: Mapping[str, str] = os.environ, timeout: float = 20.0) -> tuple[int, str]:
     """Exit code and output of a short probe; -1 and the reason when it cannot be started or does not end."""
     try:
         done = subprocess.run(
@@ -331,7 +334,7 @@ def call_in_child(
     argument: object,
     *,
     log: Path,
-    timeout: float | None = None,
+    timeout: float = math.inf,
     error: type[ProgramError] = ProgramError,
 ) -> object:
     """Call ``module:function`` with one JSON-able ``argument`` in a Python process of its own; return its result.

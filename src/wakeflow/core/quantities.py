@@ -168,9 +168,9 @@ def speaking(units: Mapping[str, str]) -> Iterator[None]:
         _SPOKEN.reset(before)
 
 
-def spoken(unit: str) -> str | None:
-    """The unit in which the user writes numbers in ``unit`` (of the SI); None where they write none."""
-    return _SPOKEN.get({}).get(unit)
+def spoken(unit: str) -> str:
+    """The unit in which the user writes numbers in ``unit`` (of the SI); empty where they write none."""
+    return _SPOKEN.get({}).get(unit, "")
 
 
 def say(value: float, unit: str, digits: int = 6) -> str:

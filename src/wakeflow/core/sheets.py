@@ -19,24 +19,10 @@ DECIMAL = re.compile(r"([-+]?[0-9]*)([.,])([0-9]+(?:[eE][-+]?[0-9]+)?)")
 GROUPED = re.compile(r"[-+]?[1-9][0-9]{0,2}(?:[ .,'’_\u00a0\u202f][0-9]{3})+(?:[.,][0-9]+)?")
 QUANTITY = re.compile(r"([-+]?[0-9.,](?:[0-9.,'’_ \u00a0\u202f]*[0-9.,])?(?:[eE][-+]?[0-9]+)?)\s*([^0-9].*)?")
 HEAD = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]+?)\s*[)\]]")  # a name and its unit: mass (g)
-SUMS = [
-    "sum",
-    "sums",
-    "total",
-    "totals",
-    "summe",
-    "gesamt",
-    "insgesamt",
-    "gesamtsumme",
-    "somme",
-    "suma",
-    "razem",
-    "итого",
-    "всего",
-    "сумма",
-    "Σ",
-    "∑",
-]
+SUMS = {
+    "sum", "sums", "total", "totals", "summe", "gesamt", "insgesamt", "gesamtsumme", "somme", "suma", "razem", "итого",
+    "всего", "сумма", "Σ", "∑",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -52,7 +38,7 @@ class Sheet:
         """The sheet without a last row that is the sum of those before it in the columns ``amounts``, and is called so
         in one of the columns ``labels``. Raises SceneError where it adds up to another number.
         """
-        if len(self.rows) < 2 or not {self.rows[-1][1][one].rstrip(":").lower() for one in labels} & set(SUMS):
+        if len(self.rows) < 2 or not {self.rows[-1][1][one].rstrip(":").lower() for one in labels} & SUMS:
             return self
         *rows, (at, last) = self.rows
         for column in amounts:
@@ -76,7 +62,7 @@ def read_sheet(path: Path, *, headed: bool = True, whole: str = "") -> Sheet:
         (number, line) for number, line in enumerate(_decoded(path).splitlines(), 1)
         if line.strip() and not line.lstrip().startswith("#")
     ]  # fmt: skip
-    mark = None
+    mark = ""
     if lines and (named := re.fullmatch(r"\s*\"?sep=(.|\\t)\"?\s*", lines[0][1], re.IGNORECASE)):
         mark = named[1].replace("\\t", "\t")
         del lines[0]
@@ -115,13 +101,12 @@ def _decoded(path: Path) -> str:
     return text
 
 
-def _cells(name: str, lines: Sequence[tuple[int, str]], mark: str | None, headed: bool) -> list[tuple[int, list[str]]]:
+def _cells(name: str, lines: Sequence[tuple[int, str]], mark: str, headed: bool) -> list[tuple[int, list[str]]]:
     found = []
     for number, line in lines:
-        if mark is None or not headed:  # a table without heads tells it line by line
-            own = next((one for one in MARKS if one in line), None)
-            mark = own if mark is None and headed else mark
-        parting = mark if headed or mark is not None else own
+        in_line = next((one for one in MARKS if one in line), "")
+        parting = mark or in_line
+        mark = parting if headed else mark  # a table without heads tells it line by line
         try:
             cells = next(csv.reader([line], delimiter=parting)) if parting else line.split() if not headed else [line]
         except csv.Error as problem:
@@ -154,10 +139,7 @@ def _plain(cell: str, unit: str, points: set[str], at: str, whole: str) -> str:
     counts = at.endswith(f": {whole} =")
     if GROUPED.fullmatch(number) and not (parted and points == {parted[1]} and not counts):
         plain = re.sub(r"[ .,'’_\u00a0\u202f](?=[0-9]{3}(?![0-9]))", "", number)
-        other = (
-            f" or {number.replace(',', '.')}0"
-            if parted and not counts and len(re.findall(r"[.,]", number)) == 1
-            else ""
-        )
+        once = parted and not counts and len(re.findall(r"[.,]", number)) == 1
+        other = f" or {number.replace(',', '.')}0" if once else ""
         raise SceneError(f"{at} {number!r} may have thousands parted; write {plain.replace(',', '.')}{other}")
     return f"{number.replace(',', '.')} {own}".strip() if re.fullmatch(r"[^,]*,[^,]*", number) or own else cell

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .errors import SceneError
-from .files import atomic_write, read_json, read_whole, write_json
+from .files import atomic_write, digest_of, read_json, read_whole, write_json
 from .process import check_cancelled, is_worked_in, wait_for_orphans
 from .user_folder import own_secret
 
@@ -133,18 +133,17 @@ def stage_folders(root: Path) -> list[Path]:
 def _is_stage(path: Path) -> bool:
     if path.is_symlink() or not path.is_dir() or not DIGEST.fullmatch(path.name.removesuffix(".part")):
         return False
-    return path.suffix == ".part" or listed_in(path) is not None
+    return path.suffix == ".part" or bool(listed_in(path))
 
 
-def listed_in(folder: Path) -> Mapping[str, str] | None:
-    """The files of a stage and their checksums, as its manifest has them; None where it has none that can be used."""
+def listed_in(folder: Path) -> Mapping[str, str]:
+    """The files of a stage and their checksums, as its manifest has them; empty where it has none that can be used."""
     try:
         found = read_json(folder / MANIFEST)
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError, SceneError):
-        return None
-    if not isinstance(found, dict) or not found:
-        return None
-    return found if all(isinstance(one, str) and DIGEST.fullmatch(one) for one in found.values()) else None
+        return {}
+    usable = isinstance(found, dict) and all(isinstance(one, str) and DIGEST.fullmatch(one) for one in found.values())
+    return found if usable else {}
 
 
 @contextmanager
@@ -198,7 +197,7 @@ class Store:
     root: Path
 
     def make(
-        self, stage: str, key: str, work: Callable[[Path], None], *, on_wait: Callable[[], None] | None = None
+        self, stage: str, key: str, work: Callable[[Path], None], *, on_wait: Callable[[], None] = lambda: None
     ) -> tuple[Path, bool]:
         """The folder of a finished stage and whether it was there already; ``work(folder)`` makes it otherwise."""
         from filelock import FileLock, Timeout
@@ -213,8 +212,7 @@ class Store:
         try:
             lock.acquire(timeout=0)
         except Timeout:
-            if on_wait is not None:
-                on_wait()
+            on_wait()
             _wait_for(lock)
         try:
             if self._whole(final):  # another process finished it while this one waited
@@ -228,7 +226,7 @@ class Store:
                 with atomic_write(part / BEGUN, "wb") as stream:
                     stream.write(_seal(part))
             work(part)
-            write_json(part / MANIFEST, {name: _digest(part / name) for name in _members(part)})
+            write_json(part / MANIFEST, {name: digest_of(part / name) for name in _members(part)})
             (part / BEGUN).unlink()
             os.replace(part, final)
         finally:
@@ -242,8 +240,8 @@ class Store:
     def _whole(self, folder: Path) -> bool:
         listed = listed_in(folder)
         try:
-            return listed is not None and _members(folder) == sorted(listed) and all(
-                _digest(folder / name) == digest for name, digest in listed.items()
+            return bool(listed) and _members(folder) == sorted(listed) and all(
+                digest_of(folder / name) == digest for name, digest in listed.items()
             )  # fmt: skip
         except (FileNotFoundError, NotADirectoryError):  # removed meanwhile
             return False
@@ -257,7 +255,7 @@ class FinishedStages(Store):
     """What is finished in the cache, and nothing else: whatever is not there is not made."""
 
     def make(
-        self, stage: str, key: str, work: Callable[[Path], None], *, on_wait: Callable[[], None] | None = None
+        self, stage: str, key: str, work: Callable[[Path], None], *, on_wait: Callable[[], None] = lambda: None
     ) -> tuple[Path, bool]:
         """The folder of a finished stage, and True. Raises NotFinished for one that is not there."""
         del work, on_wait
@@ -307,11 +305,6 @@ def _note_use(folder: Path) -> None:
     """Note that a stage was used now, which decides what goes first when the cache is cleaned."""
     with suppress(PermissionError):  # a cache that others own and share for reading alone
         os.utime(folder / MANIFEST)
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 # -- What the cache holds ----------------------------------------------------------------------------------------------

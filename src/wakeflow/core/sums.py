@@ -8,7 +8,6 @@ killed, the files of this command, and no others, are the program's all the same
 from __future__ import annotations
 
 import fcntl
-import hashlib
 import os
 import re
 import secrets
@@ -17,7 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from .errors import SceneError
-from .files import atomic_write, made_folder, read_whole
+from .files import atomic_write, digest_of, made_folder, read_whole
 
 SUMS = "SHA256SUMS"
 MARK = "# written by wakeflow"  # the first line; sha256sum skips it. One of a user's own has none
@@ -67,14 +66,6 @@ def _one_at_a_time(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(handle)
-
-
-def digest_of(path: Path) -> str:
-    """sha256 (hex) of a file's bytes. Raises SceneError for a pipe or a device, which may give none."""
-    if path.exists() and not path.is_file():
-        raise SceneError(f"{path} is no file; move it, or choose another --out")
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def refuse_foreign(folder: Path, files: Iterable[Path], command: str) -> None:

@@ -54,8 +54,7 @@ def check_forces(forces: Sequence[str], field: FlowField | None) -> None:
         if not force.computed:
             computed = ", ".join(known for known in all_forces if all_forces[known].computed)
             raise SceneError(f"force {name!r} is only bounded, not computed (computed: {computed})")
-        lacking = None if field is None else force.lacks(field)
-        if lacking is not None:
+        if field is not None and (lacking := force.lacks(field)):
             raise SceneError(f"forces: {name} needs {lacking}")
 
 
@@ -84,8 +83,7 @@ def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[st
     ]
     pull = np.zeros((len(grains), 2))
     for force in acting:
-        if force.acceleration is not None:
-            pull += force.acceleration(grains, field, g)
+        pull += force.acceleration(grains, field, g)
     rows[:, [at.GX, at.GY]] = pull
     if field is not None:
         rows[:, at.REYNOLDS2] = (field.density * grains.diameter / field.viscosity) ** 2
@@ -98,12 +96,10 @@ def _fill_by_air(rows: Array, acting: Sequence[Force], grains: Granules, field: 
     """The constants of the ``acting`` forces of the air, in place; added mass divides all accelerations by 1 + chi."""
     inertia = np.ones(len(grains))
     for force in acting:
-        if force.inertia is not None:
-            inertia += force.inertia(grains, field)
+        inertia += force.inertia(grains, field)
     rows[:, [at.GX, at.GY]] /= inertia[:, None]
     for force in acting:
-        factors = {} if force.factors is None else force.factors(grains, field)
-        constants = {} if force.constants is None else force.constants(grains, field)
+        factors, constants = force.factors(grains, field), force.constants(grains, field)
         for slot, values in factors.items():
             rows[:, getattr(at, slot)] = values / inertia
         for slot, values in constants.items():

@@ -18,11 +18,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.number import Number
 from ..core.record import column
 
+Array = NDArray[np.float64]
 WAKE_FAMILIES = ("rhombus", "triangle-up", "triangle-down", "square", "plate")
 NUMBER_OF = {  # which number a quantity gives
     "cd": "theta", "cp_base": "theta", "reversal_length": "theta", "residence_time": "theta",
@@ -66,15 +68,13 @@ class WakeEntry:
     source: str
     status: str
     checked: str
-    value: tuple[float, float] | None = None
-    coarse: tuple[float, float] | None = None
-    unconfined: tuple[float, float] | None = None
-    base: tuple[float, float] | None = None
+    value: tuple[float, ...] = ()  # at the entry's blockage, low and high of what was found
+    coarse: tuple[float, ...] = ()
     steady: float = 0.0
     steady_within: float = 0.0
     resolved_within: float = 0.0
     between: tuple[tuple[float, float], ...] = ()
-    slope: float | None = None
+    slope: float = math.nan  # of any
 
     @property
     def number(self) -> str:
@@ -82,25 +82,14 @@ class WakeEntry:
         return NUMBER_OF[self.quantity]
 
     @property
-    def here(self) -> tuple[float, float]:
-        """The quantity at the entry's blockage, low and high of what was found."""
-        if self.value is not None:
-            return self.value
-        assert self.unconfined is not None
-        assert self.base is not None
-        pairs = (blocked(drag, base, self.blockage) for drag, base in zip(self.unconfined, self.base, strict=True))
-        first, second = ((drag if self.quantity == "cd" else base) for drag, base in pairs)
-        return min(first, second), max(first, second)
-
-    @property
     def given(self) -> Number:
         """Its :attr:`number`: the middle of what was found, and its own error on either side.
 
         A coarser mesh is no measurement of its own: what it differs by is an error of the finer one.
         """
-        low, high = (self._place(x) for x in self.here)
+        low, high = (self._place(x) for x in self.value)
         middle = 0.5 * (low + high)
-        mesh = 0.0 if self.coarse is None else middle - 0.5 * sum(self._place(x) for x in self.coarse)
+        mesh = middle - 0.5 * sum(self._place(x) for x in self.coarse) if self.coarse else 0.0
         ends = math.hypot(middle * self.resolved_within, (1.0 - middle) * self.steady_within)
         half = max(MIN_ENTRY_ERROR, math.hypot(0.5 * (high - low), ends / (self.resolved - self.steady), mesh))
         return Number(middle, middle - half, middle + half)
@@ -136,44 +125,45 @@ def read_wakes(tables: Mapping[str, Mapping[str, Any]]) -> tuple[WakeEntry, ...]
 
 
 def _entry(name: str, table: dict[str, Any]) -> WakeEntry:
-    pairs = ("reynolds", "value", "coarse", "unconfined", "base")
+    pairs = ("reynolds", "value", "coarse")
     given: dict[str, Any] = {"datum": name} | {
         key: tuple(value) if key in pairs else value for key, value in table.items()
     }
+    unconfined, base = given.pop("unconfined", ()), given.pop("base", ())
     given["between"] = tuple((float(theta), float(x)) for theta, x in table.get("between", ()))
     try:
         entry = WakeEntry(name=name, **given)
     except TypeError as problem:
         raise SceneError(f"wakes.toml: {name}: {problem}") from None
-    drag = entry.unconfined is not None and entry.base is not None and entry.quantity in ("cd", "cp_base")
+    drag = bool(unconfined and base) and entry.quantity in ("cd", "cp_base")
     wrong = (
         f"unknown family {entry.family!r}" if entry.family not in WAKE_FAMILIES
         else f"unknown quantity {entry.quantity!r}" if entry.quantity not in NUMBER_OF
-        else "needs value, or unconfined and base of a drag" if (entry.value is None) == (not drag)
-        else f"value {entry.value}: low before high" if entry.value is not None and entry.value[0] > entry.value[1]
+        else "needs value, or unconfined and base of a drag" if bool(entry.value) == drag
+        else f"value {entry.value}: low before high" if not drag and entry.value[0] > entry.value[1]
         else f"status {entry.status!r}: one of {', '.join(STATUSES)}" if entry.status not in STATUSES
         else f"checked {entry.checked!r}: one of {', '.join(CHECKED)}" if entry.checked not in CHECKED
         else "its ends are equal" if entry.resolved == entry.steady
-        else None
+        else ""
     )  # fmt: skip
     if wrong:
         raise SceneError(f"wakes.toml: {name}: {wrong}")
+    if drag:
+        ends = [
+            blocked(*each, entry.blockage)[entry.quantity == "cp_base"] for each in zip(unconfined, base, strict=True)
+        ]
+        entry = replace(entry, value=tuple(sorted(ends)))
     return entry if entry.number == "theta" else replace(entry, steady=0.0, steady_within=0.0)
 
 
 def best_estimate(
-    family: str | None,
-    blockage: float,
-    reynolds: float,
-    entries: Sequence[WakeEntry] | None = None,
-    *,
-    slope: float | None = None,
+    family: str, blockage: float, reynolds: float, entries: Sequence[WakeEntry] = (), *, slope: float = math.nan
 ) -> WakeEstimate:
     """Theta, strength and lift of a wake, each from the measurements nearest to it, of ``entries`` (wakes.toml by
     default).
 
-    ``family``: of the body's shape, one of :data:`WAKE_FAMILIES`; None for another shape and for several bodies.
-    ``slope`` (deg, from the horizontal) of its faces, which an entry's may differ from by :data:`ALIKE`; None: any.
+    ``family``: of the body's shape, one of :data:`WAKE_FAMILIES`; empty for another shape and for several bodies.
+    ``slope`` (deg, from the horizontal) of its faces, which an entry's may differ from by :data:`ALIKE`; nan: any.
 
     Each number is the mean over the sources of the family, weighted by the inverse squares of their errors, to which
     another blockage adds; those within a factor :data:`MAX_BLOCKAGE_RATIO` in blockage alone where two or more are.
@@ -183,7 +173,7 @@ def best_estimate(
     source of every shape. But then the strength is theta times what other shapes' strengths are of their thetas: a wake
     that sheds less coherently has less of the mean suction and less of the fluctuation.
     """
-    known = wakes() if entries is None else entries
+    known = entries or wakes()
     theta, strength, lift = (_number(family, blockage, reynolds, known, slope, name) for name in _NUMBERS)
     if strength.widest:
         strength = _by_mean_weight(theta.value, known)
@@ -191,10 +181,6 @@ def best_estimate(
 
 
 _NUMBERS = tuple(dict.fromkeys(NUMBER_OF.values()))
-
-
-def _alike(one: float | None, other: float | None) -> bool:
-    return one is None or other is None or abs(one - other) <= ALIKE
 
 
 class _Number(NamedTuple):
@@ -206,22 +192,17 @@ class _Number(NamedTuple):
 
 
 def _number(
-    family: str | None,
-    blockage: float,
-    reynolds: float,
-    every: Sequence[WakeEntry],
-    slope: float | None,
-    name: str,
+    family: str, blockage: float, reynolds: float, every: Sequence[WakeEntry], slope: float, name: str
 ) -> _Number:
     """Theta, the strength or the lift, of those of ``every`` entry that are of the body's shape."""
     known = [entry for entry in every if entry.number == name]
-    own = [entry for entry in known if entry.family == family and _alike(slope, entry.slope)]
+    own = [entry for entry in known if entry.family == family and not abs(slope - entry.slope) > ALIKE]
     near = [entry for entry in own if 1.0 / MAX_BLOCKAGE_RATIO <= blockage / entry.blockage <= MAX_BLOCKAGE_RATIO]
     chosen = near if len({entry.datum for entry in near}) >= MIN_SOURCES else own
     lowest = min((entry.reynolds[0] for entry in chosen), default=0.0)
     if not chosen or reynolds < lowest:
         why = (
-            "several bodies or a shape without data" if family is None
+            "several bodies or a shape without data" if not family
             else f"no measurement of the shape ({family})" if not chosen
             else f"Re {reynolds:.3g} is below the data's {lowest:.3g}"
         )  # fmt: skip
@@ -248,12 +229,14 @@ def _by_mean_weight(theta: Number, every: Sequence[WakeEntry]) -> _Number:
     return _Number(value, f"theta times {middle:.2f}, its mean ratio to theta in {len(ratios)} sources of others")
 
 
-def by_source(entries: Sequence[WakeEntry], blockage: float | None = None) -> dict[str, Number]:
-    """What each source (``datum``) of ``entries`` of one number says, at a ``blockage`` that adds to its error."""
+def by_source(entries: Sequence[WakeEntry], blockage: float = 0.0) -> dict[str, Number]:
+    """What each source (``datum``) of ``entries`` of one number says, at a ``blockage`` that adds to its error; 0: at
+    each entry's own.
+    """
     groups: dict[str, list[tuple[float, float]]] = {}
     for entry in entries:
         value, _, high = entry.given
-        other = 0.0 if blockage is None else ERROR_PER_BLOCKAGE * math.log(blockage / entry.blockage)
+        other = ERROR_PER_BLOCKAGE * math.log(blockage / entry.blockage) if blockage else 0.0
         groups.setdefault(entry.datum, []).append((value, math.hypot(high - value, other)))
     return {datum: _pooled(group) for datum, group in groups.items()}
 
@@ -283,3 +266,27 @@ def _within(value: float, low: float, high: float) -> Number:
     """Numbers between the ends: the blend is defined there only."""
     low, value, high = (min(max(x, 0.0), 1.0) for x in (low, value, high))
     return Number(value, low, high)
+
+
+# -- How much slower the air is far behind a single body: a bound for what lies in its plane wake ----------------------
+DRAG = 2.0  # Cd of a bluff body on its width: about the largest
+DEFICIT, SPREAD = 0.98, 0.57  # of the far wake, times sqrt(Cd D / x) and sqrt(Cd D x): sqrt(10) / (18 b), sqrt(10) b
+# with b = 0.18 as measured (Schlichting, Boundary-Layer Theory, free turbulent flows: wake behind a single body)
+
+
+def apart(one: Array, other: Array) -> float:
+    """How far (m) two outlines are apart sideways; 0 where one is above the other."""
+    return max(0.0, float(other[:, 0].min() - one[:, 0].max()), float(one[:, 0].min() - other[:, 0].max()))
+
+
+def slower_behind(front: Array, behind: Array, along: float) -> float:
+    """Part of the air's speed that the wake of the body in ``front`` lacks at the one ``behind`` it, at most; 0 where
+    it does not come there. ``along``: 1 where the air blows up, else -1.
+    """
+    way = along * float(behind[:, 1].mean() - front[:, 1].mean())
+    if way <= 0.0:
+        return 0.0
+    drag = DRAG * float(np.ptp(front[:, 0]))
+    if apart(front, behind) > SPREAD * math.sqrt(drag * way):
+        return 0.0
+    return min(1.0, DEFICIT * math.sqrt(drag / way))

@@ -325,7 +325,7 @@ class DefaultMargin:
 
     relative: Mapping[str, float]
     absolute: Mapping[str, float]
-    in_widths: float | None
+    in_widths: float
     source: str
     status: str
     plate: float = 0.0
@@ -334,7 +334,7 @@ class DefaultMargin:
         """Half of the interval in the quantity's unit: of a ``value`` known with a ``confidence``, in a scene whose
         first body is ``width`` (m) wide.
         """
-        if self.in_widths is not None:
+        if self.in_widths:
             return self.in_widths * width
         table = self.relative or self.absolute
         return self._scale(value) * table.get("all", table.get(confidence, 0.0))
@@ -360,6 +360,6 @@ def _entry(name: str, table: dict[str, Any]) -> DefaultMargin:
     if len(ways) != 1 or not named or table.get("status") not in STATUSES or not table.get("source"):
         raise SceneError(f"uncertainties.toml: {name}: breaks the rules at the head of the file")
     return DefaultMargin(
-        table.get("relative", {}), table.get("absolute", {}), table.get("absolute_in_widths"), table["source"],
+        table.get("relative", {}), table.get("absolute", {}), table.get("absolute_in_widths", 0.0), table["source"],
         table["status"], table.get("plate", 0.0),
     )  # fmt: skip

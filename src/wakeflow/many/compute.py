@@ -17,7 +17,7 @@ from ..answer.result_table import DONE, FAILED, OPEN, Entry, ResultTable, quanti
 from ..core import sums
 from ..core.errors import SceneError
 from ..core.executor import Cluster, TaskPlace, Workers
-from ..core.files import made_folder, path_of, remove_drafts
+from ..core.files import digest_of, made_folder, path_of, remove_drafts
 from ..core.process import check_workers, cores
 from ..core.store import cache_root
 from ..planning.stage_cache import Listener, null_listener
@@ -290,6 +290,6 @@ class _Rows:
         table.tidy().write_csv(self.folder / TABLE)
         table.wide().write_csv(self.folder / WIDE)
         table.write_parquet(self.folder / PARQUET)
-        if figures and (not drawn or known.get(TABLE) != sums.digest_of(self.folder / TABLE)):
+        if figures and (not drawn or known.get(TABLE) != digest_of(self.folder / TABLE)):
             draw_table_figures(self.folder, table)
         return Sweep(self.folder, table)

@@ -29,7 +29,7 @@ from .terms import LOADING, VIBRATION
 from .wake import Wake, span_of, wake_of, wakes_beside
 
 Stepping = Literal["steady", "time-resolved"]
-SOLVED: dict[str | None, Stepping] = {
+SOLVED: dict[str, Stepping] = {
     "steady": "steady",
     "time-resolved": "time-resolved",
     "three-dimensional": "time-resolved",
@@ -116,18 +116,13 @@ class AirflowPlan:
         return wakes_beside(self.brackets, self.wake)
 
     @property
-    def computes_streams(self) -> bool:
-        """Whether the scene's secondary streams are added to the main one; else the airflow brings its own."""
-        return True
+    def resolves(self) -> str:
+        """The rung that resolves what this airflow leaves out where the wake sheds; empty where nothing is left out."""
+        return rungs[self.rung].resolves or "" if self.rung in rungs else ""
 
     @property
-    def resolves(self) -> str | None:
-        """The rung that resolves what this airflow leaves out where the wake sheds; None where nothing is left out."""
-        return rungs[self.rung].resolves if self.rung in rungs else None
-
-    @property
-    def summary(self) -> str | None:
-        """The plan's line on an airflow that is not solved; None where there is nothing to say."""
+    def summary(self) -> str:
+        """The plan's line on an airflow that is not solved; empty where there is nothing to say."""
         return f"airflow: rung {self.rung}, {rungs[self.rung].meaning} ({self.why})"
 
     def flown(self, scene: Scene) -> Scene:
@@ -144,15 +139,15 @@ class AirflowPlan:
     def notices(self, scene: Scene) -> Iterator[Notice]:
         """One for each way in which the airflow of ``scene`` differs from the real one."""
         del scene
-        yield from ()
+        return iter(())
 
 
 class NoAirPlan(AirflowPlan):
     """No air, or air that is left out."""
 
     @property
-    def summary(self) -> str | None:
-        return None
+    def summary(self) -> str:
+        return ""
 
     def flown(self, scene: Scene) -> Scene:
         return scene.without_air()
@@ -162,7 +157,7 @@ class AnalyticAirPlan(AirflowPlan):
     """Air without bodies, or at rest: known in closed form."""
 
     @property
-    def summary(self) -> str | None:
+    def summary(self) -> str:
         return f"airflow: {self.why}"
 
     def feeling(self, scene: Scene, *, loaded: bool) -> AirflowPlan:
@@ -190,11 +185,7 @@ class GivenAirPlan(AirflowPlan):
     """A solved OpenFOAM case of the user's."""
 
     @property
-    def computes_streams(self) -> bool:
-        return False
-
-    @property
-    def summary(self) -> str | None:
+    def summary(self) -> str:
         return f"airflow: a solved OpenFOAM case of yours; neither mesh nor solver runs ({self.why})"
 
 
@@ -205,10 +196,10 @@ class SolvedAirPlan(AirflowPlan):
     def kind(self) -> str:
         if self.span is not None:
             return "three-dimensional"
-        return known(self.stepping) if self.wake is None else "best-estimate"
+        return str(self.stepping) if self.wake is None else "best-estimate"
 
     def notices(self, scene: Scene) -> Iterator[Notice]:
-        if self.resolves is not None and scene.reynolds is not None and scene.reynolds > SHEDDING_ABOVE:
+        if self.resolves and (scene.reynolds or 0.0) > SHEDDING_ABOVE:
             yield less_sure(
                 f"{self.rung} airflow: a steady wake is too long and its suction too weak; numerics.rung = "
                 f"'{self.resolves}' resolves the shedding"
@@ -257,14 +248,15 @@ def _chosen(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
         return _analytic(scene, asked)
     if scene.air.case is not None:
         return _given(scene.air.case, asked)
-    name, why = (asked, "asked for") if rungs[asked].kind is not None else _auto(known(scene.reynolds), target_error)
-    return _at_body(scene, known(scene.reynolds), name, why)
+    reynolds = known(scene.reynolds)
+    name, why = (asked, "asked for") if rungs[asked].kind is not None else _auto(reynolds, target_error)
+    return _at_body(scene, reynolds, name, why)
 
 
 def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
     """The airflow past the scene's bodies at a rung that names its kind."""
     rung, sheds, symmetric = rungs[name], reynolds >= SHEDDING_ABOVE, scene.symmetric
-    kind = rung.kind if sheds else rung.kind_below_shedding or rung.kind
+    kind = str(rung.kind if sheds else rung.kind_below_shedding or rung.kind)
     if kind not in SOLVED:
         return AirflowPlan(name, why, None, "laminar", symmetric, half=False)
     if kind == "three-dimensional":
@@ -296,7 +288,7 @@ def _analytic(scene: Scene, asked: str) -> AirflowPlan:
     if air.still:
         why = "the air is at rest, and what bodies and granules stir up in it is left out: neither mesh nor solver"
         return AnalyticAirPlan("analytic", why, None, "laminar", scene.symmetric, half=False)
-    laminar = air.profile == "parabolic" or known(scene.reynolds) < LAMINAR_BELOW
+    laminar = air.profile == "parabolic" or (scene.reynolds or 0.0) < LAMINAR_BELOW
     why = f"it has no body: {air.profile} everywhere, neither mesh nor solver"
     return AnalyticAirPlan("analytic", why, None, "laminar" if laminar else DECAYING, symmetric=True, half=False)
 

@@ -1,9 +1,13 @@
-"""A fraction before its forces are chosen, and whether the air feels it."""
+"""A fraction before its forces are chosen: the scales of its flight, which the bounds are made of, and whether the air
+feels it.
+
+Falls through the channel's uniform air with the fraction's own drag (``uniform_fall``); meetings as given.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -14,14 +18,100 @@ from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction, terminal_velocity
 from ..laws.driven_jet import ENERGY
 from ..laws.forces import FlightScales
-from ..scene import Scene
+from ..laws.forces.force import REACH
+from ..scene import Fraction, Scene
 from .airflow_choice import AirflowPlan
 from .carried_round import Deflection, deflection
-from .collision_rates import Encounters, encounters
+from .collision_rates import RECIRCULATION, Encounters, ejection_speed, encounters
 from .coupling import with_driven_air
-from .flight_scales import flights
 from .terms import LOADING, bounds, limit_of
-from .uniform_fall import UniformFall
+from .uniform_fall import FallTimes, UniformFall
+
+# -- The scales of a flight -------------------------------------------------------------------------------------------
+SIZES = (0.05, 0.5, 0.95)  # mass quantiles of the granules that the bounds are taken over: 90 % lie between
+NEARLY = 1.001  # of the air speed: terminal velocity of a granule that hangs in upward air for long; chosen
+
+
+def flights(
+    scene: Scene,
+    name: str,
+    law: str,
+    scale: float,
+    met: Encounters,
+    *,
+    straight: bool,
+    turbulent: bool,
+    shedding: bool = False,
+) -> list[FlightScales]:
+    """The scales of a fraction's flight in the scene's air, for a small, a median and a large granule.
+
+    ``law`` of drag times ``scale``; ``met``: which others it meets; ``straight``: it meets the body nearly as if there
+    were no air; ``shedding``: the airflow is resolved in time. One-dimensional falls through uniform air with the
+    fraction's drag: from the feed to the body, and from rest at the body (an impact may take all of its speed) to the
+    channel's end.
+    """
+    air, fraction = scene.airstream, scene.fraction[name]
+    density = fraction.properties.density
+    kept = bool(scene.body) and set(scene.all_kept) == scene.body.keys()
+    upward, aside = air.rises, 0.0 if kept else abs(float(scene.entry @ scene.plumb.across))
+    aside += 2.0 * math.sin(scene.feed.scatter) * scene.feed.fall_speed
+    scales = []
+    for diameter, factor in _granules(scene, fraction, law, scale):
+        fall = UniformFall.by_factor(scene, fraction, law, factor, diameter)
+        times = fall.times()
+        arrival = max(times.arrival, scene.feed.fall_speed)
+        along, settling = fall.granule.along, abs(fall.granule.settling)
+        slip = max(abs(complex(arrival - along, fall.granule.across)), air.speed, abs(times.landing) - abs(along))
+        stays = 0.0
+        if scene.body and upward and settling < air.speed:  # it falls into the wake, and leaves with the air
+            stays = REACH * scene.width / (RECIRCULATION * air.speed) / (1.0 + times.tau * air.speed / scene.width)
+        thrown = ejection_speed(scene, fraction, arrival) * arrival if scene.body and not kept else aside
+        scales.append(FlightScales(
+            diameter=diameter, density=density, tau=times.tau, calm=not scene.body or air.still,
+            arrival=arrival, thrown=thrown, slip=slip, settling=settling,
+            landing=times.landing, whole=times.whole + stays, time=times.time + stays, near=times.near + stays,
+            beside=straight and not upward,
+            sideways_bins=_sideways_bins(scene),
+            air_density=air.density, viscosity=air.viscosity, air_speed=air.speed, width=scene.width,
+            intensity=air.turbulence, turbulent=turbulent, shaking=float(np.linalg.norm(scene.shaking)),
+            omega=scene.motion[1], meetings=met.heavier, knock=met.knock, shedding=shedding, kept=kept,
+            given=_given_by_drag(scene, times, density, slip),
+            temperature=air.temperature, mean_free_path=air.mean_free_path, gravity=scene.gravity,
+        ))  # fmt: skip
+    return scales
+
+
+def _sideways_bins(scene: Scene) -> bool:
+    """Whether shifts along the air count in full: a bin is on a wall or in the air, or granules come to the walls."""
+    return any(place.stands for place in scene.bin.values()) or not (scene.body and scene.plumb.upright)
+
+
+def _given_by_drag(scene: Scene, times: FallTimes, density: float, slip: float) -> float:
+    """Velocity (m/s) that drag gives a granule on its way to the body; without one no more than it would at the largest
+    ``slip`` all the way.
+    """
+    if not scene.body:
+        return float(-slip * np.expm1(-times.whole / times.tau))
+    weight = scene.gravity * (1.0 - scene.airstream.density / density)
+    return float(times.arrival - scene.release[1] - weight * (times.whole - times.time))
+
+
+def _granules(scene: Scene, fraction: Fraction, law: str, scale: float) -> Iterator[tuple[float, float]]:
+    """Diameters (m) and factors on the drag law, slip correction included, of small, median and large granules; where
+    measured terminal velocities spread, of slow and fast ones of each size, and of those that hang in the air longest.
+    """
+    density, speeds = fraction.properties.density, fraction.settling(np.array(SIZES))
+    if speeds is not None and not scene.body and scene.air is not None:
+        speeds = np.append(speeds, np.clip(NEARLY * scene.air.speed, speeds[0], speeds[-1]))
+    for diameter in dict.fromkeys(fraction.diameters(np.array(SIZES)).tolist()):
+        slip = float(slip_correction(diameter, scene.airstream.mean_free_path))
+        if speeds is None:
+            yield diameter, scale / slip
+            continue
+        own = *STANDARD_AIR, GRAVITY, law, fraction.roundness
+        for factor in drag_factor_for_terminal_velocity(diameter, density, speeds, *own):
+            yield diameter, float(factor * slip_correction(diameter)) / slip
+
 
 # -- A fraction before its forces are chosen ---------------------------------------------------------------------------
 JET_RMS = math.sqrt(2.0 / 3.0 * ENERGY)  # rms of the velocity in a jet, over that on its axis
@@ -102,22 +192,24 @@ def _calibration(name: str, law: tuple[str, float], diameter: float, density: fl
 
 
 class BodyArrival(NamedTuple):
-    """The median granule of a fraction at the top of the body, in air."""
+    """The median granule of a fraction at the top of the body."""
 
-    settling: float  # m/s, terminal velocity
+    settling: float | None  # m/s, terminal velocity; None in a vacuum
     tau: float  # s, relaxation time at the slip it arrives with
     stokes: float  # tau times the arrival speed over the body's half width; inf without a body
     speed: float  # m/s, downward
 
 
 def arrival_at_body(scene: Scene, name: str, law: str, scale: float) -> BodyArrival:
-    """Of a fraction, with its drag ``law`` and the factor on it. Needs air."""
+    """Of a fraction, with its drag ``law`` and the factor on it; in a vacuum it comes as fast as it was fed."""
+    if scene.air is None:
+        return BodyArrival(None, math.inf, math.inf, scene.feed.fall_speed)
     fraction = scene.fraction[name]
     fall = UniformFall.of(scene, fraction, law, scale, fraction.properties.diameter)
     speed = fall.arrival().speed
-    tau = float(fall.tau(np.array([abs(speed - fall.along)]))[0])
+    tau = float(fall.granule.tau(np.array([abs(speed - fall.granule.along)]))[0])
     stokes = tau * max(speed, 0.0) / (0.5 * scene.width) if scene.body else math.inf
-    return BodyArrival(fall.settling, tau, stokes, speed)
+    return BodyArrival(fall.granule.settling, tau, stokes, speed)
 
 
 # -- Whether the air feels the granules --------------------------------------------------------------------------------
@@ -130,25 +222,25 @@ def feels_granules(
     airflow: AirflowPlan,
     approaches: Mapping[str, Approach],
     target: float,
-    switched: bool | None,
+    switches: Mapping[str, bool],
 ) -> bool:
     """Whether the airflow is computed with the granules' force on it: where that could move one of the fractions that
-    come by ``approaches`` farther than the accuracy ``target`` (of a share) allows, or as ``switched`` by hand. Raises
-    SceneError where it is asked for and cannot be had.
+    come by ``approaches`` farther than the accuracy ``target`` (of a share) allows, or as it is switched by hand.
+    Raises SceneError where it is asked for and cannot be had.
     """
+    switched = switches.get(LOADING)
     if switched is False:
         return False
-    obstacle = _obstacle(scene, airflow)
-    if switched and obstacle is not None:
-        raise SceneError(f"--force {LOADING}=on: {obstacle}")
-    if obstacle is not None:
+    if obstacle := _obstacle(scene, airflow):
+        if switched:
+            raise SceneError(f"--force {LOADING}=on: {obstacle}")
         return False
     limit, scales = limit_of(scene, target), (flight for one in approaches.values() for flight in one.scales)
     return bool(switched) or any(bounds[LOADING].shift(flight) > limit for flight in scales)
 
 
-def _obstacle(scene: Scene, airflow: AirflowPlan) -> str | None:
-    """Why the granules' force cannot be given to the air; None where it can."""
+def _obstacle(scene: Scene, airflow: AirflowPlan) -> str:
+    """Why the granules' force cannot be given to the air; empty where it can."""
     if airflow.kind == "analytic" and scene.airstream.still:
         if scene.body:
             return "air at rest, and what granules drive round a body in it is not computed"
@@ -158,4 +250,4 @@ def _obstacle(scene: Scene, airflow: AirflowPlan) -> str | None:
         return f"rung {airflow.rung} has no steady airflow that OpenFOAM could solve on; use draft or standard"
     if scene.feed.rate is None:
         return "the scene has no feed.rate, which says how dense the curtain is"
-    return None
+    return ""

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
@@ -252,8 +252,8 @@ def _fall(scene: Scene, fraction: Fraction, law: str, scale: float, diameter: fl
         time = np.linspace(0.0, whole, STEPS)
         return _Fall(time, speed * time + 0.5 * scene.gravity * time**2, speed + scene.gravity * time)
     fall = UniformFall.of(scene, fraction, law, scale, diameter)
-    if _sheltered(scene) and abs(fall.settling) > RECIRCULATION * scene.air.speed:
-        fall = replace(fall, air=scene.air.model_copy(update={"speed": CALM * scene.air.speed}))
+    if _sheltered(scene) and abs(fall.granule.settling) > RECIRCULATION * scene.air.speed:
+        fall = UniformFall.of(scene, fraction, law, scale, diameter, part=CALM)
     room = FallRoom(down, max(scene.channel.top - scene.level - above, scene.width)) if scene.body else fall.room
     rows = np.array([(0.0, 0.0, speed), *fall.points(speed, room)])
     return _Fall(*rows.T)
@@ -284,9 +284,15 @@ def _crossing(scene: Scene, thrown: float) -> float:
     """
     pull = scene.gravity * 0.5 * math.sin(2.0 * slope_of(scene)[0])
     way = 0.5 * scene.feed.width
-    root = math.sqrt(thrown**2 + 2.0 * pull * way)
-    once = 2.0 * way / (root + thrown) if root + thrown > 0.0 else LONGEST
-    return 0.5 * (1 + _rows(scene)) * min(once, LONGEST)
+    return 0.5 * (1 + _rows(scene)) * min(time_down(way, thrown, pull), LONGEST)
+
+
+def time_down(way: float, speed: float, pull: float) -> float:
+    """Seconds for a ``way`` (m) at first with ``speed`` (m/s), under ``pull`` (m/s2); infinite where it ends before."""
+    square = speed**2 + 2.0 * pull * way
+    if square < 0.0 or speed == square == 0.0:
+        return math.inf
+    return 2.0 * way / (math.sqrt(square) + speed)
 
 
 def slope_of(scene: Scene) -> tuple[float, float]:

@@ -61,23 +61,23 @@ class CollisionPlan:
         return min(self.replicates, flown + 2 * max(1, flown // 4))
 
 
-def why_no_collisions(scene: Scene, *, asked: bool = False) -> str | None:
-    """Why no slab can be flown for a scene; None where it can. ``asked``: for by hand."""
+def why_no_collisions(scene: Scene, *, asked: bool = False) -> str:
+    """Why no slab can be flown for a scene; empty where it can. ``asked``: for by hand."""
     if scene.feed.start == "resting":
         return "granules that start at rest on the body are no stream: they have no feed rate"
-    return NO_RATE if scene.feed.rate is None and not asked else None
+    return NO_RATE if scene.feed.rate is None and not asked else ""
 
 
-def too_many_to_collide(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> str | None:
+def too_many_to_collide(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> str:
     """Why no slab can be flown at this feed rate: of the fraction with the heaviest granules, which turn all others,
-    too many would be in flight to be simulated one by one. None where they are few enough. ``laws`` as in
+    too many would be in flight to be simulated one by one. Empty where they are few enough. ``laws`` as in
     :func:`plan_collisions`.
     """
     stays = {name: _stay(scene, fraction, *laws[name]) for name, fraction in scene.fraction.items()}
     depth = _depth(scene, stays)
     heaviest, mass = _heaviest(scene)
     if _simulated(scene, heaviest, depth, stays[heaviest], mass)[1]:
-        return None
+        return ""
     number = float(number_rates(scene, heaviest).sum()) * depth / scene.feed.depth * stays[heaviest]
     enough = MAX_IN_FLIGHT / number
     return (
@@ -98,7 +98,7 @@ def plan_collisions(
     than a run can afford. A collisions.count that the scene gives is flown as it is, in all of its replicates. Raises
     SceneError where :func:`too_many_to_collide` says why none can be flown.
     """
-    if (obstacle := too_many_to_collide(scene, laws)) is not None:
+    if obstacle := too_many_to_collide(scene, laws):
         raise SceneError(f"collisions: {obstacle}")
     stays = {name: _stay(scene, fraction, *laws[name]) for name, fraction in scene.fraction.items()}
     depth = _depth(scene, stays)

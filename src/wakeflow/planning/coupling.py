@@ -20,7 +20,7 @@ from ..core.record import column
 from ..laws.collision import impact
 from ..laws.forces import FlightScales
 from ..scene import Scene
-from .collision_rates import Encounters, shifted, slope_of
+from .collision_rates import Encounters, shifted, slope_of, time_down
 
 Array = NDArray[np.float64]
 
@@ -42,14 +42,14 @@ class Limit:
     name: str = column("", "name of the number")
     about: str = column("", "which assumption it checks")
     value: Most = column("1", "the number; null where it has no bound")
-    limit: float | None = column("1", "up to where it holds; null for a scale without limit")
-    feed_rate: Most | None = column("kg/h", "feed that reaches the limit")
+    limit: Most = column("1", "up to where it holds; null for a scale without limit")
+    feed_rate: Most = column("kg/h", "feed that reaches the limit")
     why: str = column("", "what the number is, with its source")
 
     @property
     def holds(self) -> bool:
         """Whether the value stays within its limit."""
-        return self.limit is None or self.value <= self.limit
+        return self.value <= self.limit
 
 
 def limits(
@@ -75,12 +75,12 @@ def limits(
     if number > 0.0:
         yield row("meetings", INDEPENDENT, number, bearable, why)
     layer = _layer(scene, speeds)
-    if layer is not None:
+    if layer.height:
         why = "share of the slope under granules that have bounced and not left it yet"
         yield row("slope-covered", INDEPENDENT, layer.covered, LOADED, why)
         size = f"{layer.sizes:.2g} granule sizes, {layer.solid:.2g} of it solid"
         why = f"m, height to which granules bounce off the slope: {size}"
-        yield Limit("layer", INDEPENDENT, layer.height, None, None, why)
+        yield Limit("layer", INDEPENDENT, layer.height, math.inf, math.inf, why)
     if scene.air is not None:
         yield from _of_the_air(_taken_from_the_air(scene, scales), rate, min(speeds.values()))
         why = f"solid volume in the curtain: more than this damps or feeds the air's turbulence ({ELGHOBASHI})"
@@ -186,23 +186,21 @@ def with_driven_air(scene: Scene, scales: Mapping[str, Sequence[FlightScales]]) 
 class _Layer:
     """The layer of granules on the first body's slopes."""
 
-    covered: float  # share of the slopes under granules
-    height: float  # m, to which the fraction that bounces highest does
-    sizes: float  # the same in that fraction's granule sizes
-    solid: float  # share of the layer's volume
+    covered: float = 0.0  # share of the slopes under granules
+    height: float = 0.0  # m, to which the fraction that bounces highest does
+    sizes: float = 0.0  # the same in that fraction's granule sizes
+    solid: float = 0.0  # share of the layer's volume
 
 
-def _layer(scene: Scene, speeds: Mapping[str, float]) -> _Layer | None:
-    """The layer on the first body's slopes; None without a body, and where its top is level.
+def _layer(scene: Scene, speeds: Mapping[str, float]) -> _Layer:
+    """The layer on the first body's slopes: nothing without a body, and where its top is level.
 
     A granule that meets the slope goes half its length at the tangential speed of eq. (2), and faster by gravity
     less friction, until it leaves: t = (sqrt(v^2 + a L) - v) / a. It bounces to v_n^2 / (2 g cos b). Without vibration.
     """
-    if scene.first_outline is None:
-        return None
-    beta, length = slope_of(scene)
-    if beta <= 0.0:
-        return None
+    if scene.first_outline is None or (slope := slope_of(scene))[0] <= 0.0:
+        return _Layer()
+    beta, length = slope
     on_slope = scene.feed.mass_flow * _share_on(scene, scene.first_outline) / scene.feed.depth
     covered = solid = height = sizes = 0.0
     for name, share in scene.mass_shares().items():
@@ -210,20 +208,13 @@ def _layer(scene: Scene, speeds: Mapping[str, float]) -> _Layer | None:
         after = impact(beta, speeds[name], 0.0, granule.restitution, granule.friction, scene.fraction[name].inertia)
         along, out = float(after.tangential), float(after.normal)
         pull = scene.gravity * (math.sin(beta) - granule.friction * math.cos(beta))
-        volume = on_slope * share / granule.density * _stay(along, pull, length) / length
+        volume = on_slope * share / granule.density * time_down(0.5 * length, along, pull) / length
         covered += SHADE * volume / granule.diameter
         solid += volume
         bounce = 0.5 * out**2 / (scene.gravity * math.cos(beta))
         if bounce + granule.diameter > height:
             height, sizes = bounce + granule.diameter, bounce / granule.diameter + 1.0
     return _Layer(covered, height, sizes, solid / height)
-
-
-def _stay(along: float, pull: float, length: float) -> float:
-    """Seconds on a slope of ``length`` (m), from its middle on, at first ``along`` (m/s), under ``pull`` (m/s2)."""
-    if along**2 + pull * length < 0.0 or along == pull == 0.0:
-        return math.inf
-    return length / (math.sqrt(along**2 + pull * length) + along)
 
 
 def _share_on(scene: Scene, outline: Array) -> float:
@@ -241,8 +232,8 @@ def strained(rows: Sequence[Limit], lifted: Collection[str] = ()) -> Iterator[No
         beyond = [row for row in rows if row.about == about and about not in lifted and not row.holds]
         if beyond:
             numbers = ", ".join(f"{row.name} {row.value:.2g} (limit {row.limit:.2g})" for row in beyond)
-            least = min(row.feed_rate or 0.0 for row in beyond)
-            grade = void if any(row.value > MAX_EXCEEDANCE * (row.limit or math.inf) for row in beyond) else less_sure
+            least = min(row.feed_rate for row in beyond)
+            grade = void if any(row.value > MAX_EXCEEDANCE * row.limit for row in beyond) else less_sure
             yield grade(
                 f"the feed is too dense for {about}: {numbers}; with feed.rate below {least:.2g} kg/h it is not"
             )

@@ -32,13 +32,14 @@ MEASURED_MOTION = 0.021  # a w / U
 @dataclass(frozen=True)
 class AirMotion:
     """Whether the mesh has to move with the body. ``bound``: by which share leaving it out may change mean drag or base
-    pressure; ``why``: in words; ``moved``: by how much it changes a share at most, where that was measured.
+    pressure; ``why``: in words, empty where nothing vibrates in air; ``moved``: by how
+    much it changes a share at most, infinite where that was not measured.
     """
 
-    used: bool
-    bound: float
-    why: str
-    moved: float | None = None
+    used: bool = False
+    bound: float = 0.0
+    why: str = ""
+    moved: float = math.inf
 
 
 def vibration_of_air(
@@ -91,17 +92,17 @@ def frequency_ratios(scene: Scene) -> tuple[float, float]:
     return slow * reduced / STROUHAL[1], fast * reduced / STROUHAL[0]
 
 
-def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | None = None) -> AirMotion | None:
-    """What a scene's vibration asks of its airflow; None without air or vibration. ``asked``: switched by hand.
+def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | None = None) -> AirMotion:
+    """What a scene's vibration asks of its airflow: nothing without air or vibration. ``asked``: switched by hand.
 
     The mesh can follow a harmonic along the channel. Raises SceneError for what it cannot follow, sideways vibration
     and samples, where that could lock the wake, or is switched on.
     """
     if scene.air is None or scene.vibration is None:
-        return None
+        return AirMotion()
     across, along = scene.shaking
     ratios = frequency_ratios(scene)
-    sheds = known(scene.reynolds) >= SHEDDING_ABOVE
+    sheds = (scene.reynolds or 0.0) >= SHEDDING_ABOVE
     sideways = abs(float(across)) / scene.air.speed
     motion = vibration_of_air(float(along) / scene.air.speed, ratios, accuracy, sheds=sheds)
     if asked is False:
@@ -133,8 +134,8 @@ def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | No
 def _measured(scene: Scene, speed_ratio: float) -> bool:
     """Whether it was measured what vibration along the air with a w / U = ``speed_ratio`` changes of shares."""
     family, (flat, steep), (low, high) = family_of(scene), MEASURED_SLOPES, MEASURED_REYNOLDS
-    alike = family.name == MEASURED_FAMILY and flat <= known(family.slope) <= steep
-    return alike and low <= known(scene.reynolds) <= high and abs(speed_ratio) <= MEASURED_MOTION
+    alike = family.name == MEASURED_FAMILY and flat <= family.slope <= steep
+    return alike and low <= (scene.reynolds or 0.0) <= high and abs(speed_ratio) <= MEASURED_MOTION
 
 
 def _most_sideways(ratios: tuple[float, float], *, sheds: bool) -> float:

@@ -6,27 +6,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from ..core.errors import SceneError
 from ..core.graded import Notice, gravest_first, less_sure, void
-from ..laws.forces import forces
 from ..scene import Scene
 from ..scene.overrides import share_in
 from ..scene.whole import States, switched
 from .airflow_choice import JET, AirflowPlan, choose_airflow
-from .approach import Approach, approaches, arrival_at_body, feels_granules
+from .approach import Approach, approaches, arrival_at_body, feels_granules, flights
 from .collision_rates import Encounters, shifted
 from .collisions import LIGHT, CollisionPlan, granule_masses, plan_collisions, too_many_to_collide, why_no_collisions
 from .cost import estimate_cost, expected_stages
 from .coupling import Limit, limits
 from .dependence import orders
-from .flight_scales import flights
 from .lock_in import AirMotion, vibration_of_scene
 from .plan import FractionPlan, Plan, whole_terms
 from .plan_messages import missing_lines, used_lines, warning_lines
@@ -36,17 +33,13 @@ from .terms import (
     COLLISIONS,
     LOADING,
     STICKING,
-    SWITCHED_OFF,
     VIBRATION,
     LeftOut,
-    LeftOutTerm,
+    TermGate,
     TermSelection,
-    bounds,
     check_switches,
     limit_of,
     moved_by_air,
-    select_terms,
-    too_small,
 )
 
 TURNING = "deflection-before-the-impact"  # what injection leaves out: how the air before the body moves granules
@@ -84,20 +77,21 @@ def _planned(
     given: Scene, rung: str, switches: Mapping[str, bool], target: float, sources: Sequence[FliesAgain]
 ) -> Plan:
     """The plan of a scene by a ``rung``, with its terms as switched, for the error ``target`` of a share."""
-    airflow, motion = _airflow(given, rung, target, switches.get(VIBRATION))
+    airflow, motion = _airflow(given, rung, target, switches)
     flown, chain = airflow.flown(given), given.air is not None and airflow.kind == "none"
     check_switches(flown, switches, airflow.turbulence)
     known = approaches(flown, airflow)
-    obstacle = FIRST_LOOK if chain else _why_none_collide(flown, known)
+    obstacle = FIRST_LOOK if chain else why_no_collisions(flown) or too_many_to_collide(flown, _laws(known))
     crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
-    airflow, known = _under_load(flown, airflow, known, target, switches.get(LOADING))
-    rest = whole_terms(airflow, crowd), obstacle, None if motion is None else motion.moved
-    decided = {name: _decide(flown, name, one, airflow, switches, target, *rest) for name, one in known.items()}
-    fractions = {name: one.plan for name, one in decided.items()}
-    gates = {name: one.gate for name, one in decided.items() if one.gate is not None}
-    validity = _validity(flown, decided, known, target)
+    airflow, known = _under_load(flown, airflow, known, target, switches)
+    together = whole_terms(airflow, crowd)
+    gate = TermGate(flown, switches, target, airflow.turbulence, together, obstacle, motion.moved)
+    fractions, chosen = {}, {}
+    for name, one in known.items():
+        fractions[name], chosen[name] = _decide(gate, name, one)
+    validity = _validity(flown, fractions, known, gate.limit)
     without_air, warned = _without_air(given, fractions) if chain else ([], [])
-    strained = warning_lines(flown, airflow, fractions, validity, target, rest[0])
+    strained = warning_lines(flown, airflow, fractions, validity, target, together)
     stages = expected_stages(flown, airflow, fractions, crowd, sources)
     return Plan(
         airflow=airflow,
@@ -105,10 +99,10 @@ def _planned(
         force=switches,
         fractions=fractions,
         used=tuple(used_lines(flown, airflow, fractions, validity, motion, crowd, chain=chain)),
-        left_out=(*_left_out(flown, decided, without_air, chain=chain), *_sticking(flown, known)),
+        left_out=(*_left_out(flown, fractions, chosen, without_air, chain=chain), *_sticking(flown, known)),
         estimate=estimate_cost(flown, airflow, fractions, stages),
         stages=stages,
-        notices=gravest_first((*strained, *warned, *missing_lines(gates, flown.unit))),
+        notices=gravest_first((*strained, *warned, *missing_lines(chosen, flown.unit))),
         validity=validity,
         unit=flown.unit,
         crowd=crowd,
@@ -154,24 +148,22 @@ class Planner:
         return self if scene == self.scene else replace(self, scene=scene)
 
 
-def _airflow(scene: Scene, rung: str, target: float, vibrates: bool | None) -> tuple[AirflowPlan, AirMotion | None]:
-    """The airflow of a ``rung`` asked for, and what the vibration asks of it; ``vibrates``: the mesh's motion is
-    switched by hand.
-    """
+def _airflow(scene: Scene, rung: str, target: float, switches: Mapping[str, bool]) -> tuple[AirflowPlan, AirMotion]:
+    """The airflow of a ``rung`` asked for, and what the vibration asks of it, with the mesh's motion as switched."""
     airflow = choose_airflow(scene, rung, target)
     if airflow.stepping != "time-resolved":
-        return airflow, None
-    motion = vibration_of_scene(scene, airflow.accuracy, asked=vibrates)
-    if airflow.span is not None and motion is not None and motion.used:
+        return airflow, AirMotion()
+    motion = vibration_of_scene(scene, airflow.accuracy, asked=switches.get(VIBRATION))
+    if airflow.span is not None and motion.used:
         raise SceneError(f"rung = {rung!r} holds the body still in the air, and here {motion.why}; choose standard")
-    return replace(airflow, moving=motion is not None and motion.used), motion
+    return replace(airflow, moving=motion.used), motion
 
 
 def _under_load(
-    scene: Scene, airflow: AirflowPlan, known: dict[str, Approach], target: float, switched: bool | None
+    scene: Scene, airflow: AirflowPlan, known: dict[str, Approach], target: float, switches: Mapping[str, bool]
 ) -> tuple[AirflowPlan, dict[str, Approach]]:
     """The airflow that the granules' force moves, where that matters, and how they come through it."""
-    airflow = airflow.feeling(scene, loaded=feels_granules(scene, airflow, known, target, switched))
+    airflow = airflow.feeling(scene, loaded=feels_granules(scene, airflow, known, target, switches))
     driven = airflow.turbulence == JET
     return airflow, {name: one.driven if driven else one for name, one in known.items()}
 
@@ -181,7 +173,7 @@ def _crowd(
     approaches: Mapping[str, Approach],
     switches: Mapping[str, bool],
     target: float,
-    obstacle: str | None,
+    obstacle: str,
     *,
     paired: bool,
 ) -> CollisionPlan | None:
@@ -191,13 +183,8 @@ def _crowd(
     asked = switches.get(COLLISIONS)
     if asked is None:
         limit = limit_of(scene, target)
-        asked = obstacle is None and any(shifted(scene, one.met, one.scales) > limit for one in approaches.values())
+        asked = not obstacle and any(shifted(scene, one.met, one.scales) > limit for one in approaches.values())
     return plan_collisions(scene, _laws(approaches), target, paired=paired) if asked else None
-
-
-def _why_none_collide(scene: Scene, approaches: Mapping[str, Approach]) -> str | None:
-    """Why no slab can be flown for a scene at its feed rate; None where one can."""
-    return why_no_collisions(scene) or too_many_to_collide(scene, _laws(approaches))
 
 
 def _laws(approaches: Mapping[str, Approach]) -> dict[str, tuple[str, float]]:
@@ -205,36 +192,18 @@ def _laws(approaches: Mapping[str, Approach]) -> dict[str, tuple[str, float]]:
     return {name: (one.law, one.scale) for name, one in approaches.items()}
 
 
-class _Decided(NamedTuple):
-    """What was decided for a fraction; in a vacuum, where there is no choice of forces, without ``gate``."""
-
-    plan: FractionPlan
-    left_out: tuple[LeftOut, ...] = ()
-    gate: TermSelection | None = None
-
-
-def _decide(
-    scene: Scene,
-    name: str,
-    known: Approach,
-    airflow: AirflowPlan,
-    switches: Mapping[str, bool],
-    target: float,
-    whole: Collection[str],
-    obstacle: str | None,
-    swung: float | None,
-) -> _Decided:
+def _decide(gate: TermGate, name: str, known: Approach) -> tuple[FractionPlan, TermSelection]:
     """How fraction ``name`` is computed, and with which forces. Raises SceneError as :func:`make_plan` does."""
+    scene, turned = gate.scene, known.turned
     if scene.air is None:
-        return _in_vacuum(scene, name, known, switches, target, whole, obstacle)
-    gate = select_terms(
-        scene, name, known.scales, switches, target, airflow.turbulence, whole=whole, crowded=obstacle, swung=swung
-    )
-    turned = known.turned
-    small = LOADING not in whole and turned is not None and turned.missed <= target and turned.shift <= gate.limit
+        chosen, clear = gate.in_vacuum(name, shifted(scene, known.met, ())), bool(scene.body)
+    else:
+        chosen = gate.select(name, known.scales)
+        small = turned is not None and turned.missed <= gate.target and turned.shift <= gate.limit
+        clear = small and LOADING not in gate.together
     arrival = arrival_at_body(scene, name, known.law, known.scale)
     plan = FractionPlan(
-        mode=_mode(scene, name, clear=small),
+        mode=_mode(scene, name, clear=clear),
         drag=known.law,
         drag_scale=known.scale,
         terminal_velocity=arrival.settling,
@@ -242,55 +211,35 @@ def _decide(
         stokes=arrival.stokes,
         arrival_speed=arrival.speed,
         impaction=turned,
-        forces=gate.forces,
-        bounds=gate.bounds,
-        limit=gate.limit,
+        forces=chosen.forces,
+        bounds=chosen.bounds,
+        limit=chosen.limit,
     )
-    return _Decided(plan, gate.left_out, gate)
-
-
-def _in_vacuum(
-    scene: Scene,
-    name: str,
-    known: Approach,
-    switches: Mapping[str, bool],
-    target: float,
-    whole: Collection[str],
-    obstacle: str | None,
-) -> _Decided:
-    """Where no air is there is no choice of forces, but granules meet all the same; ``obstacle``: why not here."""
-    weight = tuple(force for force in forces if forces[force].always and forces[force].needs == "nothing")
-    mode, limit = _mode(scene, name, clear=bool(scene.body)), limit_of(scene, target)
-    shift = min(scene.channel.width / scene.width, shifted(scene, known.met, ()))
-    plan = FractionPlan(
-        mode, known.law, known.scale, None, math.inf, math.inf, scene.feed.fall_speed,
-        forces=weight, bounds={COLLISIONS: shift}, limit=limit,
-    )  # fmt: skip
-    if COLLISIONS in whole:
-        return _Decided(plan)
-    reason = obstacle or too_small(limit, target)
-    if switches.get(COLLISIONS) is False:
-        reason = SWITCHED_OFF
-    return _Decided(plan, (LeftOutTerm(COLLISIONS, shift, f"{bounds[COLLISIONS].why}; {reason}", name),))
+    return plan, chosen
 
 
 def _validity(
-    scene: Scene, decided: Mapping[str, _Decided], approaches: Mapping[str, Approach], target: float
+    scene: Scene, fractions: Mapping[str, FractionPlan], approaches: Mapping[str, Approach], shift: float
 ) -> tuple[Limit, ...]:
-    """What the feed rate strains, by the speeds and scales of the fractions."""
-    arrivals = {name: one.plan.arrival_speed for name, one in decided.items()}
+    """What the feed rate strains, by the speeds and scales of the fractions; ``shift`` as of :func:`limits`."""
+    arrivals = {name: one.arrival_speed for name, one in fractions.items()}
     scales = {name: one.scales for name, one in approaches.items() if one.scales}
     met = {name: one.met for name, one in approaches.items()}
-    return tuple(limits(scene, arrivals, scales, met, limit_of(scene, target)))
+    return tuple(limits(scene, arrivals, scales, met, shift))
 
 
 def _left_out(
-    scene: Scene, decided: Mapping[str, _Decided], without_air: Iterable[LeftOut], *, chain: bool
+    scene: Scene,
+    fractions: Mapping[str, FractionPlan],
+    chosen: Mapping[str, TermSelection],
+    without_air: Iterable[LeftOut],
+    *,
+    chain: bool,
 ) -> Iterator[LeftOut]:
     """What is left out of each fraction's flight, and of the whole run."""
-    for name, (plan, left_out, gate) in decided.items():
-        yield from left_out
-        if gate is not None and plan.mode == "injected" and plan.impaction is not None:
+    for name, plan in fractions.items():
+        yield from chosen[name].left_out
+        if plan.mode == "injected" and plan.impaction is not None:
             why = "injected granules fall straight: how the air before the body moves where 95 % of them land"
             yield LeftOut(TURNING, plan.impaction.shift, why, name)
     yield from without_air
@@ -311,7 +260,7 @@ def _sticking(scene: Scene, approaches: Mapping[str, Approach]) -> Iterator[Left
         if met > 0.0:
             why = f"it meets {met:.2g} granules of {' or '.join(heavy)} in the mean; if it stayed on the first that it "
             why += f"met, {-math.expm1(-met):.0%} of it at most would land with these: no granule stays on another"
-            yield LeftOut(STICKING, None, why, name)
+            yield LeftOut(STICKING, math.inf, why, name)
 
 
 def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> tuple[list[LeftOut], list[Notice]]:

@@ -75,7 +75,7 @@ class FractionPlan(_Sendable):
     impaction: Deflection | None = column("", "null in a vacuum, in upward air and under a tilt", default=None)
     forces: tuple[str, ...] = column("", "the terms that it is flown with", default=())
     bounds: Mapping[str, Most] = column("as plan.unit", "how far each term could move it", default=dict)
-    limit: float | None = column("as plan.unit", "how far a term must be able to move it to be used", default=None)
+    limit: Most = column("as plan.unit", "how far a term must be able to move it to be used", default=math.inf)
 
     @property
     def tracked(self) -> dict[str, Any]:

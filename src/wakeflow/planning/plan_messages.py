@@ -5,109 +5,32 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from itertools import combinations
 
 import numpy as np
 
-from ..core.geometry import ON_WALL, distance_between, normals
 from ..core.graded import Notice, information, less_sure, void
 from ..core.quantities import metres
 from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from ..scene import Scene
 from ..scene.fraction import COEFFICIENTS
 from .airflow_choice import AirflowPlan
-from .cascade import cascade_lines
 from .collisions import CollisionPlan, collision_lines
 from .cost import ranks_for, span_cost, typical_cells
 from .coupling import COUPLING, INDEPENDENT, Limit, strained
 from .feed_funnel import summary
-from .lifting import floor_notices, lifting_line, lifting_notices
 from .lock_in import AirMotion
 from .plan import COMPARED, REPLICATES, FractionPlan
+from .scene_lines import (
+    body_checks,
+    cascade_lines,
+    floor_notices,
+    lifting_line,
+    lifting_notices,
+    magnitude_lines,
+    trade_lines,
+)
 from .terms import COLLISIONS, LOADING, TermSelection
-from .trade_lines import fan_notices, trade_lines
 from .wake import span_lines
-
-# -- What the plan warns of at the bodies ------------------------------------------------------------------------------
-SEAM = 0.1  # of a record's peak acceleration: a larger jump from its end to its beginning is warned of; chosen
-
-
-def body_checks(scene: Scene) -> Iterator[Notice]:
-    """One each: gaps too narrow for granules, level faces, faces that friction alone makes a granule stay on, a record
-    with a jump.
-    """
-    yield from _narrow_gaps(scene)
-    for name, body in scene.body.items():
-        if name in scene.all_kept:  # they stay anyway
-            continue
-        across, up = normals(scene.plumb.seen(body.outline())).T
-        slopes = np.unique(np.round(np.abs(across[up > 0]) / up[up > 0], 9))  # tangents
-        if slopes[0] == 0.0:
-            yield information(
-                f"body.{name} has a level face: granules come to rest on it unless [vibration] throws them off"
-            )
-        for kind, fraction in scene.fraction.items():
-            friction = fraction.properties.friction
-            held = slopes[(slopes > 0.0) & (slopes <= friction)]
-            if len(held) and (fraction.inertia is None or fraction.flake):  # what can roll, does
-                angle = math.degrees(math.atan(float(held[-1])))
-                yield less_sure(
-                    f"body.{name}: friction {friction:g} holds {kind} on its faces of up to {angle:.3g} deg unless "
-                    "[vibration] shakes it off"
-                )
-    vibration = scene.vibration
-    if vibration is not None and vibration.samples is not None and vibration.record.seam > SEAM:
-        yield less_sure(
-            "vibration.samples: from the record's end to its beginning the acceleration jumps by "
-            f"{vibration.record.seam:.0%} of its peak; give a whole number of periods"
-        )
-
-
-def _narrow_gaps(scene: Scene) -> Iterator[Notice]:
-    """The coarsest granules do not pass the narrowest gap."""
-    outlines = {f"body.{name}": body.outline() for name, body in scene.body.items()}
-    half = 0.5 * scene.channel.width
-    gaps = [
-        (off, f"{name} and the {side} wall")
-        for name, one in outlines.items()
-        for side, off in (("left", half + float(one[:, 0].min())), ("right", half - float(one[:, 0].max())))
-        if off > ON_WALL * half
-    ]
-    for (name, one), (other_name, other) in combinations(outlines.items(), 2):
-        gaps.append((distance_between(one, other), f"{name} and {other_name}"))
-    gap, where = min(gaps, default=(math.inf, ""))
-    size, kind = max((float(one.diameters(np.array([0.99]))[0]), name) for name, one in scene.fraction.items())
-    if size > gap:
-        yield less_sure(
-            f"{kind}: granules of {metres(size, 3)} do not pass the gap of {metres(gap, 3)} between {where}"
-        )
-
-
-# -- Numbers that no machine has ---------------------------------------------------------------------------------------
-AIRY = (0.1, 10.0)  # kg/m3: hot or thin air to heavy gases
-FASTEST = 500.0  # Hz: no sieve or feeder shakes so fast; 3000 rpm are 50 Hz
-LIGHTEST, HEAVIEST = 25.0, 23000.0  # kg/m3 of granules: foam beads, and no matter is denser
-
-
-def magnitude_lines(scene: Scene) -> Iterator[Notice]:
-    """A notice of each number of the fan, the air, the vibration and the granules that is beyond what machines have."""
-    yield from fan_notices(scene)
-    air, vibration = scene.air, scene.vibration
-    if air is not None and "density" in air.model_fields_set and not AIRY[0] <= air.density <= AIRY[1]:
-        yield less_sure(f"air.density = {air.density:.4g} kg/m3, of air about 1.2: unit forgotten? Check air.density")
-    if vibration is not None and (often := vibration.frequency or 0.0) > FASTEST:
-        yield less_sure(f"{often:.4g} Hz is faster than machines shake; vibration.frequency = '{often:.4g} rpm'?")
-    for name, fraction in scene.fraction.items():
-        density = float(fraction.properties.density)
-        if scene.air is not None and density < scene.air.density <= AIRY[1]:
-            why = f"lighter than the air ({scene.air.density:.3g}), so that it rises"
-        elif not LIGHTEST <= density <= HEAVIEST:
-            why = "lighter than foam" if density < LIGHTEST else "denser than any matter"
-        else:
-            continue
-        meant = f" ('{density:.3g} g/cm3' if that was meant)" if density < LIGHTEST else ""
-        yield less_sure(f"{name}: {density:.3g} kg/m3, {why}; check fraction.{name}.density{meant}")
-
 
 # -- Inputs that nothing feels -----------------------------------------------------------------------------------------
 OF_THE_AIR = re.compile(
@@ -141,7 +64,7 @@ def used_lines(
     airflow: AirflowPlan,
     fractions: Mapping[str, FractionPlan],
     validity: Sequence[Limit],
-    motion: AirMotion | None,
+    motion: AirMotion,
     crowd: CollisionPlan | None,
     *,
     chain: bool,
@@ -156,7 +79,7 @@ def used_lines(
         yield from span_lines(airflow.span, span_cost(scene, airflow))
     if chain:
         yield "no air: granules fly in parabolas from impact to impact (the chain); neither Gmsh nor OpenFOAM"
-    if scene.air is not None and scene.channel.inlet and airflow.computes_streams:
+    if scene.air is not None and scene.channel.inlet and airflow.kind != "given":  # which brings its own streams
         brought = sum(inlet.velocity * inlet.width for inlet in scene.channel.inlet.values())
         share = brought / (scene.air.speed * scene.channel.width)
         yield f"secondary streams: {', '.join(scene.channel.inlet)} add {share:.2g} of the main stream's air"
@@ -166,12 +89,12 @@ def used_lines(
         yield _fraction_line(scene, name, fraction)
     yield from _kept_lines(scene)
     yield from cascade_lines(scene, blown=scene.air is not None and not scene.air.still)
-    numbers = ", ".join(f"{limit.name} {limit.value:.2g}" for limit in validity if limit.limit is not None)
+    numbers = ", ".join(f"{limit.name} {limit.value:.2g}" for limit in validity if limit.limit < math.inf)
     yield f"feed: {3600 * scene.feed.mass_flow:.3g} kg/h, profile {scene.feed.profile.distribution}; {numbers}"
     if scene.vibration is not None:
         peak, often = float(np.linalg.norm(scene.shaking)), 1.0 / scene.vibration.period
         sight = "the mesh vibrates with the body" if airflow.moving else "the air sees a body at rest"
-        why = "" if motion is None else f" ({motion.why})"
+        why = f" ({motion.why})" if motion.why else ""
         yield (
             f"vibration: {often:.4g} Hz, Gamma = {scene.vibration.strength:.3g}, peak speed {peak:.3g} m/s at the "
             f"impacts{'' if scene.vibration.pivot is None else ' farthest from the pivot'}; {sight}{why}"
@@ -270,7 +193,7 @@ def _spread(scene: Scene, name: str) -> str:
 def _airflow_lines(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
     """The airflow that is computed, why, and what is computed in addition."""
     if airflow.stepping is None:
-        yield from () if airflow.summary is None else (airflow.summary,)
+        yield from filter(None, (airflow.summary,))
         return
     part = ", half of the channel mirrored" if airflow.half else ""
     if airflow.mirrored:
@@ -409,7 +332,7 @@ def _injected_beyond(name: str, fraction: FractionPlan, target: float) -> Iterat
         yield less_sure(
             f"{name}: injected, though in upward air the slopes lie in the wake; feed.mode = 'resolved' computes it"
         )
-    elif turned is not None and (turned.missed > target or turned.shift > (fraction.limit or 0.0)):
+    elif turned is not None and (turned.missed > target or turned.shift > fraction.limit):
         yield less_sure(
             f"{name}: injected, though the air carries {turned.missed:.2g} of it round the body and moves the landing "
             f"of the rest by up to {turned.shift:.2g} body widths; feed.mode = 'resolved' computes both"

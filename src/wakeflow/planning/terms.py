@@ -129,7 +129,7 @@ class LeftOut:
     """
 
     name: str = column("", "name of the term")
-    bound: Most | None = column("as plan.unit", "how far it could move a granule; null where that is no shift")
+    bound: Most = column("as plan.unit", "how far it could move a granule; null where that is no shift")
     why: str = column("", "why it is left out")
     fraction: str | None = column("", "for which fraction; null for all", default=None)
 
@@ -170,83 +170,125 @@ def check_switches(scene: Scene, force: Mapping[str, bool], turbulence: str | No
             )
         if term == COLLISIONS and fraction:
             raise SceneError(f"--force {key}: collisions are those of all fractions; leave out {fraction!r}")
-        obstacle = _obstacle(scene, fraction, term, turbulence) if on else None
-        if obstacle is not None:
+        if on and (obstacle := _obstacle(scene, fraction, term, turbulence)):
             raise SceneError(f"--force {key}=on: {obstacle}")
 
 
-def _obstacle(scene: Scene, fraction: str, term: str, turbulence: str | None) -> str | None:
-    """Why a term cannot be switched on for a ``fraction``, or ("") for all; None where it can."""
+def _obstacle(scene: Scene, fraction: str, term: str, turbulence: str | None) -> str:
+    """Why a term cannot be switched on for a ``fraction``, or ("") for all; empty where it can."""
     if term == COLLISIONS:
         return why_no_collisions(scene, asked=True)
     if scene.air is None:
         return "a term of the air; add an [air] table"
     if term in (VIBRATION, LOADING) and not fraction:
-        return None  # a switch of the airflow, for all fractions
+        return ""  # a switch of the airflow, for all fractions
     if term not in forces or not forces[term].computed:
         return "this version cannot compute it; its bound is in the plan"
     if forces[term].needs == "turbulence" and has_no_turbulence(turbulence):
         return f"the airflow is laminar (Re {scene.reynolds:.3g}), it has no turbulence"
-    return None
-
-
-def _switch(force: Mapping[str, bool], fraction: str, term: str) -> bool | None:
-    """What was asked for a term of one fraction; FRACTION.TERM goes before TERM, None: nothing."""
-    return force.get(f"{fraction}.{term}", force.get(term))
+    return ""
 
 
 # -- decision ----------------------------------------------------------------------------------------------------------
 
 
-def select_terms(
-    scene: Scene,
-    name: str,
-    scales: Sequence[FlightScales],
-    force: Mapping[str, bool],
-    target: float,
-    turbulence: str | None,
-    *,
-    whole: Collection[str] = (),
-    crowded: str | None = None,
-    swung: float | None = None,
-) -> TermSelection:
-    """Decide for fraction ``name``; ``scales`` of its flight at several sizes (``flight_scales.flights``); ``target`` a
-    share; ``whole``: terms that are computed for the run as a whole, of all fractions together; ``crowded``: why
-    collisions cannot be, None where they can. ``swung``: the most that air which does not see the body vibrate changes
-    a share by, where that was measured; there it is no doubt.
+@dataclass(frozen=True)
+class TermGate:
+    """What decides for every fraction of a ``scene`` which terms it is flown with, for an accuracy of ``target`` (a
+    share).
 
-    What acts on granules that turn is computed wherever a body makes them turn, however little it moves: the spin is
-    known there.
-    Raises SceneError where a force that this version cannot compute could move more than the accuracy asked for.
+    ``switches``: terms switched by hand; ``turbulence`` of the airflow; ``together``: terms that are computed for the
+    run as a whole, of all fractions together; ``crowded``: why collisions cannot be, empty where they can. ``swung``:
+    the most that air which does not see the body vibrate changes a share by, infinite where that was not measured;
+    where it was it is no doubt.
     """
-    limit = limit_of(scene, target)
-    shifts = _shifts(scene, scales)
-    if swung is not None:
-        shifts[VIBRATION] = min(shifts[VIBRATION], limit_of(scene, swung))
-    blocked = {term: _blocked(scene.fraction[name], term, turbulence, crowded) for term in bounds}
-    small = _small(shifts, blocked, limit, turning=bool(scene.body))
-    used, left_out, missing = set(), [], {}
-    for term, shift in shifts.items():
-        if term in whole:
-            continue
-        switched, obstacle = _switch(force, name, term), blocked[term]
-        if switched or (switched is None and term not in small and obstacle is None):
-            used.add(term)
-            continue
-        reason = too_small(limit, target)
-        if switched is False:
-            reason = SWITCHED_OFF
-        elif term == VIBRATION and swung is not None:
-            reason = f"measured: shares move by at most {swung:.2g} (docs/validation.md)"
-        elif term not in small and obstacle is not None:
-            if term in forces and not forces[term].computed:
-                raise SceneError(_refusal(name, term, shift, limit, target, scene.unit))
-            missing[term] = reason = obstacle
-        left_out.append(LeftOutTerm(term, shift, f"{bounds[term].why}; {reason}", name))
-    order = tuple(term for term in forces if term in used)
-    return TermSelection(
-        (*_always(), *order), MappingProxyType(shifts), limit, tuple(left_out), MappingProxyType(missing)
-    )  # fmt: skip
+
+    scene: Scene
+    switches: Mapping[str, bool]
+    target: float
+    turbulence: str | None
+    together: Collection[str] = ()
+    crowded: str = ""
+    swung: float = math.inf
+
+    @property
+    def limit(self) -> float:
+        """The landing shift (body widths) below which a term is left out."""
+        return limit_of(self.scene, self.target)
+
+    def select(self, name: str, scales: Sequence[FlightScales]) -> TermSelection:
+        """Decide for fraction ``name``; ``scales`` of its flight at several sizes (``approach.flights``).
+
+        What acts on granules that turn is computed wherever a body makes them turn, however little it moves: the spin
+        is known there.
+        Raises SceneError where a force that this version cannot compute could move more than the accuracy asked for.
+        """
+        shifts = _shifts(self.scene, scales)
+        shifts[VIBRATION] = min(shifts[VIBRATION], limit_of(self.scene, self.swung))
+        blocked = {term: self._blocked(self.scene.fraction[name], term) for term in bounds}
+        small = _small(shifts, blocked, self.limit, turning=bool(self.scene.body))
+        used, left_out, missing = set(), [], {}
+        for term, shift in shifts.items():
+            if term in self.together:
+                continue
+            switched, obstacle = self.switches.get(f"{name}.{term}", self.switches.get(term)), blocked[term]
+            if switched or (switched is None and term not in small and not obstacle):
+                used.add(term)
+                continue
+            reason = self.too_small
+            if switched is False:
+                reason = SWITCHED_OFF
+            elif term == VIBRATION and self.swung < math.inf:
+                reason = f"measured: shares move by at most {self.swung:.2g} (docs/validation.md)"
+            elif term not in small and obstacle:
+                if term in forces and not forces[term].computed:
+                    raise SceneError(self._refusal(name, term, shift))
+                missing[term] = reason = obstacle
+            left_out.append(LeftOutTerm(term, shift, f"{bounds[term].why}; {reason}", name))
+        order = (*_always(), *(term for term in forces if term in used))
+        return TermSelection(
+            order, MappingProxyType(shifts), self.limit, tuple(left_out), MappingProxyType(missing)
+        )  # fmt: skip
+
+    def in_vacuum(self, name: str, collisions: float) -> TermSelection:
+        """The same where no air is, and no choice of forces: ``collisions`` could move the fraction so far (body
+        widths).
+        """
+        left_out: tuple[LeftOutTerm, ...] = ()
+        shift = min(self.scene.channel.width / self.scene.width, collisions)
+        if COLLISIONS not in self.together:
+            reason = SWITCHED_OFF if self.switches.get(COLLISIONS) is False else self.crowded or self.too_small
+            left_out = (LeftOutTerm(COLLISIONS, shift, f"{bounds[COLLISIONS].why}; {reason}", name),)
+        weight = tuple(force for force in _always() if forces[force].in_vacuum)
+        return TermSelection(weight, {COLLISIONS: shift}, self.limit, left_out, {})
+
+    @property
+    def too_small(self) -> str:
+        """Why a term is left out whose bound lies below the limit."""
+        return f"below the {self.limit:.2g} that an accuracy of {self.target:.2g} allows"
+
+    def _blocked(self, fraction: Fraction, term: str) -> str:
+        """Why a term cannot be computed for a fraction; empty where it can."""
+        if term == COLLISIONS:
+            return self.crowded
+        if term == VIBRATION:
+            return f"the air sees the body at rest; --force {VIBRATION}=on moves the mesh with it (rung standard)"
+        if term == LOADING:
+            return "computed only where OpenFOAM solves the air about a body and feed.rate is given; lower feed.rate"
+        if term not in forces:
+            return "not computed in this version"
+        return forces[term].blocked(
+            laminar=has_no_turbulence(self.turbulence), point_mass=fraction.inertia is None
+        )  # fmt: skip
+
+    def _refusal(self, name: str, term: str, shift: float) -> str:
+        limit, target, unit = self.limit, self.target, self.scene.unit
+        enough = math.ceil(1000.0 * target * shift / limit) / 1000.0
+        return (
+            f"{name}: {term} is not computed in this version and could move it by {shift:.2g} {unit}, more than the "
+            f"{limit:.2g} that an accuracy of {target:.2g} allows; accept it with --force {name}.{term}=off, or ask "
+            f"for --target-error {enough:g}"
+        )
 
 
 def _always() -> tuple[str, ...]:
@@ -257,15 +299,8 @@ def _always() -> tuple[str, ...]:
 def _shifts(scene: Scene, scales: Sequence[FlightScales]) -> dict[str, float]:
     """The largest landing shift (body widths) by each term; nothing lands farther off than the channel is wide."""
     channel = scene.channel
-    widest = channel.width / scene.width
-    if not scene.body:
-        widest = max(widest, (channel.top - channel.bottom) / scene.width)
-    return {term: min(widest, max(bounds[term].shift(flight) for flight in scales)) for term in bounds}
-
-
-def too_small(limit: float, target: float) -> str:
-    """Why a term is left out whose bound lies below the ``limit`` (body widths) for an accuracy of ``target``."""
-    return f"below the {limit:.2g} that an accuracy of {target:.2g} allows"
+    widest = channel.width if scene.body else max(channel.width, channel.top - channel.bottom)
+    return {term: min(widest / scene.width, max(bounds[term].shift(flight) for flight in scales)) for term in bounds}
 
 
 def limit_of(scene: Scene, target: float) -> float:
@@ -273,7 +308,7 @@ def limit_of(scene: Scene, target: float) -> float:
     return target * _sides(scene) / TYPICAL
 
 
-def _small(shifts: Mapping[str, float], blocked: Mapping[str, str | None], limit: float, *, turning: bool) -> set[str]:
+def _small(shifts: Mapping[str, float], blocked: Mapping[str, str], limit: float, *, turning: bool) -> set[str]:
     """Terms small enough to be left out: those below ``limit``, and of those that can be computed, smallest for their
     cost first, only as many as keep the forces left out below half of it together, or what is lost beside it (NOTHING).
     What acts on granules that turn is not among them where a body makes them turn (``turning``).
@@ -284,36 +319,14 @@ def _small(shifts: Mapping[str, float], blocked: Mapping[str, str | None], limit
         return shifts[term] / (1.0 + DEAR * (forces[term].effort if term in forces else 0.0))
 
     below = sorted((term for term, shift in shifts.items() if shift <= limit), key=worth)
-    small = {term for term in below if blocked[term] is not None}
+    small = {term for term in below if blocked[term]}
     total = sum(shifts[term] for term in below if term in small and term in forces)
     for term in below:
         if term not in small and (total + shifts[term] <= 0.5 * limit or shifts[term] <= NOTHING * limit):
             small.add(term)
             total += shifts[term]
-    acting = {term for term in small if term in forces and forces[term].turns and blocked[term] is None}
+    acting = {term for term in small if term in forces and forces[term].turns and not blocked[term]}
     return small - acting if turning else small
-
-
-def _blocked(fraction: Fraction, term: str, turbulence: str | None, crowded: str | None) -> str | None:
-    """Why a term cannot be computed for a fraction; None where it can. ``crowded``: why collisions cannot."""
-    if term == COLLISIONS:
-        return crowded
-    if term == VIBRATION:
-        return f"the air sees the body at rest; --force {VIBRATION}=on moves the mesh with it (rung standard)"
-    if term == LOADING:
-        return "computed only where OpenFOAM solves the air about a body and feed.rate is given; lower feed.rate"
-    if term not in forces:
-        return "not computed in this version"
-    return forces[term].blocked(laminar=has_no_turbulence(turbulence), point_mass=fraction.inertia is None)
-
-
-def _refusal(name: str, term: str, shift: float, limit: float, target: float, unit: str) -> str:
-    enough = math.ceil(1000.0 * target * shift / limit) / 1000.0
-    return (
-        f"{name}: {term} is not computed in this version and could move it by {shift:.2g} {unit}, more than the "
-        f"{limit:.2g} that an accuracy of {target:.2g} allows; accept it with --force {name}.{term}=off, or ask for "
-        f"--target-error {enough:g}"
-    )
 
 
 def _sides(scene: Scene) -> int:

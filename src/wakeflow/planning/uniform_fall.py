@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_laws, relaxed, slip_correction, terminal_velocity
 from ..laws.forces.force import REACH
-from ..scene import Air, Fraction, Scene
+from ..scene import Fraction, Scene
 
 Array = NDArray[np.float64]
 REYNOLDS = np.geomspace(1e-9, 1e8, 4096)  # of the table of terminal velocities; its error is below 1e-5
@@ -53,43 +53,66 @@ class FallTimes:
     tau: float  # s, mean relaxation time after the body
 
 
-@dataclass(frozen=True)
-class UniformFall:
-    """A fall of one granule through the channel's uniform air; downward, along gravity, is positive."""
+class FallingGranule(NamedTuple):
+    """A granule, and the air that it falls through, with its velocity (m/s) ``along`` gravity, downward positive, and
+    ``across`` it.
+    """
 
-    scene: Scene
-    air: Air
     diameter: float  # m
     density: float  # kg/m3
     law: str  # of drag
     sphericity: float
     scale: float  # of the drag law, this granule's slip correction included
-
-    @classmethod
-    def of(cls, scene: Scene, fraction: Fraction, law: str, scale: float, diameter: float) -> UniformFall:
-        """The fall of a granule of ``diameter`` (m), with the fraction's drag ``law`` times ``scale``."""
-        air, phi = scene.airstream, fraction.roundness
-        factor = scale / float(slip_correction(diameter, air.mean_free_path))
-        return cls(scene, air, diameter, fraction.properties.density, law, phi, factor)
-
-    @property
-    def along(self) -> float:
-        """Velocity of the air (m/s) along gravity, downward positive."""
-        return self._blows * math.cos(self.scene.channel.tilt)
-
-    @property
-    def _blows(self) -> float:
-        return self.air.speed if self.air.direction == "down" else -self.air.speed
+    along: float
+    across: float
+    air_density: float
+    viscosity: float
+    gravity: float
 
     @property
     def settling(self) -> float:
         """Terminal velocity (m/s), negative where it rises."""
-        law = (self.air.density, self.air.viscosity, self.scene.gravity, self.law, self.sphericity, self.scale)
+        law = self.air_density, self.viscosity, self.gravity, self.law, self.sphericity, self.scale
         return float(terminal_velocity(self.diameter, self.density, *law))
 
     def tau(self, slip: Array) -> Array:
         """Relaxation times (n,) s at slips (n,) m/s."""
-        return self._granule.tau(slip)
+        reynolds = self.air_density * slip * self.diameter / self.viscosity
+        factor = self.scale * drag_laws[self.law].factor(reynolds, self.sphericity)
+        return self.density * self.diameter**2 / (18.0 * self.viscosity) / factor
+
+
+@dataclass(frozen=True)
+class UniformFall:
+    """A fall of one ``granule`` through the channel's uniform air, of ``speed`` (m/s), in a ``scene``; downward, along
+    gravity, is positive.
+    """
+
+    scene: Scene
+    granule: FallingGranule
+    speed: float
+
+    @classmethod
+    def of(
+        cls, scene: Scene, fraction: Fraction, law: str, scale: float, diameter: float, *, part: float = 1.0
+    ) -> UniformFall:
+        """The fall of a granule of ``diameter`` (m), with the fraction's drag ``law`` times ``scale``, in this ``part``
+        of the air's speed.
+        """
+        slip = float(slip_correction(diameter, scene.airstream.mean_free_path))
+        return cls.by_factor(scene, fraction, law, scale / slip, diameter, part=part)
+
+    @classmethod
+    def by_factor(
+        cls, scene: Scene, fraction: Fraction, law: str, factor: float, diameter: float, *, part: float = 1.0
+    ) -> UniformFall:
+        """The same with the ``factor`` on the law that this granule has, its slip correction included."""
+        air, tilt = scene.airstream, scene.channel.tilt
+        speed = part * air.speed
+        blows = speed if air.direction == "down" else -speed
+        own = diameter, fraction.properties.density, law, fraction.roundness, factor
+        wind = blows * math.cos(tilt), -blows * math.sin(tilt)
+        return cls(scene, FallingGranule(*own, *wind, air.density, air.viscosity, scene.gravity), speed)
 
     def times(self) -> FallTimes:
         """Times and speeds of the whole fall; without a body from the entry to the end."""
@@ -100,8 +123,8 @@ class UniformFall:
         reach = REACH * scene.width
         near = next((t for t, way, _ in points if abs(way) >= reach), time) if scene.body else time
         speeds = np.array([point.speed for point in points])
-        tau = float(np.mean(self.tau(np.abs(self.along - speeds))))
-        return FallTimes(before + time, time, near, arrival, max(abs(landing), MIN_LANDING * abs(self._blows)), tau)
+        tau = float(np.mean(self.granule.tau(np.abs(self.granule.along - speeds))))
+        return FallTimes(before + time, time, near, arrival, max(abs(landing), MIN_LANDING * self.speed), tau)
 
     @property
     def room(self) -> FallRoom:
@@ -115,11 +138,6 @@ class UniformFall:
         x, half = scene.feed.position, 0.5 * channel.width
         return FallRoom(down, up, half - x, half + x, tilt)
 
-    @property
-    def across(self) -> float:
-        """Velocity of the air (m/s) at a right angle to gravity."""
-        return -self._blows * math.sin(self.scene.channel.tilt)
-
     def arrival(self) -> Arrival:
         """At the top of the first body; without one at once."""
         above, speed = self.scene.release
@@ -131,12 +149,7 @@ class UniformFall:
 
     def points(self, speed: float, room: FallRoom) -> tuple[FallPoint, ...]:
         """Points of the fall that begins with ``speed`` (m/s) along gravity, until it has come to the room's end."""
-        return _fall(self._granule, speed, room)
-
-    @property
-    def _granule(self) -> _Granule:
-        own = self.diameter, self.density, self.law, self.sphericity, self.scale
-        return _Granule(*own, self.along, self.air.density, self.air.viscosity, self.across, self.scene.gravity)
+        return _fall(self.granule, speed, room)
 
 
 class FallRoom(NamedTuple):
@@ -156,28 +169,8 @@ class FallRoom(NamedTuple):
         return -self.up < way.real < self.down and -self.left <= way.imag <= self.right
 
 
-class _Granule(NamedTuple):
-    """What a fall depends on: the granule, and the air with its velocity ``along`` the fall and ``across`` it."""
-
-    diameter: float
-    density: float
-    law: str
-    sphericity: float
-    scale: float
-    along: float
-    air_density: float
-    viscosity: float
-    across: float
-    gravity: float
-
-    def tau(self, slip: Array) -> Array:
-        reynolds = self.air_density * slip * self.diameter / self.viscosity
-        factor = self.scale * drag_laws[self.law].factor(reynolds, self.sphericity)
-        return self.density * self.diameter**2 / (18.0 * self.viscosity) / factor
-
-
 @lru_cache(maxsize=1024)  # a plan asks for the same falls for its forces, its estimate of collisions and the slab
-def _fall(granule: _Granule, speed: float, room: FallRoom) -> tuple[FallPoint, ...]:
+def _fall(granule: FallingGranule, speed: float, room: FallRoom) -> tuple[FallPoint, ...]:
     """Along gravity in real numbers; where the air blows across, that is the imaginary part."""
     pull = granule.gravity * (1.0 - granule.air_density / granule.density)
     air: Any = complex(granule.along, granule.across) if granule.across else granule.along
@@ -202,9 +195,7 @@ def fall_speeds(scene: Scene, name: str, law: str, factor: float, diameter: floa
     _, speed = scene.release
     if scene.air is None:
         return np.sqrt(speed**2 + 2.0 * scene.gravity * drop)
-    fraction = scene.fraction[name]
-    phi, density = fraction.roundness, fraction.properties.density
-    fall = UniformFall(scene, scene.air, diameter, density, law, phi, factor)
+    fall = UniformFall.by_factor(scene, scene.fraction[name], law, factor, diameter)
     room = scene.channel.top - scene.channel.bottom + scene.release[0]
     rows = np.array([(0.0, 0.0, speed), *fall.points(speed, FallRoom(float(drop.max()), room))])
     down = rows[: int(rows[:, 1].argmax()) + 1]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ from ..laws.turbulence import LIFETIME, LIFETIMES
 from ..scene import Fraction, Scene
 from ..scene.ties import margins_of
 from ..scene.uncertainty import SIGMAS as SIGMAS
-from ..scene.variation import Variation
+from ..scene.variation import GranuleVariation, Variation
 from .airflow_choice import AirflowPlan
 from .plan import Plan
 
@@ -47,7 +48,7 @@ DISPERSES = "dispersion"  # the force that the turbulence's unknowns act through
 class Unknown:
     """One number of a scene: its dotted ``key``, its ``value`` where it has one, ``low`` and ``high`` the distances
     (not negative) from it to the ends of the 95 % interval, its ``unit``, ``why``: what the interval rests on, the
-    ``fraction`` whose alone it is (None: of all), ``causes`` that others have too: each with its part of the standard
+    ``fraction`` whose alone it is (empty: of all), ``causes`` that others have too: each with its part of the standard
     deviation.
     """
 
@@ -58,7 +59,7 @@ class Unknown:
     high: float
     unit: str
     why: str
-    fraction: str | None = None
+    fraction: str = ""
     causes: tuple[tuple[str, float], ...] = ()
 
     def at(self, z: float) -> float:
@@ -79,16 +80,41 @@ class Unknown:
 
 @dataclass(frozen=True)
 class UnknownKind:
-    """A kind of unknown: those of a scene under a plan (``found``), how a draw with the number ``x`` of one varies
-    (``vary``), whether it varies the air, between which numbers (``span``) every draw of it stays: what is drawn
-    beyond is taken as the end; whether it is ``lateral``: the mirror image of a machine has it with the other sign.
+    """A kind of unknown: those of a scene under a plan (``found``), how one that is ``Drawn`` varies a run (``vary``),
+    whether it varies the air, between which numbers (``span``) every draw of it stays: what is drawn beyond is taken as
+    the end; whether it is ``lateral``: the mirror image of a machine has it with the other sign.
     """
 
     found: Callable[[Scene, Plan], Iterator[Unknown]]
-    vary: Callable[[Variation, Unknown, float, Scene, Plan], Variation]
+    vary: Callable[[Drawn], Variation]
     of_air: bool = False
     span: tuple[float, float] = (0.0, math.inf)
     lateral: bool = False
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """The number ``x`` of an unknown (``one``) of a ``scene`` under a ``plan``, in a draw that is ``made`` so far."""
+
+    made: Variation
+    one: Unknown
+    x: float
+    scene: Scene
+    plan: Plan
+
+    @property
+    def factor(self) -> float:
+        """The number over the unknown's value."""
+        return max(self.x / self.one.value, MIN_FACTOR)
+
+    @property
+    def granules(self) -> GranuleVariation:
+        """What the draw changes so far of the granules of the unknown's fraction."""
+        return self.made.of(self.one.fraction)
+
+    def with_granules(self, **changes: float) -> Variation:
+        """The draw with something more changed of the granules of the unknown's fraction."""
+        return self.made.with_granules(self.one.fraction, **changes)
 
 
 unknown_kinds: Registry[UnknownKind] = Registry("unknown")
@@ -108,12 +134,12 @@ def variation_at(scene: Scene, plan: Plan, known: Sequence[Unknown], z: Array) -
     """The draw in which each unknown lies ``z`` (K,) standard deviations off."""
     made = Variation()
     for one, off in zip(known, z, strict=True):
-        made = unknown_kinds[one.kind].vary(made, one, one.at(float(off)), scene, plan)
+        made = unknown_kinds[one.kind].vary(Drawn(made, one, one.at(float(off)), scene, plan))
     return made
 
 
 def _unknown(
-    scene: Scene, key: str, entry: str, value: float, unit: str, confidence: str = "all", fraction: str | None = None
+    scene: Scene, key: str, entry: str, value: float, unit: str, confidence: str = "all", fraction: str = ""
 ) -> Unknown:
     """The number at ``key``, as far off on either side as the scene says or by the default for the ``entry``."""
     own, why = margins_of(scene.uncertainty).get(key), "the scene"
@@ -123,8 +149,8 @@ def _unknown(
         how = "given without" if confidence == GIVEN else f"confidence {confidence},"
         own = default.half(value, confidence, scene.width)
         why = f"default ({how} uncertainty; {default.status})"
-        lot = None if fraction is None or confidence == GIVEN else scene.fraction[fraction].material
-        if lot is not None and (half := materials[lot].half_of(entry)) is not None:
+        lot = (scene.fraction[fraction].material or "") if fraction and confidence != GIVEN else ""
+        if lot and (half := materials[lot].half_of(entry)) is not None:
             own, why = half * value / getattr(materials[lot], entry), f"material {lot}"
         causes = _causes(entry, lot, own, default.of_plate(value), lambda how: default.half(value, how, scene.width))
     elif isinstance(own, str):
@@ -136,7 +162,7 @@ Half = Callable[[str], float]  # of the 95 % interval of a number that is known 
 
 
 def _causes(
-    entry: str, lot: str | None, half: float, plate: float = 0.0, at: Half = lambda _: math.inf
+    entry: str, lot: str, half: float, plate: float = 0.0, at: Half = lambda _: math.inf
 ) -> tuple[tuple[str, float], ...]:
     """Why numbers of several fractions are too large together, with its part of the standard deviation of one whose
     interval's half is ``half``: there is one ``plate``, which makes so much of it, and one ``lot`` of a material, whose
@@ -146,7 +172,7 @@ def _causes(
     of_plate = ((f"{entry} on the plate", shared),) if shared > 0.0 else ()
     rest = math.sqrt(MOST_COMMON - shared**2)
     quantity = {"size": "diameter", "inverse_inertia": "impact"}.get(entry, entry)
-    lots = () if lot is None else _lots(quantity, lot, half, at)
+    lots = _lots(quantity, lot, half, at) if lot else ()
     return (*of_plate, *((f"{entry} of {one}", rest * part) for one, part in lots if part > 0.0))
 
 
@@ -174,44 +200,23 @@ def half_of(scene: Scene, key: str, entry: str, value: float) -> float:
 
 
 # -- what a draw makes of a number -------------------------------------------------------------------------------------
-Vary = Callable[[Variation, Unknown, float, Scene, Plan], Variation]
+def _factor_on(name: str) -> Callable[[Drawn], Variation]:
+    """Varies ``name`` of a fraction's granules by the number's factor."""
+    return lambda drawn: drawn.with_granules(**{name: drawn.factor})
 
 
-def _factor(one: Unknown, x: float) -> float:
-    return max(x / one.value, MIN_FACTOR)
-
-
-def _shift(one: Unknown, x: float) -> float:
-    return x - one.value
-
-
-def _portion(_: Unknown, x: float) -> float:
-    return min(max(x, 0.0), 1.0)
-
-
-def _of_granules(name: str, number: Callable[[Unknown, float], float] = _factor) -> Vary:
-    """Varies ``name`` of a fraction's granules to the ``number`` that an unknown's x means."""
-    return lambda made, one, x, _scene, _plan: made.with_granules(known(one.fraction), **{name: number(one, x)})
-
-
-def _of_the_air(name: str, number: Callable[[Unknown, float], float] = _factor) -> Vary:
-    """The same of the air."""
-    return lambda made, one, x, _scene, _plan: made.with_air(**{name: number(one, x)})
-
-
-def _vary_settling(made: Variation, one: Unknown, x: float, scene: Scene, plan: Plan) -> Variation:
+def _vary_settling(drawn: Drawn) -> Variation:
     """By the factor on the drag coefficient that makes the median granule fall so fast, in the standard air to which
     the same factor applies at a terminal velocity as much off.
     """
-    name = known(one.fraction)
-    return made.with_granules(name, drag=made.of(name).drag * _drag(scene, plan, name, _factor(one, x)))
+    return drawn.with_granules(drag=drawn.granules.drag * _drag(drawn, drawn.factor))
 
 
-def _drag(scene: Scene, plan: Plan, name: str, faster: float, size: float = 1.0, density: float = 1.0) -> float:
+def _drag(drawn: Drawn, faster: float, size: float = 1.0, density: float = 1.0) -> float:
     """The factor on the drag of a fraction's granules with which the median one falls ``faster``, where its ``size``
     and ``density`` are others too; all are factors.
     """
-    how, fraction = plan.fractions[name], scene.fraction[name]
+    how, fraction = drawn.plan.fractions[drawn.one.fraction], drawn.scene.fraction[drawn.one.fraction]
     granule, law = fraction.properties, (*STANDARD_AIR, GRAVITY, how.drag, fraction.roundness)
     own, other = (
         float(drag_factor_for_terminal_velocity(d * granule.diameter, rho * granule.density, v * speed, *law))
@@ -221,33 +226,31 @@ def _drag(scene: Scene, plan: Plan, name: str, faster: float, size: float = 1.0,
     return other / own
 
 
-def _vary_size(made: Variation, one: Unknown, x: float, _scene: Scene, _plan: Plan) -> Variation:
+def _vary_size(drawn: Drawn) -> Variation:
     """On top of what water makes of it."""
-    name = known(one.fraction)
-    return made.with_granules(name, size=made.of(name).size * _factor(one, x))
+    return drawn.with_granules(size=drawn.granules.size * drawn.factor)
 
 
-def _vary_density(made: Variation, one: Unknown, x: float, scene: Scene, _plan: Plan) -> Variation:
+def _vary_density(drawn: Drawn) -> Variation:
     """Where the terminal velocity is known of itself, its drag goes with the density."""
-    name, factor = known(one.fraction), _factor(one, x)
-    kept = 1.0 if scene.fraction[name].measured_settling is None else factor
-    return made.with_granules(name, density=factor, drag=made.of(name).drag * kept)
+    kept = 1.0 if drawn.scene.fraction[drawn.one.fraction].measured_settling is None else drawn.factor
+    return drawn.with_granules(density=drawn.factor, drag=drawn.granules.drag * kept)
 
 
-def _vary_moisture(made: Variation, one: Unknown, x: float, scene: Scene, plan: Plan) -> Variation:
+def _vary_moisture(drawn: Drawn) -> Variation:
     """What was measured of the material at both ends, where the scene gives no number of its own for it."""
-    name = known(one.fraction)
-    own, wet = made.of(name), known(_water(scene.fraction[name]))
+    scene, plan, name, own = drawn.scene, drawn.plan, drawn.one.fraction, drawn.granules
+    fraction = scene.fraction[name]
+    wet = known(_water(fraction))
     moved = dict.fromkeys(WET, 1.0) | {
-        key: wet.factor(key, x) / wet.factor(key, one.value) for key in _moved_by_water(scene, plan, name)
+        key: wet.factor(key, drawn.x) / wet.factor(key, drawn.one.value) for key in _moved_by_water(scene, plan, name)
     }
     size, density, faster, friction = (moved[key] for key in WET)
-    timed = None not in (scene.fraction[name].measured_settling, plan.fractions[name].terminal_velocity)
-    drag = _drag(scene, plan, name, faster, size, density) if timed and _has_air(scene, plan) else 1.0
-    return made.with_granules(
-        name, size=own.size * size, density=own.density * density, friction=own.friction * friction,
-        drag=own.drag * drag,
-    )  # fmt: skip
+    timed = None not in (fraction.measured_settling, plan.fractions[name].terminal_velocity)
+    drag = _drag(drawn, faster, size, density) if timed and _has_air(scene, plan) else 1.0
+    return drawn.with_granules(
+        size=own.size * size, density=own.density * density, friction=own.friction * friction, drag=own.drag * drag
+    )
 
 
 def _moved_by_water(scene: Scene, plan: Plan, name: str) -> list[str]:
@@ -285,19 +288,21 @@ def _how_known(fraction: Fraction, _name: str) -> str:
 def _add_of_fractions(
     entry: str,
     unit: str,
-    value: Callable[[Fraction], float | None],
-    vary: Vary,
+    value: Callable[[Fraction], float],
+    vary: Callable[[Drawn], Variation],
     confidence: Callable[[Fraction, str], str] = Fraction.confidence_in,
     span: tuple[float, float] = UnknownKind.span,
     acts: Callable[[Scene, Plan], bool] = lambda _scene, _plan: True,
 ) -> None:
-    """Register an unknown of every fraction, under its own name in a scene, where it ``acts``."""
+    """Register an unknown of every fraction whose ``value`` is above 0, under its own name in a scene, where it
+    ``acts``.
+    """
 
     def found(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         for name in plan.fractions if acts(scene, plan) else ():
             fraction = scene.fraction[name]
             number, key = value(fraction), f"fraction.{name}.{entry}"
-            if number is not None and number > 0.0:
+            if number > 0.0:
                 yield _unknown(scene, key, entry, number, unit, confidence(fraction, entry), name)
 
     unknown_kinds.add(entry, UnknownKind(found, vary, span=span))
@@ -308,9 +313,9 @@ def _restitution(fraction: Fraction) -> float:
     return float(own(np.ones(1))[0]) if isinstance(own, Restitution) else float(own)
 
 
-def _inverse_inertia(fraction: Fraction) -> float | None:
-    """m r^2 / I of granules that turn."""
-    return None if fraction.inertia is None else 1.0 / fraction.inertia
+def _inverse_inertia(fraction: Fraction) -> float:
+    """m r^2 / I; 0 of granules that do not turn."""
+    return 0.0 if fraction.inertia is None else 1.0 / fraction.inertia
 
 
 def _settling(scene: Scene, plan: Plan) -> Iterator[Unknown]:
@@ -319,9 +324,7 @@ def _settling(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         fraction, value = scene.fraction[name], how.terminal_velocity
         if value is None or not _has_air(scene, plan):
             continue
-        if (
-            value > 0.0 and fraction.properties.density > STANDARD_AIR[0]
-        ):  # else it rises: no drag is calibrated to that
+        if value > 0.0 and fraction.properties.density > STANDARD_AIR[0]:  # what rises has no drag calibrated to that
             key, confidence = f"fraction.{name}.terminal_velocity", fraction.confidence_in("terminal_velocity")
             yield _unknown(scene, key, "terminal_velocity", value, "m/s", confidence, name)
 
@@ -338,7 +341,7 @@ def _moistures(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         wet = _water(fraction)
         if wet is not None and _moved_by_water(scene, plan, name):
             share = wet.middle if fraction.moisture is None else fraction.moisture
-            causes = _causes("moisture", fraction.material, METER)
+            causes = _causes("moisture", fraction.material or "", METER)
             if key in scene.uncertainty:
                 yield _unknown(scene, key, "moisture", share, "1", fraction=name)
             elif fraction.moisture is not None:
@@ -355,9 +358,10 @@ def _spin_lift(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         yield _ranged(scene, SPIN, Number(1.0, *MAGNUS_RANGE), "measured lifts (laws/lift.py)")
 
 
-def _vary_spin_lift(made: Variation, one: Unknown, x: float, _scene: Scene, plan: Plan) -> Variation:
-    for name in plan.fractions:
-        made = made.with_granules(name, spin_lift=_factor(one, x))
+def _vary_spin_lift(drawn: Drawn) -> Variation:
+    made = drawn.made
+    for name in drawn.plan.fractions:
+        made = made.with_granules(name, spin_lift=drawn.factor)
     return made
 
 
@@ -371,14 +375,17 @@ def _blows(scene: Scene, plan: Plan) -> bool:
     return _has_air(scene, plan) and not scene.airstream.still
 
 
-_add_of_fractions("restitution", "1", _restitution, _of_granules("restitution", _shift), span=PORTION)
-_add_of_fractions("friction", "1", lambda f: f.properties.friction, _of_granules("friction"))
-_add_of_fractions("rebound_scatter", "rad", lambda f: f.properties.rebound_scatter, _of_granules("scatter"))
+_add_of_fractions(
+    "restitution", "1", _restitution, lambda drawn: drawn.with_granules(restitution=drawn.x - drawn.one.value),
+    span=PORTION,
+)  # fmt: skip
+_add_of_fractions("friction", "1", lambda f: f.properties.friction, _factor_on("friction"))
+_add_of_fractions("rebound_scatter", "rad", lambda f: f.properties.rebound_scatter, _factor_on("scatter"))
 unknown_kinds.add("terminal_velocity", UnknownKind(_settling, _vary_settling))
 _add_of_fractions("density", "kg/m3", lambda f: f.properties.density, _vary_density, acts=_has_air)
 unknown_kinds.add("moisture", UnknownKind(_moistures, _vary_moisture, span=PORTION))
 _add_of_fractions("size", "m", lambda f: f.properties.diameter, _vary_size)
-_add_of_fractions("inverse_inertia", "1", _inverse_inertia, _of_granules("inverse_inertia"), _how_known)
+_add_of_fractions("inverse_inertia", "1", _inverse_inertia, _factor_on("inverse_inertia"), _how_known)
 
 
 # -- of the curtain and the air ----------------------------------------------------------------------------------------
@@ -407,9 +414,9 @@ def _fall(scene: Scene, _: Plan) -> Iterator[Unknown]:
         yield _unknown(scene, f"feed.{start}", "feed_fall", value, unit)
 
 
-def _vary_fall(made: Variation, one: Unknown, x: float, scene: Scene, _plan: Plan) -> Variation:
+def _vary_fall(drawn: Drawn) -> Variation:
     """A height goes as the square of the speed that it gives."""
-    return replace(made, feed_fall=_factor(one, x) ** (2.0 if scene.feed.height is None else 1.0))
+    return replace(drawn.made, feed_fall=drawn.factor ** (2.0 if drawn.scene.feed.height is None else 1.0))
 
 
 def _entrainment(scene: Scene, plan: Plan) -> Iterator[Unknown]:
@@ -418,9 +425,9 @@ def _entrainment(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         yield _ranged(scene, "entrainment", ENTRAINMENT, "measured jets and plumes (laws/driven_jet.py)")
 
 
-def _vary_entrainment(made: Variation, one: Unknown, x: float, _scene: Scene, _plan: Plan) -> Variation:
+def _vary_entrainment(drawn: Drawn) -> Variation:
     """The speed of air under a uniform force goes with its inverse root."""
-    return made.with_air(speed=made.air.speed * _factor(one, x) ** -0.5)
+    return drawn.made.with_air(speed=drawn.made.air.speed * drawn.factor**-0.5)
 
 
 def _disperses(scene: Scene, plan: Plan) -> bool:
@@ -440,42 +447,41 @@ def _brings_eddies(scene: Scene, plan: Plan) -> bool:
     return _blows(scene, plan) and _disperses(scene, plan)
 
 
-def _wake_number(name: str) -> Callable[[Scene, Plan], Iterator[Unknown]]:
-    """Finds theta or the strength of a best estimate's wake, with the range that its measurements leave."""
-    key = f"wake.{name}"
+def _add_of_wake(name: Literal["theta", "strength"]) -> None:
+    """Register theta or the strength of a best estimate's wake, with the range that its measurements leave."""
 
     def found(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         airflow: AirflowPlan = plan.airflow
-        if airflow.wake is None or not airflow.brackets:
-            return
-        own: Number = getattr(airflow.wake, name)
-        yield _ranged(scene, key, own, "measured wakes (laws/wakes.toml)")
+        if airflow.wake is not None and airflow.brackets:
+            yield _ranged(scene, f"wake.{name}", getattr(airflow.wake, name), "measured wakes (laws/wakes.toml)")
 
-    return found
+    def vary(drawn: Drawn) -> Variation:
+        return drawn.made.with_air(**{name: min(max(drawn.x, 0.0), 1.0)})
+
+    unknown_kinds.add(f"wake.{name}", UnknownKind(found, vary, of_air=True, span=PORTION))
 
 
 unknown_kinds.add(SPIN, UnknownKind(_spin_lift, _vary_spin_lift))
 unknown_kinds.add("feed_width", UnknownKind(
     _of_scene("feed.width", "feed_width", "m", lambda scene: scene.feed.width),
-    lambda made, one, x, _scene, _plan: replace(made, feed_width=_factor(one, x)),
+    lambda drawn: replace(drawn.made, feed_width=drawn.factor),
 ))  # fmt: skip
 unknown_kinds.add("feed_position", UnknownKind(
     _of_scene("feed.position", "feed_position", "m", lambda scene: scene.feed.position),
-    lambda made, one, x, _scene, _plan: replace(made, feed_shift=_shift(one, x)),
-    span=(-math.inf, math.inf), lateral=True,
+    lambda drawn: replace(drawn.made, feed_shift=drawn.x - drawn.one.value), span=(-math.inf, math.inf), lateral=True,
 ))  # fmt: skip
 unknown_kinds.add("feed_fall", UnknownKind(_fall, _vary_fall))
 unknown_kinds.add("air_speed", UnknownKind(
     _of_scene("air.speed", "air_speed", "m/s", lambda scene: scene.airstream.speed, _blows),
-    _of_the_air("speed"), of_air=True,
+    lambda drawn: drawn.made.with_air(speed=drawn.factor), of_air=True,
 ))  # fmt: skip
 unknown_kinds.add("entrainment", UnknownKind(_entrainment, _vary_entrainment, of_air=True))
 unknown_kinds.add("air_turbulence", UnknownKind(
     _of_scene("air.turbulence", "air_turbulence", "1", lambda scene: scene.airstream.turbulence, _brings_eddies),
-    _of_the_air("energy", lambda one, x: _factor(one, x) ** 2), of_air=True,
+    lambda drawn: drawn.made.with_air(energy=drawn.factor**2), of_air=True,
 ))  # fmt: skip
-unknown_kinds.add(DISPERSES, UnknownKind(_dispersion, _of_the_air("lifetime"), of_air=True))
-for _name in ("theta", "strength"):
-    unknown_kinds.add(
-        f"wake.{_name}", UnknownKind(_wake_number(_name), _of_the_air(_name, _portion), of_air=True, span=PORTION)
-    )
+unknown_kinds.add(
+    DISPERSES, UnknownKind(_dispersion, lambda drawn: drawn.made.with_air(lifetime=drawn.factor), of_air=True)
+)
+_add_of_wake("theta")
+_add_of_wake("strength")

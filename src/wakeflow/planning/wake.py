@@ -24,10 +24,10 @@ ON_BOX = 1e-9  # of the width: how far a rectangle's corners may lie off the cor
 
 
 class ShapeFamily(NamedTuple):
-    """A shape of the data, None for one without; ``slope`` (deg) of its faces from the horizontal, where it has any."""
+    """A shape of the data, empty for one without; ``slope`` (deg) of its faces from the horizontal, nan without any."""
 
-    name: str | None
-    slope: float | None = None
+    name: str = ""
+    slope: float = math.nan
 
 
 class Wake(StrEnum):
@@ -65,7 +65,7 @@ def family_of(scene: Scene) -> ShapeFamily:
     outline = body.outline()
     standing = wall_edge(outline, scene.channel.width / 2)
     if others or standing or (body.rounding or 0.0) > SHARP * scene.width:
-        return ShapeFamily(None)
+        return ShapeFamily()
     across, along = np.ptp(outline, axis=0)
     if body.shape == "rhombus":
         return ShapeFamily("rhombus", math.degrees(math.atan2(along, across)))
@@ -75,9 +75,9 @@ def family_of(scene: Scene) -> ShapeFamily:
         return ShapeFamily("triangle-up" if upstream else "triangle-down", slope)
     box = np.abs(outline - 0.5 * (outline.min(axis=0) + outline.max(axis=0))) - 0.5 * np.array([across, along])
     if len(outline) == 4 and np.abs(box).max() < ON_BOX * across:
-        name = "plate" if along < THIN * across else "square" if SQUARE[0] <= along / across <= SQUARE[1] else None
+        name = "plate" if along < THIN * across else "square" if SQUARE[0] <= along / across <= SQUARE[1] else ""
         return ShapeFamily(name)
-    return ShapeFamily(None)
+    return ShapeFamily()
 
 
 # -- The plan of an airflow in three dimensions ------------------------------------------------------------------------

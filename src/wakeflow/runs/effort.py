@@ -210,18 +210,16 @@ class Within:
             least = duration(quickest)
             raise SceneError(f"budget = {duration(self.budget)}: the quickest answer takes about {least}; give more")
         straight = self._finest(rounds, 1, LATEST * self.budget - quickest)
-        done = None if straight is None else self._computed(*rounds[straight], latest=LATEST, instead=quickest)
-        tried = 1 if done is None or straight is None else straight + 1
-        if done is None:
-            done = self._computed(*rounds[0])
-            assert done is not None
-        while (found := self._finest(rounds, tried, self.left + STARTED)) is not None:
-            tried = found + 1
-            ended = self._computed(*rounds[found], latest=OVERTIME - REPORT / self.budget)
-            if ended is None:
+        if straight and self._ends(*rounds[straight], latest=LATEST, instead=quickest):
+            done = straight
+        else:
+            done = 0
+            self._ends(*rounds[0])
+        while finer := self._finest(rounds, done + 1, self.left + STARTED):
+            if not self._ends(*rounds[finer], latest=OVERTIME - REPORT / self.budget):
                 break
-            done = ended
-        return done
+            done = finer
+        return rounds[done][:2]
 
     def _rounds(self) -> Iterator[tuple[Scene, Request, Plan, Effort]]:
         """The efforts that differ for this scene, the quickest first, with their plans."""
@@ -234,12 +232,12 @@ class Within:
                 seen.append(what)
                 yield scene, request, plan, effort
 
-    def _finest(self, rounds: list[tuple[Scene, Request, Plan, Effort]], tried: int, seconds: float) -> int | None:
-        """The finest round from ``tried`` on that is expected to take no longer than that; None where none is."""
+    def _finest(self, rounds: list[tuple[Scene, Request, Plan, Effort]], tried: int, seconds: float) -> int:
+        """The finest round from ``tried`` on that is expected to take no longer than that; 0 where none is."""
         fits = [i for i in range(tried, len(rounds)) if expected(rounds[i][0], rounds[i][2]) <= SURELY * seconds]
-        return max(fits, default=None)
+        return max(fits, default=0)
 
-    def _computed(
+    def _ends(
         self,
         scene: Scene,
         request: Request,
@@ -248,9 +246,9 @@ class Within:
         *,
         latest: float = math.inf,
         instead: float = 0.0,
-    ) -> tuple[Scene, Request] | None:
-        """A round that ended; None where it was given up, so that the answer is there at the ``latest`` (times the
-        budget): when what is left of it takes too long, and another ``instead``, which is expected to take so many
+    ) -> bool:
+        """Compute a round, and whether it ended; it is given up so that the answer is there at the ``latest`` (times
+        the budget): when what is left of it takes too long, and another ``instead``, which is expected to take so many
         seconds, can only just be computed. How much slower than expected this machine is, the stages tell when they
         begin.
         """
@@ -270,8 +268,8 @@ class Within:
             self.compute(scene, request, listener)
         except OutOfTime:
             self.listener(STAGE, f"done {effort.name} given up: it would not end within {duration(self.budget)}")
-            return None
-        return scene, request
+            return False
+        return True
 
 
 def affordable(

@@ -159,7 +159,7 @@ def _rate_can_fall(scene: SceneTables) -> Iterator[str]:
     densest = max(fraction.properties.density for fraction in scene.fraction.values())
     most = densest * speed * feed.width * feed.depth
     if feed.rate > most:
-        alone = spoken("kg/s") is None and feed.rate / 3600 <= most
+        alone = not spoken("kg/s") and feed.rate / 3600 <= most
         hint = f"; '{str(feed.rate).removesuffix('.0')} kg/hour' meant?" if alone else ""
         curtain = f"a curtain of {metres(feed.width)} x {metres(feed.depth)} that falls at {say(speed, 'm/s', 3)}"
         allowed = f"(allowed: at most {say(most, 'kg/s', 3)})"

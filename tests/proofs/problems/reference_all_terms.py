@@ -99,9 +99,9 @@ class _Motion:
     def __init__(self, setting: Setting, i: int, field: FlowField) -> None:
         grains, arguments = setting.grains, setting.arguments
         acting = [forces[name] for name in forces if name in arguments.get("forces", ("drag", "gravity"))]
-        self.accelerations = [force.reference for force in acting if force.reference is not None]
-        self.inertias = [force.reference_inertia for force in acting if force.reference_inertia is not None]
-        self.torques = [force.torque for force in acting if force.torque is not None]
+        self.accelerations = [force.reference for force in acting]
+        self.inertias = [force.reference_inertia for force in acting]
+        self.torques = [force.torque for force in acting]
         gravity = arguments.get("gravity", (0.0, -GRAVITY))
         self.granule = Granule(
             diameter=float(grains.diameter[i]),
@@ -114,7 +114,7 @@ class _Motion:
             gravity=(float(gravity[0]), float(gravity[1])),
             sphericity=float(grains.sphericity[i]),
         )
-        self.memories = [pair for force in acting if force.memory is not None for pair in force.memory(self.granule)]
+        self.memories = [pair for force in acting for pair in force.memory(self.granule)]
         self.air: _Air
 
     def lags(self, t: float, x: float, y: float, vx: float, vy: float) -> list[float]:
@@ -132,7 +132,7 @@ class _Motion:
             curl=wx - uy,
             spin=spin,
             air_acceleration=(ut + u * ux + w * uy, wt + u * wx + w * wy),
-            pressure_gradient=(air[2][0], air[3][0]) if len(air) > 2 else None,
+            pressure_gradient=(air[2][0], air[3][0]) if len(air) > 2 else (math.nan, math.nan),
         )
         ax = ay = slowed = 0.0
         for acceleration in self.accelerations:

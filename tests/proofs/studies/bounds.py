@@ -101,7 +101,7 @@ def gates_rows(which: str, count: int = COUNT) -> Iterator[Row]:
             before = tried.fly(name, BASE)
             noise, _, _ = tried.apart(before, tried.fly(name, BASE, FINER))  # the tracker's own
             for term in TERMS:
-                lacking = forces[term].lacks(tried.field) is not None
+                lacking = bool(forces[term].lacks(tried.field))
                 if not (lacking or (term == "magnus") != spheres or (term == "magnus" and not tried.scene.body)):
                     yield {"scene": which, "fraction": name, **_moved(tried, name, term, before, noise)}
 

@@ -52,7 +52,7 @@ from .common import ALONE, BARE, Pipeline, Row, piped, separation, show
 NUMBER = "{{{0}.value:.2f}} ({{{0}.low:.2f}} to {{{0}.high:.2f}})"
 ESTIMATE_COLUMNS = {
     "entry": "{entry.name}", "shape": "{entry.family}", "blockage": "{entry.blockage:g}",
-    "quantity": "{entry.quantity}", "at that blockage": "{entry.here[0]:.2f} to {entry.here[1]:.2f}",
+    "quantity": "{entry.quantity}", "at that blockage": "{entry.value[0]:.2f} to {entry.value[1]:.2f}",
     "ends": "{entry.steady:g}, {entry.resolved:g}", "gives": "{entry.number} " + NUMBER.format("entry.given"),
     "source": "{entry.datum}", "status, checked": "{entry.status}, {entry.checked}",
 }  # fmt: skip

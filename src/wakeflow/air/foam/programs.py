@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 
 from ...core.errors import FoamError
-from ...core.process import Finished, capture, run_program, tail
+from ...core.process import Finished, capture, run_program, tail, unheard
 from ...core.user_folder import kernel_root
 from .case import INSTALL, read_parameters
 from .failure import AirflowFailure, Cause, diagnose, disk_is_full
@@ -27,7 +27,7 @@ SUSPICION = 2.0  # s without a line after which the disk is looked at: a full on
 def call(
     folder: Path,
     command: Sequence[str],
-    on_line: Callable[[str], None] | None = None,
+    on_line: Callable[[str], None] = unheard,
     *,
     launcher: Sequence[str] = (),
 ) -> Finished:

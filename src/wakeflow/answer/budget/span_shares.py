@@ -114,7 +114,7 @@ def _like(scene: Scene, how: FractionPlan, loading: float) -> Iterator[Entry]:
     }  # fmt: skip
     settling, (shape, slope) = (how.terminal_velocity or 0.0) / scene.airstream.speed, family_of(scene)
     for one in span_shares().values():
-        alike = shape == one["family"] and slope is not None and abs(slope - one["slope"]) < 1.0
+        alike = shape == one["family"] and abs(slope - one["slope"]) < 1.0
         alike &= abs(settling - one["settling"]) <= SETTLING
         if alike and all(one[name] / by <= numbers[name] <= one[name] * by for name, by in FACTORS.items()):
             yield one

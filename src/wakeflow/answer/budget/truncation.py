@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import known
 from ...flight.stages.landings import Landings
 from ...planning.lock_in import vibration_of_scene
 from ...planning.plan import Plan
@@ -60,13 +59,13 @@ def truncation_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> 
     bound, as for granules spread over one channel width.
     """
     asked = scene.feed.rate is not None  # without one the question is that of single granules
-    rows = [row for row in plan.left_out if row.fraction == name and row.bound is not None]
+    rows = [row for row in plan.left_out if row.fraction == name and np.isfinite(row.bound)]
     rows = [row for row in rows if asked or row.name != COLLISIONS]
     ends = free_ends(scene)
     parts: dict[str, list[BudgetPart]] = {place: [] for place in [*scene.bin, RESERVED_BIN]}
     if not rows or not len(landing.bin):
         return parts
-    limit = plan.fractions[name].limit or 0.0
+    limit = plan.fractions[name].limit
     distance = {point: np.linalg.norm(landing.position - point, axis=1) / scene.width for point in points_of(ends)}
     number = {place: index for index, place in enumerate(scene.bin)} | {RESERVED_BIN: -1}
     places, own = list(parts), range(len(parts))
@@ -76,10 +75,10 @@ def truncation_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> 
         inside = np.concatenate([landing.bin == number[one] for one in pair])
         weight = 0.5 * np.tile(np.ones(len(landing.bin)) if landing.weight is None else landing.weight, 2)
         for row in rows:
-            error = most_crossing(away, inside, known(row.bound), weight)
-            kind = LEFT_OUT if known(row.bound) <= limit else NOT_COMPUTED
+            error = most_crossing(away, inside, row.bound, weight)
+            kind = LEFT_OUT if row.bound <= limit else NOT_COMPUTED
             if kind == NOT_COMPUTED and not scene.body:  # it may turn back a granule on its way to either end
-                error = max(error, min(1.0, known(row.bound)))
+                error = max(error, min(1.0, row.bound))
             found.append(_part(row, error, kind, scene.unit))
     return parts
 
@@ -106,10 +105,10 @@ def swung(scene: Scene, plan: Plan, part: BudgetPart, effect: InputPart | None, 
     if part.source != VIBRATION or plan.airflow.stepping != "time-resolved":
         return part
     motion = vibration_of_scene(scene, plan.airflow.accuracy)
-    if motion is None or motion.used:
+    if motion.used or not motion.why:
         return part
     ways: list[tuple[float, str]] = []
-    if motion.moved is not None:
+    if motion.moved < np.inf:
         measured = "measured: no share moved by more in air that sees the body vibrate"
         ways.append((motion.moved, f"{measured}; {motion.why}"))
     if part.kind == NOT_COMPUTED and effect is not None and speed is not None:

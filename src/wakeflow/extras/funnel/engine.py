@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import ProgramError
 from ...core.files import atomic_write
-from ...core.process import capture, run_program, tail
+from ...core.process import capture, run_program, tail, unheard
 from ...scene import Funnel
 
 # -- LIGGGHTS, the granular engine -------------------------------------------------------------------------------------
@@ -64,7 +64,7 @@ def write_beads(folder: Path, centres: Array, diameters: Array, velocities: Arra
             stream.write(f"{i} {u:.9g} {v:.9g} {w:.9g} 0 0 0\n")
 
 
-def run_script(folder: Path, script: Path, on_line: Callable[[str], None] | None = None) -> None:
+def run_script(folder: Path, script: Path, on_line: Callable[[str], None] = unheard) -> None:
     """Run ``script`` in ``folder``, beside its settings, beads and walls; log.NAME there holds what it says.
 
     The scripts are copied, so that the folder can be run again by hand. Raises ProgramError, with LIGGGHTS' own words.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...core.errors import known
 from .force import (
     AirProperties,
     Array,
@@ -101,7 +100,7 @@ def _pressure_gradient_factors(grains: Grains, _air: AirProperties) -> Slots:
 
 def _pressure_gradient_reference(now: Instant) -> Vector:
     density = now.granule.density
-    return -(known(now.pressure_gradient)[0] / density), -(known(now.pressure_gradient)[1] / density)
+    return -(now.pressure_gradient[0] / density), -(now.pressure_gradient[1] / density)
 
 
 PRESSURE_GRADIENT = Force(

@@ -266,7 +266,7 @@ class Instant(NamedTuple):
     curl: float  # of the air's velocity, 1/s
     spin: float  # of the granule, 1/s
     air_acceleration: Vector  # Du/Dt
-    pressure_gradient: Vector | None  # Pa/m; None where the field has no pressure
+    pressure_gradient: Vector  # Pa/m; nan where the field has no pressure
 
     @property
     def reynolds(self) -> float:
@@ -289,7 +289,7 @@ class Force:
     ``factors``, by the name of the kernel's slot (n,): of compiled accelerations, which that inertia divides;
     ``constants``, by the name of the kernel's slot (n,): further numbers, handed on as they are.
     ``reference`` and ``torque`` are the acceleration (m/s2, before inertia divides it) and the rate of change of the
-    spin (1/s2) in the reference integrator; None for a force that has none or that is random. ``memory`` is what it has
+    spin (1/s2) in the reference integrator; none for a force that is random. ``memory`` is what it has
     in place of them where it remembers the slip: pairs of a time tau (s) and a weight w (1/s), each of which adds
     w (slip - lag) with lag' = (slip - lag) / tau.
     """
@@ -305,14 +305,14 @@ class Force:
     random: bool = False  # draws random numbers
     effort: float = 0.0  # run time that it adds to a flight, over that of a flight with drag and weight alone
     by_gradient: bool = False  # the kernel computes it from the gradient of the air's velocity
-    acceleration: Callable[[Grains, AirProperties | None, Array], Array] | None = None
-    inertia: Callable[[Grains, AirProperties], Array] | None = None
-    factors: Callable[[Grains, AirProperties], Slots] | None = None
-    constants: Callable[[Grains, AirProperties], Slots] | None = None
-    reference: Callable[[Instant], Vector] | None = None
-    reference_inertia: Callable[[Granule], float] | None = None
-    torque: Callable[[Instant], float] | None = None
-    memory: Callable[[Granule], tuple[tuple[float, float], ...]] | None = None
+    acceleration: Callable[[Grains, AirProperties | None, Array], Array] = lambda grains, *_: np.zeros((len(grains), 2))
+    inertia: Callable[[Grains, AirProperties], Array] = lambda grains, _: np.zeros(len(grains))
+    factors: Callable[[Grains, AirProperties], Slots] = lambda *_: {}
+    constants: Callable[[Grains, AirProperties], Slots] = lambda *_: {}
+    reference: Callable[[Instant], Vector] = lambda _: (0.0, 0.0)
+    reference_inertia: Callable[[Granule], float] = lambda _: 0.0
+    torque: Callable[[Instant], float] = lambda _: 0.0
+    memory: Callable[[Granule], tuple[tuple[float, float], ...]] = lambda _: ()
 
     @property
     def always(self) -> bool:
@@ -324,23 +324,23 @@ class Force:
         """Whether it acts where there is no air."""
         return self.needs == "nothing"
 
-    def lacks(self, field: Field) -> str | None:
-        """What ``field`` lacks for it, in words; None where it has all."""
+    def lacks(self, field: Field) -> str:
+        """What ``field`` lacks for it, in words; empty where it has all."""
         if self.needs == "pressure" and field.pressure is None and field.given_gradient is None:
             return "a field with pressure"
         if self.needs == "turbulence" and (field.k is None or field.dissipation is None):
             return "a field with k and dissipation; a laminar airflow has none"
-        return None
+        return ""
 
-    def blocked(self, *, laminar: bool, point_mass: bool) -> str | None:
-        """Why it cannot be computed for granules in a laminar airflow, or that are point masses; None where it can."""
+    def blocked(self, *, laminar: bool, point_mass: bool) -> str:
+        """Why it cannot be computed for granules in a laminar airflow, or that are point masses; empty where it can."""
         if not self.computed:
             return "not computed in this version"
         if self.needs == "turbulence" and laminar:
             return "the airflow is laminar and brings no turbulence"
         if self.turns and point_mass:
             return "a point mass gets no spin at the body; impact = 'sphere' gives it one"
-        return None
+        return ""
 
 
 forces: Registry[Force] = Registry("force")
