@@ -383,13 +383,14 @@ def _smooth(field: FlowField, forces: Sequence[str], swing: MeshOscillation | No
     around = np.arange(-1, knots + 2) % knots
     shares = field.coefficients[around]
     values, each = np.empty((count, len(around), _width(forces))), max(1, PRODUCTS // (2 * shares.size))
-    vectors = [field.velocity, *([known(field.pressure_gradient)] if _needed("pressure", forces) else [])]
+    vectors = [field.velocity, *([field.pressure_gradient] if _needed("pressure", forces) else [])]
     stirred: tuple[Array, ...] = ()
     if _needed("turbulence", forces):
         stirred = eddies(field, field.at_knots("k"), field.at_knots("dissipation"))
     for low in range(0, count, each):
         part = slice(low, low + each)
         for place, parts in enumerate(vectors):
+            assert parts is not None
             drawn = (shares @ parts[:, part].reshape(len(parts), -1)).reshape(len(around), -1, 2)
             values[part, :, 2 * place : 2 * place + 2] = np.swapaxes(drawn, 0, 1)
         for place, scalar in enumerate(stirred, 4):

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from ... import flight as tracking
 from ...air.kinds.realisations import Realisations
 from ...core.errors import SceneError
 from ...core.geometry import wall_edge
-from ...core.tables import AnyArray, Columns
+from ...core.tables import Columns
 from ...planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
 from ...scene import Scene
 from ...scene.pictures import TRACKS_RECORDED
@@ -171,13 +170,14 @@ class Flight:
         field = self.airs.field
         if field is None or not self.plan.airflow.mirrored:
             return self.fly(name, grains, stream=stream)
-        found = []
-        if not second.all():
-            found.append((~second, self.fly(name, grains[~second], stream=stream)))
-        if second.any():
-            image = replace(self, airs=Realisations(field.image))
-            found.append((second, image.fly(name, grains[second], stream=2 * REPLICATES + stream)))
-        return _joined(found)
+        found = Tracks.empty(len(grains))
+        for part, apart in ((~second, 0), (second, 2 * REPLICATES)):
+            if part.any():  # else no air is packed for it
+                flight = replace(self, airs=Realisations(field.image)) if apart else self
+                for column, values in vars(flight.fly(name, grains[part], stream=apart + stream)).items():
+                    if isinstance(values, np.ndarray):
+                        getattr(found, column)[part] = values
+        return found
 
     def fly(self, name: str, grains: Granules, *, record: int = 0, stream: int = 0) -> Tracks:
         """Track granules of one fraction through the first realisation, keeping ``record`` points of each; ``stream``
@@ -235,20 +235,6 @@ def _second_half(feed: Feedstock, size: int, replicates: range, first: int = 0) 
     if size == 1:
         return np.asarray((feed.replicate // replicates.step) % 2 == 1)
     return (first + np.arange(len(feed.replicate))) % size >= size // 2
-
-
-def _joined(found: Sequence[tuple[NDArray[np.bool_], Tracks]]) -> Tracks:
-    """Tracks of parts (n,) of the granules, which are all of them, in the granules' own order."""
-
-    def merge(columns: Sequence[AnyArray]) -> AnyArray:
-        whole = np.empty((len(found[0][0]), *columns[0].shape[1:]), dtype=columns[0].dtype)
-        for (part, _), column in zip(found, columns, strict=True):
-            whole[part] = column
-        return whole
-
-    names = [f.name for f in fields(Tracks) if isinstance(getattr(found[0][1], f.name), np.ndarray)]
-    parts: dict[str, Any] = {name: merge([getattr(tracks, name) for _, tracks in found]) for name in names}
-    return Tracks(**parts)
 
 
 def bodies_and_walls(scene: Scene) -> list[Body]:
