@@ -38,16 +38,18 @@ def eddies(field: FlowField, k: Array, dissipation: Array) -> tuple[Array, Array
 
     They are alike in all directions, beside a no-slip wall as weak as across it; on it there are none, whatever k says.
     """
-    k, dissipation = np.maximum(k, 0.0), np.maximum(dissipation, 0.0)
-    walls, away = _away(field)
-    k[..., walls] = 0.0
-    rms, life = np.sqrt(2.0 / 3.0 * k), lifetime(k, dissipation)
-    if len(walls):
-        viscosity = field.viscosity / field.density
-        share = damping(dissipation, away, viscosity)
-        life = np.maximum(life, (1.0 - share) * shortest_life(dissipation, viscosity))
-        rms *= np.maximum(share, LEAST)
-    return rms, np.minimum(life, LONGEST_LIFE)
+    (walls, away), viscosity = _away(field), field.viscosity / field.density
+    rms, life = np.empty(k.shape), np.empty(k.shape)
+    for row in np.ndindex(*k.shape[:-1]):  # as few numbers at a time as the processor holds near
+        energy, lost = np.maximum(k[row], 0.0), np.maximum(dissipation[row], 0.0)
+        energy[walls] = 0.0
+        deviation, lives = np.sqrt(2.0 / 3.0 * energy), lifetime(energy, lost)
+        if len(walls):
+            share = damping(lost, away, viscosity)
+            lives = np.maximum(lives, (1.0 - share) * shortest_life(lost, viscosity))
+            deviation *= np.maximum(share, LEAST)
+        rms[row], life[row] = deviation, np.minimum(lives, LONGEST_LIFE)
+    return rms, life
 
 
 def _away(field: FlowField) -> tuple[Index, Array]:

@@ -190,10 +190,11 @@ def pack_lines(lines: Sequence[object]) -> tuple[Array, Index]:
 
 # -- From a field to the plain arrays of the kernel --------------------------------------------------------------------
 PRODUCTS = 2**18  # in a product of matrices: of more than some 2^19 BLAS starts threads, which wait for each other
-SIGNS = np.array([-1.0, 1.0, -1.0, 1.0, 1.0, 1.0])  # of the values in a mirror
+TURNED = 0, 2  # of the values: those of the other sign in a mirror
 ROUND = 1e-9  # of the mesh's extent: so near to its box an edge is on it
 # Chosen by experiment, see docs/model.md: a tenth of them, which an interval of noise lasts, keeps tracers well mixed
 STEEP, REACH = 2.0, 1.0
+LOT = 16  # times that are read at once
 LEAST = 1e-30  # 1/s, m/s and s: in place of zero, where nothing is steep or nothing moves
 
 
@@ -302,9 +303,11 @@ def _interpolant(field: FlowField, forces: Sequence[str], swing: MeshOscillation
     """
     original = None if field.original is None else field.original()
     if original is not None:
-        there = _kept(original).values.get(_needs(forces))
-        if there is not None:
-            return there[0] * SIGNS[: there[0].shape[-1]], *there[1:]
+        there = _kept(original).values.get(_needs(forces)) or _interpolant(original, forces, mesh_motion_of(original))
+        values = there[0].copy()
+        for turned in TURNED[: values.shape[-1] // 2]:
+            np.negative(values[..., turned], out=values[..., turned])
+        return values, *there[1:]
     if swing is None and field.coefficients is None:
         values, smooth = _values(field, forces), np.zeros(3)
     else:
@@ -329,9 +332,13 @@ def evenness(field: FlowField, rms: Array, life: Array) -> Array:
     from scipy.sparse.csgraph import dijkstra
 
     corners, count = field.triangles, len(field.points)
-    slope = np.zeros(len(corners))
-    for deviation in rms:
-        slope += np.linalg.norm(np.einsum("mkd,mk->md", field.gradients, deviation[corners]), axis=1) / len(rms)
+    slope, at_corners = np.zeros(len(corners)), np.ascontiguousarray(corners.T)
+    along = np.ascontiguousarray(np.moveaxis(field.gradients, 0, 2))
+    for low in range(0, len(rms), LOT):  # the times of a node lie side by side
+        for deviation in np.ascontiguousarray(rms[low : low + LOT]):
+            first, second, third = deviation[at_corners]
+            x, y = (along[0, i] * first + along[1, i] * second + along[2, i] * third for i in (0, 1))
+            slope += np.sqrt(x**2 + y**2) / len(rms)
     own, mean = np.full(count, LONGEST_LIFE), rms.mean(axis=0)
     across = 1.0 / np.linalg.norm(field.gradients, axis=2).max(axis=1)
     lives = np.maximum(life.mean(axis=0)[corners].mean(axis=1), across / np.maximum(mean[corners].max(axis=1), LEAST))
@@ -375,7 +382,7 @@ def _smooth(field: FlowField, forces: Sequence[str], swing: MeshOscillation | No
     knots, count = len(field.times), len(field.points)
     around = np.arange(-1, knots + 2) % knots
     shares = field.coefficients[around]
-    values, each = np.zeros((count, len(around), _width(forces))), max(1, PRODUCTS // (2 * shares.size))
+    values, each = np.empty((count, len(around), _width(forces))), max(1, PRODUCTS // (2 * shares.size))
     vectors = [field.velocity, *([field.pressure_gradient] if _needed("pressure", forces) else [])]
     stirred: tuple[Array, ...] = ()
     if _needed("turbulence", forces):

@@ -26,7 +26,7 @@ COMPARED = 4  # of the replicates fly again in each comparison with another airf
 INPUT_SAMPLES = 64  # flown draws of everything that is not known exactly: the landings' response is fitted to them
 PASSING = 512  # the same in passes after which that of granules that meet is gathered: known to some 2 % of the force
 GATHERED = 2048  # granules of a fraction whose force on the air is gathered. Chosen: a hundred pass every box there
-SAME_AIR = 2  # draws that share one draw of the air, whose fields cost more to make than granules to fly
+SAME_AIR = 4  # draws that share one draw of the air, which costs more to make than they to fly: no worse than 2, tried
 
 
 @dataclass(frozen=True)

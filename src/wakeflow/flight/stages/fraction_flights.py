@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ... import flight as tracking
-from ...air.field import FlowField
 from ...air.kinds.realisations import Realisations
 from ...core.errors import SceneError
 from ...core.geometry import wall_edge
-from ...core.tables import AnyArray, Columns
+from ...core.tables import Columns
 from ...planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
 from ...scene import Scene
 from ...scene.pictures import TRACKS_RECORDED
@@ -81,7 +79,7 @@ class Flight:
         chosen = np.linspace(0, count - 1, min(TRACKS_RECORDED, count)).astype(int) if drawn else np.zeros(0, dtype=int)
         for number in range(min(airs, self.replicates)):
             flight = replace(self, airs=Realisations(self.airs.make(number)))
-            images, own = flight._images(), range(number, self.replicates, airs)
+            own = range(number, self.replicates, airs)
             for replicates, part in product((own[i : i + step] for i in range(0, len(own), step)), parts):
                 self.tell(f"{name}: injecting {done} of {count}")
                 feed = feedstock(self.scene, self.plan, name, self.airs.period, replicates, part=part)
@@ -90,7 +88,7 @@ class Flight:
                 told = len(feed.replicate) < count
                 tell = partial(self._tell_part, done, count) if told else self.tell
                 second = _second_half(feed, size, replicates, part.start)
-                tracks = replace(flight, tell=tell)._fly_halves(name, feed.granules, second, images, stream)
+                tracks = replace(flight, tell=tell)._fly_halves(name, feed.granules, second, stream)
                 cycle = self.airs.cycle_of(feed.granules.time)
                 landed.add(landing_columns(feed, tracks, len(self.scene.bin), number, cycle), part.start)
                 done += len(feed.replicate)
@@ -144,7 +142,7 @@ class Flight:
         flight = replace(self, airs=Realisations(self.airs.make(replicate % len(self.airs))))
         feed = feedstock(self.scene, self.plan, name, self.airs.period, alone, variation, part)
         second = _second_half(feed, self._size, alone, part.start)
-        tracks = flight._fly_halves(name, feed.granules, second, flight._images(), replicate)
+        tracks = flight._fly_halves(name, feed.granules, second, replicate)
         return tracks.position, tracks.ends(len(self.scene.bin))[0].astype(np.int16)
 
     def _meeting(self, name: str, feed: Feedstock, body_speed: float) -> int:
@@ -161,31 +159,25 @@ class Flight:
     def _tell_part(self, done: int, count: int, text: str) -> None:
         self.tell(f"{text} after {done}, of {count}")
 
-    def _images(self) -> tuple[FlowField | None, ...]:
-        """The airflow, and its mirror image where that is as likely: in a symmetric channel that is computed whole.
+    def _fly_halves(self, name: str, grains: Granules, second: NDArray[np.bool_], stream: int) -> Tracks:
+        """``grains``, of which the ``second`` half flies in the mirror image of the airflow where that is as likely: in
+        a symmetric channel that is computed whole.
 
         A few periods of shedding are a small sample, and their mean wake may lean to one side; so may a steady one of
-        several bodies. The mean over both images does not lean.
+        several bodies. The mean over both images does not lean. Half of every replicate, so that these are alike:
+        between an airflow and its image there is no sampling error to find.
         """
         field = self.airs.field
         if field is None or not self.plan.airflow.mirrored:
-            return (field,)
-        return field, field.image
-
-    def _fly_halves(
-        self, name: str, grains: Granules, second: NDArray[np.bool_], images: Sequence[FlowField | None], stream: int
-    ) -> Tracks:
-        """``grains``, of which the ``second`` half flies in the airflow's mirror image, where it has one.
-
-        So that replicates are alike: between an airflow and its image there is no sampling error to find.
-        """
-        if len(images) == 1:
             return self.fly(name, grains, stream=stream)
-        found = [
-            replace(self, airs=Realisations(image)).fly(name, grains[part], stream=apart + stream)
-            for image, part, apart in zip(images, (~second, second), (0, 2 * REPLICATES), strict=True)
-        ]
-        return _interleaved(second, *found)
+        found = Tracks.empty(len(grains))
+        for part, apart in ((~second, 0), (second, 2 * REPLICATES)):
+            if part.any():  # else no air is packed for it
+                flight = replace(self, airs=Realisations(field.image)) if apart else self
+                for column, values in vars(flight.fly(name, grains[part], stream=apart + stream)).items():
+                    if isinstance(values, np.ndarray):
+                        getattr(found, column)[part] = values
+        return found
 
     def fly(self, name: str, grains: Granules, *, record: int = 0, stream: int = 0) -> Tracks:
         """Track granules of one fraction through the first realisation, keeping ``record`` points of each; ``stream``
@@ -243,19 +235,6 @@ def _second_half(feed: Feedstock, size: int, replicates: range, first: int = 0) 
     if size == 1:
         return np.asarray((feed.replicate // replicates.step) % 2 == 1)
     return (first + np.arange(len(feed.replicate))) % size >= size // 2
-
-
-def _interleaved(second: NDArray[np.bool_], tracks: Tracks, second_tracks: Tracks) -> Tracks:
-    """Tracks of two complementary parts of the granules, in the granules' own order."""
-
-    def merge(one: AnyArray, other: AnyArray) -> AnyArray:
-        whole = np.empty((len(second), *one.shape[1:]), dtype=one.dtype)
-        whole[~second], whole[second] = one, other
-        return whole
-
-    names = [f.name for f in fields(Tracks) if isinstance(getattr(tracks, f.name), np.ndarray)]
-    parts: dict[str, Any] = {name: merge(getattr(tracks, name), getattr(second_tracks, name)) for name in names}
-    return Tracks(**parts)
 
 
 def bodies_and_walls(scene: Scene) -> list[Body]:
