@@ -152,7 +152,7 @@ def _captured(ended: Mapping[str, Mapping[str, int]]) -> Iterator[Notice]:
 def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iterator[Notice]:
     """Of a solved airflow, or of the user's own: what it does not settle, how it was solved, where it ends."""
     resolves, notes = pipeline.plan.airflow.resolves, list(airflow.notes or ())
-    if resolves is not None and airflow.verdict != "steady":
+    if resolves and airflow.verdict != "steady":
         why = notes.pop(0) if notes else f"the steady airflow does not settle ({airflow.verdict})"
         yield less_sure(f"{why}; numerics.rung = '{resolves}' resolves it in time")
     if airflow.period is not None and airflow.verdict == "broadband" and airflow.span is None:

@@ -130,11 +130,11 @@ def _fed(scene: Scene, poured: FunnelSummary) -> Scene:
     return scene.fed(None if poured.rate is None else poured.rate.value)
 
 
-def airflow_told(scene: Scene, plan: Plan) -> str | None:
-    """What tells the airflow of a scene from those of others; None where it costs nothing."""
+def airflow_told(scene: Scene, plan: Plan) -> str:
+    """What tells the airflow of a scene from those of others; empty where it costs nothing."""
     kind = Pipeline(plan.airflow.flown(scene), plan).kind
     if kind.at_once:
-        return None
+        return ""
     spec = repr(kind.flow_spec) if isinstance(kind, CaseAir) else repr(kind.scene.air)
     return content_key(repr(plan.airflow), spec, exerted_by(scene, plan) if plan.airflow.loaded else None)
 
