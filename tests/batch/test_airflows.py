@@ -36,8 +36,8 @@ def test_the_most_central_starts_from_rest_and_the_others_from_the_nearest() -> 
     two.append({"air.speed": 1.1, "body.shape": "prism"})
     assert starts(two) == [1, 1, 1, 1]  # speeds span 1.0 to 1.1: as far apart as two shapes
     assert starts([]) == []
-    assert starts([{}]) == [None]
-    assert starts([{"a": 1.0}, {"a": 1.0}]) == [None, 0]
+    assert starts([{}]) == [0]
+    assert starts([{"a": 1.0}, {"a": 1.0}]) == [0, 0]
 
 
 def test_an_airflow_waits_for_the_one_that_it_starts_from(tmp_path: Path) -> None:
@@ -46,10 +46,10 @@ def test_an_airflow_waits_for_the_one_that_it_starts_from(tmp_path: Path) -> Non
         make_agenda(found, tmp_path, Request(None, "draft", {}, None), neighbours=near) for near in (False, True)
     )
     airflows = [step for step in warm.steps if step.airflow]
-    roots = [step for step in airflows if step.needs is None]
+    roots = [step for step in airflows if not step.needs]
     assert len(airflows) == 3
     assert len(roots) == 1
-    assert {step.needs for step in airflows} == {None, roots[0].name}
+    assert {step.needs for step in airflows} == {"", roots[0].name}
     for step in warm.steps:  # flights ask for the air that was solved so
         if not step.airflow:
             speed = step.job.tables["air"]["speed"]
@@ -172,7 +172,7 @@ def test_the_time_left_of_a_sweep_is_true(slow: tuple[float, float]) -> None:
     now, told, running, todo = 0.0, list[tuple[float, float, str]](), dict[str, float](), list(steps)
     progress = run_agenda.SweepProgress(steps, 2, clock=lambda: now)
     while running or todo:
-        for step in [one for one in todo if one.needs is None or one.needs in progress.took][: 2 - len(running)]:
+        for step in [one for one in todo if not one.needs or one.needs in progress.took][: 2 - len(running)]:
             todo.remove(step)
             progress.begin([step])
             running[step.name] = now + step.seconds * slow[0 if step.airflow else 1]
