@@ -30,14 +30,14 @@ COARSE = {
 
 def test_the_most_central_starts_from_rest_and_the_others_from_the_nearest() -> None:
     speeds = [{"air.speed": float(speed)} for speed in (3, 4, 5, 6, 7)]
-    assert starts(speeds) == [2, 2, None, 2, 2]  # 4 is as near to 3 as to 5, which is there first
+    assert starts(speeds) == [2, 2, 2, 2, 2]  # 4 is as near to 3 as to 5, which is there first
     assert starts([{"air.speed": float(speed)} for speed in range(11)])[:3] == [5, 0, 0]
     two = [{"air.speed": 1.0, "body.shape": shape} for shape in ("prism", "rhombus", "rhombus")]
     two.append({"air.speed": 1.1, "body.shape": "prism"})
-    assert starts(two) == [1, None, 1, 1]  # speeds span 1.0 to 1.1: as far apart as two shapes
+    assert starts(two) == [1, 1, 1, 1]  # speeds span 1.0 to 1.1: as far apart as two shapes
     assert starts([]) == []
-    assert starts([{}]) == [None]
-    assert starts([{"a": 1.0}, {"a": 1.0}]) == [None, 0]
+    assert starts([{}]) == [0]
+    assert starts([{"a": 1.0}, {"a": 1.0}]) == [0, 0]
 
 
 def test_an_airflow_waits_for_the_one_that_it_starts_from(tmp_path: Path) -> None:
@@ -46,10 +46,10 @@ def test_an_airflow_waits_for_the_one_that_it_starts_from(tmp_path: Path) -> Non
         make_agenda(found, tmp_path, Request(None, "draft", {}, None), neighbours=near) for near in (False, True)
     )
     airflows = [step for step in warm.steps if step.airflow]
-    roots = [step for step in airflows if step.needs is None]
+    roots = [step for step in airflows if not step.needs]
     assert len(airflows) == 3
     assert len(roots) == 1
-    assert {step.needs for step in airflows} == {None, roots[0].name}
+    assert {step.needs for step in airflows} == {"", roots[0].name}
     for step in warm.steps:  # flights ask for the air that was solved so
         if not step.airflow:
             speed = step.job.tables["air"]["speed"]
@@ -159,7 +159,7 @@ def test_runs_in_one_airflow_share_the_fields_files(tmp_path: Path) -> None:
     assert first.read_bytes() == before
 
 
-def _step(name: str, *, airflow: bool, needs: str | None, seconds: float) -> Step:
+def _step(name: str, *, airflow: bool, needs: str, seconds: float) -> Step:
     job = SimpleNamespace(threads=1)
     return Step(name, job, airflow, needs, seconds, 0.0)  # type: ignore[arg-type]
 
@@ -167,12 +167,12 @@ def _step(name: str, *, airflow: bool, needs: str | None, seconds: float) -> Ste
 @pytest.mark.parametrize("slow", [(1.0, 1.0), (2.5, 0.5), (0.4, 3.0)])
 def test_the_time_left_of_a_sweep_is_true(slow: tuple[float, float]) -> None:
     """Two workers, three airflows, twelve scenes in them: as the plan expects, and where it is wrong of either kind."""
-    steps = [_step(f"air {i}", airflow=True, needs=None, seconds=60.0) for i in range(3)]
+    steps = [_step(f"air {i}", airflow=True, needs="", seconds=60.0) for i in range(3)]
     steps += [_step(f"scene {i}", airflow=False, needs=f"air {i % 3}", seconds=40.0) for i in range(12)]
     now, told, running, todo = 0.0, list[tuple[float, float, str]](), dict[str, float](), list(steps)
     progress = run_agenda.SweepProgress(steps, 2, clock=lambda: now)
     while running or todo:
-        for step in [one for one in todo if one.needs is None or one.needs in progress.took][: 2 - len(running)]:
+        for step in [one for one in todo if not one.needs or one.needs in progress.took][: 2 - len(running)]:
             todo.remove(step)
             progress.begin([step])
             running[step.name] = now + step.seconds * slow[0 if step.airflow else 1]
@@ -190,7 +190,7 @@ def test_the_time_left_of_a_sweep_is_true(slow: tuple[float, float]) -> None:
 
 def test_the_time_left_of_a_sweep_falls_while_nothing_ends_and_never_grows_by_more_than_a_quarter() -> None:
     now = 0.0
-    steps = [_step(f"scene {i}", airflow=False, needs=None, seconds=40.0) for i in range(3)]
+    steps = [_step(f"scene {i}", airflow=False, needs="", seconds=40.0) for i in range(3)]
     progress = run_agenda.SweepProgress(steps, 1, clock=lambda: now)
     progress.begin(steps[:1])
     assert str(progress) == "0 of 3 scenes, 0 of 3 stages, about 2 min left"
@@ -208,7 +208,7 @@ def test_the_time_left_of_a_short_sweep_is_true() -> None:
     """Two workers that take 3.5 s to start, scenes in 2.7 s each of which 6.6 s were expected, as measured on an idle
     machine: from the first scenes on.
     """
-    steps = [_step(f"scene {i}", airflow=False, needs=None, seconds=6.6) for i in range(6)]
+    steps = [_step(f"scene {i}", airflow=False, needs="", seconds=6.6) for i in range(6)]
     now = 0.0
     progress = run_agenda.SweepProgress(steps, 2, clock=lambda: now)
     right = []

@@ -72,7 +72,7 @@ def test_a_text_that_is_no_axis(text: str, message: str) -> None:
 def test_a_sweep_that_nobody_could_read_is_refused_before_it_is_planned() -> None:
     axes = [axis_of_text(f"{key}=1:2:200") for key in ("a", "b", "c")]
     with pytest.raises(SceneError, match="a sweep of 8000000 scenes: 20000 at most"):
-        designs["grid"](axes, None, 0)
+        designs["grid"](axes, 0, 0)
     with pytest.raises(SceneError, match="32768 scenes"):
         designs["sobol"](axes, 2**15, 0)
 
@@ -116,9 +116,9 @@ def test_axes_of_a_table_take_dotted_keys_and_units() -> None:
 
 def test_designs_cover_their_ranges_and_say_what_they_need() -> None:
     axes = axes_of({"a": {"from": 0.0, "to": 1.0, "count": 3}, "b": {"from": 1.0, "to": 100.0, "scale": "log"}}, "x")
-    assert [tuple(row.values()) for row in designs["grid"](axes, None, 0)][:3] == [(0.0, 1.0), (0.0, 100.0), (0.5, 1.0)]
+    assert [tuple(row.values()) for row in designs["grid"](axes, 0, 0)][:3] == [(0.0, 1.0), (0.0, 100.0), (0.5, 1.0)]
     with pytest.raises(SceneError, match="as many values"):
-        designs["list"](axes, None, 0)
+        designs["list"](axes, 0, 0)
     for name in ("latin-hypercube", "sobol"):
         rows = designs[name](axes, 16, 1)
         assert rows == designs[name](axes, 16, 1) != designs[name](axes, 16, 2)
@@ -128,7 +128,7 @@ def test_designs_cover_their_ranges_and_say_what_they_need() -> None:
     with pytest.raises(SceneError, match="power of two"):
         designs["sobol"](axes, 12, 0)
     with pytest.raises(SceneError, match="count"):
-        designs["latin-hypercube"](axes, None, 0)
+        designs["latin-hypercube"](axes, 0, 0)
     with pytest.raises(SceneError, match="leave count out"):
         designs["grid"](axes, 4, 0)
 
@@ -330,7 +330,7 @@ def test_scenes_share_airflows_and_flights(tmp_path: Path) -> None:
     airflows, flights = [[step for step in agenda.steps if step.airflow is kind] for kind in (True, False)]
     assert (len(airflows), len(flights)) == (2, 8)
     assert agenda.steps[:2] == tuple(airflows)
-    assert all(step.needs is None for step in airflows)
+    assert not any(step.needs for step in airflows)
     waiting = [step.needs for step in flights]
     assert sum(needs in {one.name for one in airflows} for needs in waiting) == 4
     assert sum(needs in {one.name for one in flights} for needs in waiting) == 4  # the other rate flies no granule

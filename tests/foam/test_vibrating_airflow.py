@@ -339,7 +339,8 @@ class TestRule:
 
     def test_of_a_scene(self, cases: Path) -> None:
         scene = Scene.load(cases / "rhombus.toml")
-        low, high = frequency_ratios(scene)
+        assert scene.vibration is not None
+        low, high = frequency_ratios(scene, scene.vibration)
         assert low < 30 * 0.05 / 5 * 0.875 / 0.168 < high  # the rhombus' own, docs/validation.md
         motion = vibration_of_scene(scene)
         assert motion.bound < 0.05

@@ -148,9 +148,9 @@ def test_tracks_follow_the_air_of_a_new_kind(rhombus: Scene) -> None:
 def test_every_rung_names_a_kind_of_airflow(name: str) -> None:
     rung = rungs[name]
     assert rung.meaning
-    assert rung.kind is None or rung.kind in airflow_kinds
-    assert rung.kind_below_shedding is None or rung.kind_below_shedding in airflow_kinds
-    assert rung.resolves is None or rung.resolves in rungs
+    assert rung.kind in ("", *airflow_kinds)
+    assert rung.kind_below_shedding in ("", *airflow_kinds)
+    assert rung.resolves in ("", *rungs)
 
 
 @pytest.mark.parametrize(

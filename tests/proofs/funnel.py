@@ -105,7 +105,7 @@ def on_plate(
     box = np.array([(-SIZE, SIZE), (-SIZE, SIZE), (-2 * funnel.amplitude - 0.005, highest)])
     centre = np.array([[0.1 * SIZE, 0.2 * SIZE, 0.5 * funnel.low + height]])
     velocity = np.array([[0.0, 0.0, speed]])
-    write_beads(folder, centre, np.array([funnel.low]), velocity, funnel.bead_density, box)
+    write_beads(folder, centre, np.array([funnel.low]), velocity, funnel.density, box)
     period = 1 / funnel.frequency
     settings = {"amplitude": funnel.amplitude, "period": period, "every": every, "turns": steps.of(periods * period)}
     write_settings(folder, contact_settings(funnel, steps) | settings)

@@ -144,6 +144,8 @@ def test_gamma_gives_the_amplitude(rhombus: Scene) -> None:
         ({"bin.middle.to": "100 mm"}, "bin.middle and bin.inner-right overlap from 80 mm to 100 mm"),
         ({"bin.outer-right.to": 0.3}, "x from 0.135 m to 0.3 m, y from -0.2 m to -0.2 m (allowed: x within 0.2 m of 0"),
         ({"air.speed": "1,5 m/s"}, "air.speed = '1,5 m/s': a decimal point is written '.'"),
+        ({"feed.rate": "0,8 t/h/m"}, "thousands without a mark: '0.8 t/h/m'"),
+        ({"feed.rate": "0,8 t/h"}, "thousands without a mark: '0.8 t/h'"),
         ({"uncertainty.air.speed": "300 %"}, "air.speed = '300 %': a number that is never negative is off by 100 %"),
         ({"uncertainty.air.speed": "1 kg"}, "air.speed = '1 kg': needs a number in m/s or a string such as '0.1 m/s'"),
         ({"uncertainty.body.rhombus.width": "1 mm"}, "uncertainty.body.rhombus.width: no number that takes an unc"),

@@ -12,7 +12,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.extras.page.form import form_of
 from wakeflow.scene import Scene
 from wakeflow.scene.overrides import changes_of
-from wakeflow.scene.ties import correlation_of, margins_of, orders_of
+from wakeflow.scene.uncertainty import correlation_of, margins_of, orders_of
 
 WHEAT, CHAFF, DUST = (f"fraction.{name}.restitution" for name in ("wheat", "chaff", "dust"))
 AIR, WIDTH = "air.speed", "feed.width"

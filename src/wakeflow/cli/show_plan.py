@@ -108,7 +108,7 @@ def _machine(scene: Scene) -> str:
 
 
 def _slope(body: Body) -> str:
-    return "" if body.slope_angle is None else f", {say(body.slope_angle, 'rad', 4)}"
+    return f", {say(body.given['slope_angle'], 'rad', 4)}" if "slope_angle" in body.given else ""
 
 
 def _round(number: float) -> str:

@@ -41,8 +41,8 @@ from .work import Job, finished, fly_scene, solve_airflow_of
 
 
 # -- Which airflow of a sweep starts from which ------------------------------------------------------------------------
-def starts(points: Sequence[Mapping[str, object]]) -> list[int | None]:
-    """For each of the ``points`` (inputs by dotted key) the place of the one that it starts from; None for the most
+def starts(points: Sequence[Mapping[str, object]]) -> list[int]:
+    """For each of the ``points`` (inputs by dotted key) the place of the one that it starts from; its own for the most
     central one, which starts from rest.
 
     Whoever is farthest from those that are there comes next, and starts from the nearest of them (farthest-first
@@ -50,7 +50,7 @@ def starts(points: Sequence[Mapping[str, object]]) -> list[int | None]:
     the points span, other values by whether they are the same.
     """
     count = len(points)
-    found: list[int | None] = [None] * count
+    found = list(range(count))
     if not count:
         return found
     apart = _distances(points)
@@ -86,13 +86,13 @@ ON_ALL_CORES, BOTH_CORES = (FLIGHTS, "slab"), 2.0  # work whose expected seconds
 @dataclass(frozen=True)
 class Step:
     """One job of the agenda: for a scene, or for the airflow of several, on so many MPI ``ranks``; ``needs`` the step
-    of that name before it.
+    of that name before it, "" none.
     """
 
     name: str
     job: Job
     airflow: bool
-    needs: str | None
+    needs: str
     seconds: float  # of cores, expected
     disk: float  # bytes, expected
     ranks: int = 1
@@ -139,8 +139,8 @@ class _Planned:
         return answer_key(self.scene, self.request)
 
     @cached_property
-    def airflow(self) -> str | None:
-        """What tells its airflow from others; None where it costs nothing."""
+    def airflow(self) -> str:
+        """What tells its airflow from others; empty where it costs nothing."""
         return airflow_told(self.scene, self.plan)
 
     def job(self, folder: Path, threads: int, *, report: bool = False) -> Job:
@@ -151,7 +151,7 @@ class _Planned:
         """Expected core-seconds of what is shared with scenes in the same airflow, its other grids among it, or of the
         rest, which is all where no airflow is solved; with a ``report`` or without.
         """
-        names = {stage.name for stage in SHARED} if self.airflow is not None else set[str]()
+        names = {stage.name for stage in SHARED} if self.airflow else set[str]()
         return sum(
             one.whole * (BOTH_CORES if one.key.stage.work in ON_ALL_CORES else 1.0)
             for one in self.plan.stages
@@ -230,15 +230,15 @@ def _started(planned: Sequence[_Planned], out: Path) -> list[_Planned]:
     first = _by_airflow(planned)
     keys = list(first)
     places = starts([one.variant.inputs for one in first.values()])
-    near = {key: str(out / _folder(keys[place])) for key, place in zip(keys, places, strict=True) if place is not None}
-    return [replace(one, request=replace(one.request, near=near.get(one.airflow or ""))) for one in planned]
+    near = {key: str(out / _folder(keys[place])) for key, place in zip(keys, places, strict=True) if keys[place] != key}
+    return [replace(one, request=replace(one.request, near=near.get(one.airflow))) for one in planned]
 
 
 def _by_airflow(planned: Iterable[_Planned]) -> dict[str, _Planned]:
     """The first scene of each airflow that costs something, by what tells that airflow from others."""
     first: dict[str, _Planned] = {}
     for one in planned:
-        if one.airflow is not None:
+        if one.airflow:
             first.setdefault(one.airflow, one)
     return first
 
@@ -255,18 +255,17 @@ def _airflow_steps(planned: Iterable[_Planned], out: Path, threads: int) -> Iter
     steps = []
     for key, one in first.items():
         cost, folder = airflow_cost(one.scene, one.plan.airflow), _folder(key)
-        job, needs = one.job(out / folder, threads), folders.get(one.request.near or "")
+        job, needs = one.job(out / folder, threads), folders.get(one.request.near or "", "")
         steps.append(Step(folder, job, True, needs, one.seconds(airflow=True, report=False), cost.disk, one.ranks))
     return sorted(steps, key=lambda step: -step.seconds)
 
 
 def _flight_steps(planned: Iterable[_Planned], out: Path, threads: int, *, report: bool) -> Iterable[Step]:
-    leaders: dict[tuple[str | None, str], str] = {}
+    leaders: dict[tuple[str, str], str] = {}
     for one in planned:
         same, name = (one.airflow, one.flight), one.variant.name
-        before = None if one.airflow is None else _folder(one.airflow)
         air = airflow_cost(one.scene, one.plan.airflow)
-        needs = leaders.get(same, before)
+        needs = leaders.get(same, _folder(one.airflow) if one.airflow else "")
         leaders.setdefault(same, name)
         seconds, disk = one.seconds(airflow=False, report=report), one.plan.estimate["disk"] - air.disk
         yield Step(name, one.job(out / name, threads, report=report), False, needs, seconds, disk)
@@ -335,7 +334,7 @@ class SweepProgress:
     def left(self) -> float:
         """Seconds until the last step has ended."""
         pace = {airflow: self._pace(airflow) for airflow in (True, False)}
-        ends, free = dict[str | None, float](), [0.0] * max(0, self.workers - len(self.began))
+        ends, free = dict[str, float](), [0.0] * max(0, self.workers - len(self.began))
         for step in self.steps:
             if step.name in self.began:
                 spent, whole = self.clock() - self.began[step.name], pace[step.airflow] * step.wall
@@ -373,8 +372,8 @@ def do_agenda(
         return
     progress, left = SweepProgress(agenda.steps, workers), list(agenda.steps)
     running: dict[Future[str], Step] = {}
-    done: set[str | None] = {None}  # names of steps that have ended
-    lost: dict[str | None, str] = {}  # by name why flights that need a step fail with it
+    done = {""}  # names of steps that have ended
+    lost: dict[str, str] = {}  # by name why flights that need a step fail with it
 
     def end(step: Step, problem: str) -> None:
         done.add(step.name)

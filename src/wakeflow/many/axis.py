@@ -30,13 +30,13 @@ HOW = "write values a,b,c or a range start:stop:count, as in air.speed=3:5:3 or 
 class Axis:
     """``key`` of a scene and its ``values``, as a scene file would have them.
 
-    Keys that are tied, "a = b = -c", have one value, those after a minus its negative. A range has ``ends`` and a
-    ``unit`` too: a design that draws from it takes any number between them, by their logarithms where ``log``.
+    Keys that are tied, "a = b = -c", have one value, those after a minus its negative. A range has two ``ends`` and
+    a ``unit`` too: a design that draws from it takes any number between them, by their logarithms where ``log``.
     """
 
     key: str
     values: tuple[Any, ...]
-    ends: tuple[float, float] | None = None
+    ends: tuple[float, ...] = ()
     unit: str = ""
     log: bool = False
 
@@ -55,7 +55,7 @@ class Axis:
 
     def at(self, place: float) -> Any:
         """The value at a ``place`` from 0 to 1 of a range; of listed values the one in whose equal part it lies."""
-        if self.ends is None:
+        if not self.ends:
             return self.values[min(int(place * len(self.values)), len(self.values) - 1)]
         low, high = self.ends
         number = low * (high / low) ** place if self.log else low + (high - low) * place
@@ -69,7 +69,7 @@ class Axis:
         key = self.keys[0]
         if any(tables.get(tied) is None for tied in self.keys):
             return None
-        if self.ends is None:
+        if not self.ends:
             found = next((i for i, value in enumerate(self.values) if self._held(value, tables)), None)
             return None if found is None else (found + 0.5) / len(self.values)
         try:
@@ -243,13 +243,13 @@ def _range(key: str, low: float, high: float, count: int, unit: str, *, log: boo
 
 # -- Designs -----------------------------------------------------------------------------------------------------------
 Changes = JsonTable  # dotted key to value
-# (axes, count of scenes or None, seed) to the changes of every scene
-Design = Callable[[Sequence[Axis], int | None, int], list[Changes]]
+# (axes, count of scenes or 0, seed) to the changes of every scene
+Design = Callable[[Sequence[Axis], int, int], list[Changes]]
 designs: Registry[Design] = Registry("design of a sweep")
 
 
 @designs.register("grid")
-def full_grid(axes: Sequence[Axis], count: int | None, seed: int) -> list[Changes]:
+def full_grid(axes: Sequence[Axis], count: int, seed: int) -> list[Changes]:
     """Every combination; the last axis changes fastest."""
     del seed
     _no_count("grid", count)
@@ -258,7 +258,7 @@ def full_grid(axes: Sequence[Axis], count: int | None, seed: int) -> list[Change
 
 
 @designs.register("list")
-def listed(axes: Sequence[Axis], count: int | None, seed: int) -> list[Changes]:
+def listed(axes: Sequence[Axis], count: int, seed: int) -> list[Changes]:
     """The first value of every axis, then the second of every axis: rows of a table."""
     del seed
     _no_count("list", count)
@@ -271,7 +271,7 @@ def listed(axes: Sequence[Axis], count: int | None, seed: int) -> list[Changes]:
 
 
 @designs.register("one-at-a-time")
-def one_at_a_time(axes: Sequence[Axis], count: int | None, seed: int) -> list[Changes]:
+def one_at_a_time(axes: Sequence[Axis], count: int, seed: int) -> list[Changes]:
     """The scene as it is, then every key alone at each of its values."""
     del seed
     _no_count("one-at-a-time", count)
@@ -280,26 +280,26 @@ def one_at_a_time(axes: Sequence[Axis], count: int | None, seed: int) -> list[Ch
 
 
 @designs.register("latin-hypercube")
-def latin_hypercube(axes: Sequence[Axis], count: int | None, seed: int) -> list[Changes]:
+def latin_hypercube(axes: Sequence[Axis], count: int, seed: int) -> list[Changes]:
     """``count`` scenes, one in each of ``count`` equal parts of every range: McKay, Beckman & Conover 1979,
     Technometrics 21, 239.
     """
     from scipy.stats import qmc
 
-    if count is None or count < 2:
+    if count < 2:
         raise SceneError('design = "latin-hypercube": give count, the number of scenes, at least 2')
     _few_enough(count)
     return _drawn(axes, qmc.LatinHypercube(len(axes), rng=seed).random(count))
 
 
 @designs.register("sobol")
-def sobol(axes: Sequence[Axis], count: int | None, seed: int) -> list[Changes]:
+def sobol(axes: Sequence[Axis], count: int, seed: int) -> list[Changes]:
     """``count`` scenes of a scrambled Sobol' sequence, which is balanced for powers of two: Owen 1998, J. Complexity
     14, 466.
     """
     from scipy.stats import qmc
 
-    if count is None or count < 2 or count & (count - 1):
+    if count < 2 or count & (count - 1):
         raise SceneError('design = "sobol": give count, the number of scenes, as a power of two (8, 16, 32 ...)')
     _few_enough(count)
     return _drawn(axes, qmc.Sobol(len(axes), scramble=True, rng=seed).random(count))
@@ -318,6 +318,6 @@ def _few_enough(scenes: int) -> None:
         raise SceneError(f"a sweep of {scenes} scenes: {MAX_SCENES} at most; give fewer values, or draw a --count")
 
 
-def _no_count(design: str, count: int | None) -> None:
-    if count is not None:
+def _no_count(design: str, count: int) -> None:
+    if count:
         raise SceneError(f'design = "{design}" takes its scenes from the values; leave count out')

@@ -133,9 +133,9 @@ def variants(
     if not isinstance(over, Mapping | Sequence) or not all(isinstance(one, str) for one in over):
         raise SceneError(f"over = {over!r}: give keys and their values, {{'air.speed': ['5 m/s', '6 m/s']}}")
     axes = axes_of(over, "sweep") if isinstance(over, Mapping) else [axis_of_text(text) for text in over]
-    for name, number in (("seed", seed), ("count", 1 if count is None else count)):
-        if isinstance(number, bool) or not isinstance(number, Integral) or number < 0:
-            raise SceneError(f"{name} = {number!r}: give a whole number of at least 0")
+    for name, number, least in (("seed", seed, 0), ("count", 1 if count is None else count, 1)):
+        if isinstance(number, bool) or not isinstance(number, Integral) or number < least:
+            raise SceneError(f"{name} = {number!r}: give a whole number of at least {least}")
     if fixed is not None and not isinstance(fixed, Mapping):
         raise SceneError(f"fixed = {fixed!r}: name each key and its value, {{'air.speed': '7 m/s'}}")
     if not axes:
@@ -151,7 +151,7 @@ def variants(
     tables = load(before).tables()  # a base that is wrong is the caller's mistake, not a variant's; so is a wrong key
     for key in keys:
         refuse_unknown(key, tables, key)
-    rows, found = designs[design](axes, count, seed), []
+    rows, found = designs[design](axes, count or 0, seed), []
     for number, changes in enumerate(rows, 1):
         if number % SCENES_PER_LINE == 0 and listener is not None:
             listener("sweep", f"reading scene {number} of {len(rows)}")

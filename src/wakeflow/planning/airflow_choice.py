@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from ..core.errors import SceneError, known
+from ..core.errors import SceneError
 from ..core.geometry import is_symmetric
 from ..core.graded import Notice, information, less_sure
 from ..core.quantities import metres
@@ -96,7 +96,7 @@ class AirflowPlan:
     @property
     def kind(self) -> str:
         """The name among ``air.kinds.airflow_kinds`` of what computes this airflow."""
-        return (rungs[self.rung].kind if self.rung in rungs else None) or self.rung
+        return (rungs[self.rung].kind if self.rung in rungs else "") or self.rung
 
     @property
     def mirrored(self) -> bool:
@@ -118,7 +118,7 @@ class AirflowPlan:
     @property
     def resolves(self) -> str:
         """The rung that resolves what this airflow leaves out where the wake sheds; empty where nothing is left out."""
-        return rungs[self.rung].resolves or "" if self.rung in rungs else ""
+        return rungs[self.rung].resolves if self.rung in rungs else ""
 
     @property
     def summary(self) -> str:
@@ -168,7 +168,7 @@ class AnalyticAirPlan(AirflowPlan):
         return replace(made, why=why, turbulence=JET)
 
     def notices(self, scene: Scene) -> Iterator[Notice]:
-        reynolds, parabolic = scene.reynolds or 0.0, scene.air is not None and scene.air.profile == "parabolic"
+        reynolds, parabolic = scene.reynolds, scene.air is not None and scene.air.profile == "parabolic"
         if parabolic and reynolds > LAMINAR_CHANNEL:
             yield less_sure(
                 f"parabolic air at Re {reynolds:.3g} on the channel's width: in reality it would be turbulent; "
@@ -199,7 +199,7 @@ class SolvedAirPlan(AirflowPlan):
         return str(self.stepping) if self.wake is None else "best-estimate"
 
     def notices(self, scene: Scene) -> Iterator[Notice]:
-        if self.resolves and (scene.reynolds or 0.0) > SHEDDING_ABOVE:
+        if self.resolves and scene.reynolds > SHEDDING_ABOVE:
             yield less_sure(
                 f"{self.rung} airflow: a steady wake is too long and its suction too weak; numerics.rung = "
                 f"'{self.resolves}' resolves the shedding"
@@ -248,9 +248,8 @@ def _chosen(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
         return _analytic(scene, asked)
     if scene.air.case is not None:
         return _given(scene.air.case, asked)
-    reynolds = known(scene.reynolds)
-    name, why = (asked, "asked for") if rungs[asked].kind is not None else _auto(reynolds, target_error)
-    return _at_body(scene, reynolds, name, why)
+    name, why = (asked, "asked for") if rungs[asked].kind else _auto(scene.reynolds, target_error)
+    return _at_body(scene, scene.reynolds, name, why)
 
 
 def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
@@ -288,7 +287,7 @@ def _analytic(scene: Scene, asked: str) -> AirflowPlan:
     if air.still:
         why = "the air is at rest, and what bodies and granules stir up in it is left out: neither mesh nor solver"
         return AnalyticAirPlan("analytic", why, None, "laminar", scene.symmetric, half=False)
-    laminar = air.profile == "parabolic" or (scene.reynolds or 0.0) < LAMINAR_BELOW
+    laminar = air.profile == "parabolic" or scene.reynolds < LAMINAR_BELOW
     why = f"it has no body: {air.profile} everywhere, neither mesh nor solver"
     return AnalyticAirPlan("analytic", why, None, "laminar" if laminar else DECAYING, symmetric=True, half=False)
 

@@ -198,10 +198,10 @@ def _layer(scene: Scene, speeds: Mapping[str, float]) -> _Layer:
     A granule that meets the slope goes half its length at the tangential speed of eq. (2), and faster by gravity
     less friction, until it leaves: t = (sqrt(v^2 + a L) - v) / a. It bounces to v_n^2 / (2 g cos b). Without vibration.
     """
-    if scene.first_outline is None or (slope := slope_of(scene))[0] <= 0.0:
+    if not scene.body or (slope := slope_of(scene))[0] <= 0.0:
         return _Layer()
     beta, length = slope
-    on_slope = scene.feed.mass_flow * _share_on(scene, scene.first_outline) / scene.feed.depth
+    on_slope = scene.feed.mass_flow * _share_on(scene, scene.outline) / scene.feed.depth
     covered = solid = height = sizes = 0.0
     for name, share in scene.mass_shares().items():
         granule = scene.fraction[name].properties

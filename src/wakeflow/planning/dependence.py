@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..core.errors import SceneError
 from ..core.quantities import say
 from ..scene import Scene
-from ..scene.ties import correlation_of, orders_of, said_of
+from ..scene.uncertainty import correlation_of, orders_of, said_of
 from .plan import Plan
 from .unknowns import Unknown, numbers, unknown_kinds
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from ..core.errors import SceneError, known
-from ..scene import Scene
+from ..core.errors import SceneError
+from ..scene import Scene, Vibration
 from .airflow_choice import SHEDDING_ABOVE
 from .terms import VIBRATION
 from .wake import family_of
@@ -81,11 +81,11 @@ def half_width(at: float, speed_ratio: float) -> float:
     return constant + slope * speed_ratio
 
 
-def frequency_ratios(scene: Scene) -> tuple[float, float]:
-    """The range in which f / fs of a scene lies, before its airflow is known; of samples from their period's to that
-    of their fastest change.
+def frequency_ratios(scene: Scene, vibration: Vibration) -> tuple[float, float]:
+    """The range in which f / fs of a scene with a ``vibration`` lies, before its airflow is known; of samples from
+    their period's to that of their fastest change.
     """
-    width, vibration = scene.width, known(scene.vibration)
+    width = scene.width
     reduced = width / scene.airstream.speed * (1.0 - width / scene.channel.width)
     slow = 1.0 / vibration.period
     fast = slow if vibration.samples is None else vibration.record.pace / (2.0 * math.pi)
@@ -101,8 +101,8 @@ def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | No
     if scene.air is None or scene.vibration is None:
         return AirMotion()
     across, along = scene.shaking
-    ratios = frequency_ratios(scene)
-    sheds = (scene.reynolds or 0.0) >= SHEDDING_ABOVE
+    ratios = frequency_ratios(scene, scene.vibration)
+    sheds = scene.reynolds >= SHEDDING_ABOVE
     sideways = abs(float(across)) / scene.air.speed
     motion = vibration_of_air(float(along) / scene.air.speed, ratios, accuracy, sheds=sheds)
     if asked is False:
@@ -135,7 +135,7 @@ def _measured(scene: Scene, speed_ratio: float) -> bool:
     """Whether it was measured what vibration along the air with a w / U = ``speed_ratio`` changes of shares."""
     family, (flat, steep), (low, high) = family_of(scene), MEASURED_SLOPES, MEASURED_REYNOLDS
     alike = family.name == MEASURED_FAMILY and flat <= family.slope <= steep
-    return alike and low <= (scene.reynolds or 0.0) <= high and abs(speed_ratio) <= MEASURED_MOTION
+    return alike and low <= scene.reynolds <= high and abs(speed_ratio) <= MEASURED_MOTION
 
 
 def _most_sideways(ratios: tuple[float, float], *, sheds: bool) -> float:

@@ -286,7 +286,7 @@ def magnitude_lines(scene: Scene) -> Iterator[Notice]:
     air, vibration = scene.air, scene.vibration
     if air is not None and "density" in air.model_fields_set and not AIRY[0] <= air.density <= AIRY[1]:
         yield less_sure(f"air.density = {air.density:.4g} kg/m3, of air about 1.2: unit forgotten? Check air.density")
-    if vibration is not None and (often := vibration.frequency or 0.0) > FASTEST:
+    if vibration is not None and (often := vibration.given.get("frequency", 0.0)) > FASTEST:
         yield less_sure(f"{often:.4g} Hz is faster than machines shake; vibration.frequency = '{often:.4g} rpm'?")
     for name, fraction in scene.fraction.items():
         density = float(fraction.properties.density)

@@ -331,8 +331,8 @@ def _small(shifts: Mapping[str, float], blocked: Mapping[str, str], limit: float
 
 def _sides(scene: Scene) -> int:
     """On how many sides of the body the curtain is thrown: 2 where it falls on both sides of the body's top."""
-    outline = scene.first_outline
-    if outline is None:
+    if not scene.body:
         return 1
+    outline = scene.outline
     top = outline[np.isclose(outline[:, 1], outline[:, 1].max(), atol=TOP * scene.width), 0]
     return MAX_SIDES if abs(scene.feed.position - top.mean()) < 0.5 * scene.feed.width else 1

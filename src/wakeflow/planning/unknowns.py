@@ -28,8 +28,8 @@ from ..laws.material import WET, Moisture, default_margins, materials
 from ..laws.restitution import Restitution
 from ..laws.turbulence import LIFETIME, LIFETIMES
 from ..scene import Fraction, Scene
-from ..scene.ties import margins_of
 from ..scene.uncertainty import SIGMAS as SIGMAS
+from ..scene.uncertainty import margins_of
 from ..scene.variation import GranuleVariation, Variation
 from .airflow_choice import AirflowPlan
 from .plan import Plan

@@ -70,7 +70,7 @@ def family_of(scene: Scene) -> ShapeFamily:
     if body.shape == "rhombus":
         return ShapeFamily("rhombus", math.degrees(math.atan2(along, across)))
     if body.shape == "prism":
-        upstream = (body.apex or "up") == ("up" if scene.airstream.direction == "down" else "down")
+        upstream = body.given.get("apex", "up") == ("up" if scene.airstream.direction == "down" else "down")
         slope = math.degrees(math.atan2(2.0 * along, across))
         return ShapeFamily("triangle-up" if upstream else "triangle-down", slope)
     box = np.abs(outline - 0.5 * (outline.min(axis=0) + outline.max(axis=0))) - 0.5 * np.array([across, along])
@@ -114,7 +114,7 @@ def span_of(scene: Scene) -> Span:
 
     Raises SceneError where the wake is not turbulent, and for what a span cannot follow.
     """
-    asked, reynolds = scene.numerics.span, scene.reynolds or 0.0
+    asked, reynolds = scene.numerics.span, scene.reynolds
     if not model_at(reynolds).turbulent:
         raise SceneError(f"rung = '3d' resolves a turbulent wake; at Re {reynolds:.3g} it is laminar: choose standard")
     if scene.air is not None and scene.air.profile == "parabolic":

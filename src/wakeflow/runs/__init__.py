@@ -5,8 +5,7 @@ May call it: a user (``wf.run``, ``wf.plan``, ``wf.chain``), ``many``, the comma
 """
 
 from ..flight.stages.compilation import compile_tracker
-from .again import film_of, report_again
 from .folder import answer_key, versions
-from .one_run import run, run_once
+from .one_run import film_of, report_again, run, run_once
 
 __all__ = ["answer_key", "compile_tracker", "film_of", "report_again", "run", "run_once", "versions"]

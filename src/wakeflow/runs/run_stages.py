@@ -75,11 +75,11 @@ def stages_of(
         pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan, planner=planner)
     fan = None if pipeline.scene.air is None else pipeline.scene.air.fan
     if fan is not None and plan.airflow.stepping is not None and request.until not in ("funnel", "mesh"):
-        pipeline = _blown(pipeline, rung)
+        pipeline = _blown(pipeline, planner, rung)
     return pipeline, poured
 
 
-def _blown(pipeline: Pipeline, rung: str | None) -> Pipeline:
+def _blown(pipeline: Pipeline, planner: Planner, rung: str | None) -> Pipeline:
     """The stages with the air at the speed at which the fan's curve meets the drop that is computed: first that of the
     steady airflow, which any other starts from, then the answer's own. Each is solved FEW times at most, and no more
     once the speed lies within the interval that the answer takes it to have; what is left is in the result.
@@ -94,7 +94,7 @@ def _blown(pipeline: Pipeline, rung: str | None) -> Pipeline:
                 break
             pipeline.listener("airflow", f"the fan has the air at {found.meets:.3g} m/s by its drop, not {speed:.3g}")
             blown = scene.replace({CHANNEL: kind.table.loss(scene, loaded=loaded)})
-            planner = known(pipeline.planner).at(blown)
+            planner = planner.at(blown)
             plan = planner.plan(rung)
             pipeline = replace(pipeline, scene=plan.airflow.flown(blown), plan=plan, planner=planner)
     return pipeline
@@ -130,11 +130,11 @@ def _fed(scene: Scene, poured: FunnelSummary) -> Scene:
     return scene.fed(None if poured.rate is None else poured.rate.value)
 
 
-def airflow_told(scene: Scene, plan: Plan) -> str | None:
-    """What tells the airflow of a scene from those of others; None where it costs nothing."""
+def airflow_told(scene: Scene, plan: Plan) -> str:
+    """What tells the airflow of a scene from those of others; empty where it costs nothing."""
     kind = Pipeline(plan.airflow.flown(scene), plan).kind
     if kind.at_once:
-        return None
+        return ""
     spec = repr(kind.flow_spec) if isinstance(kind, CaseAir) else repr(kind.scene.air)
     return content_key(repr(plan.airflow), spec, exerted_by(scene, plan) if plan.airflow.loaded else None)
 

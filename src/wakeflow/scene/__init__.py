@@ -14,9 +14,8 @@ from ..core.lazy import loaded
 if TYPE_CHECKING:
     from .bins import Bin
     from .checks import OVER_THE_TOP
-    from .feed import CollisionTable, Feed, Profile
+    from .feed import CollisionTable, Feed, Funnel, Profile
     from .fraction import Fraction, Size, Speeds
-    from .funnel import Funnel
     from .machine import Air, Body, Channel, Inlet, Samples, Vibration
     from .pictures import Picture, picture_tables
     from .rebound import Coefficient, Rebound

@@ -17,8 +17,7 @@ from .measured import Measured
 from .pictures import STANDARD_FIGURES, Streamlines
 from .rungs import rungs
 from .table import RESERVED_BIN
-from .ties import margins_of, wrong_ties
-from .uncertainty import NEVER_ABOVE, OF_FRACTION, OF_SCENE, TOGETHER
+from .uncertainty import NEVER_ABOVE, OF_FRACTION, OF_SCENE, TOGETHER, margins_of, wrong_ties
 from .whole import SceneTables
 
 APART = 0.02  # widths of the first body: bodies that are nearer to each other, or to an opening, cannot be meshed

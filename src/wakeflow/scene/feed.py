@@ -1,29 +1,39 @@
-"""[feed] and [collisions]: the falling curtain, and how its granules meet."""
+"""[feed], [funnel] and [collisions]: the falling curtain, what pours it, and how its granules meet."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from ..core.errors import SceneError
-from ..core.quantities import quantity
+from ..core.quantities import metres, quantity
+from ..laws.material import materials
 from ..laws.profile import crowding, profiles
+from ..laws.restitution import restitution_at
+from ..laws.streams import beverloo
 from .table import (
     AnyAngle,
     Array,
     Coordinate,
+    Diameter,
+    Frequency,
+    LawTable,
     Length,
+    Mass,
+    MassDensity,
     MassRate,
+    Modulus,
     ScatterAngle,
     Shorthand,
+    SlopeAngle,
     Speed,
     Table,
     Weighed,
     made_by,
+    parameters,
 )
 
 EVEN = 1e-9  # of the curtain's width: what is so near is the same
@@ -31,20 +41,19 @@ PARTS = np.linspace(0.05, 0.45, 5)  # of the curtain's mass, at which its two si
 
 
 # -- [feed]: the falling curtain ---------------------------------------------------------------------------------------
-class Profile(Table):
+@parameters(
+    std=(Length, "normal: standard deviation; default a quarter of the width"),
+    positions=(list[Coordinate], "table: from the curtain's middle, increasing"),
+    weights=(list[Annotated[float, Field(ge=0)]], "table: mass per width at each position, in any unit"),
+)
+class Profile(LawTable):
     """How the curtain's mass is spread over its width: ``distribution`` and its parameters."""
 
     distribution: str = Field(description="one of: " + ", ".join(profiles))
-    std: Length | None = Field(None, description="normal: standard deviation; default a quarter of the width")
-    positions: list[Coordinate] | None = Field(None, description="table: from the curtain's middle, increasing")
-    weights: list[Annotated[float, Field(ge=0)]] | None = Field(
-        None, description="table: mass per width at each position, in any unit"
-    )
 
     def quantile(self, p: Array, width: float) -> Array:
         """Places (m from the curtain's middle) left of which the shares ``p`` of its mass fall."""
-        given = self.model_dump(exclude_none=True, exclude={"distribution"})
-        return made_by(profiles, self.distribution, p, width, **given)
+        return made_by(profiles, self.distribution, p, width, **self.given)
 
 
 def _one_word(value: object) -> object:
@@ -76,10 +85,10 @@ class Feed(Weighed):
     profile: Annotated[Profile, Shorthand(str, _one_word)] = Field(
         Profile(distribution="uniform"), description="of the mass across the width: a name, or a table"
     )
+    depth: Length = Field(1.0, description="of the machine, across the plane")
     rate: MassRate | None = Field(
         None, description="mass flow of all fractions, or by depth, '800 kg/h/m'; default 1 kg/s per metre of depth"
     )
-    depth: Length = Field(1.0, description="of the machine, across the plane")
     count: Annotated[int, Field(ge=16, le=10_000_000)] = Field(16384, description="granules tracked per fraction")
     seed: Annotated[int, Field(ge=0)] = 0
     mode: Literal["auto", "injected", "resolved"] = Field(
@@ -88,21 +97,18 @@ class Feed(Weighed):
         "by the tracker; auto: by what injection would miss",
     )
 
-    @model_validator(mode="before")
+    @field_validator("rate", mode="before")
     @classmethod
-    def _of_the_depth(cls, given: object) -> object:
+    def _of_the_depth(cls, given: object, before: ValidationInfo) -> object:
         """The rate of the whole depth where it is said by depth, "800 kg/h/m"."""
-        if not isinstance(given, Mapping) or not isinstance(given.get("rate"), str):
+        if not isinstance(given, str):
             return given
         try:
-            by_depth = quantity(given["rate"], "kg/s/m", "")
-        except ValueError:
-            return given
-        depth = given.get("depth", 1.0)
-        try:
-            return {**given, "rate": by_depth * (quantity(depth, "m", "") if isinstance(depth, str) else depth)}
-        except (TypeError, ValueError):
-            return {**given, "rate": None}  # what is wrong is the depth
+            return quantity(given, "kg/s/m", "800 kg/h/m") * before.data.get("depth", 1.0)  # a wrong one is told itself
+        except ValueError as problem:
+            if "needs a number" in str(problem):  # it tells no cure: a rate of the whole depth, or none
+                return given
+            raise
 
     @model_validator(mode="after")
     def _one_start(self) -> Feed:
@@ -161,3 +167,111 @@ class CollisionTable(Table):
     )
     restitution: Annotated[float, Field(ge=0, le=1)] = Field(0.5, description="of one granule on another")
     friction: Annotated[float, Field(ge=0, le=10)] = Field(0.3, description="of one granule on another")
+
+
+# -- [funnel]: a vibrated conical funnel full of beads, whose discharge is computed bead by bead -----------------------
+LOOSE = 0.60  # packing of poured spheres (0.58 to 0.61), before it is measured in the bed
+MAX_BEADS = 50_000  # beads: hours
+USUAL = 0.5  # m/s of beads that meet in a funnel: where a material's restitution is taken
+
+
+class Funnel(Weighed):
+    """[funnel]: beads in a cone with an open outlet, after the paper's Figs. 8-10.
+
+    The paper gives beads, mass, frequencies and Gamma, not the orifice, the cone's angle or the wall's friction: those
+    defaults are this program's.
+    """
+
+    computed: bool = Field(
+        True, description="bead by bead, with LIGGGHTS; false: the rate is that of Beverloo's law, at rest"
+    )
+    orifice: Length = Field(0.010, description="inner diameter of the outlet")
+    half_angle: SlopeAngle = Field(math.radians(30), description="of the cone, its wall from the vertical")
+    width: Length | None = Field(
+        None, description="inner diameter of the straight part above the cone; default: as needed"
+    )
+    material: str = Field("glass-beads", description="one of: " + ", ".join(materials))
+    low: Diameter = Field(1.1e-3, description="smallest bead; sizes are uniform between low and high")
+    high: Diameter = Field(1.3e-3, description="largest bead")
+    density: MassDensity = Field(
+        default_factory=lambda given: materials[given["material"]].density,
+        description="of a bead; default: the material's",
+    )
+    mass: Mass | None = Field(None, description="of all beads; default 35 g")
+    count: Annotated[int, Field(ge=10, le=MAX_BEADS)] | None = Field(None, description="of beads, instead of mass")
+    restitution: Annotated[float, Field(gt=0.05, le=1)] = Field(
+        default_factory=lambda given: float(restitution_at(materials[given["material"]].restitution, USUAL)),
+        description="default: the material's",
+    )
+    friction: Annotated[float, Field(ge=0, le=10)] = Field(
+        default_factory=lambda given: materials[given["material"]].friction, description="bead on bead"
+    )
+    wall_friction: Annotated[float, Field(ge=0, le=10)] = Field(0.3, description="bead on the cone: a matte print")
+    rolling_friction: Annotated[float, Field(ge=0, le=1)] = 0.0
+    youngs_modulus: Modulus = Field(5e6, description="of beads and wall; softened: glass has 6e10 Pa")
+    frequency: Frequency | None = Field(None, description="of the vertical vibration")
+    gamma: Annotated[float, Field(ge=0, le=50)] = Field(0.0, description="peak acceleration over g; 0: at rest")
+    steps_per_contact: Annotated[int, Field(ge=10, le=500)] = Field(
+        25, description="time steps in the duration of a collision"
+    )
+    seed: Annotated[int, Field(ge=0)] = 0
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Funnel:
+        if not self.low <= self.high:
+            raise SceneError(f"low = {metres(self.low)} must not be above high = {metres(self.high)}")
+        if self.high > 2 * self.low:
+            raise SceneError(
+                f"high = {metres(self.high)} is over twice low = {metres(self.low)}: give a narrower range"
+            )
+        if self.mass is not None and self.count is not None:
+            raise SceneError("give either mass or count")
+        if self.gamma > 0 and self.frequency is None:
+            raise SceneError(f"gamma = {self.gamma:g} needs a frequency")
+        if self.orifice < 2 * self.high:
+            raise SceneError(f"orifice = {metres(self.orifice)}: no two beads of {metres(self.high)} pass side by side")
+        if self.width is not None and self.width < 1.5 * self.orifice:
+            raise SceneError(
+                f"width = {metres(self.width)} must be at least 1.5 times orifice = {metres(self.orifice)}"
+            )
+        if not 10 <= self.beads <= MAX_BEADS:
+            raise SceneError(f"mass is that of {self.beads} beads (allowed: 10 to {MAX_BEADS})")
+        return self
+
+    @property
+    def diameter(self) -> float:
+        """Mean diameter (m)."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def bead_mass(self) -> float:
+        """Mean mass of a bead (kg), of diameters uniform between low and high: pi/6 rho <d^3>."""
+        cube = 0.25 * (self.low + self.high) * (self.low**2 + self.high**2)
+        return self.density * math.pi / 6 * cube
+
+    @property
+    def beads(self) -> int:
+        """How many beads there are."""
+        if self.count is not None:
+            return self.count
+        return round((0.035 if self.mass is None else self.mass) / self.bead_mass)
+
+    @property
+    def total_mass(self) -> float:
+        """kg, on average over seeds."""
+        return self.beads * self.bead_mass
+
+    @property
+    def shaken_at(self) -> float:
+        """Frequency (Hz) of the wall's motion; 0 at rest."""
+        return 0.0 if self.frequency is None or self.gamma == 0 else self.frequency
+
+    @property
+    def amplitude(self) -> float:
+        """Amplitude (m) of the wall's motion amplitude sin(2 pi f t): Gamma g / omega^2; 0 at rest."""
+        return self.gravity * self.gamma / (2 * math.pi * self.shaken_at) ** 2 if self.shaken_at else 0.0
+
+    @property
+    def expected_rate(self) -> float:
+        """Mass flow (kg/s) by Beverloo's law for the poured bed at rest: the rate that a plan uses."""
+        return beverloo(self.orifice, self.diameter, LOOSE * self.density, gravity=self.gravity)

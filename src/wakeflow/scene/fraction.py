@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from ..core.errors import SceneError, known
+from ..core.errors import SceneError
 from ..core.registry import Registry
 from ..laws.collision import impact_models
 from ..laws.drag import drag_laws
@@ -22,6 +22,7 @@ from .table import (
     SHARE,
     Array,
     Diameter,
+    LawTable,
     MassDensity,
     Portion,
     PositiveSpeed,
@@ -30,6 +31,7 @@ from .table import (
     Table,
     WithUnit,
     made_by,
+    parameters,
 )
 
 # -- How sizes and measured terminal velocities spread over the mass of a fraction -------------------------------------
@@ -40,24 +42,25 @@ for _name in sizes:
         spreads.add(_name, sizes[_name])
 
 
-class Size(Table):
+Factor = Annotated[float, Field(gt=1, le=10)]
+
+
+@parameters(
+    diameter=Diameter,
+    **dict.fromkeys(("low", "high", "mean", "std", "median"), Diameter),
+    geometric_std=Factor,
+    scale=(Diameter, "rosin-rammler: 63.2 % of the mass is finer"),
+    spread=(Annotated[float, Field(ge=0.5, le=50)], "rosin-rammler: its exponent"),
+    diameters=(list[Diameter], "table: the sieves, finest first"),
+    passing=(
+        list[Annotated[float, Field(ge=0, le=1), SHARE]], "table: mass fraction finer than each sieve, from 0 to 1"
+    ),
+)  # fmt: skip
+class Size(LawTable):
     """A size distribution by mass: ``distribution`` and its parameters."""
 
     distribution: str = Field(description="one of: " + ", ".join(sizes))
     file: str | None = Field(None, description="a CSV file of a sieve analysis, instead of all other keys")
-    diameter: Diameter | None = None
-    low: Diameter | None = None
-    high: Diameter | None = None
-    mean: Diameter | None = None
-    std: Diameter | None = None
-    median: Diameter | None = None
-    geometric_std: Annotated[float, Field(gt=1, le=10)] | None = None
-    scale: Diameter | None = Field(None, description="rosin-rammler: 63.2 % of the mass is finer")
-    spread: Annotated[float, Field(ge=0.5, le=50)] | None = Field(None, description="rosin-rammler: its exponent")
-    diameters: list[Diameter] | None = Field(None, description="table: the sieves, finest first")
-    passing: list[Annotated[float, Field(ge=0, le=1), SHARE]] | None = Field(
-        None, description="table: mass fraction finer than each sieve, from 0 to 1"
-    )
 
     @model_validator(mode="after")
     def _has_quantiles(self) -> Size:
@@ -66,21 +69,14 @@ class Size(Table):
 
     def quantile(self, p: Array) -> Array:
         """Diameters (m) below which the mass fractions ``p`` lie."""
-        return made_by(
-            sizes, self.distribution, p, **self.model_dump(exclude_none=True, exclude={"distribution", "file"})
-        )
+        return made_by(sizes, self.distribution, p, **self.given)
 
 
-class Speeds(Table):
+@parameters(**dict.fromkeys(("low", "high", "mean", "std", "median"), PositiveSpeed), geometric_std=Factor)
+class Speeds(LawTable):
     """Terminal velocities as they were measured, spread over the granules by mass, whatever their sizes."""
 
     distribution: str = Field(description="one of: " + ", ".join(spreads))
-    low: PositiveSpeed | None = None
-    high: PositiveSpeed | None = None
-    mean: PositiveSpeed | None = None
-    std: PositiveSpeed | None = None
-    median: PositiveSpeed | None = None
-    geometric_std: Annotated[float, Field(gt=1, le=10)] | None = None
 
     @model_validator(mode="after")
     def _has_quantiles(self) -> Speeds:
@@ -89,12 +85,13 @@ class Speeds(Table):
 
     def quantile(self, p: Array) -> Array:
         """Terminal velocities (m/s) below which the mass fractions ``p`` lie."""
-        return made_by(spreads, self.distribution, p, **self.model_dump(exclude_none=True, exclude={"distribution"}))
+        return made_by(spreads, self.distribution, p, **self.given)
 
 
 # -- [fraction.NAME] ---------------------------------------------------------------------------------------------------
 COEFFICIENTS: tuple[Literal["restitution"], Literal["friction"]] = ("restitution", "friction")
 PAPER = "paper"  # the impact model whose granules are alike
+UNNAMED = Material(math.nan, math.nan, None, math.nan, math.nan, "given", "scene", impact=PAPER)  # all is in the scene
 MAX_COEFFICIENT = {"restitution": 1.0, "friction": math.inf}  # coefficients lie between 0 and these
 
 
@@ -226,18 +223,14 @@ class Fraction(Table):
             raise SceneError(f"{about}{problem}") from None
 
     @property
-    def _source(self) -> Material | None:
-        """Its material, as it is at the fraction's moisture; None without one."""
-        if self.material is None:
-            return None
-        found = materials[self.material]
+    def _source(self) -> Material:
+        """Its material, as it is at the fraction's moisture; UNNAMED without one."""
+        found = UNNAMED if self.material is None else materials[self.material]
         return found if self.moisture is None else found.at_moisture(self.moisture)
 
     def _or_material(self, name: str) -> Any:
         own = getattr(self, name)
-        if own is not None:
-            return own
-        return getattr(known(self._source), name)
+        return getattr(self._source, name) if own is None else own
 
     @property
     def properties(self) -> Material:
@@ -246,7 +239,7 @@ class Fraction(Table):
         """
         own, source = self.terminal_velocity, self._source
         terminal = float(own.quantile(np.array([0.5]))[0]) if isinstance(own, Speeds) else own
-        if terminal is None and self.sphericity is None and source is not None:
+        if terminal is None and self.sphericity is None:
             terminal = source.terminal_velocity
         return Material(
             diameter=float(self.diameters(np.array([0.5]))[0]),
@@ -254,8 +247,8 @@ class Fraction(Table):
             terminal_velocity=terminal,
             restitution=self._middle("restitution"),
             friction=self._middle("friction"),
-            confidence="given" if source is None else source.confidence,
-            source="scene" if source is None else source.source,
+            confidence=source.confidence,
+            source=source.source,
             rebound_scatter=self._of_shape("rebound_scatter"),
             tangential_restitution=self._of_shape("tangential_restitution") if self.inertia is not None else 0.0,
             impact=self.impact_model,
@@ -263,11 +256,9 @@ class Fraction(Table):
 
     def confidence_in(self, name: str) -> str:
         """How well one of its numbers, of a key ``name``, is known: that of its material's, or given."""
-        source = self._source
-        if getattr(self, name) is not None or source is None:
-            return "given"
-        evidence = source.evidence.get({"size": "diameter"}.get(name, name))
-        return source.confidence if evidence is None else evidence.confidence
+        if getattr(self, name) is not None:
+            return UNNAMED.confidence
+        return self._source.confidence_in({"size": "diameter"}.get(name, name))
 
     def _middle(self, name: str) -> Any:
         """A coefficient of rebound: the number or the law of all granules, or that of the middle one."""
@@ -279,28 +270,25 @@ class Fraction(Table):
     def _of_shape(self, name: str) -> float:
         """What a granule has of its shape: given, or its material's; nothing where granules are alike."""
         own = getattr(self, name)
-        if own is None:
-            own = 0.0 if self._as_known is None else getattr(self._as_known, name)
-        return float(own)
+        return float(getattr(self.spread_material, name) if own is None else own)
 
     @property
-    def _as_known(self) -> Material | None:
-        """The material whose granules this fraction has, one unlike the other; None where all are alike: of no known
+    def spread_material(self) -> Material:
+        """The material whose granules this fraction has, one unlike the other; UNNAMED where all are alike: of no
         material, or the paper's.
         """
-        return None if self.impact == PAPER else self._source
+        return UNNAMED if self.impact == PAPER else self._source
 
     def coefficients(self, name: Literal["restitution", "friction"], p: Array) -> Array | None:
         """Coefficients below which the shares ``p`` of the granules lie; None where all have the same one, or law."""
         own = getattr(self, name)
         if isinstance(own, Coefficient):
             return own.quantile(p, MAX_COEFFICIENT[name])
-        if own is not None or self._as_known is None:
+        source = self.spread_material
+        std = getattr(source, f"{name}_std")
+        if own is not None or not std:
             return None
-        std = getattr(self._as_known, f"{name}_std")
-        return (
-            within(p, mean=getattr(self._as_known, name), std=std, low=0.0, high=MAX_COEFFICIENT[name]) if std else None
-        )
+        return within(p, mean=getattr(source, name), std=std, low=0.0, high=MAX_COEFFICIENT[name])
 
     @property
     def varies(self) -> bool:
@@ -313,7 +301,7 @@ class Fraction(Table):
     @property
     def impact_model(self) -> str:
         """Name of the impact model: as given, else that of the material, else the paper's."""
-        return self.impact or (PAPER if (source := self._source) is None else source.impact)
+        return self.impact or self._source.impact
 
     @property
     def inertia(self) -> float | None:
@@ -327,7 +315,7 @@ class Fraction(Table):
 
     @property
     def _dimensions(self) -> Sequence[float] | None:
-        return self.dimensions or (None if (source := self._source) is None else source.dimensions)
+        return self.dimensions or self._source.dimensions
 
     @property
     def shape(self) -> Array:
@@ -366,7 +354,7 @@ class Fraction(Table):
         own, source = self.properties, self._source
         if own.terminal_velocity is None:
             return None
-        if self.terminal_velocity is None and source is not None:
+        if self.terminal_velocity is None:
             return source.diameter, source.density, own.terminal_velocity
         return own.diameter, own.density, own.terminal_velocity
 
@@ -379,15 +367,15 @@ class Fraction(Table):
         """
         if isinstance(self.terminal_velocity, Speeds):
             return self.terminal_velocity.quantile(p)
-        known = self._as_known
-        if known is None or known.terminal_velocity is None or known.terminal_velocity_std == 0.0:
+        source = self.spread_material
+        if source.terminal_velocity is None or source.terminal_velocity_std == 0.0:
             return None
         if any(own is not None for own in (self.size, self.density, self.sphericity, self.terminal_velocity)):
             return None
-        return sizes["normal"](p, mean=known.terminal_velocity, std=known.terminal_velocity_std)
+        return sizes["normal"](p, mean=source.terminal_velocity, std=source.terminal_velocity_std)
 
     def diameters(self, p: Array) -> Array:
         """Diameters (m) below which the mass fractions ``p`` lie."""
         if self.size is not None:
             return self.size.quantile(p)
-        return sizes["single"](p, diameter=known(self._source).diameter)
+        return sizes["single"](p, diameter=self._source.diameter)

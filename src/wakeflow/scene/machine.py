@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
-from ..core.errors import SceneError, known
+from ..core.errors import SceneError
 from ..core.geometry import is_simple, rounded
 from ..core.quantities import say
 from ..core.record import JsonTable
@@ -27,6 +27,7 @@ from .table import (
     Drop,
     FreePath,
     Frequency,
+    LawTable,
     Length,
     MassDensity,
     Name,
@@ -42,6 +43,7 @@ from .table import (
     Weighed,
     WithUnit,
     made_by,
+    parameters,
     rise,
 )
 
@@ -57,27 +59,25 @@ def _shape_or_drawing(schema: JsonTable) -> None:
     schema["anyOf"] = [{"required": [key]} for key in (*schema.pop("required"), "outline")]
 
 
-class Body(Table):
+@parameters(
+    width=(Length, "horizontal extent; not for polygon"),
+    slope_angle=(SlopeAngle, "of the faces, from the horizontal: 10 to 80 deg"),
+    height=(Length, "instead of slope_angle"),
+    apex=(Literal["up", "down"], "prism only"),
+    length=(Length, "plate only: along its faces"),
+    thickness=(Length, "plate only"),
+    descends=(Literal["left", "right"], "plate only: to which side it falls; right"),
+    points=(list[Point], "polygon only: corners in the body's own frame"),
+    corners=(Annotated[int, Field(ge=16, le=720)], "circle only: of its polygon; 120"),
+    drawing=(str, "instead of shape: a DXF file with one closed outline, in the body's own frame", "outline"),
+    outline_layer=(str, "of the DXF file that the outline is on; default: all"),
+    outline_unit=(str, "of the DXF file's numbers, such as mm; default: the file's own"),
+)
+class Body(LawTable):
     """[body.NAME]: a solid in the flow."""
 
     model_config = ConfigDict(json_schema_extra=_shape_or_drawing)
     shape: str = Field(description="one of: " + ", ".join(shapes))
-    width: Length | None = Field(None, description="horizontal extent; not for polygon")
-    slope_angle: SlopeAngle | None = Field(None, description="of the faces, from the horizontal: 10 to 80 deg")
-    height: Length | None = Field(None, description="instead of slope_angle")
-    apex: Literal["up", "down"] | None = Field(None, description="prism only")
-    length: Length | None = Field(None, description="plate only: along its faces")
-    thickness: Length | None = Field(None, description="plate only")
-    descends: Literal["left", "right"] | None = Field(None, description="plate only: to which side it falls; right")
-    points: list[Point] | None = Field(None, description="polygon only: corners in the body's own frame")
-    corners: Annotated[int, Field(ge=16, le=720)] | None = Field(None, description="circle only: of its polygon; 120")
-    drawing: str | None = Field(
-        None,
-        alias="outline",
-        description="instead of shape: a DXF file with one closed outline, in the body's own frame",
-    )
-    outline_layer: str | None = Field(None, description="of the DXF file that the outline is on; default: all")
-    outline_unit: str | None = Field(None, description="of the DXF file's numbers, such as mm; default: the file's own")
     rounding: Length | None = Field(
         None, description="radius of all edges; width and height are those of the sharp shape"
     )
@@ -91,8 +91,7 @@ class Body(Table):
 
     def outline(self) -> Array:
         """Corners (k, 2) in the scene's frame (m), counter-clockwise."""
-        given = self.model_dump(exclude_none=True, exclude={"shape", "at", "rounding"})
-        sharp = made_by(shapes, self.shape, **given)
+        sharp = made_by(shapes, self.shape, **self.given)
         return np.asarray((sharp if self.rounding is None else rounded(sharp, self.rounding)) + np.asarray(self.at))
 
 
@@ -135,15 +134,15 @@ class Channel(Table):
         return (-self.width / 2, self.width / 2) if side in ("floor", "top") else (self.bottom, self.top)
 
 
-class Fan(Table):
+@parameters(
+    flow=(list[AirFlow], "of the curve's points, rising; straight lines between them"),
+    pressure=(list[Drop], "that the fan gives at each flow"),
+    p0=(Drop, "instead of points: pressure at no flow"),
+    k=(Annotated[float, Field(gt=0, le=1e9)], "pressure = p0 - k flow^2, in Pa/(m3/s)^2"),
+)
+class Fan(LawTable):
     """[air.fan]: instead of air.speed, the fan's curve and what the air passes beside the channel."""
 
-    flow: list[AirFlow] | None = Field(None, description="of the curve's points, rising; straight lines between them")
-    pressure: list[Drop] | None = Field(None, description="that the fan gives at each flow")
-    p0: Drop | None = Field(None, description="instead of points: pressure at no flow")
-    k: Annotated[float, Field(gt=0, le=1e9)] | None = Field(
-        None, description="pressure = p0 - k flow^2, in Pa/(m3/s)^2"
-    )
     speed_ratio: Annotated[float, Field(gt=0, le=4)] = Field(
         1.0, description="turns over those of the curve: flow grows with it, pressure with its square"
     )
@@ -156,14 +155,14 @@ class Fan(Table):
 
     @model_validator(mode="after")
     def _one_curve(self) -> Fan:
-        if (self.p0 is None) != (self.k is None) or (self.flow is None) != (self.pressure is None):
+        given = self.given
+        if ("p0" in given) != ("k" in given) or ("flow" in given) != ("pressure" in given):
             raise SceneError("give flow and pressure together, or p0 and k")
-        if (self.p0 is None) == (self.flow is None):
+        if ("p0" in given) == ("flow" in given):
             raise SceneError("give the curve, either as flow and pressure or as p0 and k")
-        if self.flow is not None:
-            flow, pressure = self.flow, known(self.pressure)
-            if len(flow) != len(pressure) or len(flow) < 2 or flow[0] != 0.0 or not rise(flow):
-                raise SceneError("the curve needs as many pressures as flows, two at least; flows rise from 0")
+        flow = given.get("flow", (0.0, 1.0))
+        if len(flow) != len(given.get("pressure", flow)) or len(flow) < 2 or flow[0] != 0.0 or not rise(flow):
+            raise SceneError("the curve needs as many pressures as flows, two at least; flows rise from 0")
         if (self.rest_drop > 0.0) != (self.rest_flow is not None and self.rest_flow > 0.0):
             raise SceneError("rest_drop is that at rest_flow: give both, above 0")
         return self
@@ -171,16 +170,16 @@ class Fan(Table):
     @property
     def most(self) -> float:
         """The flow (m3/s) at which the curve ends."""
-        end = math.sqrt(known(self.p0) / known(self.k)) if self.flow is None else self.flow[-1]
-        return self.speed_ratio * end
+        given = self.given
+        return float(self.speed_ratio * (given["flow"][-1] if "flow" in given else math.sqrt(given["p0"] / given["k"])))
 
     def gives(self, flow: Array) -> Array:
         """Pressure (Pa) at flows (n,) m3/s, by the affinity laws at other turns than those of the curve."""
-        as_drawn = flow / self.speed_ratio
-        if self.flow is None:
-            found = known(self.p0) - known(self.k) * as_drawn**2
+        as_drawn, given = flow / self.speed_ratio, self.given
+        if "flow" in given:
+            found = np.interp(as_drawn, given["flow"], given["pressure"])
         else:
-            found = np.interp(as_drawn, self.flow, known(self.pressure))
+            found = given["p0"] - given["k"] * as_drawn**2
         return np.asarray(self.speed_ratio**2 * found)
 
 
@@ -298,14 +297,17 @@ class Samples(Table):
     acceleration: list[float] = Field(description="m/s2; its mean is taken off")
 
 
-class Vibration(Weighed):
+@parameters(
+    frequency=Frequency,
+    amplitude=Length,
+    gamma=(Annotated[float, Field(gt=0, le=MAX_GAMMA)], "peak acceleration over g"),
+    angle=(RockAngle, "about the pivot, to either side: up to 30 deg"),
+)
+class Vibration(Weighed, LawTable):
     """[vibration]: motion of the bodies: harmonic, displacement = amplitude sin(2 pi f t), along ``direction`` or as
     one piece about a ``pivot``; or by measured samples of the acceleration.
     """
 
-    frequency: Frequency | None = None
-    amplitude: Length | None = None
-    gamma: Annotated[float, Field(gt=0, le=MAX_GAMMA)] | None = Field(None, description="peak acceleration over g")
     direction: AnyAngle = Field(math.pi / 2, description="from the x axis; 90 deg is vertical")
     samples: Samples | None = Field(
         None,
@@ -313,7 +315,6 @@ class Vibration(Weighed):
         json_schema_extra=_or_a_file,
     )
     pivot: Point | None = Field(None, description="all bodies rock about it as one piece, by angle")
-    angle: RockAngle | None = Field(None, description="about the pivot, to either side: up to 30 deg")
     _arms: tuple[float, float] = PrivateAttr((0.0, 0.0))
 
     @model_validator(mode="before")
@@ -334,32 +335,32 @@ class Vibration(Weighed):
 
     @model_validator(mode="after")
     def _one_motion(self) -> Vibration:
+        given = self.given.keys()
         if self.samples is not None:
-            if (self.frequency, self.amplitude, self.gamma) != (None, None, None):
+            if given & {"frequency", "amplitude", "gamma"}:
                 raise SceneError("samples say how fast and how far it moves: leave out frequency, amplitude and gamma")
             if (found := self.record.peak_acceleration / GRAVITY) > MAX_GAMMA:
                 raise SceneError(f"samples: peak acceleration of {found:.3g} g, allowed {MAX_GAMMA:g} g")
-        elif (self.pivot is None) != (self.angle is None):
+        elif (self.pivot is None) != ("angle" not in given):
             raise SceneError("pivot and angle go together: the place it rocks about, and how far to either side")
-        elif self.frequency is None:
+        elif "frequency" not in given:
             raise SceneError("give frequency, and either amplitude or gamma, or pivot and angle; or samples")
-        elif self.pivot is not None:
-            return self
-        elif (self.amplitude is None) == (self.gamma is None):
+        elif self.pivot is None and len(given & {"amplitude", "gamma"}) != 1:
             raise SceneError("give either amplitude or gamma")
         return self
 
     @cached_property
     def record(self) -> Record:
         """The motion that the samples make. Only where there are samples."""
-        return integrated(known(self.samples).time, known(self.samples).acceleration)
+        assert self.samples is not None
+        return integrated(self.samples.time, self.samples.acceleration)
 
     @property
     def period(self) -> float:
         """Seconds after which the motion repeats."""
         if self.samples is not None:
             return self.record.period
-        return 1.0 / known(self.frequency)
+        return float(1.0 / self.given["frequency"])
 
     @property
     def omega(self) -> float:
@@ -377,12 +378,12 @@ class Vibration(Weighed):
         displacement; about a pivot of the body's farthest places along x and along y, to first order in the angle.
         """
         if self.pivot is not None:
-            return known(self.angle) * np.array(self._arms[::-1])
+            return np.asarray(self.given["angle"] * np.array(self._arms[::-1]))
         if self.samples is not None:
             return self.record.reach * self.along
-        if self.amplitude is not None:
-            return self.amplitude * self.along
-        return known(self.gamma) * self.gravity / self.omega**2 * self.along
+        given = self.given
+        reach = given["amplitude"] if "amplitude" in given else given["gamma"] * self.gravity / self.omega**2
+        return np.asarray(reach * self.along)
 
     @property
     def speed(self) -> Array:

@@ -54,8 +54,8 @@ class Tray(Table):
     count: Annotated[int, Field(ge=0, le=int(MOST))] | None = Field(
         None, description="granules, of every tray of the fraction"
     )
-    uncertainty: Annotated[float, Field(ge=0), SHARE] | None = Field(
-        None, description="half of the 95 % interval of the share or mass; of a count only what is beyond chance"
+    uncertainty: Annotated[float, Field(ge=0), SHARE] = Field(
+        0.0, description="half of the 95 % interval of the share or mass; of a count only what is beyond chance"
     )
 
     @model_validator(mode="before")
@@ -176,7 +176,7 @@ def _added_up(trays: Sequence[Tray]) -> list[Tray]:
         kind = tray.amount
         place = line if kind == "share" else (tray.fraction, tray.bin, kind)
         if (one := found.get(place)) is not None:
-            spread = hypot(one.uncertainty or 0.0, tray.uncertainty or 0.0)
+            spread = hypot(one.uncertainty, tray.uncertainty)
             tray = one.model_copy(update={kind: getattr(one, kind) + getattr(tray, kind), "uncertainty": spread})
         found[place] = tray
     return list(found.values())
@@ -189,7 +189,7 @@ def _of_fraction(trays: Sequence[Tray]) -> tuple[Array, Array]:
         raise SceneError(f"measured: {trays[0].about}: give all trays of it as {' or as '.join(sorted(amounts))}")
     amount = amounts.pop()
     found = np.array([float(getattr(tray, amount)) for tray in trays])
-    own = np.array([(tray.uncertainty or 0.0) / SIGMAS for tray in trays])
+    own = np.array([tray.uncertainty / SIGMAS for tray in trays])
     if amount == "share":
         return found, np.diag(own**2)
     total = float(found.sum())
@@ -331,4 +331,4 @@ def trays_in(data: Mapping[str, object], base: Path) -> Mapping[str, object]:
     if not isinstance(given, str):
         return data
     trays = read_trays(own_path(given, base, "measured"))
-    return {**data, "measured": [tray.model_dump(exclude_none=True) for tray in trays]}
+    return {**data, "measured": [tray.model_dump(exclude_unset=True) for tray in trays]}

@@ -48,12 +48,16 @@ def setting(text: str, option: str, form: str = "KEY=VALUE") -> tuple[str, str]:
 def share_of(text: str) -> float:
     """A share from text, 0.05 or 5%. Raises ValueError for any other text."""
     try:
-        return float(f"{quantity(text, '1', '5%'):.15g}") if "%" in text else float(text)  # 95 % is 0.95 exactly
+        return float(text)
     except ValueError:
-        raise ValueError(f"{text!r}: needs a share such as 0.05 or 5%") from None
+        pass
+    try:
+        return float(f"{quantity(text, '1', '5 %'):.15g}")  # 95 % is 0.95 exactly
+    except ValueError as problem:
+        raise ValueError(f"{text!r}: {problem}") from None
 
 
-def share_in(value: float | str, name: str) -> float:
+def share_in(value: object, name: str) -> float:
     """A share that is given from Python as a number or as a text such as "5 %". Raises SceneError, by its ``name``, for
     anything else.
     """

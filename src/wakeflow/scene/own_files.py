@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from ..core.errors import FoamError, SceneError, known
+from ..core.errors import FoamError, SceneError
 from ..core.files import own_path, read_toml
 from ..core.foam_text import Entries, read_entries
 from ..core.quantities import quantity, split_quantity
@@ -18,6 +18,7 @@ from ..core.sheets import Sheet, read_sheet
 from ..laws.material import Material, materials, read_material
 from .drawing import with_drawings
 from .machine import Air
+from .overrides import share_in
 
 # -- Materials of the user's own ---------------------------------------------------------------------------------------
 SHAPED = ("rebound_scatter", "tangential_restitution")  # of granules whose shape is known, where they are not 0
@@ -66,7 +67,7 @@ def _as_fraction(which: object, material: Material, table: Mapping[str, object])
     Raises SceneError as :meth:`Material.at_moisture` does.
     """
     if "moisture" in table:
-        share = _share_of(table["moisture"])
+        share = share_in(table["moisture"], "moisture")
         try:
             material = material.at_moisture(share)
         except SceneError as problem:
@@ -84,14 +85,6 @@ def _as_fraction(which: object, material: Material, table: Mapping[str, object])
     if "inertia" in table:
         del values["impact"]
     return {**values, **{key: value for key, value in table.items() if key != "material"}}
-
-
-def _share_of(given: object) -> float:
-    """A share of water as a scene writes it."""
-    try:
-        return quantity(given, "1", "14 %") if isinstance(given, str) else float(str(given))
-    except ValueError:
-        raise SceneError(f"moisture = {given!r}: needs a share, such as '14 %'") from None
 
 
 def _spread(material: Material, key: str) -> object:
@@ -267,18 +260,16 @@ def find_case(given: str, base: Path) -> Path:
     boundary = case / "constant" / "polyMesh" / "boundary"
     if not any(path.exists() for path in (boundary, boundary.with_name("boundary.gz"))):
         raise SceneError(f"air.case = {given!r}: no OpenFOAM mesh (constant/polyMesh) in {case}")
-    latest = _latest(case)
-    if latest is None:
+    if not _solved(case):
         cure = "run its solver (and reconstructPar) first, or rename 0 to 1 if that is a solution"
         raise SceneError(f"air.case = {given!r}: no solved time in {case}; {cure}")
     return case
 
 
-def _latest(case: Path) -> Path | None:
-    """The last time folder that holds a velocity, 0 left out."""
+def _solved(case: Path) -> list[Path]:
+    """The time folders that hold a velocity, the last one last, 0 left out."""
     found = [(float(p.name), p) for p in case.iterdir() if re.fullmatch(NUMBER, p.name) and p.name.count(".") <= 1]
-    solved = [(time, p) for time, p in found if time > 0 and any((p / f).exists() for f in ("U", "U.gz"))]
-    return max(solved)[1] if solved else None
+    return [p for time, p in sorted(found) if time > 0 and any((p / file).exists() for file in ("U", "U.gz"))]
 
 
 def _entries(path: Path) -> Entries:
@@ -295,7 +286,7 @@ def air_of(case: Path) -> JsonTable:
     files cannot be read.
     """
     found: dict[str, object] = {}
-    path = known(_latest(case)) / "U"
+    path = _solved(case)[-1] / "U"
     boundary = _entries(path).get("boundaryField")
     if not isinstance(boundary, dict):
         raise SceneError(f"air.case: {path} is cut short: it has no boundaryField; write that time anew")
@@ -318,5 +309,4 @@ def air_of(case: Path) -> JsonTable:
 
 def is_laminar(case: Path) -> bool:
     """Whether the case's solution has no turbulence: no k beside its velocity."""
-    folder = known(_latest(case))
-    return not any((folder / name).exists() for name in ("k", "k.gz"))
+    return not any((_solved(case)[-1] / name).exists() for name in ("k", "k.gz"))

@@ -29,11 +29,11 @@ class Picture(Table):
     fractions: list[str] | None = Field(None, description="those that are drawn; default: all")
 
     @property
-    def flown(self) -> tuple[int, float | None] | None:
+    def flown(self) -> tuple[int, float | None]:
         """How many granules of each fraction are flown for it, in full detail where they are few, and the upward speed
-        (m/s) of the body that one more of them meets; None: it draws no tracks.
+        (m/s) of the body that one more of them meets; 0: it draws no tracks.
         """
-        return None
+        return 0, None
 
     def chosen(self, names: list[str]) -> list[str]:
         """Which of the fractions are drawn."""

@@ -18,25 +18,25 @@ GRIDS = 1.5  # refinement ratio between the grids of a study: three grids span 1
 class Rung:
     """One level of airflow fidelity.
 
-    ``meaning``: what it computes, in words. ``kind``: the kind of airflow, None where the plan chooses another rung;
-    ``kind_below_shedding``: the kind where the wake does not shed, None for the same. ``scales``: cell edges over the
+    ``meaning``: what it computes, in words. ``kind``: the kind of airflow, empty where the plan chooses another rung;
+    ``kind_below_shedding``: the kind where the wake does not shed, empty for the same. ``scales``: cell edges over the
     usual ones of the kind, one a grid, from fine to coarse; the answer is that of the first, and in time each starts
     from the next. ``accuracy``: relative half width of the 95 % intervals of drag, base pressure and shedding frequency
-    at which a time-resolved solution may end, None for the usual one. ``resolves``: the rung that resolves what this
-    one leaves out where the wake sheds, None where it leaves nothing out.
+    at which a time-resolved solution may end, 0 for the usual one. ``resolves``: the rung that resolves what this
+    one leaves out where the wake sheds, empty where it leaves nothing out.
     """
 
     meaning: str
-    kind: str | None
-    kind_below_shedding: str | None = None
+    kind: str
+    kind_below_shedding: str = ""
     scales: tuple[float, ...] = (1.0,)
-    accuracy: float | None = None
-    resolves: str | None = None
+    accuracy: float = 0.0
+    resolves: str = ""
 
     @property
     def needs_air(self) -> bool:
         """Whether the rung means nothing in a vacuum."""
-        return self.kind not in (None, "none")
+        return self.kind not in ("", "none")
 
 
 rungs: Registry[Rung] = Registry("rung")
@@ -48,7 +48,7 @@ def check_rung(asked: str) -> None:
         raise SceneError(f"rung = {asked!r}: unknown{did_you_mean(asked, list(rungs))} (known: {', '.join(rungs)})")
 
 
-rungs.add("auto", Rung("the rung that the Reynolds number and the accuracy asked for need", None))
+rungs.add("auto", Rung("the rung that the Reynolds number and the accuracy asked for need", ""))
 rungs.add("none", Rung("no air at all; the plan states what that leaves out", "none"))
 rungs.add(
     "draft",

@@ -23,9 +23,8 @@ from ..core.quantities import say, speaking
 from ..core.record import JsonTable
 from .bins.built_in import SideBin
 from .checks import CHECKS, OVER_THE_TOP
-from .doubts import EVERYWHERE, doubts, with_units
 from .measured import trays_in
-from .messages import explain, units_in
+from .messages import EVERYWHERE, doubts, explain, units_in, with_units
 from .overrides import changed
 from .own_files import with_own_files, with_own_materials
 from .schema import Place

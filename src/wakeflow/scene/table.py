@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from inspect import Parameter, signature
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from pydantic import (
     GetJsonSchemaHandler,
     PrivateAttr,
     TypeAdapter,
+    create_model,
 )
 from pydantic_core.core_schema import CoreSchema, no_info_before_validator_function
 
@@ -37,6 +38,37 @@ class Table(BaseModel):
     """A table of a scene file: unknown keys and values of another type are refused, and nothing changes it later."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class LawTable(Table):
+    """A table that names a law, a shape or a motion, whose parameters are keys beside the name."""
+
+    takes: ClassVar[tuple[str, ...]] = ()  # of :func:`parameters`
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The parameters that are given, by their keys."""
+        return {key: value for key in self.takes if (value := getattr(self, key)) is not None}
+
+
+Kind = TypeVar("Kind", bound=LawTable)
+
+
+def parameters(**types: Any) -> Callable[[type[Kind]], type[Kind]]:
+    """A table with these keys beside its own, of which the law or shape that it names takes some; read by
+    :attr:`LawTable.given` alone. ``types``: of each key its type, or that, a description and the name in the file.
+    """
+    keys: dict[str, Any] = {}
+    for key, one in types.items():
+        inner, words, name = (*one, None)[:3] if isinstance(one, tuple) else (one, None, None)
+        keys[key] = inner | None, Field(None, description=words, alias=name)
+
+    def with_keys(table: type[Kind]) -> type[Kind]:
+        made = create_model(table.__name__, __base__=table, __module__=table.__module__, __doc__=table.__doc__, **keys)
+        made.takes = tuple(keys)
+        return made
+
+    return with_keys
 
 
 class Weighed(Table):

@@ -1,16 +1,30 @@
-"""[uncertainty]: how far the scene's own numbers may be off.
+"""[uncertainty]: how far the scene's own numbers may be off, which of them move together, which is never above another.
 
 ``fraction.wheat.restitution = {value = 0.5, uncertainty = 0.1}`` says that the mean restitution of the wheat at hand
 lies between 0.4 and 0.6 in 19 of 20 cases. The same is in the table [uncertainty] under the key's own name, where
 every command finds it: ``uncertainty.fraction.wheat.restitution``. What is not given has the default of
 ``laws.material``; 0 says that a number is exact.
+
+``together = [{inputs = ["fraction.wheat.restitution", "fraction.chaff.restitution"], correlation = 0.8}]`` says that
+where one is too large, the other most likely is too. ``never_above = [["fraction.chaff.restitution",
+"fraction.wheat.restitution"]]`` says that the chaff rebounds no better than the wheat, however little is known of both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from graphlib import CycleError, TopologicalSorter
+from itertools import combinations, pairwise
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict, Field
+from typing_extensions import TypedDict
 
 from ..core.quantities import quantity, split_quantity
+from ..core.registry import did_you_mean
+from .table import Table
 
 SIGMAS = 1.959964  # standard deviations to either end of a normal distribution's middle 95 %
 Margin = float | str  # half of a 95 % interval: in the number's unit (SI), or "5 %" of the number
@@ -110,3 +124,127 @@ def _margin(key: str, value: object) -> object:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < float("inf"):
         raise ValueError(f"{key} = {value!r}: needs a number that is not negative, or a part of the value: '5 %'")
     return float(value)
+
+
+# -- Which numbers move together, and which is never above another -----------------------------------------------------
+Array = NDArray[np.float64]
+LEAST_FREE = 1e-6  # least eigenvalue of a matrix of correlations: below it one number follows from the others
+INVOLVED = 1e-3  # part of a number in what cannot be from which on it is named
+FINE = 100.0  # of a factor that a message names: hundredths
+ANY_MARGIN = {"type": ["number", "string"]}  # what the JSON schema allows below a number's key
+
+
+class Together(Table):
+    """Numbers that are too large or too small together, each pair of them with the same ``correlation``."""
+
+    inputs: Annotated[list[str], Field(min_length=2)] = Field(description="keys of numbers that take an uncertainty")
+    correlation: Annotated[float, Field(gt=-1, lt=1)] = Field(
+        description="below 0: where one is too large, the other is too small"
+    )
+
+
+if TYPE_CHECKING:
+    UncertaintyTable = dict[str, Any]
+else:
+
+    class UncertaintyTable(TypedDict, total=False):
+        """[uncertainty]: margins by the keys of their numbers, and what ties numbers to each other."""
+
+        __pydantic_config__ = ConfigDict(
+            extra="allow",
+            json_schema_extra={
+                "additionalProperties": {"anyOf": [ANY_MARGIN, {"type": "object", "additionalProperties": {
+                    "anyOf": [ANY_MARGIN, {"type": "object", "additionalProperties": ANY_MARGIN}]}}]}
+            },
+        )  # fmt: skip
+        together: Annotated[list[Together], Field(description="which numbers are too large or too small together")]
+        never_above: Annotated[
+            list[Annotated[list[str], Field(min_length=2)]],
+            Field(description="lists of keys: the number at each is never above that at the next"),
+        ]
+
+
+def margins_of(uncertainty: UncertaintyTable) -> dict[str, Margin]:
+    """The margins of single numbers by their keys."""
+    return {key: value for key, value in uncertainty.items() if key not in (TOGETHER, NEVER_ABOVE)}
+
+
+def orders_of(uncertainty: UncertaintyTable) -> list[tuple[str, str]]:
+    """Each pair of keys of which the first number is never above the second."""
+    return [pair for keys in uncertainty.get(NEVER_ABOVE, []) for pair in pairwise(keys)]
+
+
+def said_of(uncertainty: UncertaintyTable) -> set[str]:
+    """The keys of all numbers of which it is said how they move together."""
+    return {key for tie in uncertainty.get(TOGETHER, []) for key in tie.inputs}
+
+
+def correlation_of(uncertainty: UncertaintyTable, keys: Sequence[str]) -> Array:
+    """The correlation (K, K) of the numbers at ``keys``; those that are not said to move together do not."""
+    found, place = np.eye(len(keys)), {key: i for i, key in enumerate(keys)}
+    for tie in uncertainty.get(TOGETHER, []):
+        for one, other in combinations([place[key] for key in tie.inputs if key in place], 2):
+            found[one, other] = found[other, one] = tie.correlation
+    return found
+
+
+# -- What cannot be ----------------------------------------------------------------------------------------------------
+def wrong_ties(uncertainty: UncertaintyTable, units: Mapping[str, str]) -> Iterator[str]:
+    """A line for each mistake in the ties of a scene, whose numbers that are drawn have these ``units`` by key."""
+    lists = [(f"{TOGETHER}[{i}].inputs", tie.inputs) for i, tie in enumerate(uncertainty.get(TOGETHER, []), 1)]
+    lists += [(f"{NEVER_ABOVE}[{i}]", keys) for i, keys in enumerate(uncertainty.get(NEVER_ABOVE, []), 1)]
+    mistakes = [line for place, keys in lists for line in _wrong_keys(f"uncertainty.{place}", keys, units)]
+    yield from mistakes or (*_said_twice(uncertainty), *_impossible(uncertainty), *_wrong_orders(uncertainty, units))
+
+
+def _wrong_keys(place: str, keys: Sequence[str], units: Mapping[str, str]) -> Iterator[str]:
+    for key in dict.fromkeys(keys):
+        if key not in units:
+            hint = "" if key in OF_SCENE else did_you_mean(key, list(units))
+            yield f"{place}: no number {key!r} that is drawn with others{hint}"
+    if len(set(keys)) < len(keys):
+        yield f"{place}: names a number twice"
+
+
+def _said_twice(uncertainty: UncertaintyTable) -> Iterator[str]:
+    said: set[frozenset[str]] = set()
+    for number, tie in enumerate(uncertainty.get(TOGETHER, []), 1):
+        pairs = [frozenset(pair) for pair in combinations(tie.inputs, 2)]
+        for pair in said.intersection(pairs):
+            yield f"uncertainty.together[{number}]: how {' and '.join(sorted(pair))} move together is said before"
+        said.update(pairs)
+
+
+def _impossible(uncertainty: UncertaintyTable) -> Iterator[str]:
+    """No numbers have correlations whose matrix is not positive definite. Made smaller by one factor they can be: with
+    the least eigenvalue v by 1 / (1 - v), and it is the numbers in its eigenvector whose correlations are too large.
+    """
+    ties = uncertainty.get(TOGETHER, [])
+    keys = list(dict.fromkeys(key for tie in ties for key in tie.inputs))
+    if not keys:
+        return
+    sizes, ways = np.linalg.eigh(correlation_of(uncertainty, keys))
+    if sizes[0] >= LEAST_FREE:
+        return
+    meant = {key for key, part in zip(keys, np.abs(ways[:, 0]), strict=True) if part > INVOLVED}
+    which = [i for i, tie in enumerate(ties, 1) if len(meant.intersection(tie.inputs)) > 1]
+    places = ", ".join(f"together[{i}]" for i in which)
+    factor = np.floor(FINE * (1.0 - LEAST_FREE) / (1.0 - sizes[0])) / FINE
+    lower = ", ".join(f"{np.trunc(1e3 * factor * ties[i - 1].correlation) / 1e3:g}" for i in which)
+    yield (
+        f"uncertainty.{places}: no numbers move together like this; lower to {lower}"
+        + (", or say of each pair how it moves together" if len(which) > 1 else " or nearer to 0")
+    )
+
+
+def _wrong_orders(uncertainty: UncertaintyTable, units: Mapping[str, str]) -> Iterator[str]:
+    above: dict[str, set[str]] = {}
+    for low, high in orders_of(uncertainty):
+        above.setdefault(high, set()).add(low)
+        if units[low] != units[high]:
+            own, other = (f"{key} ({'no unit' if units[key] == '1' else units[key]})" for key in (low, high))
+            yield f"uncertainty.never_above: {own} cannot be compared with {other}"
+    try:
+        TopologicalSorter(above).prepare()
+    except CycleError as problem:
+        yield f"uncertainty.never_above goes round: {', '.join(problem.args[1])}; leave one of these orders out"

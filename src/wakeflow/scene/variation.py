@@ -71,13 +71,13 @@ class Variation:
 
     def fed(self, scene: Scene) -> Scene:
         """The scene with the curtain and the air's speed of this draw."""
-        own = scene.feed
-        fallen = {
-            "height": None if own.height is None else own.height * self.feed_fall,
-            "speed": None if own.speed is None else own.speed * math.sqrt(self.feed_fall),
-        }
-        placed = {"width": own.width * self.feed_width, "position": own.position + self.feed_shift}
-        feed = own.model_copy(update={**placed, **fallen})
+        feed = scene.feed
+        changed = {"width": feed.width * self.feed_width, "position": feed.position + self.feed_shift}
+        if feed.height is not None:
+            changed["height"] = feed.height * self.feed_fall
+        if feed.speed is not None:
+            changed["speed"] = feed.speed * math.sqrt(self.feed_fall)
+        feed = feed.model_copy(update=changed)
         air = scene.air and scene.air.model_copy(update={"speed": scene.air.speed * self.air.speed})
         return scene.model_copy(update={"feed": feed, "air": air})
 

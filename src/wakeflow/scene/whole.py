@@ -15,18 +15,16 @@ from ..laws.constants import GRAVITY
 from .bins import AnyBin
 from .bins.built_in import SideBin
 from .fan_speed import fan_point
-from .feed import CollisionTable, Feed
+from .feed import CollisionTable, Feed, Funnel
 from .fraction import Fraction
-from .funnel import Funnel
 from .machine import Air, Body, Channel, Vibration
 from .measured import Tray
 from .pictures import AnyPicture
 from .plumb import Plumb
 from .rungs import rungs
 from .table import Array, Gravity, Name, Table, WithUnit
-from .ties import UncertaintyTable
 from .trade import LimitTable, PriceTable
-from .uncertainty import margins
+from .uncertainty import UncertaintyTable, margins
 
 # -- Terms that are switched by hand -----------------------------------------------------------------------------------
 States = Mapping[str, bool | str | Mapping[str, bool | str]]  # of terms: True or "on", False or "off"
@@ -193,8 +191,7 @@ class SceneTables(Table):
     @property
     def width(self) -> float:
         """Width of the first body (m), of the channel where there is no body: the unit of every reported error."""
-        first = self.first_outline
-        return self.channel.width if first is None else float(np.ptp(first[:, 0]))
+        return float(np.ptp(self.outline[:, 0])) if self.body else self.channel.width
 
     @property
     def unit(self) -> str:
@@ -203,20 +200,19 @@ class SceneTables(Table):
 
     @property
     def first_outline(self) -> Array | None:
-        """Corners (k, 2) of the first body (m), which the feed falls on; None where there is no body in the channel."""
-        return next((body.outline() for body in self.body.values()), None)
+        """:attr:`outline`; None where there is no body in the channel."""
+        return self.outline if self.body else None
 
     @property
     def outline(self) -> Array:
-        """:attr:`first_outline` of a scene that has a body. Raises LookupError without one."""
-        return known(self.first_outline, "the outline of no body")
+        """Corners (k, 2) of the first body (m), which the feed falls on. Raises LookupError without one."""
+        return list(self.body.values())[0].outline()  # noqa: RUF015  of a scene without a body an error of ours
 
     @property
     def level(self) -> float:
         """y (m) down to which the feed falls freely: the first body's top, or where the curtain enters without one."""
-        first = self.first_outline
-        if first is not None:
-            return float(first[:, 1].max())
+        if self.body:
+            return float(self.outline[:, 1].max())
         return self.channel.top if self.feed.level is None else self.feed.level
 
     @property
@@ -233,9 +229,9 @@ class SceneTables(Table):
         return self.level - self.channel.bottom if plumb.upright else plumb.way(plumb.down)
 
     @property
-    def reynolds(self) -> float | None:
-        """Re = rho U D / mu on the first body's width (the channel's without one); None in a vacuum."""
-        return None if self.air is None else self.air.density * self.air.speed * self.width / self.air.viscosity
+    def reynolds(self) -> float:
+        """Re = rho U D / mu on the first body's width (the channel's without one); 0 in a vacuum."""
+        return 0.0 if self.air is None else self.air.density * self.air.speed * self.width / self.air.viscosity
 
     @property
     def motion(self) -> tuple[Array, float]:

@@ -55,20 +55,20 @@ def motion_words(vibration: Vibration) -> str:
     reach = metres(float(np.hypot(*vibration.displacement)), 3)
     if vibration.pivot is not None:
         x, y = (metres(part) for part in vibration.pivot)
-        reach = f"{say(vibration.angle or 0.0, 'rad', 3)} about x = {x}, y = {y}"
+        reach = f"{say(vibration.given['angle'], 'rad', 3)} about x = {x}, y = {y}"
     return f"{say(1.0 / vibration.period, 'Hz', 4)}, ± {reach} ({vibration.strength:.3g} g)"
 
 
 def body_words(name: str, body: Body, whole: Scene | None) -> str:
     """A body's measures, its place unless that is the origin, and of the first one the motion of all."""
-    size = np.ptp(body.outline(), axis=0)
-    if body.length is not None and body.thickness is not None:
-        measures = f"{metres(body.length)} x {metres(body.thickness)}"
+    size, given = np.ptp(body.outline(), axis=0), body.given
+    if "thickness" in given:
+        measures = f"{metres(given['length'])} x {metres(given['thickness'])}"
     elif body.shape == "circle":
         measures = f"{metres(float(size[0]))} across"
     else:
         measures = f"{metres(float(size[0]), 4)} x {metres(float(size[1]), 4)}"
-    angle = "" if body.slope_angle is None else f", {say(body.slope_angle, 'rad', 4)}"
+    angle = f", {say(given['slope_angle'], 'rad', 4)}" if "slope_angle" in given else ""
     lines = [f"{name}: {measures}{angle}"]
     if any(body.at):
         lines.append(f"at x = {metres(body.at[0])}, y = {metres(body.at[1])}")

@@ -157,20 +157,21 @@ class Airflow(AirflowResult):
         """The channel's loss coefficient on the mean speed of the air of a ``scene`` with a fan; where the air is
         ``loaded``, feels the granules, the weight that it bears is taken off as the scene estimates it.
         """
-        air, borne = scene.airstream, known(scene.airstream.point).feed if loaded else 0.0
+        air = scene.airstream
+        borne = air.point.feed if loaded and air.point is not None else 0.0
         return max(0.0, known(self.pressure_drop) - borne) / (0.5 * air.density * air.speed**2)
 
     def by_fan(self, scene: Scene, *, loaded: bool) -> FanSummary | None:
         """Where the scene's fan has the air by the drop that was computed; None without a fan, and without a drop."""
         air = scene.air
-        if air is None or air.fan is None or self.pressure_drop is None:
+        if air is None or air.fan is None or air.point is None or self.pressure_drop is None:
             return None
         fan = air.fan.model_copy(update={"channel_loss": self.loss(scene, loaded=loaded)} if scene.body else {})
         try:
             meets: float | None = fan_point(scene, fan).speed.value
         except SceneError:  # so large a drop that the fan moves nothing
             meets = None
-        return FanSummary(known(air.point), self.pressure_drop, meets)
+        return FanSummary(air.point, self.pressure_drop, meets)
 
     def by_momentum(self, scene: Scene) -> MomentumModel | None:
         """The paper's momentum model of the first body, for comparison: pressure on its front, and Cd with the computed

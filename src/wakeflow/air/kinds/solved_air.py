@@ -120,7 +120,7 @@ class SteadyAir(SolvedAir):
 
     @property
     def model_is_unknown(self) -> bool:
-        return (self.scene.reynolds or 0.0) >= SHEDDING_ABOVE
+        return self.scene.reynolds >= SHEDDING_ABOVE
 
 
 @airflow_kinds.register("time-resolved")

@@ -110,7 +110,7 @@ def _like(scene: Scene, how: FractionPlan, loading: float) -> Iterator[Entry]:
     """What was computed for the scene's body, of granules such as those of a fraction, in air under a ``loading``."""
     numbers = {
         "blockage": scene.width / scene.channel.width, "curtain": scene.feed.width / scene.width,
-        "stokes": how.stokes, "reynolds": scene.reynolds or 0.0, "loading": loading,
+        "stokes": how.stokes, "reynolds": scene.reynolds, "loading": loading,
     }  # fmt: skip
     settling, (shape, slope) = (how.terminal_velocity or 0.0) / scene.airstream.speed, family_of(scene)
     for one in span_shares().values():

@@ -25,7 +25,6 @@ def compute(funnel: Funnel, make: Make, tell: Callable[[str], None]) -> FunnelSu
     fails.
     """
     asked = {name: getattr(funnel, name) for name in type(funnel).model_fields}
-    asked |= {"density": funnel.bead_density, "restitution": funnel.bead_restitution, "friction": funnel.bead_friction}
     asked |= {"count": funnel.beads, "mass": None, "material": None, "gravity": funnel.gravity}
     if not funnel.amplitude:
         asked["frequency"] = None

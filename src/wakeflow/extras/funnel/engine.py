@@ -157,7 +157,7 @@ def cone_of(funnel: Funnel) -> Cone:
     _, fill = _layers(funnel)
     slope = math.tan(funnel.half_angle)
     top = fill + funnel.high if funnel.width is None else (funnel.width - funnel.orifice) / (2 * slope)
-    peak = BRIM_SPEED_RATIO * funnel.amplitude * 2 * math.pi * (funnel.frequency or 0.0)
+    peak = BRIM_SPEED_RATIO * funnel.amplitude * 2 * math.pi * funnel.shaken_at
     brim = max(top, fill) + 5 * funnel.high + 2 * funnel.amplitude + peak**2 / (2 * funnel.gravity)
     return Cone(funnel.orifice / 2, slope, top, brim)
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import known
 from ...core.record import save
 from ...laws.collision import contact_time
 from ...laws.streams import beverloo, cone_factor
@@ -62,12 +61,12 @@ class Bed:
 
 def steps_of(funnel: Funnel) -> Steps:
     """The time step: 1/steps_per_contact of the quickest collision of two of the smallest beads."""
-    omega = 2 * math.pi * (funnel.frequency or 0.0)
+    omega = 2 * math.pi * funnel.shaken_at
     speed = FAST + omega * funnel.amplitude
-    contact = contact_time(funnel.low, funnel.bead_density, funnel.youngs_modulus, speed, POISSON)
+    contact = contact_time(funnel.low, funnel.density, funnel.youngs_modulus, speed, POISSON)
     dt = contact / funnel.steps_per_contact
     if funnel.amplitude:
-        dt = 1 / (known(funnel.frequency) * math.ceil(1 / (known(funnel.frequency) * dt)))
+        dt = 1 / (funnel.shaken_at * math.ceil(1 / (funnel.shaken_at * dt)))
     return Steps(dt, contact)
 
 
@@ -76,8 +75,8 @@ def contact_settings(funnel: Funnel, steps: Steps) -> dict[str, float | int | st
     return {
         "youngs": funnel.youngs_modulus,
         "poisson": POISSON,
-        "e": funnel.bead_restitution,
-        "f": funnel.bead_friction,
+        "e": funnel.restitution,
+        "f": funnel.friction,
         "fw": funnel.wall_friction,
         "fr": funnel.rolling_friction,
         "rolling": "epsd2" if funnel.rolling_friction > 0 else "off",
@@ -99,7 +98,7 @@ def pour(funnel: Funnel, folder: Path, tell: Callable[[str], None]) -> None:
     cone, steps = cone_of(still), steps_of(still)
     centres, diameters, velocities = loose_heap(still)
     write_stl(folder, cone)
-    write_beads(folder, centres, diameters, velocities, still.bead_density, box_of(still, cone, 4 * still.high))
+    write_beads(folder, centres, diameters, velocities, still.density, box_of(still, cone, 4 * still.high))
     settings = contact_settings(still, steps) | {
         "every": steps.of(CHUNK / 2),
         "chunk": steps.of(CHUNK),
@@ -156,10 +155,10 @@ def discharge(funnel: Funnel, poured: Path, folder: Path, tell: Callable[[str], 
     level = -(funnel.amplitude + funnel.high)
     write_stl(folder, cone)
     box = box_of(funnel, cone, -level + 3 * funnel.high)
-    write_beads(folder, bed.centres, bed.diameters, np.zeros_like(bed.centres), funnel.bead_density, box)
+    write_beads(folder, bed.centres, bed.diameters, np.zeros_like(bed.centres), funnel.density, box)
     closed = steps.of(_whole(funnel, SHAKEN if funnel.amplitude else REST))
     write_settings(folder, contact_settings(funnel, steps) | _timing(funnel, steps, closed, level))
-    total = float((funnel.bead_density * math.pi / 6 * bed.diameters**3).sum())
+    total = float((funnel.density * math.pi / 6 * bed.diameters**3).sum())
 
     def hear(line: str) -> None:
         words = line.split()
@@ -177,13 +176,13 @@ def _whole(funnel: Funnel, time: float) -> float:
     """The next whole number of periods above ``time`` (s); at rest ``time`` itself."""
     if not funnel.amplitude:
         return time
-    return math.ceil(time * known(funnel.frequency) - 1e-9) / known(funnel.frequency)
+    return math.ceil(time * funnel.shaken_at - 1e-9) / funnel.shaken_at
 
 
 def _timing(funnel: Funnel, steps: Steps, closed: int, level: float) -> dict[str, float | int | str]:
     """Variables of discharge.liggghts."""
     expected = funnel.total_mass / funnel.expected_rate if funnel.expected_rate else 1.0
-    chunk = _whole(funnel, max(QUIET, 4 / funnel.frequency if funnel.amplitude and funnel.frequency else 0.0))
+    chunk = _whole(funnel, max(QUIET, 4 / funnel.shaken_at if funnel.shaken_at else 0.0))
     return {
         "amplitude": funnel.amplitude,
         "period": 1 / funnel.frequency if funnel.frequency else 1.0,
@@ -199,12 +198,12 @@ def _timing(funnel: Funnel, steps: Steps, closed: int, level: float) -> dict[str
 def _table(
     funnel: Funnel, cone: Cone, steps: Steps, bed: Bed, curve: Curve, total: float, shots: list[tuple[int, Array]]
 ) -> FunnelSummary:
-    rate = rate_of(curve, total, 1 / funnel.frequency if funnel.amplitude and funnel.frequency else None)
+    rate = rate_of(curve, total, 1 / funnel.shaken_at if funnel.shaken_at else None)
     filled = packing_fraction(bed, cone)
     law = (
         None
         if math.isnan(filled)
-        else beverloo(funnel.orifice, funnel.diameter, filled * funnel.bead_density, gravity=funnel.gravity)
+        else beverloo(funnel.orifice, funnel.diameter, filled * funnel.density, gravity=funnel.gravity)
     )
     kept = np.unique(np.linspace(0, len(curve.time) - 1, min(len(curve.time), CURVE_POINTS)).astype(int))
     left = int(curve.beads[-1])

@@ -14,8 +14,7 @@ from ...core.errors import SceneError
 from ...core.files import atomic_write, read_whole, toml_of
 from ...core.record import JsonTable
 from ...scene import Scene
-from ...scene.doubts import EVERYWHERE
-from ...scene.messages import units_in
+from ...scene.messages import EVERYWHERE, units_in
 
 if TYPE_CHECKING:
     from tomlkit import TOMLDocument

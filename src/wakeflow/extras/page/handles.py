@@ -101,15 +101,14 @@ def _bodies(scene: Scene) -> Iterator[Handle]:
         key, centre = f"body.{name}", (float(body.at[0]), float(body.at[1]))
         yield Handle(f"{key} place", f"{name}: where it is", f"{key}.at", centre, "xy",
                      partial(_place, f"{key}.at"))  # fmt: skip
-        outline = body.outline()
-        if body.points is not None:
-            for i, (a, b) in enumerate(body.points):
+        outline, given = body.outline(), body.given
+        if "points" in given:
+            for i, (a, b) in enumerate(given["points"]):
                 yield Handle(f"{key} corner {i + 1}", f"{name}: corner {i + 1}", f"{key}.points",
                              (centre[0] + a, centre[1] + b), "xy", partial(_corner, key, body, i))  # fmt: skip
-        elif body.length is not None:
-            assert body.slope_angle is not None
-            half, side = body.length / 2, -1.0 if body.descends == "left" else 1.0
-            x, y = side * half * math.cos(body.slope_angle), -half * math.sin(body.slope_angle)
+        elif "length" in given:
+            half, side = given["length"] / 2, -1.0 if given.get("descends") == "left" else 1.0
+            x, y = side * half * math.cos(given["slope_angle"]), -half * math.sin(given["slope_angle"])
             point = centre[0] + x, centre[1] + y
             yield Handle(f"{key} end", f"{name}: length and slope", f"{key}.length", point, "xy",
                          partial(_plate, key, body))  # fmt: skip
@@ -117,8 +116,8 @@ def _bodies(scene: Scene) -> Iterator[Handle]:
             right = float(outline[:, 0].max())
             yield Handle(f"{key} width", f"{name}: width", f"{key}.width", (right, float(_level(body, right))), "x",
                          partial(_width, f"{key}.width", centre[0]))  # fmt: skip
-        if (body.slope_angle is not None and body.length is None) or body.height is not None:
-            field = f"{key}.{'slope_angle' if body.height is None else 'height'}"
+        if ("slope_angle" in given and "length" not in given) or "height" in given:
+            field = f"{key}.{'height' if 'height' in given else 'slope_angle'}"
             yield Handle(f"{key} slope", f"{name}: slope", field, (centre[0], float(outline[:, 1].max())), "y",
                          partial(_slope, key, body))  # fmt: skip
 
@@ -138,8 +137,7 @@ def _level(body: Body, right: float) -> float:
 
 
 def _corner(key: str, body: Body, which: int, x: float, y: float) -> Changes:
-    assert body.points is not None
-    points = [[float(a), float(b)] for a, b in body.points]
+    points = [[float(a), float(b)] for a, b in body.given["points"]]
     points[which] = [x - body.at[0], y - body.at[1]]
     return {f"{key}.points": points}
 
@@ -153,10 +151,10 @@ def _plate(key: str, body: Body, x: float, y: float) -> Changes:
 def _slope(key: str, body: Body, _: float, y: float) -> Changes:
     """Its top is dragged: what stands over the centre is a fixed part of the height of either shape."""
     grown = max(y - body.at[1], 1e-9) / (float(body.outline()[:, 1].max()) - body.at[1])
-    if body.height is not None:
-        return {f"{key}.height": body.height * grown}
-    assert body.slope_angle is not None
-    return {f"{key}.slope_angle": math.atan(math.tan(body.slope_angle) * grown)}
+    given = body.given
+    if "height" in given:
+        return {f"{key}.height": given["height"] * grown}
+    return {f"{key}.slope_angle": math.atan(math.tan(given["slope_angle"]) * grown)}
 
 
 def _feed(scene: Scene) -> Iterator[Handle]:

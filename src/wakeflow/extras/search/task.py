@@ -169,7 +169,7 @@ def _within(file: TaskFile, held: Mapping[str, object]) -> list[Axis]:
         raise SceneError(f"search.within: {twice[0]} is there twice; change it once")
     if fixed := [axis.key for axis in axes if len(axis.values) < 2]:
         raise SceneError(f"search.within.{fixed[0]}: needs from and to, or values; what is fixed is for search.set")
-    if down := [axis.key for axis in axes if axis.ends is not None and axis.ends[0] > axis.ends[1]]:
+    if down := [axis.key for axis in axes if axis.ends and axis.ends[0] > axis.ends[1]]:
         raise SceneError(f"search.within.{down[0]}: from must be below to")
     if parted := [axis.key for axis in axes if 0 < len(held.keys() & set(axis.keys)) < len(axis.keys)]:
         raise SceneError(f"{parted[0]}: keys that are tied are held together or not at all")

@@ -79,6 +79,4 @@ def _std(fraction: Fraction, part: str) -> float:
         p = np.array([0.158655, 0.841345])
         low, high = given.quantile(p, MAX_COEFFICIENT.get(part, np.inf))
         return float(high - low) / 2
-    if given is not None or fraction._as_known is None:
-        return 0.0
-    return float(getattr(fraction._as_known, f"{part}_std"))
+    return 0.0 if given is not None else float(getattr(fraction.spread_material, f"{part}_std"))

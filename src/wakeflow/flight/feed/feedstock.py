@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from ... import flight as tracking
 from ...air.field import FlowField
-from ...core.errors import known
 from ...core.geometry import edges, halved, normals
 from ...laws.collision import approach_speed, scattered_rebound
 from ...laws.constants import GRAVITY, STANDARD_AIR
@@ -32,12 +31,12 @@ from ...laws.restitution import restitution_at
 from ...laws.size import normal_quantile
 from ...planning.carried_round import axis
 from ...planning.plan import REPLICATES, FractionPlan, Plan
-from ...scene import Scene, Speeds
+from ...scene import Scene, Speeds, Vibration
 from ...scene.variation import GranuleVariation
 from .. import Granules
 from ..granules import toss_of
 from .birth import PLACED, TRAITS, blows_of, samples, traits_of, varied_granules
-from .first_contact import first_contact, motion_of
+from .first_contact import first_contact, motion_by, motion_of
 
 Array = NDArray[np.float64]
 MIXING = 1024  # shedding periods over which release times spread: their fraction cut off biases the phase that much
@@ -90,8 +89,7 @@ def arrival(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, spe
     """
     if scene.air is None:
         return np.sqrt(speed**2 + 2 * scene.gravity * np.maximum(drop, 0.0))
-    outline = scene.first_outline
-    reach = max((0.0 if outline is None else float(np.ptp(outline[:, 1]))) + scene.release[0], scene.width) + 1.0
+    reach = max((float(np.ptp(scene.outline[:, 1])) if scene.body else 0.0) + scene.release[0], scene.width) + 1.0
     reach *= 2.0 ** max(
         0.0, np.ceil(np.log2((float(drop.max(initial=0.0)) + 0.5) / reach))
     )  # the same for any part of the granules
@@ -142,15 +140,14 @@ def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
         return points[:, 0] * (field_period or 0.0)
     period = scene.vibration.period
     if scene.feed.start == "resting":
-        points = np.stack([np.full(len(points), _dead_point(scene) / period), points[:, 1]], axis=1)
+        points = np.stack([np.full(len(points), _dead_point(scene.vibration) / period), points[:, 1]], axis=1)
     whole = int(np.ceil(MIXING * field_period / period)) if field_period else 1
     return period * (np.floor(points[:, 1] * whole) + points[:, 0])
 
 
-def _dead_point(scene: Scene) -> float:
+def _dead_point(vibration: Vibration) -> float:
     """Time (s) within the first period at which the vibrating body stands still at its lowest along the vibration."""
-    motion, vibration = known(motion_of(scene)), known(scene.vibration)
-    period, along = vibration.period, vibration.along
+    motion, period, along = motion_by(vibration), vibration.period, vibration.along
     if vibration.samples is None:
         return 0.75 * period
     times = np.linspace(0.0, period, 4097)
@@ -161,10 +158,9 @@ def _dead_point(scene: Scene) -> float:
 
 def _lying(scene: Scene, outline: Array, x: Array, radius: Array) -> Array:
     """Centres (n, 2) m of granules that lie on the body at its lower dead point, where all is at rest in the lab."""
-    height, _ = contact_points(outline, x, radius)
-    motion = motion_of(scene)
-    lying = np.stack([x, height], axis=1)
-    return lying if motion is None else lying + motion.at(_dead_point(scene), lying)[0]
+    lying = np.stack([x, contact_points(outline, x, radius)[0]], axis=1)
+    vibration = scene.vibration
+    return lying if vibration is None else lying + motion_by(vibration).at(_dead_point(vibration), lying)[0]
 
 
 def granules_of(

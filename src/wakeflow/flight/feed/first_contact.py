@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import known
 from ...core.geometry import halved_all
-from ...scene import Scene
+from ...scene import Scene, Vibration
 from .. import Motion
 
 Array = NDArray[np.float64]
@@ -25,11 +24,13 @@ HALVINGS, ROUGHLY = 60, 12  # of a bracket: for a contact; for a dip, whose dept
 
 def motion_of(scene: Scene) -> Motion | None:
     """How the bodies of a scene move; None at rest."""
-    vibration = scene.vibration
-    if vibration is None:
-        return None
+    return None if scene.vibration is None else motion_by(scene.vibration)
+
+
+def motion_by(vibration: Vibration) -> Motion:
+    """How bodies move that vibrate so."""
     if vibration.pivot is not None:
-        return Motion(known(vibration.angle), 1.0 / vibration.period, pivot=vibration.pivot)
+        return Motion(vibration.given["angle"], 1.0 / vibration.period, pivot=vibration.pivot)
     if vibration.samples is not None:
         return Motion.sampled(vibration.samples.time, vibration.samples.acceleration, tuple(vibration.along))
     return Motion(tuple(vibration.displacement), 1.0 / vibration.period)

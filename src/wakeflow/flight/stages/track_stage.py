@@ -102,7 +102,7 @@ class TrackStage:
 
         names, flown = picture.chosen(list(self.scene.fraction)), picture.flown
         tolerance = self.scene.numerics.tolerance
-        if flown is None:
+        if not flown[0]:
             return {}
         key = content_key(self.key, tolerance, names, flown)
         tell = partial(self.cache.tell, "shown")

@@ -148,7 +148,7 @@ def _body(scene: Scene, outline: Any) -> Any:
     if scene.vibration is not None:
         polygon.field_data["vibration (m)"] = np.abs(scene.motion[0])
         if scene.vibration.pivot is not None:
-            polygon.field_data["rocks (rad)"] = np.array([scene.vibration.angle])
+            polygon.field_data["rocks (rad)"] = np.array([scene.vibration.given["angle"]])
             polygon.field_data["pivot (m)"] = np.asarray(scene.vibration.pivot)
         polygon.field_data["frequency (Hz)"] = np.array([1.0 / scene.vibration.period])
     return polygon
