@@ -26,7 +26,7 @@ from wakeflow.answer.spread import Tally
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import Boxes, ForceDensity
 from wakeflow.flight.feed.feedstock import feedstock
-from wakeflow.flight.stages.air_loading import SHARES, LoadedCase, Pass, exerted_by, relaxed
+from wakeflow.flight.stages.air_loading import SHARES, CaseLoading, Pass, exerted_by, relaxed
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.flight.stages.gathered_force import Gathered
 from wakeflow.flight.stages.pipeline import Pipeline
@@ -119,7 +119,7 @@ def test_the_force_goes_on_to_where_a_proportional_answer_meets_it() -> None:
     assert relaxed(1.0, a, a) == SHARES[0]  # air that answers nothing: there is no such force
 
 
-class _Answering(LoadedCase):
+class _Answering(CaseLoading):
     """Passes in air that answers a force f by asking for (a - b f), known to a part ``noise`` in each of 64 boxes."""
 
     bare = ("air", None)
@@ -181,7 +181,7 @@ def test_the_force_of_a_dense_curtain_settles() -> None:
     assert loading is not None
     assert 3 < len(loading.passes) <= 10
     assert loading.settled(loading.passes[-1])
-    assert loading.summary.unanswered < LoadedCase.answered
+    assert loading.summary.unanswered < CaseLoading.answered
     assert loading.summary.force[1] < 0.6 * loading.first.force.total[1]
 
 
@@ -240,7 +240,7 @@ def test_what_is_unanswered_does_not_depend_on_where_gravity_points(tilt: float)
 @pytest.mark.openfoam
 def test_the_loaded_air_is_slower_above_the_body_and_its_own_mirror_image(loaded: wf.Result) -> None:
     pipeline = loaded_pipeline()
-    bare, field = pipeline.loading.steady.field[1], pipeline.field[1]
+    bare, field = pipeline.loading.steady.field, pipeline.field[1]
     axis = np.array([[1e-4, 0.06], [1e-4, 0.1]])
     assert np.all(field.sample(axis)[0][:, 1] > bare.sample(axis)[0][:, 1] + 0.1)  # downward: less negative
     places = np.array([[0.013, 0.05], [0.04, 0.02], [0.07, -0.06]])
@@ -260,7 +260,7 @@ def test_it_comes_from_the_cache_and_its_keys_follow_the_feed(loaded: wf.Result)
     keys = {path.name for path in (pipeline.store.root / "loaded-airflow").iterdir() if path.is_dir()}
     assert {one.key for one in pipeline.loading.passes} <= keys
     case = pipeline.loading.passes[-1].folder / "case"
-    assert pipeline.kind.case == case
+    assert pipeline.air.case == case
     assert json.loads((case / "airflow.json").read_text())["verdict"] == "steady"
     scene, plan = pipeline.scene, pipeline.plan
     fed = exerted_by(scene, plan)
@@ -275,10 +275,10 @@ def test_both_ends_of_the_wake_are_solved_under_the_force_on_every_grid(loaded: 
     pipeline, bare = loaded_pipeline("standard"), loaded_pipeline("standard", {LOADING: False})
     force = pipeline.loading.force.total[1]
     for grid in range(len(pipeline.plan.airflow.scales)):
-        one = pipeline.on_grid(grid)
-        laid = [json.loads((air.case / SOURCE).read_text())["force"][1] for air in (one.kind, one.draft.kind)]
+        ends = pipeline.airs.answers[grid], pipeline.airs.steady[grid]
+        laid = [json.loads((air.case / SOURCE).read_text())["force"][1] for air in ends]
         assert laid == pytest.approx([force, force / 2], rel=1e-9)  # of the whole channel, and of its half
-        assert one.draft.grid == grid
+        assert ends[1].grid == grid
     ends, without = pipeline.airflow.ends, bare.airflow.ends
     for end in ("steady", "time_resolved"):
         assert getattr(ends, end).cd.value < 0.97 * getattr(without, end).cd.value
@@ -308,7 +308,7 @@ def test_where_granules_meet_the_last_pass_is_under_the_force_of_those(loaded: w
     many, few = (loading._alone(settled.key, field, most) for most in (GATHERED, PASSING))
     np.testing.assert_array_equal(among.before.density, many.before.density)
     np.testing.assert_array_equal(settled.gathered.force.density, few.force.density)
-    assert 0.0 < few.sampling < 0.3 * LoadedCase.answered
+    assert 0.0 < few.sampling < 0.3 * CaseLoading.answered
     assert 0.2 < among.before.total[1] / among.force.total[1] < 0.5
     assert loading.summary.passes == len(alone)
     assert loading.force is last.force
@@ -334,8 +334,7 @@ def test_the_bound_holds_and_is_not_idle(loaded: wf.Result) -> None:
     calm = plan.with_forces(("drag", "gravity", "buoyancy", "pressure-gradient"))
     grains = feedstock(asked, calm, "chaff", None).granules
     ends = [
-        Flight(asked, calm, Realisations(air), 1e-6).fly("chaff", grains).position
-        for air in (bare[1], pipeline.field[1])
+        Flight(asked, calm, Realisations(air), 1e-6).fly("chaff", grains).position for air in (bare, pipeline.field[1])
     ]
     shift = np.percentile(np.linalg.norm(ends[1] - ends[0], axis=1) / asked.width, 95)
     bound = plan.fractions["chaff"].bounds[LOADING]

@@ -44,7 +44,7 @@ class MeshMotionSummary:
 @dataclass(frozen=True)
 class Attempt:
     """A solution that failed before the settings that served were found, see
-    :mod:`wakeflow.air.foam.fallback_settings`.
+    :mod:`wakeflow.air.foam.airflow`.
     """
 
     settings: str = column("", "the settings it was tried with")
@@ -156,3 +156,31 @@ class AirflowResult:
     checks: dict[str, float] | None = column("1", "share of every sanity limit that is taken up", default=None)
     span: SpanwiseMotion | None = column("", "of an airflow in three dimensions; null in the plane", default=None)
     half: bool | None = column("", "whether a given case is the right half of the channel", default=None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseResult(AirflowResult):
+    """The same of an airflow in an OpenFOAM case, solved or given: these it always has."""
+
+    stepping: str
+    turbulence: str
+    cells: int
+    reynolds: float
+    cd: Number
+    cp_base: Number
+    cp_front: float
+    p_inlet: float
+    pressure_drop: float
+    flow_rate: float
+    mass_error: float
+    suction: SuctionZone
+    y_plus: tuple[float, ...]
+    field_time: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpanResult(CaseResult):
+    """The same of an airflow in three dimensions."""
+
+    period: float
+    span: SpanwiseMotion

@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -22,11 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...air.field import FlowField
-from ...air.kinds.airflow_kinds import AirflowKind, CaseAir
-from ...air.kinds.airflow_table import Airflow, AirLoadingSummary
-from ...air.kinds.analytic import jet_field, jet_of
+from ...air.kinds.airflow_kinds import Air
+from ...air.kinds.airflow_table import Airflow, AirLoadingSummary, CaseAirflow
+from ...air.kinds.analytic import jet_airflow, jet_field, jet_of
 from ...air.kinds.case_field import case_field
-from ...air.kinds.solved_air import SolvedAir
+from ...air.kinds.known_air import AnalyticAir
+from ...air.kinds.solved_air import LoadedAir, SolvedAir, SteadyAir
 from ...core.errors import known
 from ...core.geometry import ForceDensity
 from ...core.lazy import cached_property
@@ -70,11 +71,15 @@ class Pass:
         return off / max(whole, 1e-300)
 
 
-class _Early(NamedTuple):
-    """A ``force`` on the air as it is known first, and the ``key`` of the airflow that it was gathered in."""
+@dataclass(frozen=True)
+class _Early:
+    """The force of granules on the air that does not feel them."""
 
-    force: ForceDensity
-    key: str
+    loading: AirLoading
+
+    @property
+    def force(self) -> ForceDensity:
+        return self.loading.first.force
 
 
 class _Way(NamedTuple):
@@ -91,17 +96,18 @@ class _Way(NamedTuple):
 
 @dataclass
 class AirLoading(ABC):
-    """The granules' force on the airflow of a scene, gathered in the steady one; ``steady``: that one where it does not
-    feel them yet.
-    """
+    """The granules' force on the airflow of a scene, gathered in the ``steady`` one, which itself feels none."""
 
-    scene: Scene
-    plan: Plan  # of the steady airflow
-    cache: StageCache
-    steady: AirflowKind
+    steady: Air
     compilation: Compilation
     workers: int | None = None
+    scene: Scene = field(init=False, repr=False)
+    plan: Plan = field(init=False, repr=False)  # of the steady airflow
+    cache: StageCache = field(init=False, repr=False)
     answered: ClassVar[float]  # of the force: what the air may lack of it; chosen
+
+    def __post_init__(self) -> None:
+        self.scene, self.plan, self.cache = self.steady.scene, self.steady.plan, self.steady.cache
 
     @property
     @abstractmethod
@@ -158,8 +164,8 @@ class AirLoading(ABC):
 
     @property
     def early(self) -> _Early:
-        """The force that granules exert on the air that does not feel them."""
-        return _Early(self.first.force, self.bare[0])
+        """The force as it is known first, gathered when it is asked for."""
+        return _Early(self)
 
     @cached_property
     def first(self) -> Gathered:
@@ -257,10 +263,10 @@ class AirLoading(ABC):
 
 
 @dataclass
-class LoadedCase(AirLoading):
+class CaseLoading(AirLoading):
     """That on an airflow which OpenFOAM solves."""
 
-    steady: CaseAir
+    steady: SteadyAir
     answered = 0.1
 
     @property
@@ -269,7 +275,7 @@ class LoadedCase(AirLoading):
 
         case = known(self.passes[-1].folder) / "case"
         laid = json.loads((case / SOURCE).read_text())
-        before, after = self.steady.measured, load(Airflow, case / "airflow.json")
+        before, after = self.steady.measured, load(CaseAirflow, case / "airflow.json")
         return self._summary(
             (2.0 if self.steady.half else 1.0) * laid["force"][1],
             cd_without=before.cd,
@@ -285,7 +291,7 @@ class LoadedCase(AirLoading):
 
     @property
     def unloaded(self) -> tuple[str, FlowField]:
-        return known(self.steady.field)
+        return self.steady.key, self.steady.field
 
     def under(self, force: ForceDensity, before: Made, *, last: bool) -> Made:
         key, folder = before
@@ -294,10 +300,10 @@ class LoadedCase(AirLoading):
     def field_in(self, force: ForceDensity, made: Made) -> FlowField:
         del force  # in the case
         case = known(made[1]) / "case"
-        time = known(load(Airflow, case / "airflow.json").field_time)
+        time = load(CaseAirflow, case / "airflow.json").field_time
         return self.steady.in_gas(case_field(case, time, self.scene.airstream.density, half=self.steady.half))
 
-    def solution_on(self, air: CaseAir) -> tuple[str, Path]:
+    def solution_on(self, air: SolvedAir) -> tuple[str, Path]:
         """Key and folder of the steady airflow under that force, on the grid of ``air``, which does not feel it."""
         before = air.solution  # another core gathers the force meanwhile
         last = self.passes[-1]
@@ -306,16 +312,15 @@ class LoadedCase(AirLoading):
         return self._solved(air, last.force, *before)
 
     def _solved(
-        self, air: CaseAir, force: ForceDensity, from_key: str, start: Path, most: int | None = None
+        self, air: SolvedAir, force: ForceDensity, from_key: str, start: Path, most: int | None = None
     ) -> tuple[str, Path]:
         """Key and folder of the steady ``air`` under ``force``, from the cache or solved on from another's; after
         ``most`` iterations, None: once it has settled.
         """
         from ...air.foam import solve_airflow
-        from ...air.foam.fallback_settings import schemes_in
+        from ...air.foam.airflow import schemes_in
         from ...air.foam.steady import MOST
 
-        assert isinstance(air, SolvedAir)
         spec, msh, before = air.solved_spec, air.mesh[1] / "mesh.msh", start / "case"
         key = content_key("loaded-airflow", from_key, force.digest, most, code_of("air.foam.airflow"))
 
@@ -334,7 +339,7 @@ class LoadedCase(AirLoading):
 
 
 @dataclass
-class DrivenAir(AirLoading):
+class JetLoading(AirLoading):
     """That on air at rest, which is a jet under it. The speed of granules follows the force where no share does."""
 
     answered = 0.01
@@ -347,7 +352,7 @@ class DrivenAir(AirLoading):
 
     @property
     def bare(self) -> Made:
-        return known(self.steady.field)[0], None
+        return self.steady.key, None
 
     @property
     def unloaded(self) -> tuple[str, FlowField]:
@@ -372,6 +377,35 @@ class DrivenAir(AirLoading):
         return WITHOUT_SOLVER * super().most
 
 
+# -- The air under it --------------------------------------------------------------------------------------------------
+class LoadedSteadyAir(LoadedAir):
+    """A steady airflow under the force: solved on from the one without."""
+
+    force: CaseLoading
+
+    def make_solution(self) -> tuple[str, Path]:
+        return self.force.solution_on(self.bare)
+
+
+class JetAir(AnalyticAir):
+    """The air at rest with the jet in it that the ``force`` of granules drives."""
+
+    def __init__(self, force: JetLoading) -> None:
+        super().__init__(force.scene, force.plan, force.cache)
+        self.force = force
+
+    @property
+    def key(self) -> str:
+        return self.force.key
+
+    def make_field(self) -> FlowField:
+        return jet_field(self.scene, self.force.force)
+
+    def make_numbers(self) -> Airflow:
+        return replace(jet_airflow(self.scene, self.force.force), turbulence=self.plan.airflow.turbulence)
+
+
+# -- The passes --------------------------------------------------------------------------------------------------------
 def relaxed(share: float, lacked: Array, lacking: Array) -> float:
     """Which share of the way to the force gathered last the next one goes, after one of ``share`` that led from an air
     which ``lacked`` a force density to one that is ``lacking`` another: Aitken's relaxation, as of Irons & Tuck 1969,
