@@ -14,6 +14,7 @@ from ..mesh.spec import MeshReport
 from .airflow_kinds import Air, CaseAir, airflow_kinds
 from .airflow_table import Airflow
 from .realisations import Realisations
+from .solved_air import ForceOnAir
 
 if TYPE_CHECKING:
     from ..field import FlowField
@@ -60,11 +61,36 @@ class AnalyticAir(Air):
     def make_numbers(self) -> Airflow:
         from .analytic import duct_airflow
 
-        return replace(duct_airflow(self.scene), turbulence=self.plan.airflow.turbulence)
+        return duct_airflow(self.scene, self.plan.airflow.turbulence)
 
     @property
     def unknown(self) -> tuple[str, ...]:
         return ("airflow-model",)  # nothing is solved; how far a real duct's air is from it nobody says
+
+
+class JetAir(AnalyticAir):
+    """The air at rest ``bare`` with the jet in it that the ``force`` of granules drives."""
+
+    def __init__(self, bare: Air, force: ForceOnAir) -> None:
+        super().__init__(bare.scene, bare.plan, bare.cache)
+        self.bare, self.force = bare, force
+
+    @property
+    def key(self) -> str:
+        feed = self.scene.feed
+        curtain = self.scene.level, feed.position, feed.width, repr(feed.profile)
+        return content_key("jet", self.bare.key, curtain, self.force.force.digest, code_of("air.kinds.analytic"))
+
+    def make_field(self) -> FlowField:
+        from .analytic import jet_field
+
+        return jet_field(self.scene, self.force.force)
+
+    def make_numbers(self) -> Airflow:
+        from .analytic import jet_of
+
+        flux = jet_of(self.scene, self.force.force).flux
+        return replace(super().make_numbers(), verdict="driven", flow_rate=float(flux[-1]))
 
 
 # -- The kind of airflow that the user brings --------------------------------------------------------------------------

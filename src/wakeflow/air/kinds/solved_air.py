@@ -17,6 +17,7 @@ from ...core.store import content_key, digest_files
 from ...planning.airflow_choice import SHEDDING_ABOVE
 from ...planning.cost import ranks_for
 from ...planning.stage_cache import code_of, version_of
+from ..foam.steady import MOST
 from ..mesh.spec import MeshReport
 from .airflow_kinds import CaseAir, MadeOf, airflow_kinds
 
@@ -80,24 +81,33 @@ class SolvedAir(CaseAir):
 
     def solved(self, force: ForceDensity | None) -> tuple[str, Path]:
         """Key and folder of this airflow under a ``force``, from the cache or solved now."""
-        (mesh_key, mesh_folder), spec = self.mesh, self.solved_spec
+        (mesh_key, _), spec = self.mesh, self.solved_spec
         code = content_key(code_of(self.code), digest_files([case_template()]), self.solver)
         asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
         start = None if self.start is None else self.start.case  # in the key: from another it ends at another moment
         begun, under = (None if start is None else start.parent.name), (None if force is None else force.digest)
         key = content_key("airflow", mesh_key, asked, code, begun, under)
+        return self._solved(self.made_as, key, spec, start, force=force)
+
+    def solved_on(self, force: ForceDensity, before: CaseAir, most: int = MOST) -> tuple[str, Path]:
+        """The same, steady, from a solved one ``before`` and with the settings that served there, in at ``most`` so
+        many iterations.
+        """
+        from ..foam.airflow import schemes_in
+
+        limit, code = None if most == MOST else most, code_of("air.foam.airflow")
+        key = content_key("loaded-airflow", before.solution[0], force.digest, limit, code)
+        spec = replace(self.solved_spec, settings=schemes_in(before.case))
+        return self._solved("loaded-airflow", key, spec, before.case, force=force, most=most)
+
+    def _solved(self, stage: str, key: str, spec: FlowSpec, start: Path | None, **how: object) -> tuple[str, Path]:
+        """Key and folder of what is solved as a ``stage`` where the cache has not got it."""
 
         def work(part: Path) -> None:
-            self.solve(
-                spec,
-                mesh_folder / "mesh.msh",
-                part / "case",
-                start=start,
-                force=force,
-                listener=lambda now: self.cache.tell(self.made_as, str(now)),
-            )
+            msh, case = self.mesh[1] / "mesh.msh", part / "case"
+            self.solve(spec, msh, case, start=start, listener=lambda now: self.cache.tell(stage, str(now)), **how)
 
-        return key, self.cache.make(self.made_as, key, work)
+        return key, self.cache.make(stage, key, work)
 
 
 @airflow_kinds.register("steady")

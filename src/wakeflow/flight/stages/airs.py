@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 from ...air.kinds.airflow_kinds import Air, CaseAir
 from ...air.kinds.blended_air import BlendedAir
 from ...air.kinds.every_kind import airflow_kinds
+from ...air.kinds.known_air import JetAir
 from ...air.kinds.solved_air import LoadedAir, SpanAir, SteadyAir, TimeResolvedAir
 from ...core.lazy import cached_property
 from ...planning.make import Planner
 from ...planning.plan import Plan
 from ...planning.stage_cache import StageCache
 from ...scene import Scene
-from .air_loading import AirLoading, CaseLoading, JetAir, JetLoading, LoadedSteadyAir
+from .air_loading import AirLoading, CaseLoading, JetLoading, LoadedSteadyAir
 from .compilation import Compilation
 
 ROUGH = 0.5  # relative half width of averages: a wake that others start from ends with the fewest periods
@@ -46,7 +47,7 @@ class Airs:
         """Those that the plan wants, a grid each, the answer's first."""
         how = self.plan.airflow
         if how.stepping is None:
-            return (JetAir(self.loading) if isinstance(self.loading, JetLoading) else self._bare,)
+            return (JetAir(self._bare, self.loading) if isinstance(self.loading, JetLoading) else self._bare,)
         if how.span is not None:
             deep = SpanAir(self.scene, self.plan, self.cache, start=self.steady[0])
             return (deep if self.loading is None else LoadedAir(deep, self.loading),)
