@@ -12,7 +12,7 @@ import pytest
 
 import wakeflow as wf
 from wakeflow.air.field import FlowField
-from wakeflow.air.kinds.airflow_kinds import Air, airflow_kinds
+from wakeflow.air.kinds.airflow_kinds import FlownAir, airflow_kinds
 from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.core.errors import SceneError
@@ -32,7 +32,7 @@ from wakeflow.scene.rungs import Rung, rungs
 OFF = {"basset-history": False, "collisions": False}
 
 
-class UniformAir(Air):
+class UniformAir(FlownAir):
     """A uniform stream through the whole channel, as if nothing stood in it."""
 
     at_once = True

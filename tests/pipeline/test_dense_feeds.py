@@ -16,7 +16,7 @@ import wakeflow as wf
 from support import landings_in, loaded_scene, shipped
 from wakeflow import flight as tracking
 from wakeflow.air.foam.momentum_source import LEVELS, SOURCE
-from wakeflow.air.kinds.airflow_kinds import Air
+from wakeflow.air.kinds.airflow_kinds import FlownAir
 from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.answer.budget.slab_sources import BetweenGranulesRestitution, shows
@@ -123,7 +123,7 @@ def test_the_force_goes_on_to_where_a_proportional_answer_meets_it() -> None:
 class _Answering(CaseLoading):
     """Passes in air that answers a force f by asking for (a - b f), known to a part ``noise`` in each of 64 boxes."""
 
-    start = cast(Air, SimpleNamespace(key="air"))
+    start = cast(FlownAir, SimpleNamespace(key="air"))
 
     def __init__(self, seed: int, b: float, noise: float) -> None:
         self.rng = np.random.default_rng(seed)
@@ -234,7 +234,7 @@ def test_what_is_unanswered_does_not_depend_on_where_gravity_points(tilt: float)
     turn = np.array([[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]])
     given = ForceDensity(Boxes(0.0, 0.0, 0.5, 1, 1), 4.0 * (turn @ [0.3, -2.0]).reshape(1, 1, 2))
     alone = Gathered(given, np.zeros((1, 2)), given)
-    made = Pass(given, cast(Air, None), alone, 0.0, alone, turn @ [0.0, -2.5])
+    made = Pass(given, cast(FlownAir, None), alone, 0.0, alone, turn @ [0.0, -2.5])
     assert made.unanswered == pytest.approx(np.hypot(0.3, 0.5) / 2.5)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wakeflow.air.field import FlowField
-from wakeflow.air.kinds.airflow_kinds import Air
+from wakeflow.air.kinds.airflow_kinds import FlownAir
 from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.core.geometry import distance_to
 from wakeflow.core.lazy import cached_property
@@ -198,7 +198,7 @@ def _reach(polygon: Array, ray: Array) -> Array:
 
 
 @dataclass
-class StoredAir(Air):
+class StoredAir(FlownAir):
     """The kind of airflow of an :class:`StoredFlow`: nothing of it is unknown."""
 
     flow: StoredFlow = field(kw_only=True)
@@ -223,7 +223,7 @@ class StoredPipeline(Pipeline):
     stored: StoredFlow | None = None
 
     @cached_property
-    def air(self) -> Air:
+    def air(self) -> FlownAir:
         if self.stored is None:
             return super().air
         return StoredAir(self.scene, self.plan, self.cache, flow=self.stored)

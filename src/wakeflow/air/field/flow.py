@@ -25,10 +25,9 @@ from ...core.tables import load_arrays, save_arrays
 from ...laws.gas import MEAN_FREE_PATH, PRESSURE, TEMPERATURE
 from ...laws.gas import mean_free_path as path_in_gas
 from . import field_checks as checks
-from .derived import gradient_operators
 from .mirror import MeshOscillation, mirrored, reflected
 from .modes import TimeAxis, Truncation, compress, design
-from .triangles import Divergence, Triangles, divergence_of
+from .triangles import Divergence, Triangles, divergence_of, gradient_operators
 
 Array = NDArray[np.float64]
 POSITIVE = ("k", "dissipation")

@@ -9,28 +9,30 @@ case; the kinds themselves are in the modules that :mod:`.every_kind` names.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from ...core.errors import SceneError
 from ...core.lazy import cached_property
 from ...core.record import load
 from ...core.registry import Registry
+from ...core.store import content_key
+from ...laws.span import CONVECTIVE_PERIOD, Span
 from ...laws.turbulence import USUAL, turbulence_models
 from ...planning.plan import Plan
-from ...planning.stage_cache import StageCache
+from ...planning.stage_cache import StageCache, code_of, version_of
 from ...scene import Scene
 from ..mesh.spec import MeshReport
-from .airflow_table import Airflow, CaseAirflow
+from .airflow_table import Airflow, CaseAirflow, SpanAirflow
 from .realisations import Realisations
 
 if TYPE_CHECKING:
     from ..field import FlowField, Truncation
     from ..foam import FlowSpec
     from ..mesh import MeshSpec
-    from .stored_fields import StoredFields
 
 
 # -- What a scene asks of Gmsh and OpenFOAM under its plan -------------------------------------------------------------
@@ -83,7 +85,7 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
 
 # -- Air ---------------------------------------------------------------------------------------------------------------
 @dataclass
-class Air(ABC):
+class FlownAir(ABC):
     """The air of one scene under one plan: its ``key`` in the cache, ``field``, ``numbers``, ``unknown`` parts of its
     error. ``grid`` is the place among the plan's grids, 0 the answer's.
     """
@@ -163,10 +165,10 @@ class Air(ABC):
         return None
 
 
-airflow_kinds: Registry[type[Air]] = Registry("kind of airflow")
+airflow_kinds: Registry[type[FlownAir]] = Registry("kind of airflow")
 
 
-class CaseAir(Air):
+class CaseAir(FlownAir):
     """An airflow that is in an OpenFOAM case."""
 
     @cached_property
@@ -213,8 +215,6 @@ class CaseAir(Air):
     @cached_property
     def stored(self) -> StoredFields:
         """The fields that granules can fly in, in the cache."""
-        from .stored_fields import layer_fields, plane_fields
-
         span = self.plan.airflow.span
         return plane_fields(self) if span is None else layer_fields(self, span)
 
@@ -248,6 +248,68 @@ class CaseAir(Air):
         return False
 
 
+# -- The fields of a solved airflow that granules can fly in, files in the cache ---------------------------------------
+class StoredFields(NamedTuple):
+    """The file of the field that is ``shown`` in pictures, those that are ``flown`` in, each as likely as the others,
+    and the ``cycles`` of the shedding in their period, each a sample of the airflow; 1 where nothing changes.
+    """
+
+    shown: Path
+    flown: Sequence[Path]
+    cycles: int
+
+
+def plane_fields(air: CaseAir) -> StoredFields:
+    """Those of a plane airflow: field.npz, and state-N.npz for each late state of one that does not settle. Its cycles
+    are whole shedding periods of the loop that the case keeps.
+    """
+
+    def write(part: Path) -> None:
+        from .case_field import case_field, state_fields
+
+        air.cache.tell("field", "reading the airflow")
+        density = air.scene.airstream.density
+        case_field(air.case, air.measured.field_time, density, half=air.half).save(part / "field.npz")
+        for number, state in enumerate(state_fields(air.case, density, half=air.half)):
+            state.save(part / f"state-{number}.npz")
+
+    from ..foam.read import loop_of
+
+    folder = _made("field", air, write)
+    loop = loop_of(air.case) if air.measured.period is not None else None
+    shown, cycles = folder / "field.npz", 1 if loop is None else max(1, int(loop["periods"]))
+    return StoredFields(shown, sorted(folder.glob("state-*.npz")) or [shown], cycles)
+
+
+def layer_fields(air: CaseAir, span: Span) -> StoredFields:
+    """Those of an airflow in three dimensions: the layers that are flown in, each a plane wake.
+
+    Its cycles are the parts of a layer's period that count as independent: as many, over all layers, as there were
+    sheddings. Layers of one run shed together, so that they are no further samples of that.
+    """
+    from .case_field import layer_file, save_layers
+
+    spec, found = air.flow_spec, load(SpanAirflow, air.case / "airflow.json")
+    flown = found.span.flown
+
+    def write(part: Path) -> None:
+        air.cache.tell("field", "reading the layers of the airflow")
+        save_layers(air.case, part, spec, span.start_up * spec.convective_time, flown)
+
+    folder = _made("layers", air, write)
+    files = [layer_file(folder, number) for number in range(len(flown))]
+    number = 1.0 / CONVECTIVE_PERIOD if found.strouhal is None else found.strouhal.value
+    sheddings = found.period / spec.convective_time * number
+    return StoredFields(files[0], files, max(1, int(sheddings / len(flown))))
+
+
+def _made(what: str, air: CaseAir, write: Callable[[Path], None]) -> Path:
+    """The folder of the fields, from the cache or written now."""
+    key = content_key(what, air.solution[0], code_of("air.kinds.case_field"), version_of("foamlib"))
+    return air.cache.make("field", key, write)
+
+
+# -- An airflow made of another ----------------------------------------------------------------------------------------
 class MadeOf(CaseAir):
     """An airflow made of another one, ``bare``: on its mesh, by its solver."""
 

@@ -11,7 +11,7 @@ from ...core.record import save
 from ...core.store import content_key, digest_files
 from ...planning.stage_cache import code_of
 from ..mesh.spec import MeshReport
-from .airflow_kinds import Air, CaseAir, airflow_kinds
+from .airflow_kinds import CaseAir, FlownAir, airflow_kinds
 from .airflow_table import Airflow
 from .realisations import Realisations
 from .solved_air import ForceOnAir
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 # -- The kinds of airflow that nobody has to solve ---------------------------------------------------------------------
 @airflow_kinds.register("none")
-class NoAir(Air):
+class NoAir(FlownAir):
     """No air: granules fly in a vacuum."""
 
     means = "left out, granules fly in parabolas from impact to impact"
@@ -41,7 +41,7 @@ class NoAir(Air):
 
 
 @airflow_kinds.register("analytic")
-class AnalyticAir(Air):
+class AnalyticAir(FlownAir):
     """The air of a channel without bodies, or at rest; made in no time, so not kept."""
 
     means = "known everywhere, nothing is solved"
@@ -71,7 +71,7 @@ class AnalyticAir(Air):
 class JetAir(AnalyticAir):
     """The air at rest ``bare`` with the jet in it that the ``force`` of granules drives."""
 
-    def __init__(self, bare: Air, force: ForceOnAir) -> None:
+    def __init__(self, bare: FlownAir, force: ForceOnAir) -> None:
         super().__init__(bare.scene, bare.plan, bare.cache)
         self.bare, self.force = bare, force
 

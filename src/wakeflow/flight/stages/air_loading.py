@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ...air.field import FlowField
 from ...air.foam.steady import MOST
-from ...air.kinds.airflow_kinds import Air, CaseAir, MadeOf
+from ...air.kinds.airflow_kinds import CaseAir, FlownAir, MadeOf
 from ...air.kinds.airflow_table import AirLoadingSummary
 from ...air.kinds.analytic import jet_of
 from ...air.kinds.case_field import case_field
@@ -55,7 +55,7 @@ class Pass:
     """
 
     force: ForceDensity
-    air: Air
+    air: FlownAir
     gathered: Gathered
     change: float
     source: Gathered
@@ -92,7 +92,7 @@ class _Way(NamedTuple):
 
     passes: tuple[Pass, ...]
     before: Gathered
-    start: Air
+    start: FlownAir
     force: ForceDensity
     among: Gathered | None
 
@@ -101,7 +101,7 @@ class _Way(NamedTuple):
 class AirLoading(ABC):
     """The granules' force on the airflow of a scene, gathered in the ``steady`` one, which itself feels none."""
 
-    steady: Air
+    steady: FlownAir
     compilation: Compilation
     workers: int | None = None
     scene: Scene = field(init=False, repr=False)
@@ -118,12 +118,12 @@ class AirLoading(ABC):
         """What the passes found."""
 
     @property
-    def start(self) -> Air:
+    def start(self) -> FlownAir:
         """The air in which the force is gathered first."""
         return self.steady
 
     @abstractmethod
-    def under(self, force: ForceDensity, before: Air, *, last: bool) -> Air:
+    def under(self, force: ForceDensity, before: FlownAir, *, last: bool) -> FlownAir:
         """The steady air under a ``force``, from the one ``before``; settled where it is the ``last``."""
 
     def settled(self, made: Pass) -> bool:
@@ -202,7 +202,7 @@ class AirLoading(ABC):
         return _Way(tuple(made), before, start, force if among is None else among.force, among)
 
     def _pass(
-        self, force: ForceDensity, start: Air, before: Gathered, among: Gathered | None = None, *, last: bool
+        self, force: ForceDensity, start: FlownAir, before: Gathered, among: Gathered | None = None, *, last: bool
     ) -> Pass:
         """The steady airflow under a force, from ``start``, where granules alone gathered ``before``; ``among``: what
         gathered that force there instead of them. The ``last`` one settles.
@@ -212,7 +212,7 @@ class AirLoading(ABC):
         source, other = (after, 0.0) if among is None else (among, among.force.total - before.force.total)
         return Pass(force, air, after, _farthest(before, after), source, after.force.total + other)
 
-    def _alone(self, air: Air, most: int) -> Gathered:
+    def _alone(self, air: FlownAir, most: int) -> Gathered:
         """What granules that fly alone, at ``most`` so many of a fraction, exert on an air."""
         bins, count = (
             [(name, repr(bin_)) for name, bin_ in self.scene.bin.items()],
@@ -243,7 +243,7 @@ class AirLoading(ABC):
 
         return Gathered.load(self.cache.make(stage, key, work))
 
-    def _gatherer(self, stage: str, air: Air) -> Gatherer:
+    def _gatherer(self, stage: str, air: FlownAir) -> Gatherer:
         return Gatherer(self.scene, self.plan, air.field, self.workers, partial(self.cache.tell, stage))
 
 
@@ -270,7 +270,7 @@ class CaseLoading(AirLoading):
             sources=laid["sources"],
         )
 
-    def under(self, force: ForceDensity, before: Air, *, last: bool) -> Air:
+    def under(self, force: ForceDensity, before: FlownAir, *, last: bool) -> FlownAir:
         return PassAir(self.steady, force, before.in_case, MOST if last else ON_THE_WAY)
 
 
@@ -287,12 +287,12 @@ class JetLoading(AirLoading):
         return self._summary(float(last.force.total[1]), verdict="driven", speed=speed)
 
     @property
-    def start(self) -> Air:
+    def start(self) -> FlownAir:
         """Air at rest, with the jet's eddies: none."""
         boxes = boxes_of(self.scene)
         return self.under(ForceDensity(boxes, np.zeros((boxes.rows, boxes.columns, 2))), self.steady, last=True)
 
-    def under(self, force: ForceDensity, before: Air, *, last: bool) -> Air:
+    def under(self, force: ForceDensity, before: FlownAir, *, last: bool) -> FlownAir:
         del before, last  # no solver starts from it
         return JetAir(self.steady, _Exerted(force))
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ...air.kinds.airflow_kinds import Air, CaseAir
+from ...air.kinds.airflow_kinds import CaseAir, FlownAir
 from ...air.kinds.blended_air import BlendedAir
 from ...air.kinds.every_kind import airflow_kinds
 from ...air.kinds.known_air import JetAir
@@ -43,7 +43,7 @@ class Airs:
         return self.plan.airflow.stepping == "time-resolved"
 
     @cached_property
-    def answers(self) -> tuple[Air, ...]:
+    def answers(self) -> tuple[FlownAir, ...]:
         """Those that the plan wants, a grid each, the answer's first."""
         how = self.plan.airflow
         if how.stepping is None:
@@ -57,7 +57,7 @@ class Airs:
         return tuple(BlendedAir(*both) for both in ends) if how.brackets else self.resolved
 
     @property
-    def _bare(self) -> Air:
+    def _bare(self) -> FlownAir:
         """The air that nobody solves, of its kind."""
         return airflow_kinds[self.plan.airflow.kind](self.scene, self.plan, self.cache)
 

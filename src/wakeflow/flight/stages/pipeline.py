@@ -1,6 +1,6 @@
 """mesh -> airflow -> field -> tracks -> slab: every stage cached, each reading only what is before it.
 
-The airflow and its field are an ``Air`` (``air.kinds.airflow_kinds``), which ``airs`` makes by the plan; the tracks
+The airflow and its field are a ``FlownAir`` (``air.kinds.airflow_kinds``), which ``airs`` makes by the plan; the tracks
 belong to ``track_stage``, granules that meet each other to ``slab_stage``.
 """
 
@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...air.kinds.airflow_kinds import Air
+from ...air.kinds.airflow_kinds import FlownAir
 from ...air.kinds.airflow_table import Airflow, FieldDivergence
 from ...core.errors import known
 from ...core.lazy import cached_property
@@ -95,11 +95,11 @@ class Pipeline:
         return Airs(self.scene, self.plan, self.cache, planner, self.near, self.compilation, self.workers)
 
     @cached_property
-    def air(self) -> Air:
+    def air(self) -> FlownAir:
         """What granules fly through: the plan's, on its finest grid."""
         return self.airs.answers[0]
 
-    def through(self, air: Air) -> Pipeline:
+    def through(self, air: FlownAir) -> Pipeline:
         """The same scene flown through another of its airs."""
         other = replace(self, plan=air.plan, label=air.cache.label)
         vars(other).update(airs=self.airs, air=air)

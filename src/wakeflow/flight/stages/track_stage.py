@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ...air.kinds.airflow_kinds import Air
+from ...air.kinds.airflow_kinds import FlownAir
 from ...core.lazy import cached_property
 from ...core.record import JsonTable
 from ...core.store import content_key
@@ -59,7 +59,7 @@ class TrackStage:
     scene: Scene
     plan: Plan
     cache: StageCache
-    air: Air
+    air: FlownAir
     compilation: Compilation
     workers: int | None = None
 
