@@ -18,7 +18,7 @@ INNER = {"air": ("mesh", "foam", "field", "kinds"), "flight": ("kernel", "collis
 CHAIN = (
     ("wakeflow.scene.scene:Scene", "wakeflow.scene.scene:Scene.load"),
     ("wakeflow.planning.plan:Plan", "wakeflow.runs.planned:make_plan"),
-    ("wakeflow.air.kinds.airflow_kinds:AirflowKind", "wakeflow.flight.stages.pipeline:Pipeline"),
+    ("wakeflow.air.kinds.airflow_kinds:FlownAir", "wakeflow.flight.stages.pipeline:Pipeline"),
     ("wakeflow.flight.granules:Granules", "wakeflow.flight.feed.feedstock:feedstock"),
     ("wakeflow.flight.tracks:Tracks", "wakeflow.flight.driver:track"),
     ("wakeflow.flight.stages.landings:Tracked", "wakeflow.flight.stages.pipeline:Pipeline.tracks"),

@@ -20,9 +20,8 @@ from scipy.spatial import cKDTree
 
 from support import AIR, RHOMBUS, ROOT, WIDTH, kept_airflow, rhombus_spec, working_in
 from wakeflow.air.foam.airflow import solve_airflow
-from wakeflow.air.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
+from wakeflow.air.foam.case import FlowSpec, MeshMotion, set_patch_types, write_case, write_parameters
 from wakeflow.air.foam.force_history import Tail, kind_of, upward_crossings
-from wakeflow.air.foam.mesh_motion import MeshMotion
 from wakeflow.air.foam.polymesh import read_polymesh
 from wakeflow.air.foam.prepare import prepare_case
 from wakeflow.air.foam.programs import call

@@ -22,11 +22,10 @@ from proofs.studies import robustness
 from support import RHOMBUS, WIDTH, kept_airflow, working_in
 from wakeflow.air.foam import case as case_module
 from wakeflow.air.foam import programs, sanity
-from wakeflow.air.foam.airflow import solve_airflow
+from wakeflow.air.foam.airflow import FALLBACKS, climb, solve_airflow, warning
 from wakeflow.air.foam.airflow_result import AirflowResult, Attempt
 from wakeflow.air.foam.case import SETTINGS, FlowSpec, write_case
 from wakeflow.air.foam.failure import AirflowFailure, Cause, diagnose, disk_trouble_named
-from wakeflow.air.foam.fallback_settings import FALLBACKS, climb, warning
 from wakeflow.air.foam.force_history import read_table
 from wakeflow.air.foam.prepare import prepare_case
 from wakeflow.air.foam.read import time_folders

@@ -5,7 +5,6 @@ import math
 import signal
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,12 +13,11 @@ import pytest
 
 import wakeflow as wf
 from proofs.studies import three_dimensions
-from wakeflow.air.foam.case import FlowSpec
-from wakeflow.air.foam.spanwise.span_means import span_means
-from wakeflow.air.foam.spanwise.span_measure import PLANE_BELOW
+from wakeflow.air.foam.case import SpanSpec
+from wakeflow.air.foam.spanwise.span_measure import PLANE_BELOW, span_means
 from wakeflow.air.foam.spanwise.span_record import apart, des_dissipation
 from wakeflow.air.foam.spanwise.span_run import layer_map, make_periodic, record_ends, span_modes
-from wakeflow.air.kinds.span_air import SpanAir
+from wakeflow.air.kinds.solved_air import LoadedAir, SpanAir
 from wakeflow.air.mesh import plan_mesh
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.flight.stages.pipeline import Pipeline
@@ -53,10 +51,10 @@ BOUNDARY = """FoamFile { version 2.0; }
 """
 
 
-def spec_with(span: Span) -> FlowSpec:
+def spec_with(span: Span) -> SpanSpec:
     body = shapes["rhombus"](width=0.05, slope_angle=math.pi / 4)
     mesh = plan_mesh([body], width=0.4, top=0.2, bottom=-0.4, names=["rhombus"], rung="standard")
-    return FlowSpec(mesh, 5.0, 1.2, 1.8e-5, turbulence="kOmegaSSTDDES", stepping="time-resolved", span=span)
+    return SpanSpec(mesh, 5.0, 1.2, 1.8e-5, turbulence="kOmegaSSTDDES", stepping="time-resolved", span=span)
 
 
 def test_front_and_back_become_a_pair(tmp_path: Path) -> None:
@@ -146,14 +144,21 @@ def test_the_plan_states_the_cost_before_and_takes_the_scenes_span(rhombus: Scen
     assert plan.summary()["airflow"]["span"] == {"depth": 3.0, "layers": 24, "sheddings": 10.0}
 
 
-def test_it_is_solved_under_the_granules_force(rhombus: Scene) -> None:
+def test_it_is_solved_under_the_granules_force(rhombus: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     plan = make_plan(rhombus, rung="3d")
     assert plan.airflow.loaded
-    kind = Pipeline(rhombus, plan).kind
-    assert isinstance(kind, SpanAir)
-    loading = SimpleNamespace(force="what they exert")
-    assert replace(kind, loading=lambda: loading).solve.keywords == {"force": loading.force}  # type: ignore[attr-defined]
-    assert replace(kind, loading=lambda: None).solve.keywords == {"force": None}  # type: ignore[attr-defined]
+    pipeline = Pipeline(rhombus, plan)
+    air = pipeline.air
+    assert isinstance(air, LoadedAir)
+    assert isinstance(air.bare, SpanAir)
+    assert air.force is pipeline.loading
+    assert air.bare.start is pipeline.airs.steady[0]
+    given: list[object] = []
+    monkeypatch.setattr(SpanAir, "solved", lambda self, force: given.append(force))
+    monkeypatch.setattr(air, "force", SimpleNamespace(force="what they exert"))
+    air.make_solution()
+    air.bare.make_solution()
+    assert given == ["what they exert", None]
 
 
 def test_a_laminar_wake_has_no_such_rung_and_one_below_shedding_is_steady(rhombus: Scene) -> None:

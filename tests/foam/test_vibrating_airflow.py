@@ -15,9 +15,8 @@ from scipy.special import kv
 from proofs.validation_page import record_of
 from support import RHOMBUS, WIDTH, kept_airflow
 from wakeflow.air.field import FlowField
-from wakeflow.air.foam.case import FlowSpec, set_patch_types, write_case, write_parameters
+from wakeflow.air.foam.case import FlowSpec, MeshMotion, set_patch_types, write_case, write_parameters
 from wakeflow.air.foam.force_history import CD, CL, Tail, read_table
-from wakeflow.air.foam.mesh_motion import MeshMotion
 from wakeflow.air.foam.prepare import prepare_case
 from wakeflow.air.foam.programs import call
 from wakeflow.air.foam.read import CaseFields, loop_of, read_flow, time_folders

@@ -12,12 +12,12 @@ import pytest
 
 import wakeflow as wf
 from wakeflow.air.field import FlowField
-from wakeflow.air.kinds.airflow_kinds import AirflowKind, airflow_kinds
+from wakeflow.air.kinds.airflow_kinds import FlownAir, airflow_kinds
 from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.air.kinds.realisations import Realisations
-from wakeflow.air.kinds.solved_air import ROUGH, TimeResolvedAir
 from wakeflow.core.errors import SceneError
 from wakeflow.core.store import Store, content_key
+from wakeflow.flight.stages.airs import ROUGH
 from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.planning import make
 from wakeflow.planning.airflow_choice import choose_airflow
@@ -32,28 +32,32 @@ from wakeflow.scene.rungs import Rung, rungs
 OFF = {"basset-history": False, "collisions": False}
 
 
-class UniformAir(AirflowKind):
+class UniformAir(FlownAir):
     """A uniform stream through the whole channel, as if nothing stood in it."""
 
     at_once = True
 
-    def make_field(self) -> tuple[str, FlowField]:
+    @property
+    def key(self) -> str:
+        channel = self.scene.channel
+        return content_key("uniform", repr(self.scene.air), channel.width, channel.top, channel.bottom)
+
+    def make_field(self) -> FlowField:
         air, channel = self.scene.air, self.scene.channel
-        key = content_key("uniform", repr(air), channel.width, channel.top, channel.bottom)
         half, low, high = 0.501 * channel.width, channel.bottom - 1e-3, channel.top + 1e-3
         corners = np.array([(-half, low), (half, low), (half, high), (-half, high)])
         velocity = np.tile([0.0, air.speed if air.direction == "up" else -air.speed], (4, 1))
-        field = FlowField.from_arrays(
+        return FlowField.from_arrays(
             corners, [(0, 1, 2), (0, 2, 3)], velocity, np.zeros(4), density=air.density, viscosity=air.viscosity
         )
-        return key, field
 
-    def make_table(self) -> Airflow:
+    def make_numbers(self) -> Airflow:
         rate = self.scene.air.speed * self.scene.channel.width
         known = {"turbulence": "laminar", "verdict": "uniform", "reynolds": self.scene.reynolds}
         return Airflow(**known, pressure_drop=0.0, flow_rate=rate)
 
-    def unknown_parts(self) -> tuple[str, ...]:
+    @property
+    def unknown(self) -> tuple[str, ...]:
         return ("airflow-model",)
 
 
@@ -62,11 +66,11 @@ class GustyAir(UniformAir):
 
     @property
     def realisations(self) -> Realisations:
-        return Realisations(self.field[1], tuple(partial(self._leaning, angle) for angle in (0.1, 0.2, 0.3)))
+        return Realisations(self.field, tuple(partial(self._leaning, angle) for angle in (0.1, 0.2, 0.3)))
 
     def _leaning(self, angle: float) -> FlowField:
         turn = np.array([(math.cos(angle), math.sin(angle)), (-math.sin(angle), math.cos(angle))])
-        return replace(self.field[1], velocity=self.field[1].velocity @ turn)
+        return replace(self.field, velocity=self.field.velocity @ turn)
 
 
 @pytest.fixture
@@ -168,8 +172,8 @@ def test_what_needs_no_solver_tells_what_it_leaves_unknown(
     plan = make_plan(scene, rung=rung)
     pipeline = Pipeline(plan.airflow.flown(scene), plan)
     assert plan.airflow.kind == kind
-    assert pipeline.kind.at_once
-    assert pipeline.kind.unknown_parts() == unknown
+    assert pipeline.air.at_once
+    assert pipeline.air.unknown == unknown
     assert pipeline.mesh_quality is None
     with pytest.raises(SceneError, match="neither mesh nor OpenFOAM case"):
         _ = pipeline.solution
@@ -196,8 +200,10 @@ def test_every_grid_starts_from_one_draft_that_is_planned_once(rhombus: Scene, m
     monkeypatch.setattr(make, "make_plan", counted)
     planner = Planner(scene, OFF)
     pipeline = Pipeline(scene, planner.plan("reference"), planner=planner)
-    drafts = [pipeline.on_grid(grid).draft for grid in range(3)]
-    assert all(draft.plan.airflow.stepping == "steady" for draft in drafts)
+    steady, resolved = pipeline.airs.steady, pipeline.airs.resolved
+    assert [air.plan.airflow.stepping for air in (*steady, *resolved)] == 3 * ["steady"] + 3 * ["time-resolved"]
+    assert all(air.bare.start is pipeline.airs.early for air in resolved)
+    assert pipeline.airs.early.bare.start is pipeline.airs.bare_steady[2]
     assert planned == ["reference", "draft"]
 
 
@@ -210,20 +216,19 @@ def test_a_wake_in_time_starts_from_the_neighbours_or_the_next_coarser_one(rhomb
     )
     plan = make_plan(scenes[1], rung="reference", force=OFF | {LOADING: False})
     for neighbour in (None, near, steady):
-        own = Pipeline(scenes[1], plan, neighbour=neighbour)
-        kinds = [own.on_grid(grid).kind for grid in range(3)]
-        starts = [near.on_grid(grid).kind for grid in range(3)] if neighbour is near else [*kinds[1:], None]
-        assert all(one.nearest() is other for one, other in zip(kinds, starts, strict=True))
-        drafts = own.draft, None if neighbour is None else neighbour.draft
-        assert drafts[0].kind.nearest() is (None if drafts[1] is None else drafts[1].kind)
+        own = Pipeline(scenes[1], plan, near=None if neighbour is None else neighbour.airs).airs
+        starts = near.airs.resolved if neighbour is near else (*own.resolved[1:], own.steady[2])
+        assert all(one.start is other for one, other in zip(own.resolved, starts, strict=True))
+        assert own.steady[0].start is (None if neighbour is None else neighbour.airs.steady[0])
 
 
 def test_wakes_that_feel_the_granules_start_from_one_on_the_coarsest_grid(rhombus: Scene) -> None:
     """Under the force that is known first: it neither waits for the passes nor starts from what feels more."""
     own = Pipeline(rhombus, make_plan(rhombus))
-    early = own.kind.nearest()
-    assert isinstance(early, TimeResolvedAir)
-    assert own.on_grid(1).kind.nearest() is early
-    assert (early.grid, early.made_as, early.nearest()) == (1, "early-airflow", None)
+    early, (fine, coarse) = own.airs.early, own.airs.resolved
+    assert fine.bare.start is coarse.bare.start is early
+    assert (early.grid, early.bare.made_as) == (1, "early-airflow")
     assert early.plan.airflow.accuracy == ROUGH > own.plan.airflow.accuracy
-    assert early.steady().loading() is None
+    assert early.bare.start is own.airs.bare_steady[1]
+    assert fine.force is coarse.force is own.loading
+    assert early.force is not own.loading

@@ -15,7 +15,8 @@ from scipy.spatial import Delaunay
 from wakeflow.air.field import FlowField, blended_wake
 from wakeflow.air.foam.airflow_result import SuctionZone
 from wakeflow.air.kinds.airflow_table import Airflow
-from wakeflow.air.kinds.blended_air import BestEstimateAir, blended_airflow
+from wakeflow.air.kinds.blended_air import BlendedAir, blended_airflow
+from wakeflow.air.kinds.solved_air import TimeResolvedAir
 from wakeflow.core.number import Number
 from wakeflow.core.store import Store
 from wakeflow.laws.best_estimate import WakeEstimate
@@ -102,58 +103,59 @@ def scene(cases: Path) -> Scene:
     return Scene.load(cases / "rhombus.toml", {"feed.count": 64})
 
 
-Make = Callable[..., BestEstimateAir]
+Make = Callable[..., BlendedAir]
 
 
 @pytest.fixture
 def make(scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Make:
     """The air between the two fields, of an estimate."""
     plan = make_plan(scene, force=OFF)
-    end = SimpleNamespace(field=("steady-key", steady_field()), measured=STEADY)
+    end = SimpleNamespace(key="steady-key", field=steady_field(), measured=STEADY)
 
-    def made(estimate: WakeEstimate = ESTIMATE, resolved: FlowField | None = None) -> BestEstimateAir:
+    def made(estimate: WakeEstimate = ESTIMATE, resolved: FlowField | None = None) -> BlendedAir:
         wanted = replace(plan, airflow=replace(plan.airflow, wake=estimate))
         cache = StageCache(Store(tmp_path), null_listener, StageTimes())
-        air = BestEstimateAir(scene, wanted, cache, 0, lambda: end)  # type: ignore[arg-type, return-value]
-        air.__dict__["resolved"] = ("resolved-key", resolved or resolved_field())
-        air.__dict__["cycles"] = 1
-        monkeypatch.setattr(BestEstimateAir, "measured", RESOLVED)
-        return air
+        in_time = TimeResolvedAir(scene, wanted, cache)
+        monkeypatch.setattr(TimeResolvedAir, "key", "resolved-key")
+        monkeypatch.setattr(TimeResolvedAir, "measured", RESOLVED)
+        vars(in_time).update(field=resolved or resolved_field())
+        return BlendedAir(end, in_time)  # type: ignore[arg-type]
 
     return made
 
 
 def test_the_answer_flies_between_the_ends_and_every_number_is_in_the_key(make: Make) -> None:
     air = make()
-    key, field = air.make_field()
-    expected = blended_wake(air.resolved[1], steady_field(), 0.4, 0.6)
+    key, field = air.key, air.field
+    expected = blended_wake(air.bare.field, steady_field(), 0.4, 0.6)
     np.testing.assert_array_equal(field.velocity, expected.velocity)
     np.testing.assert_array_equal(np.asarray(field.k), np.asarray(expected.k))
     other = make(replace(ESTIMATE, theta=Number(0.41, 0.3, 0.6)))
     stronger = make(replace(ESTIMATE, strength=Number(0.61, 0.5, 0.9)))
-    assert len({key, other.make_field()[0], stronger.make_field()[0], air.resolved[0]}) == 4
+    assert len({key, other.key, stronger.key, air.bare.key}) == 4
     wider = make(replace(ESTIMATE, theta=Number(0.4, 0.1, 0.9)))
-    assert wider.make_field()[0] == key  # the range changes no track
+    assert wider.key == key  # the range changes no track
 
 
 def test_companions_fly_in_the_ends_and_between(make: Make) -> None:
     air = make()
-    assert air.between(1.0, 1.0) is air.resolved
-    calm = air.between(0.0, 0.0)[1]
+    assert air.between(1.0, 1.0) is air.bare.field
+    calm = air.between(0.0, 0.0)
     assert calm.times is None
     np.testing.assert_allclose(calm.mean().velocity[:, 1].min(), -5.0)
-    assert len({air.between(*numbers)[0] for numbers in ((0.3, 0.6), (0.6, 0.6), (0.4, 0.5), (0.4, 0.9))}) == 4
+    numbers = (0.3, 0.6), (0.6, 0.6), (0.4, 0.5), (0.4, 0.9)
+    assert len({air.between(*pair).velocity.tobytes() for pair in numbers}) == 4
 
 
 def test_a_wake_that_came_to_rest_is_its_own_answer(make: Make) -> None:
     rest = make(resolved=steady_field())
-    assert rest.make_field() is rest.resolved
-    assert rest.make_table() == RESOLVED
+    assert (rest.key, rest.make_field()) == (rest.bare.key, rest.bare.field)
+    assert rest.make_numbers() == RESOLVED
 
 
 def test_the_numbers_are_those_of_the_air_flown_in_with_the_ends_beside(make: Make) -> None:
     air = make()
-    found = air.make_table()
+    found = air.make_numbers()
     assert found.cd.value == pytest.approx(1.9)
     own = 0.4 * 0.05
     assert found.cd.low == pytest.approx(1.9 - math.hypot(own, 0.1))
@@ -163,7 +165,7 @@ def test_the_numbers_are_those_of_the_air_flown_in_with_the_ends_beside(make: Ma
     assert found.cl_rms.value == pytest.approx(0.3)
     assert found.cl_rms.high == pytest.approx(0.3 + math.hypot(0.03, 0.2))
     own = WakeEstimate(ESTIMATE.theta, ESTIMATE.strength, "", Number(0.0, 0.0, 0.5))
-    still = blended_airflow(air.flow_spec, own, air.between(0.4, 0.0)[1], STEADY, RESOLVED)
+    still = blended_airflow(air.flow_spec, own, air.between(0.4, 0.0), STEADY, RESOLVED)
     assert still.cl_rms.low == 0.0
     assert still.cl_rms.high == pytest.approx(0.5)
     assert (found.p_inlet, found.pressure_drop, found.cp_front) == pytest.approx((4.6, 4.6, 0.84))
@@ -173,19 +175,21 @@ def test_the_numbers_are_those_of_the_air_flown_in_with_the_ends_beside(make: Ma
 
 def test_the_suction_zone_is_that_of_the_blended_mean(make: Make) -> None:
     air = make()
-    suction = air.make_table().suction
-    mean = air.between(0.4, 0.0)[1]
+    suction = air.make_numbers().suction
+    mean = air.between(0.4, 0.0)
     cp = (np.asarray(mean.pressure) - 4.6) / 15.05  # air of 1.204 kg/m3 at 5 m/s
     assert suction.cp_min == pytest.approx(cp.min(), abs=0.01)
     lengths = []
     for theta in (0.05, 0.5, 0.95):
         at = replace(ESTIMATE, theta=Number(theta, theta, theta))
-        table = blended_airflow(air.flow_spec, at, air.between(theta, 0.0)[1], STEADY, RESOLVED)
+        table = blended_airflow(air.flow_spec, at, air.between(theta, 0.0), STEADY, RESOLVED)
         lengths.append(table.suction.reversal_length)
     assert lengths[0] > lengths[1] > lengths[2] > 0.0
 
 
 def test_where_the_mesh_moves_the_suction_zone_is_that_of_the_mean(make: Make) -> None:
-    still = make().make_table().suction
-    moving = make(resolved=resolved_field().moving((0.0, 1e-5), 2.0 * math.pi * 3.0 / PERIOD, 0.0)).make_table().suction
+    still = make().make_numbers().suction
+    moving = (
+        make(resolved=resolved_field().moving((0.0, 1e-5), 2.0 * math.pi * 3.0 / PERIOD, 0.0)).make_numbers().suction
+    )
     assert moving.cp_min == pytest.approx(still.cp_min, rel=0.01)

@@ -4,10 +4,10 @@ import json
 import re
 import shutil
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ import wakeflow as wf
 from support import landings_in, loaded_scene, shipped
 from wakeflow import flight as tracking
 from wakeflow.air.foam.momentum_source import LEVELS, SOURCE
+from wakeflow.air.kinds.airflow_kinds import FlownAir
 from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.answer.budget.slab_sources import BetweenGranulesRestitution, shows
@@ -26,7 +27,7 @@ from wakeflow.answer.spread import Tally
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import Boxes, ForceDensity
 from wakeflow.flight.feed.feedstock import feedstock
-from wakeflow.flight.stages.air_loading import SHARES, LoadedCase, Pass, exerted_by, relaxed
+from wakeflow.flight.stages.air_loading import SHARES, CaseLoading, Pass, exerted_by, relaxed
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.flight.stages.gathered_force import Gathered
 from wakeflow.flight.stages.pipeline import Pipeline
@@ -119,10 +120,10 @@ def test_the_force_goes_on_to_where_a_proportional_answer_meets_it() -> None:
     assert relaxed(1.0, a, a) == SHARES[0]  # air that answers nothing: there is no such force
 
 
-class _Answering(LoadedCase):
+class _Answering(CaseLoading):
     """Passes in air that answers a force f by asking for (a - b f), known to a part ``noise`` in each of 64 boxes."""
 
-    bare = ("air", None)
+    start = cast(FlownAir, SimpleNamespace(key="air"))
 
     def __init__(self, seed: int, b: float, noise: float) -> None:
         self.rng = np.random.default_rng(seed)
@@ -134,13 +135,13 @@ class _Answering(LoadedCase):
 
     @property
     def first(self) -> Gathered:  # type: ignore[override]
-        return self._alone("air", lambda: None, GATHERED)
+        return self._alone(self.start, GATHERED)
 
     def under(self, force: ForceDensity, before: Any, *, last: bool) -> Any:
         self.given = force.density
         return before
 
-    def _alone(self, key: str, field: Any, most: int) -> Gathered:
+    def _alone(self, air: Any, most: int) -> Gathered:
         asked = (self.a - self.b * self.given) * (1.0 + self.noise * self.rng.normal(size=self.a.shape))
         force = ForceDensity(Boxes(0.0, 0.0, 0.01, 8, 8), asked)
         moved = 0.2 * float(np.linalg.norm(asked) / np.linalg.norm(self.a))
@@ -181,7 +182,7 @@ def test_the_force_of_a_dense_curtain_settles() -> None:
     assert loading is not None
     assert 3 < len(loading.passes) <= 10
     assert loading.settled(loading.passes[-1])
-    assert loading.summary.unanswered < LoadedCase.answered
+    assert loading.summary.unanswered < CaseLoading.answered
     assert loading.summary.force[1] < 0.6 * loading.first.force.total[1]
 
 
@@ -219,7 +220,7 @@ def test_left_out_it_is_the_air_without(loaded: wf.Result, tmp_path: Path) -> No
 def test_nothing_of_the_force_is_left_out(loaded: wf.Result) -> None:
     """What is unanswered is what the last air changed of the whole force."""
     loading, found = loaded_pipeline().loading, loaded.airflow.loading
-    first, second = (json.loads((one.folder / "case" / SOURCE).read_text())["force"][1] for one in loading.passes[:2])
+    first, second = (json.loads((one.air.case / SOURCE).read_text())["force"][1] for one in loading.passes[:2])
     assert 2.0 * first == pytest.approx(loading.first.force.total[1], rel=1e-9)  # of half a channel
     assert second < first  # slower air drags less
     assert found.unanswered == pytest.approx(abs(found.force[1] - found.given) / found.force[1])
@@ -233,14 +234,14 @@ def test_what_is_unanswered_does_not_depend_on_where_gravity_points(tilt: float)
     turn = np.array([[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]])
     given = ForceDensity(Boxes(0.0, 0.0, 0.5, 1, 1), 4.0 * (turn @ [0.3, -2.0]).reshape(1, 1, 2))
     alone = Gathered(given, np.zeros((1, 2)), given)
-    made = Pass(given, "key", None, alone, 0.0, alone, turn @ [0.0, -2.5])
+    made = Pass(given, cast(FlownAir, None), alone, 0.0, alone, turn @ [0.0, -2.5])
     assert made.unanswered == pytest.approx(np.hypot(0.3, 0.5) / 2.5)
 
 
 @pytest.mark.openfoam
 def test_the_loaded_air_is_slower_above_the_body_and_its_own_mirror_image(loaded: wf.Result) -> None:
     pipeline = loaded_pipeline()
-    bare, field = pipeline.loading.steady.field[1], pipeline.field[1]
+    bare, field = pipeline.loading.steady.field, pipeline.field[1]
     axis = np.array([[1e-4, 0.06], [1e-4, 0.1]])
     assert np.all(field.sample(axis)[0][:, 1] > bare.sample(axis)[0][:, 1] + 0.1)  # downward: less negative
     places = np.array([[0.013, 0.05], [0.04, 0.02], [0.07, -0.06]])
@@ -258,9 +259,9 @@ def test_it_comes_from_the_cache_and_its_keys_follow_the_feed(loaded: wf.Result)
     assert again.table["separation"] == loaded.table["separation"]
     pipeline = loaded_pipeline()
     keys = {path.name for path in (pipeline.store.root / "loaded-airflow").iterdir() if path.is_dir()}
-    assert {one.key for one in pipeline.loading.passes} <= keys
-    case = pipeline.loading.passes[-1].folder / "case"
-    assert pipeline.kind.case == case
+    assert {one.air.key for one in pipeline.loading.passes} <= keys
+    case = pipeline.loading.passes[-1].air.case
+    assert pipeline.air.case == case
     assert json.loads((case / "airflow.json").read_text())["verdict"] == "steady"
     scene, plan = pipeline.scene, pipeline.plan
     fed = exerted_by(scene, plan)
@@ -275,10 +276,10 @@ def test_both_ends_of_the_wake_are_solved_under_the_force_on_every_grid(loaded: 
     pipeline, bare = loaded_pipeline("standard"), loaded_pipeline("standard", {LOADING: False})
     force = pipeline.loading.force.total[1]
     for grid in range(len(pipeline.plan.airflow.scales)):
-        one = pipeline.on_grid(grid)
-        laid = [json.loads((air.case / SOURCE).read_text())["force"][1] for air in (one.kind, one.draft.kind)]
+        ends = pipeline.airs.answers[grid], pipeline.airs.steady[grid]
+        laid = [json.loads((air.case / SOURCE).read_text())["force"][1] for air in ends]
         assert laid == pytest.approx([force, force / 2], rel=1e-9)  # of the whole channel, and of its half
-        assert one.draft.grid == grid
+        assert ends[1].grid == grid
     ends, without = pipeline.airflow.ends, bare.airflow.ends
     for end in ("steady", "time_resolved"):
         assert getattr(ends, end).cd.value < 0.97 * getattr(without, end).cd.value
@@ -286,7 +287,9 @@ def test_both_ends_of_the_wake_are_solved_under_the_force_on_every_grid(loaded: 
     above = np.array([[1e-4, 0.06], [1e-4, 0.1]])
     slower = pipeline.field[1].mean().sample(above)[0] - bare.field[1].mean().sample(above)[0]
     assert np.all(slower[:, 1] > 0.1)
-    assert pipeline.loading.passes[-1].key == loaded_pipeline().loading.passes[-1].key  # the same steady airflow
+    assert (
+        pipeline.loading.passes[-1].air.key == loaded_pipeline().loading.passes[-1].air.key
+    )  # the same steady airflow
 
 
 @pytest.mark.openfoam
@@ -304,11 +307,10 @@ def test_where_granules_meet_the_last_pass_is_under_the_force_of_those(loaded: w
     assert 0.0 < among.sampling < 0.03
     assert among.force.total[1] == pytest.approx(before[-1].gathered.force.total[1], rel=0.05)
     settled = before[-1]
-    field = partial(loading.field_in, settled.force, (settled.key, settled.folder))
-    many, few = (loading._alone(settled.key, field, most) for most in (GATHERED, PASSING))
+    many, few = (loading._alone(settled.air, most) for most in (GATHERED, PASSING))
     np.testing.assert_array_equal(among.before.density, many.before.density)
     np.testing.assert_array_equal(settled.gathered.force.density, few.force.density)
-    assert 0.0 < few.sampling < 0.3 * LoadedCase.answered
+    assert 0.0 < few.sampling < 0.3 * CaseLoading.answered
     assert 0.2 < among.before.total[1] / among.force.total[1] < 0.5
     assert loading.summary.passes == len(alone)
     assert loading.force is last.force
@@ -334,8 +336,7 @@ def test_the_bound_holds_and_is_not_idle(loaded: wf.Result) -> None:
     calm = plan.with_forces(("drag", "gravity", "buoyancy", "pressure-gradient"))
     grains = feedstock(asked, calm, "chaff", None).granules
     ends = [
-        Flight(asked, calm, Realisations(air), 1e-6).fly("chaff", grains).position
-        for air in (bare[1], pipeline.field[1])
+        Flight(asked, calm, Realisations(air), 1e-6).fly("chaff", grains).position for air in (bare, pipeline.field[1])
     ]
     shift = np.percentile(np.linalg.norm(ends[1] - ends[0], axis=1) / asked.width, 95)
     bound = plan.fractions["chaff"].bounds[LOADING]

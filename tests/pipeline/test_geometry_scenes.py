@@ -457,7 +457,7 @@ def flown(scene: Scene, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Terminal velocity in the scene's air (n,), bin (n,) and fate (n,) of a fraction's granules in calm air."""
     plan = make_plan(scene, force=CALM)
     feed, pipeline = feedstock(scene, plan, name, None), Pipeline(scene, plan)
-    tracks = Flight(scene, plan, pipeline.kind.realisations, 1e-4).fly(name, feed.granules)
+    tracks = Flight(scene, plan, pipeline.air.realisations, 1e-4).fly(name, feed.granules)
     air, grains = scene.air, feed.granules
     settling = terminal_velocity(
         grains.diameter, grains.density, air.density, air.viscosity,

@@ -363,7 +363,7 @@ def test_the_shift_of_injected_wheat_is_what_the_plan_says() -> None:
         scene = Scene.parse(tables).replace({"feed.mode": mode})
         plan = make_plan(scene, force=UNIFORM).with_forces(("drag", "gravity"))
         feed = feedstock(scene, plan, "wheat", None)
-        tracks = Flight(scene, plan, Pipeline(scene, plan).kind.realisations, 1e-5).fly("wheat", feed.granules)
+        tracks = Flight(scene, plan, Pipeline(scene, plan).air.realisations, 1e-5).fly("wheat", feed.granules)
         landings.append(tracks.position[:, 0])
     moved = np.percentile(np.abs(landings[0] - landings[1]) / scene.width, 95)
     bound = of(rhombus(), "wheat").shift

@@ -160,11 +160,11 @@ class Computed:
         assert (stage, "m/s" in text) == ("airflow", True)
 
     @cached_property
-    def kind(self) -> Any:
+    def air(self) -> Any:
         air = self.scene.airstream
         self.solved.append(air.speed)
         drop = self.loss * (4.0 / air.speed) ** 0.1 * 0.5 * air.density * air.speed**2
-        return SimpleNamespace(table=Airflow(verdict="settled", pressure_drop=drop))
+        return SimpleNamespace(numbers=Airflow(verdict="settled", pressure_drop=drop))
 
 
 def prism(changes: dict[str, Any] | None = None) -> Scene:
@@ -191,7 +191,7 @@ def test_the_air_goes_to_where_the_curve_meets_the_computed_drop() -> None:
     assert abs(scene.airstream.speed - by_hand) > 0.1 * by_hand
     assert len(found.solved) <= FEW
     assert as_blown(scene, cast("Pipeline", found)).airstream.speed == air.speed
-    table = found.kind.table.by_fan(found.scene, loaded=False)
+    table = found.air.numbers.by_fan(found.scene, loaded=False)
     assert table.meets == pytest.approx(by_hand, rel=1e-3)
     exact = blown_by(prism({"uncertainty.air.speed": 0.0})).solved
     assert len(exact) <= FEW

@@ -52,7 +52,7 @@ def notices(
     """What a user must know of the airflow, of the feed funnel and of how the tracks ended; those in the ``slab``,
     where granules meet in one.
     """
-    solved = airflow is not None and not pipeline.kind.at_once
+    solved = airflow is not None and not pipeline.air.at_once
     found = list(_airflow_notices(scene, pipeline, airflow)) if solved and airflow is not None else []
     found += [] if airflow is None else [*_unsettled(scene, pipeline, airflow), *_off_the_fan(scene, airflow)]
     found += [less_sure(line) for line in funnel_notices(scene.funnel, funnel)]

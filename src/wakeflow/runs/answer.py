@@ -70,7 +70,7 @@ class OneRun:
         told = notices(scene, self.pipeline, airflow, self.poured, tracked, slab)
         small = total_notices(() if landings is None else landings.budget, plan.target_error)
         known = gravest_first((*told, *plan.notices, *small))
-        key, solver = self._key(tracked), None if airflow is None else self.pipeline.kind.solver
+        key, solver = self._key(tracked), None if airflow is None else self.pipeline.air.solver
         result = Result(
             schema=SCHEMA,
             scene=self.asked.tables(),
@@ -107,14 +107,14 @@ class OneRun:
         """What another core makes while this one waits for the airflow; nothing on one core, or without such a wait."""
         pipeline, until = self.pipeline, self.request.until
         threads = cores() if pipeline.workers is None else pipeline.workers
-        if threads < 2 or until in ("funnel", "mesh") or pipeline.kind.at_once:
+        if threads < 2 or until in ("funnel", "mesh") or pipeline.air.at_once:
             return []
         spare = replace(pipeline)  # the two threads share what is in the cache, nothing else
-        grids = range(1, len(pipeline.plan.airflow.scales))  # from which the answer's airflow starts in time
-        others = [spare.draft] if pipeline.plan.airflow.brackets else [spare.on_grid(grid) for grid in grids]
+        coarser = spare.grids[1:]  # from which the answer's airflow starts in time
+        others = [spare.steady] if pipeline.plan.airflow.brackets else coarser
         solved: list[Callable[[], object]] = [partial(getattr, other, "solution") for other in others]
         if pipeline.plan.airflow.loaded:
-            solved.insert(0, spare.solve_start)  # while the force is gathered
+            solved.insert(0, spare.airs.solve_start)  # while the force is gathered
         return solved if until is not None else [*solved, *flights_ahead(spare), self._air_shown]
 
     def _air_shown(self) -> None:
@@ -128,7 +128,7 @@ class OneRun:
         if scene.air is None or until == "funnel":
             return None, None
         flies = until not in ("mesh", "airflow") or (until == "airflow" and pipeline.plan.airflow.loaded)
-        if flies and not pipeline.kind.at_once:
+        if flies and not pipeline.air.at_once:
             pipeline.compile_in_background()
         mesh = pipeline.mesh_quality
         if until == "mesh":
@@ -142,7 +142,7 @@ class OneRun:
 
     def _flown(self, airflow: Airflow) -> Airflow:
         """The airflow with what is known of the field that granules fly in."""
-        return replace(airflow, divergence=self.pipeline.divergence, truncation=self.pipeline.kind.truncation)
+        return replace(airflow, divergence=self.pipeline.divergence, truncation=self.pipeline.air.truncation)
 
     def _flights(self, tracked: Tracked) -> FlightResults:
         return FlightResults(tracked.fates, tracked.injected, self.pipeline.impact_loads)

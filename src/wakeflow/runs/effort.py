@@ -164,8 +164,8 @@ def solved_before(scene: Scene, plan: Plan) -> frozenset[str]:
         return frozenset()
     known = Pipeline(plan.airflow.flown(scene), plan, store=FinishedStages(cache_root()))
     try:
-        for grid in reversed(range(len(plan.airflow.scales))):
-            _ = known.on_grid(grid).solution
+        for one in reversed(known.grids):
+            _ = one.solution
     except NotFinished:  # perhaps after some of the passes of the granules' force, whose names are the same
         return frozenset(name for name in known.seconds if StageKey.of(name).heading != "air loading")
     return frozenset(known.seconds)

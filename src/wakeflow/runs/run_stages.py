@@ -64,8 +64,8 @@ def stages_of(
     one_at_a_time = thread_safe(listener)
     beside = None if request.near is None else _neighbour(Path(request.near), before, one_at_a_time)
     pipeline = Pipeline(
-        plan.airflow.flown(scene), plan, one_at_a_time, workers, planner=planner, neighbour=beside,
-        seconds=StageTimes() if beside is None else beside.seconds, label=AirLabel(neighbour=bool(before)),
+        plan.airflow.flown(scene), plan, one_at_a_time, workers, planner=planner, label=AirLabel(bool(before)),
+        seconds=StageTimes() if beside is None else beside.seconds, near=None if beside is None else beside.airs,
     )  # fmt: skip
     poured = pipeline.funnel
     if poured is not None and request.until != "funnel":
@@ -88,12 +88,12 @@ def _blown(pipeline: Pipeline, planner: Planner, rung: str | None) -> Pipeline:
     for own in (True,) if steady else (False, True):
         loaded = own and pipeline.plan.airflow.loaded
         for _ in range(FEW):
-            scene, kind = pipeline.scene, pipeline.kind if own else pipeline.draft.kind.bare
-            found, speed = known(kind.table.by_fan(scene, loaded=loaded)), scene.airstream.speed
+            scene, air = pipeline.scene, pipeline.air if own else pipeline.airs.bare_steady[0]
+            found, speed = known(air.numbers.by_fan(scene, loaded=loaded)), scene.airstream.speed
             if found.off <= max(EVEN * speed, half_of(scene, "air.speed", "air_speed", speed)) or found.meets is None:
                 break
             pipeline.listener("airflow", f"the fan has the air at {found.meets:.3g} m/s by its drop, not {speed:.3g}")
-            blown = scene.replace({CHANNEL: kind.table.loss(scene, loaded=loaded)})
+            blown = scene.replace({CHANNEL: air.numbers.loss(scene, loaded=loaded)})
             planner = planner.at(blown)
             plan = planner.plan(rung)
             pipeline = replace(pipeline, scene=plan.airflow.flown(blown), plan=plan, planner=planner)
@@ -132,10 +132,10 @@ def _fed(scene: Scene, poured: FunnelSummary) -> Scene:
 
 def airflow_told(scene: Scene, plan: Plan) -> str:
     """What tells the airflow of a scene from those of others; empty where it costs nothing."""
-    kind = Pipeline(plan.airflow.flown(scene), plan).kind
-    if kind.at_once:
+    air = Pipeline(plan.airflow.flown(scene), plan).air
+    if air.at_once:
         return ""
-    spec = repr(kind.flow_spec) if isinstance(kind, CaseAir) else repr(kind.scene.air)
+    spec = repr(air.flow_spec) if isinstance(air, CaseAir) else repr(air.scene.air)
     return content_key(repr(plan.airflow), spec, exerted_by(scene, plan) if plan.airflow.loaded else None)
 
 

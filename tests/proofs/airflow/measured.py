@@ -85,7 +85,7 @@ def dusty_wake(pipeline: Pipeline) -> DustyWake | None:
     scene = pipeline.scene
     if scene.air is None or scene.first_outline is None:
         return None
-    return DustyWake(lambda: pipeline.kind.realisations, scene.first_outline, scene.air.direction, scene.air.speed)
+    return DustyWake(lambda: pipeline.air.realisations, scene.first_outline, scene.air.direction, scene.air.speed)
 
 
 def estimate_without(quantity: str, family: str, blockage: float, reynolds: float) -> WakeEstimate:
@@ -181,9 +181,9 @@ quantities: Registry[Quantity] = Registry("quantity")
 
 def measured(pipeline: Pipeline) -> SolvedAirflow:
     """The airflow of a scene, solved or from the cache."""
-    airs = [pipeline.on_grid(grid) for grid in range(len(pipeline.plan.airflow.scales))]
-    airs = [*airs, airs[-1].draft] if pipeline.plan.airflow.stepping == "time-resolved" else airs[:1]
-    case, *before = (air.solution[1] / "case" for air in airs)
+    in_time, airs = pipeline.plan.airflow.stepping == "time-resolved", pipeline.airs
+    solved = [*airs.answers, airs.steady[-1]] if in_time else airs.answers[:1]
+    case, *before = (air.in_case.case for air in solved)
     return SolvedAirflow(pipeline.airflow, case, pipeline.scene.width, tuple(before), dusty_wake(pipeline))
 
 

@@ -83,7 +83,7 @@ class Predicted:
 def pipeline_of(one: VariedScene, store: Store, workers: int | None = None) -> StoredPipeline:
     """What computes a scene. Raises SceneError as planning does."""
     plan = plan_in(one.air, as_computed(make_plan(one.scene)))
-    return StoredPipeline(one.scene, plan, workers=workers, store=store, air=one.air)
+    return StoredPipeline(one.scene, plan, workers=workers, store=store, stored=one.air)
 
 
 def with_bins(one: VariedScene, store: Store, workers: int | None = None) -> VariedScene:
@@ -127,7 +127,7 @@ class Truth:
         """The terms of the air that are left out of a fraction's flight and that a switch could turn on."""
         told = self.told
         left_out = (row.name for row in told.pipeline.plan.left_out if row.fraction == fraction)
-        air = told.pipeline.kind.realisations.field
+        air = told.pipeline.air.realisations.field
         known = {"laminar": air is None or air.k is None, "point_mass": told.scene.fraction[fraction].inertia is None}
         return frozenset(
             term for term in left_out if term in forces and forces[term].computed and not forces[term].blocked(**known)
@@ -168,7 +168,7 @@ class Truth:
     def _flown(self, count: int, made: Variation, plan: Plan, seed: int) -> Iterator[tuple[str, Array]]:
         told = self.told
         more = told.scene.replace({"feed.count": count, "feed.seed": told.scene.feed.seed + 1000 * seed})
-        airs = told.pipeline.kind.realisations.mapped(partial(_changed, air=made.air))
+        airs = told.pipeline.air.realisations.mapped(partial(_changed, air=made.air))
         flight = Flight(made.fed(more), plan, airs, FINE * told.scene.numerics.tolerance, told.pipeline.workers)
         bins = len(told.scene.bin)
         for name in told.scene.fraction:

@@ -7,14 +7,14 @@ through is its values at the nodes. That stored field is the truth: error of the
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wakeflow.air.field import FlowField
-from wakeflow.air.kinds.airflow_kinds import AirflowKind
+from wakeflow.air.kinds.airflow_kinds import FlownAir
 from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.core.geometry import distance_to
 from wakeflow.core.lazy import cached_property
@@ -198,32 +198,35 @@ def _reach(polygon: Array, ray: Array) -> Array:
 
 
 @dataclass
-class StoredAir(AirflowKind):
+class StoredAir(FlownAir):
     """The kind of airflow of an :class:`StoredFlow`: nothing of it is unknown."""
 
-    air: StoredFlow
+    flow: StoredFlow = field(kw_only=True)
     at_once = True
 
-    def make_field(self) -> tuple[str, FlowField]:
-        tables = (repr(table) for table in (self.air, self.scene.air, self.scene.channel, self.scene.body))
-        key = content_key("stored", *tables, digest_files([Path(__file__)]), code_key("wakeflow.air.field"))
-        return key, field_of(self.air, self.scene)
+    @property
+    def key(self) -> str:
+        tables = (repr(table) for table in (self.flow, self.scene.air, self.scene.channel, self.scene.body))
+        return content_key("stored", *tables, digest_files([Path(__file__)]), code_key("wakeflow.air.field"))
 
-    def make_table(self) -> Airflow:
-        return Airflow(verdict=self.air.flow)
+    def make_field(self) -> FlowField:
+        return field_of(self.flow, self.scene)
+
+    def make_numbers(self) -> Airflow:
+        return Airflow(verdict=self.flow.flow)
 
 
 @dataclass
 class StoredPipeline(Pipeline):
-    """A pipeline through ``air`` in place of what its plan would solve; None: as the plan has it."""
+    """A pipeline through a ``stored`` flow in place of what its plan would solve; None: as the plan has it."""
 
-    air: StoredFlow | None = None
+    stored: StoredFlow | None = None
 
     @cached_property
-    def kind(self) -> AirflowKind:
-        if self.air is None:
-            return super().kind
-        return StoredAir(self.scene, self.plan, self.cache, self.grid, lambda: self.draft._in_case, self.air)
+    def air(self) -> FlownAir:
+        if self.stored is None:
+            return super().air
+        return StoredAir(self.scene, self.plan, self.cache, flow=self.stored)
 
 
 def plan_in(air: StoredFlow | None, plan: Plan) -> Plan:

@@ -46,7 +46,7 @@ def run_near_wake(tell: Tell = lambda _: None, count: int = 1024, scale: float =
     tell("the wake of a plate, in time")
     scene = plate(scale)
     pipeline = Pipeline(scene, make_plan(scene, rung="standard"))
-    air, (body,) = pipeline.kind.realisations, scene.body.values()
+    air, (body,) = pipeline.air.realisations, scene.body.values()
     fields = [field for number in range(len(air)) if (field := air.make(number)) is not None]
     rows: list[Row] = []
     for stokes in STOKES:

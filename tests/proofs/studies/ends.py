@@ -33,9 +33,8 @@ from numpy.typing import NDArray
 import wakeflow as wf
 from foam.test_statistics import STEPS, TRUTH, record
 from support import shipped
-from wakeflow.air.foam.case import FlowSpec
+from wakeflow.air.foam.case import FlowSpec, MeshMotion
 from wakeflow.air.foam.force_history import CD, CL, read_table, upward_crossings
-from wakeflow.air.foam.mesh_motion import MeshMotion
 from wakeflow.air.foam.read import CaseFields, time_folders
 from wakeflow.air.foam.solver import run_segment
 from wakeflow.air.foam.start import perturb, start_from
@@ -68,13 +67,12 @@ def moved(scene: wf.Scene, rung: str, distances: tuple[float, float] | None) -> 
     """The scene with its inlet and outlet at ``distances`` (body widths) from the body."""
     plan = make_plan(scene, rung=rung, force=BARE)
     made = Pipeline(scene, replace(plan, airflow=replace(plan.airflow, accuracy=ACCURACY)))
-    airs = [made.on_grid(grid) for grid in range(len(plan.airflow.scales))]
-    for pipeline in (*airs, *(air.draft for air in airs)):
-        spec = pipeline.mesh_spec
+    for air in (*made.airs.resolved, *made.airs.steady):
+        spec = air.mesh_spec
         before, behind = distances or ends(spec.width / spec.projected_width)
         outline, size = np.array(spec.bodies[0]), spec.widths[0]
         top, bottom = outline[:, 1].max() + before * size, outline[:, 1].min() - behind * size
-        pipeline.kind.mesh_spec = replace(spec, top=float(top), bottom=float(bottom))
+        air.mesh_spec = replace(spec, top=float(top), bottom=float(bottom))
     return made
 
 

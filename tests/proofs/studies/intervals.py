@@ -49,7 +49,7 @@ def flown(flight: Flight, name: str, noise: float, repeats: int) -> Row:
 def rows(scene: wf.Scene, repeats: int) -> Iterator[Row]:
     """A row a fraction and length of the intervals."""
     pipeline = piped(scene)
-    flight = Flight(scene, pipeline.plan, pipeline.kind.realisations, scene.numerics.tolerance, workers=1)
+    flight = Flight(scene, pipeline.plan, pipeline.air.realisations, scene.numerics.tolerance, workers=1)
     for name in scene.fraction:
         first: Row = {}
         for noise in NOISE:

@@ -253,9 +253,9 @@ def passes(pipeline: Pipeline, bins: Moved) -> Iterator[Row]:
     steady = loading.steady
     yield row(0, 0.0, steady.measured.cd.value, steady.field[1], loading.first.shares)
     for number, one in enumerate(loading.passes, 1):
-        cd = load(AirflowResult, one.folder / "case" / "airflow.json").cd.value
-        given = both * json.loads((one.folder / "case" / SOURCE).read_text())["force"][1]
-        air = loading.field_in(one.force, (one.key, one.folder))
+        cd = load(AirflowResult, one.air.case / "airflow.json").cd.value
+        given = both * json.loads((one.air.case / SOURCE).read_text())["force"][1]
+        air = one.air.field
         yield row(number, given, cd, air, one.gathered.shares)
 
 
@@ -305,7 +305,7 @@ def _settled(name: str, changes: Mapping[str, Any], seeds: int, most: tuple[int,
         for allowed in (MOST, *most):
             with patch.object(air_loading_stage, "ON_THE_WAY", allowed):
                 last, *others = reversed(Pipeline(scene, wf.plan(scene)).loading.passes)
-            cases = [one.folder / "case" for one in (last, *others)]
+            cases = [one.air.case for one in (last, *others)]
             cd = load(AirflowResult, cases[0] / "airflow.json").cd.value
             first = first or (cd, last.gathered.shares)
             off = [np.subtract(last.gathered.shares[one], shares) for one, shares in first[1].items()]

@@ -113,7 +113,7 @@ def all_forces(steady: FlowField, slow: bool, tell: Tell) -> tuple[list[Table], 
     airs, case = {"steady": steady, "synthetic wave": travelling_wave(steady, SPEED, scene.width)}, None
     if slow:
         pipeline = Pipeline(scene, make_plan(scene), _listener(tell))
-        airs = {"steady": pipeline.draft.field[1], "time-resolved": pipeline.field[1]}
+        airs = {"steady": pipeline.steady.field[1], "time-resolved": pipeline.field[1]}
         case = cloud.SolvedCase.of(pipeline.solution[1] / "case", airs["time-resolved"])
     rows, asked = [], []
     for one in flights.flown_kinds(scene, airs, flights.MANY if slow else flights.FEW):

@@ -1,4 +1,4 @@
-"""What follows from a plane velocity field: its vorticity and its stream function."""
+"""What follows from a field's velocity: vorticity, the stream function."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .recovery import gradient_operators
+from .triangles import gradient_operators
 
 if TYPE_CHECKING:
     from .flow import FlowField
-
 
 Array = NDArray[np.float64]
 

@@ -27,8 +27,7 @@ from ...laws.gas import mean_free_path as path_in_gas
 from . import field_checks as checks
 from .mirror import MeshOscillation, mirrored, reflected
 from .modes import TimeAxis, Truncation, compress, design
-from .recovery import gradient_operators
-from .triangles import Divergence, Triangles, divergence_of
+from .triangles import Divergence, Triangles, divergence_of, gradient_operators
 
 Array = NDArray[np.float64]
 POSITIVE = ("k", "dissipation")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TypeVar
 
 from ...core.number import Number
 from ...core.record import column
 
+Kind = TypeVar("Kind")
 SPANNED = 0.99  # channel widths: a suction zone as wide as this reaches both walls, but for a cell at each
 
 
@@ -44,7 +46,7 @@ class MeshMotionSummary:
 @dataclass(frozen=True)
 class Attempt:
     """A solution that failed before the settings that served were found, see
-    :mod:`wakeflow.air.foam.fallback_settings`.
+    :mod:`wakeflow.air.foam.airflow`.
     """
 
     settings: str = column("", "the settings it was tried with")
@@ -156,3 +158,36 @@ class AirflowResult:
     checks: dict[str, float] | None = column("1", "share of every sanity limit that is taken up", default=None)
     span: SpanwiseMotion | None = column("", "of an airflow in three dimensions; null in the plane", default=None)
     half: bool | None = column("", "whether a given case is the right half of the channel", default=None)
+
+
+def _always(kind: type[Kind]) -> type[Kind]:
+    """A record whose own fields are columns of the one that it derives from, and have a value."""
+    for name in vars(kind)["__annotations__"]:
+        setattr(kind, name, field(metadata=kind.__dataclass_fields__[name].metadata))  # type: ignore[attr-defined]
+    return kind
+
+
+@dataclass(frozen=True, kw_only=True)
+@_always
+class CaseResult(AirflowResult):
+    """The same of an airflow in an OpenFOAM case, solved or given: these it always has."""
+
+    cells: int
+    cd: Number
+    cp_base: Number
+    cp_front: float
+    p_inlet: float
+    pressure_drop: float
+    flow_rate: float
+    mass_error: float
+    suction: SuctionZone
+    field_time: str
+
+
+@dataclass(frozen=True, kw_only=True)
+@_always
+class SpanResult(CaseResult):
+    """The same of an airflow in three dimensions."""
+
+    period: float
+    span: SpanwiseMotion

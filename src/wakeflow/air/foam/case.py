@@ -6,7 +6,7 @@ import math
 import re
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -18,8 +18,64 @@ from ...core.files import atomic_write, case_template
 from ...laws.span import Span
 from ...laws.turbulence import USUAL, TurbulenceField, TurbulenceModel, entering_energy, turbulence_models
 from ..mesh import MeshSpec
-from .mesh_motion import MeshMotion
 from .polymesh import read_polymesh
+
+SNAPSHOTS = 12  # a vibration, at least: the field between them is interpolated
+ROUND_OFF = 1e-6  # rad: of a time that is meant to be whole vibrations
+STEPS = 48  # time steps a vibration period, at least: a second-order step follows the motion to 0.3 % there
+
+
+@dataclass(frozen=True)
+class MeshMotion:
+    """Harmonic motion of bodies and mesh along the channel: d(t) = (0, ``amplitude`` sin(``omega`` t)).
+
+    ``amplitude`` m, ``omega`` rad/s, t the case's own clock (s). The ends of the channel move with the mesh: where air
+    comes in uniform and leaves undisturbed, that changes nothing.
+    """
+
+    amplitude: float
+    omega: float
+
+    @property
+    def period(self) -> float:
+        """Length of a vibration (s)."""
+        return 2.0 * math.pi / self.omega
+
+    @property
+    def peak_speed(self) -> float:
+        """Largest speed of the body, a w (m/s)."""
+        return self.amplitude * self.omega
+
+    def displacement(self, time: float) -> float:
+        """Where the mesh is at ``time`` (s), along y from its reference position (m)."""
+        return self.amplitude * math.sin(self.omega * time)
+
+    def speed(self, time: float) -> float:
+        """Velocity of the mesh along y at ``time`` (s), in m/s."""
+        return self.amplitude * self.omega * math.cos(self.omega * time)
+
+    def cadence(self, longest: float) -> float:
+        """Time between snapshots (s): at most ``longest``, a whole number of at least SNAPSHOTS a vibration."""
+        return self.period / max(SNAPSHOTS, math.ceil(self.period / longest - 1e-9))
+
+    def motion(self, begin: float) -> dict[str, list[float] | float]:
+        """The motion against a clock that starts at ``begin`` (s): amplitude (x, y) m, omega rad/s, phase rad.
+
+        Displacement at time t of that clock: amplitude sin(omega t + phase).
+        """
+        phase = math.remainder(self.omega * begin, 2.0 * math.pi)
+        phase = 0.0 if abs(phase) < ROUND_OFF else phase
+        return {"amplitude": [0.0, self.amplitude], "omega": self.omega, "phase": phase}
+
+    def parameters(self) -> dict[str, str | float]:
+        """What the case template leaves open for a moving mesh."""
+        return {
+            "bodyWall": "movingWallVelocity",
+            "amplitude": self.amplitude,
+            "omega": self.omega,
+            "maxDeltaT": self.period / STEPS,
+        }
+
 
 PARAMETERS, INLETS, FORCES = Path("system", "parameters"), Path("system", "inlets"), Path("system", "forces")
 MODELS = "turbulence-models"  # in the template: a folder a model, its files go over those of the template's own
@@ -51,8 +107,7 @@ class FlowSpec:
     middle), ``inlets``: secondary streams. ``vibration``: of bodies and mesh along the channel; None: the bodies are at
     rest in the air. ``settings``: one of SETTINGS, where the ladder of safer ones starts; ``ranks``: MPI processes,
     0: not decided yet. ``accuracy``: relative half-width of the 95 % intervals at which a time-resolved run ends, see
-    :func:`wakeflow.air.foam.statistics.wanted`. ``span``: resolved in three dimensions
-    (``air.foam.spanwise.span_run``)."""
+    :func:`wakeflow.air.foam.statistics.wanted`."""
 
     mesh: MeshSpec
     speed: float
@@ -68,7 +123,6 @@ class FlowSpec:
     settings: str = "normal"
     ranks: int = 1
     vibration: MeshMotion | None = None
-    span: Span | None = None
 
     def __post_init__(self) -> None:
         """Raise SceneError for a model that is not known, and for what the stepping cannot follow."""
@@ -150,6 +204,20 @@ class FlowSpec:
             **swing,
             "maxDeltaT": min(longest, float(swing.get("maxDeltaT", longest))),
         }
+
+
+@dataclass(frozen=True)
+class SpanSpec(FlowSpec):
+    """The same resolved in three dimensions (``air.foam.spanwise.span_run``), over a ``span``."""
+
+    _: KW_ONLY
+    span: Span
+
+    @property
+    def plane(self) -> FlowSpec:
+        """The plane wake, of the usual turbulence model, that it starts from."""
+        parts = {name: value for name, value in vars(self).items() if name != "span"}
+        return FlowSpec(**{**parts, "turbulence": USUAL, "ranks": 1})
 
 
 def axis_points(spec: FlowSpec) -> tuple[float, float, float]:

@@ -1,6 +1,6 @@
 """Why an airflow failed, derived from how a program ended, from its log and from the disk it wrote to.
 
-A numerical failure may be cured by safer settings (:mod:`wakeflow.air.foam.fallback_settings`); the others may not.
+A numerical failure may be cured by safer settings (:mod:`wakeflow.air.foam.airflow`); the others may not.
 """
 
 from __future__ import annotations

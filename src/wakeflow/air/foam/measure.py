@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...core.number import Number
 from ...core.record import JsonTable, from_json
 from ...laws.turbulence import NUT
-from .airflow_result import AirflowResult, CheckMesh, MeshMotionSummary, RunStatistics
+from .airflow_result import CaseResult, CheckMesh, MeshMotionSummary, RunStatistics
 from .case import FlowSpec, axis_points
 from .force_history import CD, Tail, read_table, spread
 from .read import LOOP, STATES, CaseFields, Snapshot, late_states, loop_of, nodes_of
@@ -113,7 +113,7 @@ def measure(
     *,
     residuals: dict[str, float] | None = None,
     mesh: CheckMesh | None = None,
-) -> AirflowResult:
+) -> CaseResult:
     """Measure the solved case ``folder``: the latest time of a steady airflow, the loop of a time-resolved one.
 
     ``verdict``, ``residuals`` and the quality of the ``mesh`` are passed on into the result. Raises
@@ -123,7 +123,7 @@ def measure(
     rows = Tail(folder).update()
     since = json.loads((folder / STATES).read_text())["begin"] if states else None
     history = coefficients_of(spec, rows, loop, since)
-    return AirflowResult(
+    return CaseResult(
         stepping=spec.stepping,
         verdict=verdict,
         turbulence=spec.turbulence,
@@ -146,7 +146,7 @@ def measure(
 
 
 def _from_fields(spec: FlowSpec, folder: Path, loop: JsonTable | None, rows: Array, probed: Number) -> JsonTable:
-    """What the stored fields say, by the names of :class:`AirflowResult`; ``probed``: the history's base pressure."""
+    """What the stored fields say, by the names of :class:`CaseResult`; ``probed``: the history's base pressure."""
     fields = CaseFields(folder)
     names = loop["times"] if loop else late_states(folder)
     times = [fields.folder(name) for name in names or ["latest"]]
@@ -175,7 +175,7 @@ def plane_numbers(
     body: NDArray[np.bool_] | None = None,
 ) -> tuple[JsonTable, float]:
     """What ``shots`` and their mean at the nodes, kinematic ``pressure`` (n,) and ``velocity`` (n, 2), say of a plane
-    airflow by the names of :class:`AirflowResult`, and Cp at the rear of the first body.
+    airflow by the names of :class:`CaseResult`, and Cp at the rear of the first body.
 
     Boundary edges (b,) of ``ends``, inlet and outlet, and of the bodies: by the names of patches where not given.
     ``time`` is the folder of the last shot.

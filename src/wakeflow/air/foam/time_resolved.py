@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from ...core.errors import FoamError
 from ...core.files import write_json
 from ...core.record import JsonTable
-from .case import FlowSpec
+from .case import FlowSpec, MeshMotion
 from .force_history import Tail
-from .mesh_motion import MeshMotion
 from .read import LOOP, CaseFields, time_folders
 from .solver import PHASE, SAME, drop_after, last_state, purge, run_segment, segment_ends
 from .start import first_step, start_in_time

@@ -15,7 +15,7 @@ from ...core.foam_text import read_entries
 from ...core.geometry import distance_to, distance_to_edges
 from ...core.number import Number
 from ...laws.turbulence import NUT
-from .airflow_result import AirflowResult
+from .airflow_result import CaseResult
 from .case import FlowSpec
 from .measure import motion_in, plane_numbers
 from .read import READ, CaseFields, Snapshot, loop_of, read_flow, time_folders
@@ -41,7 +41,7 @@ def case_files(case: Path, time: str) -> list[Path]:
     return [case / "constant", *(path for path in extra if path.exists()), *chosen, *taken]
 
 
-def measure_given(spec: FlowSpec, case: Path, time: str) -> AirflowResult:
+def measure_given(spec: FlowSpec, case: Path, time: str) -> CaseResult:
     """What a given case says of its airflow; verdict "given".
 
     ``spec`` holds the scene's bodies, channel and air; ``time``: "latest", "mean" or "all", as for ``read_flow``. Cd is
@@ -56,7 +56,7 @@ def measure_given(spec: FlowSpec, case: Path, time: str) -> AirflowResult:
     _check_channel(spec, plane)
     _check_bodies(spec, plane, wall)
     loop = loop_of(case)
-    return AirflowResult(
+    return CaseResult(
         stepping="given",
         verdict="given",
         **_from_fields(spec, fields, _chosen_times(fields, time, loop), time, wall),

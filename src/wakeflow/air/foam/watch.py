@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.errors import FoamError, known
+from ...core.errors import FoamError
 from ...core.process import tail
 from .case import read_parameters
 from .failure import AirflowFailure, Cause
@@ -73,8 +73,7 @@ class Watch:
         self.judged = len(self.drags.rows)
         self.residuals: dict[str, float] = {}
         self.started = self.looked = 0.0
-        self.first: float | None = None
-        self.now = 0.0
+        self.first = self.now = 0.0
         self.failed = False
         self.crawling = self.unsolved = 0
 
@@ -83,7 +82,7 @@ class Watch:
         if self.failed:
             return
         self._judge(np.inf)
-        if self.first is not None:
+        if self.started:
             self.spent += time.monotonic() - self.started
             self.covered += self.now - self.first
 
@@ -127,7 +126,7 @@ class Watch:
             self._fail(Cause.STALLED, f"stalled: {CRAWLING} time steps in a row were below {step:.3g} s")
 
     def _step(self, now: float) -> None:
-        if self.first is None:
+        if not self.started:
             self.first, self.started = now, time.monotonic()
         self.now = now
         if time.monotonic() - self.looked < LOOK_EVERY:
@@ -140,7 +139,7 @@ class Watch:
 
     def _left(self) -> float | None:
         """Wall seconds left at the pace so far; None where that cannot be reported."""
-        covered = self.covered + self.now - known(self.first)
+        covered = self.covered + self.now - self.first
         if not (covered > 0 and self.now < self.expected):  # past it: no idea
             return None
         return (self.expected - self.now) * (self.spent + time.monotonic() - self.started) / covered

@@ -1,33 +1,32 @@
-"""The kinds of airflow: how the air of a scene comes about, and what is known and not known of it.
+"""The air of a scene: what granules fly through, how it comes about, what is known and not known of it.
 
-Each kind is one class. It gives the field that granules fly through with its cache key, the ``airflow`` and the
-``mesh`` table of result.json, what was lost when the field was stored, and which parts of its error nobody measures.
-The plan names the kind (``planning.airflow_choice.AirflowPlan.kind``); nothing else asks which one it is. Here stands
-what all of them have, and those of an OpenFOAM case; the kinds themselves in the modules that
-:mod:`.every_kind` names.
+Air is bare (a kind that the plan names: ``planning.airflow_choice.AirflowPlan.kind``), loaded by granules, or a blend
+of two airs; grids are an ensemble of them. Each has a ``key`` in the cache, a ``field``, ``numbers`` (the ``airflow``
+table of result.json) and the ``unknown`` parts of its error. Here is what all of them have, and those of an OpenFOAM
+case; the kinds themselves are in the modules that :mod:`.every_kind` names.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Protocol, Self
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from ...core.errors import known
-from ...core.geometry import ForceDensity
+from ...core.errors import SceneError
 from ...core.lazy import cached_property
 from ...core.record import load
 from ...core.registry import Registry
 from ...core.store import content_key
+from ...laws.span import CONVECTIVE_PERIOD, Span
 from ...laws.turbulence import USUAL, turbulence_models
 from ...planning.plan import Plan
 from ...planning.stage_cache import StageCache, code_of, version_of
 from ...scene import Scene
 from ..mesh.spec import MeshReport
-from .airflow_table import Airflow
+from .airflow_table import Airflow, CaseAirflow, SpanAirflow
 from .realisations import Realisations
 
 if TYPE_CHECKING:
@@ -61,16 +60,16 @@ def mesh_spec(scene: Scene, plan: Plan, grid: int = 0) -> MeshSpec:
 def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
     """The airflow that the plan wants through a mesh, or that a given case must be."""
     from ..foam import FlowSpec, Stream
-    from ..foam.mesh_motion import MeshMotion
+    from ..foam.case import MeshMotion, SpanSpec
 
     air, how = scene.airstream, plan.airflow
     amplitude, omega = scene.motion
-    return FlowSpec(
+    plane = FlowSpec(
         mesh=mesh,
         speed=air.speed,
         density=air.density,
         viscosity=air.viscosity,
-        turbulence=known(how.turbulence) if known(how.turbulence) in turbulence_models else USUAL,
+        turbulence=how.turbulence if how.turbulence and how.turbulence in turbulence_models else USUAL,
         stepping=how.stepping or "steady",
         intensity=air.turbulence,
         profile=air.profile,
@@ -80,103 +79,70 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
         accuracy=how.accuracy,
         ranks=0 if scene.numerics.ranks == "auto" else scene.numerics.ranks,
         vibration=MeshMotion(float(amplitude[1]), omega) if how.moving else None,
-        span=how.span,
     )
+    return plane if how.span is None else SpanSpec(**vars(plane), span=how.span)
 
 
-# -- The kinds of airflow ----------------------------------------------------------------------------------------------
-class ForceOnAir(Protocol):
-    """What the granules of a scene exert on its airflow."""
-
-    @property
-    def force(self) -> ForceDensity:
-        """Under which the airflow is made."""
-
-    @property
-    def key(self) -> str:
-        """Of the steady airflow under it."""
-
-
-class ForceOnCase(ForceOnAir, Protocol):
-    """The same where OpenFOAM solves that."""
-
-    @property
-    def early(self) -> ForceOnAir:
-        """The same as it is known first."""
-
-    def solution_on(self, air: CaseAir) -> tuple[str, Path]:
-        """Key and folder of the steady ``air``, which does not feel it, under the force."""
-
-
+# -- Air ---------------------------------------------------------------------------------------------------------------
 @dataclass
-class AirflowKind(ABC):
-    """The airflow of one scene under one plan.
-
-    ``grid`` is the place among the plan's grids, 0 the answer's; ``steady`` gives the scene's steady airflow, and
-    ``nearest`` that of the same kind to start from, of another scene or a coarser grid; both solved where they are not.
-    ``loading``: the granules' force on the air, None where it does not feel them.
+class FlownAir(ABC):
+    """The air of one scene under one plan: its ``key`` in the cache, ``field``, ``numbers``, ``unknown`` parts of its
+    error. ``grid`` is the place among the plan's grids, 0 the answer's.
     """
 
     scene: Scene
     plan: Plan
     cache: StageCache
-    grid: int
-    steady: Callable[[], CaseAir]
-    nearest: Callable[[], CaseAir | None] = field(default=lambda: None, kw_only=True)
-    loading: Callable[[], ForceOnAir | None] = field(default=lambda: None, kw_only=True)
+    grid: int = 0
     means: ClassVar[str] = ""  # what granules fly in, in words
     at_once: ClassVar[bool] = False  # known without meshing, solving or reading files
 
+    @property
     @abstractmethod
-    def make_field(self) -> tuple[str, FlowField] | None:
-        """Cache key and field of the whole channel; None where there is no air."""
+    def key(self) -> str:
+        """The field's key in the cache: everything that the field depends on."""
 
     @abstractmethod
-    def make_table(self) -> Airflow:
+    def make_field(self) -> FlowField:
+        """The field of the whole channel."""
+
+    @abstractmethod
+    def make_numbers(self) -> Airflow:
         """What was measured on the airflow, or is known of it, but its rung."""
 
-    @cached_property
-    def bare(self) -> Self:
-        """The same airflow where it does not feel the granules."""
-        return replace(self, loading=lambda: None)
-
     @property
-    def solver(self) -> str | None:
-        """Version of the OpenFOAM that solves it; None where none does."""
-        return None
+    def unknown(self) -> tuple[str, ...]:
+        """Sources of error of the airflow that stay unknown unless flying again in another airflow measures them:
+        mesh, airflow-model (how far the airflow is from the real one), airflow-statistics (a finite sample of it).
+        """
+        return ()
 
     @cached_property
-    def field(self) -> tuple[str, FlowField] | None:
+    def field(self) -> FlowField:
         """:meth:`make_field`, made once, in the scene's gas."""
-        made = self.make_field()
-        return None if made is None else (made[0], self.in_gas(made[1]))
+        return self.in_gas(self.make_field())
 
     def in_gas(self, field: FlowField) -> FlowField:
         """A field with the temperature and the mean free path of the scene's air."""
         air = self.scene.airstream
         return field.with_values(temperature=air.temperature, mean_free_path=air.mean_free_path)
 
-    def between(self, theta: float, strength: float) -> tuple[str, FlowField] | None:
-        """Key and field with another wake, of ``theta`` and ``strength`` as in ``field.blended_wake``; the field itself
-        where the wake is no time-resolved one.
+    def between(self, theta: float, strength: float) -> FlowField:
+        """The field with another wake, of ``theta`` and ``strength`` as in ``field.blended_wake``; the field itself
+        where the air is no blend.
         """
-        del theta, strength  # for subclasses
+        del theta, strength  # for a blend
         return self.field
 
     @property
     def realisations(self) -> Realisations:
-        """The fields in which the replicates fly in turn: the one of :meth:`make_field` unless a kind has more."""
-        return Realisations(None if self.field is None else self.field[1], cycles=self.cycles)
-
-    @property
-    def cycles(self) -> int:
-        """Cycles of the shedding in the field's period, each a sample of the airflow; 1 where nothing changes."""
-        return 1
+        """The fields in which the replicates fly in turn: :attr:`field` unless a kind has more."""
+        return Realisations(self.field)
 
     @cached_property
-    def table(self) -> Airflow:
+    def numbers(self) -> Airflow:
         """The ``airflow`` table of result.json."""
-        return replace(self.make_table(), rung=self.plan.rung)
+        return replace(self.make_numbers(), rung=self.plan.rung)
 
     @property
     def mesh_quality(self) -> MeshReport | None:
@@ -186,19 +152,23 @@ class AirflowKind(ABC):
     @property
     def truncation(self) -> Truncation | None:
         """What the field lost when it was stored as a mean and modes; None for a field that is stored whole."""
-        return None if self.field is None else self.field[1].truncation
+        return self.field.truncation
 
-    def unknown_parts(self) -> tuple[str, ...]:
-        """Sources of error of the airflow that stay unknown unless flying again in another airflow measures them:
-        mesh, airflow-model (how far the airflow is from the real one), airflow-statistics (a finite sample of it).
-        """
-        return ()
+    @property
+    def in_case(self) -> CaseAir:
+        """This air, which is in an OpenFOAM case. Raises SceneError where it is not."""
+        raise SceneError(f"airflow {self.plan.airflow.kind}: it has neither mesh nor OpenFOAM case")
+
+    @property
+    def solver(self) -> str | None:
+        """Version of the OpenFOAM that solves it; None where none does."""
+        return None
 
 
-airflow_kinds: Registry[type[AirflowKind]] = Registry("kind of airflow")
+airflow_kinds: Registry[type[FlownAir]] = Registry("kind of airflow")
 
 
-class CaseAir(AirflowKind):
+class CaseAir(FlownAir):
     """An airflow that is in an OpenFOAM case."""
 
     @cached_property
@@ -221,6 +191,10 @@ class CaseAir(AirflowKind):
         """Solve or measure the airflow, or take it from the cache: key and folder."""
 
     @property
+    def in_case(self) -> CaseAir:
+        return self
+
+    @property
     def case(self) -> Path:
         """The OpenFOAM case that the field is read from."""
         return self.solution[1] / "case"
@@ -231,57 +205,40 @@ class CaseAir(AirflowKind):
         return self.mesh_spec.half
 
     @property
-    def measured(self) -> Airflow:
+    def measured(self) -> CaseAirflow:
         """What was measured on the case."""
-        return load(Airflow, self.solution[1] / "case" / "airflow.json")
+        return load(CaseAirflow, self.solution[1] / "case" / "airflow.json")
 
-    def make_table(self) -> Airflow:
+    def make_numbers(self) -> Airflow:
         return self.measured
 
     @cached_property
-    def _stored(self) -> tuple[str, Path]:
-        """Cache key and folder of what granules can fly in: field.npz, and state-N.npz for each late state."""
-        from .case_field import case_field, state_fields
+    def stored(self) -> StoredFields:
+        """The fields that granules can fly in, in the cache."""
+        span = self.plan.airflow.span
+        return plane_fields(self) if span is None else layer_fields(self, span)
 
-        key = content_key("field", self.solution[0], code_of("air.kinds.case_field"), version_of("foamlib"))
-        density, table = self.scene.airstream.density, self.measured
+    @property
+    def key(self) -> str:
+        return self.stored.shown.parent.name
 
-        def work(part: Path) -> None:
-            self.cache.tell("field", "reading the airflow")
-            field = case_field(self.case, known(table.field_time), density, half=self.half)
-            field.save(part / "field.npz")
-            for number, state in enumerate(state_fields(self.case, density, half=self.half)):
-                state.save(part / f"state-{number}.npz")
-
-        return key, self.cache.make("field", key, work)
-
-    def make_field(self) -> tuple[str, FlowField]:
-        key, folder = self._stored
-        return key, self._loaded(folder / "field.npz")
+    def make_field(self) -> FlowField:
+        return self._loaded(self.stored.shown)
 
     @cached_property
     def realisations(self) -> Realisations:
-        """The late states where the airflow does not settle, each as likely as the others; else the one field."""
-        states = sorted(self._stored[1].glob("state-*.npz"))
-        if not states:
-            return super().realisations
-        first, *others = (partial(self._loaded, path) for path in states)
-        return Realisations(first(), tuple(others))
+        """The late states of an airflow that does not settle, the layers of one in three dimensions; else the field."""
+        first, *others = self.stored.flown
+        shown = self.field if first == self.stored.shown else self._loaded(first)
+        return Realisations(shown, tuple(partial(self._loaded, file) for file in others), self.stored.cycles)
 
     def _loaded(self, file: Path) -> FlowField:
         from ..field import FlowField
 
         return self.in_gas(FlowField.load(file))
 
-    @cached_property
-    def cycles(self) -> int:
-        """Whole shedding periods of the loop that the case keeps."""
-        from ..foam.read import loop_of
-
-        loop = loop_of(self.case) if self.measured.period is not None else None
-        return 1 if loop is None else max(1, int(loop["periods"]))
-
-    def unknown_parts(self) -> tuple[str, ...]:
+    @property
+    def unknown(self) -> tuple[str, ...]:
         statistics = () if self.measured.period is None else ("airflow-statistics",)
         return ("mesh", *(("airflow-model",) if self.model_is_unknown else ()), *statistics)
 
@@ -289,3 +246,89 @@ class CaseAir(AirflowKind):
     def model_is_unknown(self) -> bool:
         """Whether nobody says how far the airflow is from the real one."""
         return False
+
+
+# -- The fields of a solved airflow that granules can fly in, files in the cache ---------------------------------------
+class StoredFields(NamedTuple):
+    """The file of the field that is ``shown`` in pictures, those that are ``flown`` in, each as likely as the others,
+    and the ``cycles`` of the shedding in their period, each a sample of the airflow; 1 where nothing changes.
+    """
+
+    shown: Path
+    flown: Sequence[Path]
+    cycles: int
+
+
+def plane_fields(air: CaseAir) -> StoredFields:
+    """Those of a plane airflow: field.npz, and state-N.npz for each late state of one that does not settle. Its cycles
+    are whole shedding periods of the loop that the case keeps.
+    """
+
+    def write(part: Path) -> None:
+        from .case_field import case_field, state_fields
+
+        air.cache.tell("field", "reading the airflow")
+        density = air.scene.airstream.density
+        case_field(air.case, air.measured.field_time, density, half=air.half).save(part / "field.npz")
+        for number, state in enumerate(state_fields(air.case, density, half=air.half)):
+            state.save(part / f"state-{number}.npz")
+
+    from ..foam.read import loop_of
+
+    folder = _made("field", air, write)
+    loop = loop_of(air.case) if air.measured.period is not None else None
+    shown, cycles = folder / "field.npz", 1 if loop is None else max(1, int(loop["periods"]))
+    return StoredFields(shown, sorted(folder.glob("state-*.npz")) or [shown], cycles)
+
+
+def layer_fields(air: CaseAir, span: Span) -> StoredFields:
+    """Those of an airflow in three dimensions: the layers that are flown in, each a plane wake.
+
+    Its cycles are the parts of a layer's period that count as independent: as many, over all layers, as there were
+    sheddings. Layers of one run shed together, so that they are no further samples of that.
+    """
+    from .case_field import layer_file, save_layers
+
+    spec, found = air.flow_spec, load(SpanAirflow, air.case / "airflow.json")
+    flown = found.span.flown
+
+    def write(part: Path) -> None:
+        air.cache.tell("field", "reading the layers of the airflow")
+        save_layers(air.case, part, spec, span.start_up * spec.convective_time, flown)
+
+    folder = _made("layers", air, write)
+    files = [layer_file(folder, number) for number in range(len(flown))]
+    number = 1.0 / CONVECTIVE_PERIOD if found.strouhal is None else found.strouhal.value
+    sheddings = found.period / spec.convective_time * number
+    return StoredFields(files[0], files, max(1, int(sheddings / len(flown))))
+
+
+def _made(what: str, air: CaseAir, write: Callable[[Path], None]) -> Path:
+    """The folder of the fields, from the cache or written now."""
+    key = content_key(what, air.solution[0], code_of("air.kinds.case_field"), version_of("foamlib"))
+    return air.cache.make("field", key, write)
+
+
+# -- An airflow made of another ----------------------------------------------------------------------------------------
+class MadeOf(CaseAir):
+    """An airflow made of another one, ``bare``: on its mesh, by its solver."""
+
+    def __init__(self, bare: CaseAir) -> None:
+        super().__init__(bare.scene, bare.plan, bare.cache, bare.grid)
+        self.bare = bare
+
+    @property
+    def mesh_spec(self) -> MeshSpec:
+        return self.bare.mesh_spec
+
+    @property
+    def mesh_quality(self) -> MeshReport | None:
+        return self.bare.mesh_quality
+
+    @property
+    def solver(self) -> str | None:
+        return self.bare.solver
+
+    @property
+    def model_is_unknown(self) -> bool:
+        return self.bare.model_is_unknown

@@ -14,7 +14,7 @@ from ...laws.momentum import momentum_pressure
 from ...laws.operating_point import FanPoint
 from ...scene.fan_speed import fan_point
 from ..field.modes import Truncation
-from ..foam.airflow_result import AirflowResult, SuctionZone
+from ..foam.airflow_result import AirflowResult, CaseResult, SpanResult, SuctionZone
 from ..mesh.spec import MeshReport as MeshReport  # handed on
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ class Airflow(AirflowResult):
     @property
     def safer_settings(self) -> str | None:
         """A line that says which safer settings solved the airflow, and why; None where the usual ones did."""
-        from ..foam.fallback_settings import warning
+        from ..foam.airflow import warning
 
         return warning(self.settings or "normal", self.attempts or ())
 
@@ -181,3 +181,13 @@ class Airflow(AirflowResult):
             return None
         model = momentum_pressure(next(iter(scene.body.values())).outline(), scene.airstream.direction)
         return MomentumModel(model.front, model.drag(self.cp_base.value))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseAirflow(CaseResult, Airflow):
+    """What was measured on an airflow in an OpenFOAM case."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpanAirflow(SpanResult, CaseAirflow):
+    """The same of one in three dimensions."""

@@ -7,7 +7,6 @@ brings decays along the channel as the k-omega model has it. Where the air rests
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,18 +123,14 @@ def _spread(reach: float, first: float) -> Array:
     return np.asarray(reach * np.sinh(rate * t) / math.sinh(rate))
 
 
-def jet_airflow(scene: Scene, force: ForceDensity) -> Airflow:
-    """What is known of air that granules drive."""
-    return replace(duct_airflow(scene), verdict="driven", flow_rate=float(jet_of(scene, force).flux[-1]))
-
-
-def duct_airflow(scene: Scene) -> Airflow:
-    """What is known of the air; null for what only a body has."""
+def duct_airflow(scene: Scene, turbulence: str | None) -> Airflow:
+    """What is known of the air, with the plan's ``turbulence``; null for what only a body has."""
     air, channel = scene.airstream, scene.channel
     parabolic = air.profile == "parabolic"
     slope = 12.0 * air.viscosity * air.speed / channel.width**2 if parabolic else 0.0
     return Airflow(
         verdict=air.profile,
+        turbulence=turbulence,
         reynolds=scene.reynolds,
         pressure_drop=slope * (channel.top - channel.bottom),
         flow_rate=air.speed * channel.width,

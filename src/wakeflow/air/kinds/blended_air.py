@@ -1,47 +1,81 @@
-"""The kind of airflow that is a best estimate between the steady wake and the one in time, and its numbers."""
+"""The air that is a blend of the steady wake and the one in time, and its numbers."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from math import hypot
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import known
+from ...core.lazy import cached_property
 from ...core.number import Number
+from ...core.store import content_key
 from ...laws.best_estimate import WakeEstimate
+from ...planning.stage_cache import code_of
 from ..field import FlowField
+from ..field.combined import Wakes
 from ..foam import FlowSpec
 from ..foam.airflow_result import SuctionZone
 from ..foam.suction import suction_zone
-from .airflow_kinds import airflow_kinds
-from .airflow_table import Airflow, WakeEnd, WakeEnds
-from .solved_air import TimeResolvedAir
+from .airflow_kinds import CaseAir, MadeOf, airflow_kinds
+from .airflow_table import Airflow, CaseAirflow, WakeEnd, WakeEnds
+from .realisations import Realisations
 
 
-# -- The best estimate's air -------------------------------------------------------------------------------------------
+# -- The air between two wakes -----------------------------------------------------------------------------------------
 @airflow_kinds.register("best-estimate")
-class BestEstimateAir(TimeResolvedAir):
-    """The wake between the steady one and the one in time, as much of each as the plan's best estimate says."""
+class BlendedAir(MadeOf):
+    """The wake between a ``steady`` one and the one in time, ``bare``, as much of each as the plan's best estimate
+    says; without an estimate it is the one in time, which has wakes beside it.
+    """
 
     means = "a best estimate between the steady wake and the one in time"
 
+    def __init__(self, steady: CaseAir, bare: CaseAir) -> None:
+        super().__init__(bare)
+        self.steady = steady
+
     @property
-    def estimate(self) -> WakeEstimate:
-        """The plan's."""
-        return known(self.plan.airflow.wake)
+    def estimate(self) -> WakeEstimate | None:
+        """The plan's; None where the answer is the wake in time: where that came to rest, too."""
+        return None if self.bare.field.times is None else self.plan.airflow.wake
 
-    def make_field(self) -> tuple[str, FlowField]:
-        return self.between(self.estimate.theta.value, self.estimate.strength.value)
+    @property
+    def key(self) -> str:
+        if (wake := self.estimate) is None:
+            return self.bare.key
+        numbers = wake.theta.value, wake.strength.value
+        return content_key("blend", self.bare.key, self.steady.key, *numbers, code_of("air.field.combined"))
 
-    def make_table(self) -> Airflow:
-        """That of the time-resolved airflow where it came to rest, and so is no end."""
+    def make_field(self) -> FlowField:
+        wake = self.estimate
+        return self.bare.field if wake is None else self.between(wake.theta.value, wake.strength.value)
 
-        if self.resolved[1].times is None:
-            return self.measured
-        mean = self.between(self.estimate.theta.value, 0.0)[1].mean()  # in time where the mesh moves
-        return blended_airflow(self.flow_spec, self.estimate, mean, self.steady().measured, self.measured)
+    def make_numbers(self) -> Airflow:
+        if (wake := self.estimate) is None:
+            return self.bare.measured
+        mean = self.between(wake.theta.value, 0.0).mean()  # in time where the mesh moves
+        return blended_airflow(self.flow_spec, wake, mean, self.steady.measured, self.bare.measured)
+
+    @cached_property
+    def wakes(self) -> Wakes:
+        """Both, to be blended."""
+        return Wakes(self.bare.field, self.steady.field)
+
+    def between(self, theta: float, strength: float) -> FlowField:
+        if self.bare.field.times is None or theta == strength == 1.0:  # it came to rest, or is wanted as it is
+            return self.bare.field
+        return self.wakes.blended(theta, strength)
+
+    @property
+    def realisations(self) -> Realisations:
+        return Realisations(self.field, cycles=self.bare.stored.cycles)
+
+    def make_solution(self) -> tuple[str, Path]:
+        return self.bare.solution
 
 
 # -- The numbers of a best estimate ------------------------------------------------------------------------------------
@@ -49,8 +83,8 @@ ON_EDGE = 1e-6  # of the mesh's extent: how far inside the channel's edges a bod
 
 
 def blended_airflow(
-    spec: FlowSpec, estimate: WakeEstimate, mean: FlowField, steady: Airflow, resolved: Airflow
-) -> Airflow:
+    spec: FlowSpec, estimate: WakeEstimate, mean: FlowField, steady: CaseAirflow, resolved: CaseAirflow
+) -> CaseAirflow:
     """The time-resolved airflow ``resolved`` with the numbers of the estimate, and both ends in it.
 
     ``mean``: the mean field of the estimate, on which the suction zone is measured; ``steady``: the other end. The mean
@@ -59,16 +93,16 @@ def blended_airflow(
     """
     theta = estimate.theta
 
-    def linear(low: float | None, high: float | None) -> float:
+    def linear(low: float, high: float) -> float:
         """A mean of the air, without an interval."""
-        return (1.0 - theta.value) * known(low) + theta.value * known(high)
+        return (1.0 - theta.value) * low + theta.value * high
 
     p_inlet = linear(steady.p_inlet, resolved.p_inlet)
     lift = _between(estimate.lift, Number(0.0, 0.0, 0.0), known(resolved.cl_rms))
     return replace(
         resolved,
-        cd=_between(theta, known(steady.cd), known(resolved.cd)),
-        cp_base=_between(theta, known(steady.cp_base), known(resolved.cp_base)),
+        cd=_between(theta, steady.cd, resolved.cd),
+        cp_base=_between(theta, steady.cp_base, resolved.cp_base),
         cl_rms=replace(lift, low=max(0.0, lift.low)),
         cp_front=linear(steady.cp_front, resolved.cp_front),
         p_inlet=p_inlet,

@@ -48,10 +48,9 @@ def layer_file(folder: Path, number: int) -> Path:
     return folder / f"layer-{number}.npz"
 
 
-def save_layers(case: Path, folder: Path, spec: FlowSpec, flown: Sequence[int]) -> None:
-    """Write the periodic fields of the layers that are ``flown`` into ``folder``, one at a time."""
+def save_layers(case: Path, folder: Path, spec: FlowSpec, begin: float, flown: Sequence[int]) -> None:
+    """Write the periodic fields, from ``begin`` (s) on, of the layers that are ``flown`` into ``folder``."""
     record = SpanRecord(case, CaseFields(case))
-    begin = known(spec.span).start_up * spec.convective_time
     for number, layer in enumerate(flown):
         (arrays,) = read_layers(record, [layer], begin, spec.density)
         field = FlowField.from_arrays(**arrays)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from . import blended_air, known_air, span_air  # noqa: F401 - they register kinds of airflow
+from . import blended_air, known_air, solved_air  # noqa: F401 - they register kinds of airflow
 from .airflow_kinds import airflow_kinds
 
 __all__ = ["airflow_kinds"]

@@ -11,8 +11,10 @@ from ...core.record import save
 from ...core.store import content_key, digest_files
 from ...planning.stage_cache import code_of
 from ..mesh.spec import MeshReport
-from .airflow_kinds import AirflowKind, CaseAir, airflow_kinds
+from .airflow_kinds import CaseAir, FlownAir, airflow_kinds
 from .airflow_table import Airflow
+from .realisations import Realisations
+from .solved_air import ForceOnAir
 
 if TYPE_CHECKING:
     from ..field import FlowField
@@ -20,47 +22,75 @@ if TYPE_CHECKING:
 
 # -- The kinds of airflow that nobody has to solve ---------------------------------------------------------------------
 @airflow_kinds.register("none")
-class NoAir(AirflowKind):
+class NoAir(FlownAir):
     """No air: granules fly in a vacuum."""
 
     means = "left out, granules fly in parabolas from impact to impact"
     at_once = True
+    key = "vacuum"
 
-    def make_field(self) -> None:
-        return None
+    def make_field(self) -> FlowField:
+        raise SceneError("the granules fly in a vacuum: there is no airflow")
 
-    def make_table(self) -> Airflow:
+    def make_numbers(self) -> Airflow:
         raise SceneError("the granules fly in a vacuum: there is no airflow to tell of")
+
+    @property
+    def realisations(self) -> Realisations:
+        return Realisations(None)
 
 
 @airflow_kinds.register("analytic")
-class AnalyticAir(AirflowKind):
-    """The air of a channel without bodies, or at rest but for what the granules drive; made in no time, so not kept."""
+class AnalyticAir(FlownAir):
+    """The air of a channel without bodies, or at rest; made in no time, so not kept."""
 
     means = "known everywhere, nothing is solved"
     at_once = True
 
-    def make_field(self) -> tuple[str, FlowField]:
-        from .analytic import duct_field, jet_field
+    @property
+    def key(self) -> str:
+        air, channel = self.scene.air, self.scene.channel
+        asked = (repr(air), channel.width, channel.top, channel.bottom, self.plan.airflow.turbulence)
+        return content_key("duct", asked, code_of("air.kinds.analytic"))
 
-        loading = self.loading()
-        if loading is not None:
-            return loading.key, jet_field(self.scene, loading.force)
-        air, channel, turbulence = self.scene.air, self.scene.channel, self.plan.airflow.turbulence
-        asked = (repr(air), channel.width, channel.top, channel.bottom, turbulence)
-        key = content_key("duct", asked, code_of("air.kinds.analytic"))
-        return key, duct_field(self.scene, turbulent=turbulence == "decaying")
+    def make_field(self) -> FlowField:
+        from .analytic import duct_field
 
-    def make_table(self) -> Airflow:
-        from .analytic import duct_airflow, jet_airflow
+        return duct_field(self.scene, turbulent=self.plan.airflow.turbulence == "decaying")
 
-        loading = self.loading()
-        if loading is not None:
-            return replace(jet_airflow(self.scene, loading.force), turbulence=self.plan.airflow.turbulence)
-        return replace(duct_airflow(self.scene), turbulence=self.plan.airflow.turbulence)
+    def make_numbers(self) -> Airflow:
+        from .analytic import duct_airflow
 
-    def unknown_parts(self) -> tuple[str, ...]:
+        return duct_airflow(self.scene, self.plan.airflow.turbulence)
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
         return ("airflow-model",)  # nothing is solved; how far a real duct's air is from it nobody says
+
+
+class JetAir(AnalyticAir):
+    """The air at rest ``bare`` with the jet in it that the ``force`` of granules drives."""
+
+    def __init__(self, bare: FlownAir, force: ForceOnAir) -> None:
+        super().__init__(bare.scene, bare.plan, bare.cache)
+        self.bare, self.force = bare, force
+
+    @property
+    def key(self) -> str:
+        feed = self.scene.feed
+        curtain = self.scene.level, feed.position, feed.width, repr(feed.profile)
+        return content_key("jet", self.bare.key, curtain, self.force.force.digest, code_of("air.kinds.analytic"))
+
+    def make_field(self) -> FlowField:
+        from .analytic import jet_field
+
+        return jet_field(self.scene, self.force.force)
+
+    def make_numbers(self) -> Airflow:
+        from .analytic import jet_of
+
+        flux = jet_of(self.scene, self.force.force).flux
+        return replace(super().make_numbers(), verdict="driven", flow_rate=float(flux[-1]))
 
 
 # -- The kind of airflow that the user brings --------------------------------------------------------------------------
@@ -95,7 +125,7 @@ class GivenAir(CaseAir):
 
     @property
     def mesh_quality(self) -> MeshReport:
-        return MeshReport(cells=known(self.measured.cells))
+        return MeshReport(cells=self.measured.cells)
 
     @property
     def model_is_unknown(self) -> bool:

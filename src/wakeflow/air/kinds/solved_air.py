@@ -1,12 +1,11 @@
-"""The kinds of airflow that are meshed and solved in the plane: steady, and resolved in time."""
+"""The air that is meshed and solved: steady, in time, in three dimensions; and any of these loaded by granules."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Self, cast
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from ...core.errors import known
 from ...core.files import atomic_write, case_template
@@ -18,24 +17,24 @@ from ...core.store import content_key, digest_files
 from ...planning.airflow_choice import SHEDDING_ABOVE
 from ...planning.cost import ranks_for
 from ...planning.stage_cache import code_of, version_of
+from ..foam.steady import MOST
 from ..mesh.spec import MeshReport
-from .airflow_kinds import CaseAir, ForceOnCase, airflow_kinds
+from .airflow_kinds import CaseAir, MadeOf, airflow_kinds
 
 if TYPE_CHECKING:
-    from ..field import FlowField
-    from ..field.combined import Wakes
     from ..foam import AirflowResult, FlowSpec
 
 
-ROUGH = 0.5  # relative half width of averages: a wake that others start from ends with the fewest periods
-
-
+# -- Solved as it is ---------------------------------------------------------------------------------------------------
 @dataclass
 class SolvedAir(CaseAir):
-    """An airflow that Gmsh meshes and OpenFOAM solves; ``made_as``: the stage that this is."""
+    """An airflow that Gmsh meshes and OpenFOAM solves, from that of ``start``, or from a uniform stream where that is
+    None; ``made_as``: the stage that this is.
+    """
 
+    start: CaseAir | None = field(default=None, kw_only=True)
     made_as: str = field(default="airflow", kw_only=True)
-    code: ClassVar[str] = "air.foam.airflow"  # the module of ``solve``
+    code: ClassVar[str] = "air.foam.airflow"  # the module of ``solver_function``
 
     @cached_property
     def mesh(self) -> tuple[str, Path]:
@@ -53,16 +52,10 @@ class SolvedAir(CaseAir):
 
     @property
     def solve(self) -> Callable[..., AirflowResult]:
-        """:func:`wakeflow.air.foam.solve_airflow` under the force, or what takes its place with the same arguments."""
+        """:func:`wakeflow.air.foam.solve_airflow`, or what takes its place with the same arguments."""
         from ..foam import solve_airflow
 
-        return partial(solve_airflow, force=self.force)
-
-    @cached_property
-    def force(self) -> ForceDensity | None:
-        """That of granules on the air; None where it does not feel them."""
-        loading = self.loading()
-        return None if loading is None else loading.force
+        return solve_airflow
 
     @property
     def cells(self) -> int:
@@ -84,28 +77,37 @@ class SolvedAir(CaseAir):
         return openfoam_version()
 
     def make_solution(self) -> tuple[str, Path]:
-        (mesh_key, mesh_folder), spec = self.mesh, self.solved_spec
+        return self.solved(None)
+
+    def solved(self, force: ForceDensity | None) -> tuple[str, Path]:
+        """Key and folder of this airflow under a ``force``, from the cache or solved now."""
+        (mesh_key, _), spec = self.mesh, self.solved_spec
         code = content_key(code_of(self.code), digest_files([case_template()]), self.solver)
         asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
-        under = None if self.force is None else self.force.digest  # another core solves the start meanwhile
-        start = self.start()  # by its key: the same airflow from another start would end at another moment
-        key = content_key("airflow", mesh_key, asked, code, None if start is None else start.parent.name, under)
+        start = None if self.start is None else self.start.case  # in the key: from another it ends at another moment
+        begun, under = (None if start is None else start.parent.name), (None if force is None else force.digest)
+        key = content_key("airflow", mesh_key, asked, code, begun, under)
+        return self._solved(self.made_as, key, spec, start, force=force)
+
+    def solved_on(self, force: ForceDensity, before: CaseAir, most: int = MOST) -> tuple[str, Path]:
+        """The same, steady, from a solved one ``before`` and with the settings that served there, in at ``most`` so
+        many iterations.
+        """
+        from ..foam.airflow import schemes_in
+
+        limit, code = None if most == MOST else most, code_of("air.foam.airflow")
+        key = content_key("loaded-airflow", before.solution[0], force.digest, limit, code)
+        spec = replace(self.solved_spec, settings=schemes_in(before.case))
+        return self._solved("loaded-airflow", key, spec, before.case, force=force, most=most)
+
+    def _solved(self, stage: str, key: str, spec: FlowSpec, start: Path | None, **how: object) -> tuple[str, Path]:
+        """Key and folder of what is solved as a ``stage`` where the cache has not got it."""
 
         def work(part: Path) -> None:
-            self.solve(
-                spec,
-                mesh_folder / "mesh.msh",
-                part / "case",
-                start=start,
-                listener=lambda now: self.cache.tell(self.made_as, str(now)),
-            )
+            msh, case = self.mesh[1] / "mesh.msh", part / "case"
+            self.solve(spec, msh, case, start=start, listener=lambda now: self.cache.tell(stage, str(now)), **how)
 
-        return key, self.cache.make(self.made_as, key, work)
-
-    def start(self) -> Path | None:
-        """The case folder of the solved airflow that this one starts from; None: from a uniform stream."""
-        near = self.nearest()
-        return None if near is None else near.bare.case
+        return key, self.cache.make(stage, key, work)
 
 
 @airflow_kinds.register("steady")
@@ -113,10 +115,6 @@ class SteadyAir(SolvedAir):
     """One steady solution: the flow itself where the wake does not shed."""
 
     means = "one steady wake"
-
-    def make_solution(self) -> tuple[str, Path]:
-        loading = self.loading()
-        return super().make_solution() if loading is None else cast(ForceOnCase, loading).solution_on(self.bare)
 
     @property
     def model_is_unknown(self) -> bool:
@@ -129,45 +127,27 @@ class TimeResolvedAir(SolvedAir):
 
     means = "the wake in time"
 
-    @cached_property
-    def early(self) -> Self:
-        """The same under the granules' force as it is known first: only to start from, so that its averages may be
-        rough. The same itself where it does not feel the granules.
-        """
-        if not self.plan.airflow.loaded:
-            return self
-        rough = replace(self.plan, airflow=replace(self.plan.airflow, accuracy=ROUGH))
-        return replace(
-            self, plan=rough, steady=lambda: self.steady().bare, nearest=lambda: None,
-            loading=lambda: cast(ForceOnCase, self.loading()).early, made_as="early-airflow",
-        )  # fmt: skip
 
-    def start(self) -> Path:
-        """The wake in time that is nearest, developed already; else the steady one."""
-        return (self.nearest() or self.steady()).case
+@airflow_kinds.register("three-dimensional")
+class SpanAir(SolvedAir):
+    """A scale-resolving solution in three dimensions: its layers are realisations of a plane wake."""
 
-    @cached_property
-    def resolved(self) -> tuple[str, FlowField]:
-        """Key and field as computed, in time."""
-        return super().make_field()
+    means = "the wake in three dimensions"
+    code = "air.foam.spanwise.span_run"
 
-    def make_field(self) -> tuple[str, FlowField]:
-        return self.resolved
+    @property
+    def solve(self) -> Callable[..., AirflowResult]:
+        from ..foam.spanwise.span_run import solve_span
 
-    @cached_property
-    def wakes(self) -> Wakes:
-        """The steady wake and the one in time, to be blended."""
-        from ..field.combined import Wakes
+        return solve_span
 
-        return Wakes(self.resolved[1], known(self.steady().field)[1])
+    @property
+    def cells(self) -> int:
+        return super().cells * known(self.plan.airflow.span).layers
 
-    def between(self, theta: float, strength: float) -> tuple[str, FlowField]:
-        key, resolved = self.resolved
-        if resolved.times is None or theta == strength == 1.0:  # it came to rest, or is asked for as it is
-            return self.resolved
-        steady, _ = known(self.steady().field)
-        made = content_key("blend", key, steady, theta, strength, code_of("air.field.combined"))
-        return made, self.wakes.blended(theta, strength)
+    @property
+    def model_is_unknown(self) -> bool:
+        return True
 
 
 def _publish(file: Path, key: str) -> None:
@@ -179,3 +159,25 @@ def _publish(file: Path, key: str) -> None:
     if folder == PACKAGE.parent.parent / "meshes" and folder.is_dir() and not target.exists():
         with atomic_write(target, "wb") as stream:
             stream.write(file.read_bytes())
+
+
+# -- Solved under the granules' force ----------------------------------------------------------------------------------
+class ForceOnAir(Protocol):
+    """What the granules of a scene exert on its airflow."""
+
+    @property
+    def force(self) -> ForceDensity:
+        """Under which the airflow is made."""
+
+
+class LoadedAir(MadeOf):
+    """The airflow ``bare`` as it is under the ``force`` of granules."""
+
+    bare: SolvedAir
+
+    def __init__(self, bare: SolvedAir, force: ForceOnAir) -> None:
+        super().__init__(bare)
+        self.force = force
+
+    def make_solution(self) -> tuple[str, Path]:
+        return self.bare.solved(self.force.force)  # another core solves the start while that is gathered

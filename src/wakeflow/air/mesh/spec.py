@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import MeshError, known
+from ...core.errors import MeshError
 from ...core.geometry import WallEdge, wall_edge
 from ...core.process import call_in_child
 from ...core.record import column, save
@@ -221,7 +221,7 @@ def build_mesh(spec: MeshSpec, folder: Path, *, timeout: float = 300.0) -> MeshR
     missing = sorted(set(spec.patches) - {"front", "back"} - set(boundary))
     if missing:
         raise MeshError(f"the mesh has no edges on: {', '.join(missing)}; log: {log}", log=log)
-    if (sharpest := known(report.min_angle)) < MIN_ANGLE:
+    if (sharpest := report.min_angle or 0.0) < MIN_ANGLE:
         raise MeshError(
             f"the mesh has a cell with an angle of {sharpest:.1f} degrees (at least {MIN_ANGLE:g} needed): "
             f"check the outlines for near-coincident corners; log: {log}",

@@ -53,7 +53,7 @@ class Mesh(Source[Comparison[Grid]]):
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
         """The shares in the airflow on every grid of the plan; None where the plan has one."""
-        own, *others = (pipeline.on_grid(i) for i in range(len(pipeline.plan.airflow.scales)))
+        own, *others = pipeline.grids
         if not others:
             return None
         flown = {_grid(other): other.tracks(ON_ANOTHER_GRID) for other in others}
@@ -71,8 +71,7 @@ class Mesh(Source[Comparison[Grid]]):
         return Comparison(shares, seconds, noise)
 
     def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
-        others = (pipeline.on_grid(i) for i in range(1, len(pipeline.plan.airflow.scales)))
-        return [partial(other.tracks, ON_ANOTHER_GRID) for other in others]
+        return [partial(other.tracks, ON_ANOTHER_GRID) for other in pipeline.grids[1:]]
 
     def shares(self, fraction: FractionResults) -> Parts:
         flown = fraction.flights.of(self)
@@ -102,7 +101,7 @@ class Mesh(Source[Comparison[Grid]]):
 
 
 def _grid(pipeline: Pipeline) -> Grid:
-    return Grid(pipeline.grid, known(pipeline.airflow.cells))
+    return Grid(pipeline.air.grid, known(pipeline.airflow.cells))
 
 
 def difference_noise(own: Landings, other: Landings, bins: int, images: Sequence[int] | None = None) -> Array:
@@ -151,7 +150,7 @@ def airflow_on_grids(pipeline: Pipeline) -> tuple[GridStudy, ...] | None:
     """
     if len(pipeline.plan.airflow.scales) < 2:
         return None
-    found = [_computed(pipeline.on_grid(i).airflow) for i in range(len(pipeline.plan.airflow.scales))]
+    found = [_computed(other.airflow) for other in pipeline.grids]
     cells = tuple(known(row.cells) for row in found)
     drag, base = [known(row.cd) for row in found], [known(row.cp_base) for row in found]
     lengths = [known(known(row.suction).reversal_length) for row in found]

@@ -42,7 +42,7 @@ class AirflowModel(Source[Comparison[Wake]]):
         for wake, numbers in wakes.items():
             where, change = pipeline, PerturbedRerun(_stage(wake), wake=numbers)
             if wake is Wake.STEADY:  # on its own mesh, where a second core may have flown it already
-                where, change = pipeline.draft, PerturbedRerun(_stage(wake))
+                where, change = pipeline.steady, PerturbedRerun(_stage(wake))
             shares[wake] = shares_of(pipeline, where.tracks(change))
             seconds += where.spent(change.name)
         return Comparison({**shares, Wake.ANSWER: shares_of(pipeline, tracked)}, seconds)
@@ -50,7 +50,7 @@ class AirflowModel(Source[Comparison[Wake]]):
     def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
         if not pipeline.plan.airflow.brackets:
             return ()
-        return [lambda: pipeline.draft.tracks(PerturbedRerun(_stage(Wake.STEADY)))]
+        return [lambda: pipeline.steady.tracks(PerturbedRerun(_stage(Wake.STEADY)))]
 
     def shares(self, fraction: FractionResults) -> Parts:
         wakes = fraction.flights.of(self)

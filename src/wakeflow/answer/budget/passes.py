@@ -19,7 +19,7 @@ def loading_effects(loading: AirLoading, bins: Sequence[str]) -> dict[str, dict[
             for name, both in pairs.items()}  # fmt: skip
 
 
-class LoadedAir(Source[None]):
+class PassesOfLoading(Source[None]):
     """The granules' force on the air: what its last pass changed of a share in the steady airflow, and the part of what
     it does there that is not known for being gathered from few granules: a share moves with the force.
     """
@@ -42,4 +42,4 @@ class LoadedAir(Source[None]):
         return found
 
 
-add(LoadedAir())
+add(PassesOfLoading())

@@ -111,7 +111,7 @@ class Source(Generic[Flown]):
 
     def unless_known(self, fraction: FractionResults) -> Parts:
         """A part of unknown size, where nothing was flown to know it, unless the kind of airflow knows it."""
-        unknown = self.name in fraction.pipeline.kind.unknown_parts()
+        unknown = self.name in fraction.pipeline.air.unknown
         return fraction.everywhere(BudgetPart(self.name, None, 0.0, UNKNOWN)) if unknown else {}
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -22,15 +22,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...air.field import FlowField
-from ...air.kinds.airflow_kinds import AirflowKind, CaseAir
-from ...air.kinds.airflow_table import Airflow, AirLoadingSummary
-from ...air.kinds.analytic import jet_field, jet_of
+from ...air.foam.steady import MOST
+from ...air.kinds.airflow_kinds import CaseAir, FlownAir, MadeOf
+from ...air.kinds.airflow_table import AirLoadingSummary
+from ...air.kinds.analytic import jet_of
 from ...air.kinds.case_field import case_field
-from ...air.kinds.solved_air import SolvedAir
-from ...core.errors import known
+from ...air.kinds.known_air import JetAir
+from ...air.kinds.solved_air import LoadedAir, SolvedAir, SteadyAir
 from ...core.geometry import ForceDensity
 from ...core.lazy import cached_property
-from ...core.record import JsonTable, load
+from ...core.record import JsonTable
 from ...core.store import content_key
 from ...planning.plan import GATHERED, PASSING, Plan, gathered
 from ...planning.stage_cache import StageCache, code_of, version_of
@@ -40,7 +41,6 @@ from .gathered_force import Gathered, Gatherer, boxes_of, resolved
 from .slab_stage import steady_after
 
 Array = NDArray[np.float64]
-Made = tuple[str, Path | None]  # key of an airflow, and its folder where it is in one
 SHARES = (0.05, 1.0)  # of the way to the force gathered last, at least and at most; chosen
 ON_THE_WAY = 200  # iterations of a pass before the last, where the air follows a force that changes itself; chosen
 GATHERING = "flight.stages.gathered_force"  # the module that computes it
@@ -49,15 +49,13 @@ WITHOUT_SOLVER = 8  # passes where no solver runs for one where it does; chosen
 
 @dataclass(frozen=True)
 class Pass:
-    """One pass: the ``force`` (N/m3) that the airflow was made under, that airflow's ``key`` and ``folder`` (None where
-    it is in none), what granules alone ``gathered`` in it and the largest ``change`` of their shares from the pass
-    before; how far the force is known by ``source``, those that it was gathered from, and what they would exert on that
-    airflow (``exerted``, (2,) N/m).
+    """One pass: the ``force`` (N/m3) that the steady ``air`` was made under, what granules alone ``gathered`` in it and
+    the largest ``change`` of their shares from the pass before; how far the force is known by ``source``, those that it
+    was gathered from, and what they would exert on that air (``exerted``, (2,) N/m).
     """
 
     force: ForceDensity
-    key: str
-    folder: Path | None
+    air: FlownAir
     gathered: Gathered
     change: float
     source: Gathered
@@ -70,38 +68,49 @@ class Pass:
         return off / max(whole, 1e-300)
 
 
-class _Early(NamedTuple):
-    """A ``force`` on the air as it is known first, and the ``key`` of the airflow that it was gathered in."""
+@dataclass(frozen=True)
+class _Early:
+    """The force of granules on the air that does not feel them."""
+
+    loading: AirLoading
+
+    @property
+    def force(self) -> ForceDensity:
+        return self.loading.first.force
+
+
+class _Exerted(NamedTuple):
+    """A force that is there."""
 
     force: ForceDensity
-    key: str
 
 
 class _Way(NamedTuple):
-    """The ``passes`` before the last, what granules gathered ``before`` it and the airflow that it has to ``start``
-    from, its ``force``, and what gathered that ``among`` others.
+    """The ``passes`` before the last, what granules gathered ``before`` it and the air that it has to ``start`` from,
+    its ``force``, and what gathered that ``among`` others.
     """
 
     passes: tuple[Pass, ...]
     before: Gathered
-    start: Made
+    start: FlownAir
     force: ForceDensity
     among: Gathered | None
 
 
 @dataclass
 class AirLoading(ABC):
-    """The granules' force on the airflow of a scene, gathered in the steady one; ``steady``: that one where it does not
-    feel them yet.
-    """
+    """The granules' force on the airflow of a scene, gathered in the ``steady`` one, which itself feels none."""
 
-    scene: Scene
-    plan: Plan  # of the steady airflow
-    cache: StageCache
-    steady: AirflowKind
+    steady: FlownAir
     compilation: Compilation
     workers: int | None = None
+    scene: Scene = field(init=False, repr=False)
+    plan: Plan = field(init=False, repr=False)  # of the steady airflow
+    cache: StageCache = field(init=False, repr=False)
     answered: ClassVar[float]  # of the force: what the air may lack of it; chosen
+
+    def __post_init__(self) -> None:
+        self.scene, self.plan, self.cache = self.steady.scene, self.steady.plan, self.steady.cache
 
     @property
     @abstractmethod
@@ -109,22 +118,13 @@ class AirLoading(ABC):
         """What the passes found."""
 
     @property
-    @abstractmethod
-    def bare(self) -> Made:
-        """The steady airflow that does not feel the granules."""
-
-    @property
-    @abstractmethod
-    def unloaded(self) -> tuple[str, FlowField]:
-        """Key and field of that airflow."""
+    def start(self) -> FlownAir:
+        """The air in which the force is gathered first."""
+        return self.steady
 
     @abstractmethod
-    def under(self, force: ForceDensity, before: Made, *, last: bool) -> Made:
-        """The steady airflow under a ``force``, from the one ``before``; settled where it is the ``last``."""
-
-    @abstractmethod
-    def field_in(self, force: ForceDensity, made: Made) -> FlowField:
-        """The field of the steady airflow that was ``made`` under a ``force``."""
+    def under(self, force: ForceDensity, before: FlownAir, *, last: bool) -> FlownAir:
+        """The steady air under a ``force``, from the one ``before``; settled where it is the ``last``."""
 
     def settled(self, made: Pass) -> bool:
         """Whether one pass more is enough: neither shares nor the force change."""
@@ -152,20 +152,14 @@ class AirLoading(ABC):
         return self._way.force
 
     @property
-    def key(self) -> str:
-        """Of the steady airflow under it."""
-        return self.passes[-1].key
-
-    @property
     def early(self) -> _Early:
-        """The force that granules exert on the air that does not feel them."""
-        return _Early(self.first.force, self.bare[0])
+        """The force as it is known first, gathered when it is asked for."""
+        return _Early(self)
 
     @cached_property
     def first(self) -> Gathered:
         """What granules exert on the air that does not feel them."""
-        key, field = self.unloaded
-        return self._alone(key, lambda: field, PASSING if self.met else GATHERED)
+        return self._alone(self.start, PASSING if self.met else GATHERED)
 
     def _summary(self, given: float, **further: Any) -> AirLoadingSummary:
         """What the passes found; ``given``: force (N/m, y) on the air of the last one."""
@@ -195,50 +189,47 @@ class AirLoading(ABC):
     def _way(self) -> _Way:
         """The passes before the last, in airflows that need not settle, until one more is enough or allowed."""
         made: list[Pass] = []
-        before, start, force = self.first, self.bare, self.first.force
+        before, start, force = self.first, self.start, self.first.force
         share, lacked = 1.0, force.density  # the whole way from no force
         while len(made) < self.most - (not self.met) and not (made and self.settled(made[-1])):
             one = self._pass(force, start, before, last=False)
             made.append(one)
             lacking = one.gathered.force.density - force.density
             share, lacked = relaxed(share, lacked, lacking), lacking
-            before, start, force = one.gathered, (one.key, one.folder), force.towards(one.gathered.force, share)
+            before, start, force = one.gathered, one.air, force.towards(one.gathered.force, share)
             self.cache.tell("air-loading", f"pass {len(made)}: shares moved by up to {100 * one.change:.2g} points")
         among = self._among_others(made[-1]) if self.met else None
         return _Way(tuple(made), before, start, force if among is None else among.force, among)
 
     def _pass(
-        self, force: ForceDensity, start: Made, before: Gathered, among: Gathered | None = None, *, last: bool
+        self, force: ForceDensity, start: FlownAir, before: Gathered, among: Gathered | None = None, *, last: bool
     ) -> Pass:
         """The steady airflow under a force, from ``start``, where granules alone gathered ``before``; ``among``: what
         gathered that force there instead of them. The ``last`` one settles.
         """
-        key, folder = made = self.under(force, start, last=last)
-        after = self._alone(key, partial(self.field_in, force, made), PASSING if self.met else GATHERED)
+        air = self.under(force, start, last=last)
+        after = self._alone(air, PASSING if self.met else GATHERED)
         source, other = (after, 0.0) if among is None else (among, among.force.total - before.force.total)
-        return Pass(force, key, folder, after, _farthest(before, after), source, after.force.total + other)
+        return Pass(force, air, after, _farthest(before, after), source, after.force.total + other)
 
-    def _alone(self, key: str, field: Callable[[], FlowField], most: int) -> Gathered:
-        """What granules that fly alone, at ``most`` so many of a fraction, exert on the air of a field, made where its
-        key does not have it.
-        """
+    def _alone(self, air: FlownAir, most: int) -> Gathered:
+        """What granules that fly alone, at ``most`` so many of a fraction, exert on an air."""
         bins, count = (
             [(name, repr(bin_)) for name, bin_ in self.scene.bin.items()],
             gathered(self.scene.feed.count, most),
         )
-        made = content_key("momentum", key, exerted_by(self.scene, self.plan), bins, count, code_of(GATHERING))
-        return self._gathered("momentum", made, lambda part: self._gatherer("momentum", field()).alone(count, part))
+        made = content_key("momentum", air.key, exerted_by(self.scene, self.plan), bins, count, code_of(GATHERING))
+        return self._gathered("momentum", made, lambda part: self._gatherer("momentum", air).alone(count, part))
 
     def _among_others(self, last: Pass) -> Gathered:
         """What granules that meet in the slab exert on the air of the ``last`` pass, and more of them above it."""
-        field = partial(self.field_in, last.force, (last.key, last.folder))
-        alone = self._alone(last.key, field, GATHERED)
+        alone = self._alone(last.air, GATHERED)
         stage, start_up = "slab-momentum", steady_after(self.plan, alone.late.__getitem__)
-        made = content_key(stage, last.key, exerted_by(self.scene, self.plan), start_up, code_of(GATHERING))
+        made = content_key(stage, last.air.key, exerted_by(self.scene, self.plan), start_up, code_of(GATHERING))
 
         def work(part: Path) -> None:
             self.compilation.finish_slab(self.cache)
-            self._gatherer(stage, field()).among_others(start_up, alone.before, part)
+            self._gatherer(stage, last.air).among_others(start_up, alone.before, part)
 
         return self._gathered(stage, made, work)
 
@@ -252,24 +243,24 @@ class AirLoading(ABC):
 
         return Gathered.load(self.cache.make(stage, key, work))
 
-    def _gatherer(self, stage: str, field: FlowField) -> Gatherer:
-        return Gatherer(self.scene, self.plan, field, self.workers, partial(self.cache.tell, stage))
+    def _gatherer(self, stage: str, air: FlownAir) -> Gatherer:
+        return Gatherer(self.scene, self.plan, air.field, self.workers, partial(self.cache.tell, stage))
 
 
 @dataclass
-class LoadedCase(AirLoading):
+class CaseLoading(AirLoading):
     """That on an airflow which OpenFOAM solves."""
 
-    steady: CaseAir
+    steady: SteadyAir
     answered = 0.1
 
     @property
     def summary(self) -> AirLoadingSummary:
         from ...air.foam.momentum_source import SOURCE
 
-        case = known(self.passes[-1].folder) / "case"
-        laid = json.loads((case / SOURCE).read_text())
-        before, after = self.steady.measured, load(Airflow, case / "airflow.json")
+        air = self.passes[-1].air.in_case
+        laid = json.loads((air.case / SOURCE).read_text())
+        before, after = self.steady.measured, air.measured
         return self._summary(
             (2.0 if self.steady.half else 1.0) * laid["force"][1],
             cd_without=before.cd,
@@ -279,62 +270,12 @@ class LoadedCase(AirLoading):
             sources=laid["sources"],
         )
 
-    @property
-    def bare(self) -> Made:
-        return self.steady.solution
-
-    @property
-    def unloaded(self) -> tuple[str, FlowField]:
-        return known(self.steady.field)
-
-    def under(self, force: ForceDensity, before: Made, *, last: bool) -> Made:
-        key, folder = before
-        return self._solved(self.steady, force, key, known(folder), None if last else ON_THE_WAY)
-
-    def field_in(self, force: ForceDensity, made: Made) -> FlowField:
-        del force  # in the case
-        case = known(made[1]) / "case"
-        time = known(load(Airflow, case / "airflow.json").field_time)
-        return self.steady.in_gas(case_field(case, time, self.scene.airstream.density, half=self.steady.half))
-
-    def solution_on(self, air: CaseAir) -> tuple[str, Path]:
-        """Key and folder of the steady airflow under that force, on the grid of ``air``, which does not feel it."""
-        before = air.solution  # another core gathers the force meanwhile
-        last = self.passes[-1]
-        if air.grid == self.steady.grid:
-            return last.key, known(last.folder)
-        return self._solved(air, last.force, *before)
-
-    def _solved(
-        self, air: CaseAir, force: ForceDensity, from_key: str, start: Path, most: int | None = None
-    ) -> tuple[str, Path]:
-        """Key and folder of the steady ``air`` under ``force``, from the cache or solved on from another's; after
-        ``most`` iterations, None: once it has settled.
-        """
-        from ...air.foam import solve_airflow
-        from ...air.foam.fallback_settings import schemes_in
-        from ...air.foam.steady import MOST
-
-        assert isinstance(air, SolvedAir)
-        spec, msh, before = air.solved_spec, air.mesh[1] / "mesh.msh", start / "case"
-        key = content_key("loaded-airflow", from_key, force.digest, most, code_of("air.foam.airflow"))
-
-        def work(part: Path) -> None:
-            solve_airflow(
-                replace(spec, settings=schemes_in(before)),  # what served before
-                msh,
-                part / "case",
-                start=before,
-                force=force,
-                most=most or MOST,
-                listener=lambda now: air.cache.tell("loaded-airflow", str(now)),
-            )
-
-        return key, air.cache.make("loaded-airflow", key, work)
+    def under(self, force: ForceDensity, before: FlownAir, *, last: bool) -> FlownAir:
+        return PassAir(self.steady, force, before.in_case, MOST if last else ON_THE_WAY)
 
 
 @dataclass
-class DrivenAir(AirLoading):
+class JetLoading(AirLoading):
     """That on air at rest, which is a jet under it. The speed of granules follows the force where no share does."""
 
     answered = 0.01
@@ -346,25 +287,14 @@ class DrivenAir(AirLoading):
         return self._summary(float(last.force.total[1]), verdict="driven", speed=speed)
 
     @property
-    def bare(self) -> Made:
-        return known(self.steady.field)[0], None
-
-    @property
-    def unloaded(self) -> tuple[str, FlowField]:
+    def start(self) -> FlownAir:
+        """Air at rest, with the jet's eddies: none."""
         boxes = boxes_of(self.scene)
-        none = ForceDensity(boxes, np.zeros((boxes.rows, boxes.columns, 2)))
-        key, _ = self.under(none, self.bare, last=True)
-        return key, jet_field(self.scene, none)  # air at rest, with the jet's eddies: none
+        return self.under(ForceDensity(boxes, np.zeros((boxes.rows, boxes.columns, 2))), self.steady, last=True)
 
-    def under(self, force: ForceDensity, before: Made, *, last: bool) -> Made:
+    def under(self, force: ForceDensity, before: FlownAir, *, last: bool) -> FlownAir:
         del before, last  # no solver starts from it
-        feed = self.scene.feed
-        curtain = self.scene.level, feed.position, feed.width, repr(feed.profile)
-        return content_key("jet", self.bare[0], curtain, force.digest, code_of("air.kinds.analytic")), None
-
-    def field_in(self, force: ForceDensity, made: Made) -> FlowField:
-        del made
-        return jet_field(self.scene, force)
+        return JetAir(self.steady, _Exerted(force))
 
     @property
     def most(self) -> int:
@@ -372,6 +302,42 @@ class DrivenAir(AirLoading):
         return WITHOUT_SOLVER * super().most
 
 
+# -- The steady air under it -------------------------------------------------------------------------------------------
+class PassAir(MadeOf):
+    """The airflow ``bare`` under the ``force`` of a pass, solved on from ``before`` in at ``most`` so many iterations;
+    its field is not kept.
+    """
+
+    bare: SolvedAir
+
+    def __init__(self, bare: SolvedAir, force: ForceDensity, before: CaseAir, most: int) -> None:
+        super().__init__(bare)
+        self.force, self.before, self.most = force, before, most
+
+    def make_solution(self) -> tuple[str, Path]:
+        return self.bare.solved_on(self.force, self.before, self.most)
+
+    @property
+    def key(self) -> str:
+        return self.solution[0]
+
+    def make_field(self) -> FlowField:
+        return case_field(self.case, self.measured.field_time, self.scene.airstream.density, half=self.half)
+
+
+class LoadedSteadyAir(LoadedAir):
+    """A steady airflow under the force: that of the last pass, on another grid solved on from the one without."""
+
+    force: CaseLoading
+
+    def make_solution(self) -> tuple[str, Path]:
+        _ = self.bare.solution  # another core gathers the force meanwhile
+        last = self.force.passes[-1]
+        same = self.grid == self.force.steady.grid
+        return last.air.in_case.solution if same else self.bare.solved_on(last.force, self.bare)
+
+
+# -- The passes --------------------------------------------------------------------------------------------------------
 def relaxed(share: float, lacked: Array, lacking: Array) -> float:
     """Which share of the way to the force gathered last the next one goes, after one of ``share`` that led from an air
     which ``lacked`` a force density to one that is ``lacking`` another: Aitken's relaxation, as of Irons & Tuck 1969,

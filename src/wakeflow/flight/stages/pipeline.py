@@ -1,7 +1,7 @@
 """mesh -> airflow -> field -> tracks -> slab: every stage cached, each reading only what is before it.
 
-The airflow and its field belong to the kind of airflow that the plan chose (``air.kinds.airflow_kinds``), the tracks to
-``track_stage``, granules that meet each other to ``slab_stage``; how a stage is kept and timed is in ``cache``.
+The airflow and its field are a ``FlownAir`` (``air.kinds.airflow_kinds``), which ``airs`` makes by the plan; the tracks
+belong to ``track_stage``, granules that meet each other to ``slab_stage``.
 """
 
 from __future__ import annotations
@@ -11,11 +11,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...air.kinds.airflow_kinds import AirflowKind, CaseAir
+from ...air.kinds.airflow_kinds import FlownAir
 from ...air.kinds.airflow_table import Airflow, FieldDivergence
-from ...air.kinds.every_kind import airflow_kinds
-from ...air.kinds.solved_air import SolvedAir, SteadyAir, TimeResolvedAir
-from ...core.errors import SceneError, known
+from ...core.errors import known
 from ...core.lazy import cached_property
 from ...core.store import Store, cache_root
 from ...core.tables import Columns
@@ -26,7 +24,8 @@ from ...planning.stage_cache import Listener, StageCache, StageTimes, null_liste
 from ...planning.stages import OWN, AirLabel, StageKey
 from ...scene import Scene
 from ..feed.impact_loads import ImpactSummary, impact_loads
-from .air_loading import AirLoading, DrivenAir, LoadedCase
+from .air_loading import AirLoading
+from .airs import Airs
 from .compilation import Compilation
 from .film_stage import Film, FilmStage
 from .input_samples import DrawStage, Ensemble, InputSamples
@@ -44,11 +43,9 @@ if TYPE_CHECKING:
 class Pipeline:
     """The stages of one scene under one plan; each is made at most once and comes from the cache where it can.
 
-    ``grid`` is the place among the plan's grids, 0 the answer's; ``label`` tells the stages of another airflow of the
-    same scene apart in ``seconds`` and to the listener. ``planner`` made ``plan`` and plans the scene at other rungs;
-    by default it is one with the plan's own options. From the airflow of a ``neighbour`` that of this scene is solved
-    on, on whatever mesh that one stands. ``whole``: the pipeline whose steady end this one is, None where it is a
-    scene's own.
+    ``label`` tells the stages of another airflow of the same scene apart in ``seconds`` and to the listener.
+    ``planner`` made ``plan`` and plans the scene at other rungs; by default it is one with the plan's own options. From
+    the airs ``near`` it those of this scene are solved on, on whatever meshes those are.
     """
 
     scene: Scene
@@ -57,16 +54,12 @@ class Pipeline:
     workers: int | None = None
     store: Store = field(default_factory=lambda: Store(cache_root()))
     seconds: StageTimes = field(default_factory=StageTimes)
-    grid: int = 0
     label: AirLabel = OWN
     planner: Planner | None = None
     compilation: Compilation = field(default_factory=Compilation, repr=False)
-    neighbour: Pipeline | None = None
-    whole: Pipeline | None = field(default=None, repr=False)
-    _grids: dict[int, Pipeline] = field(default_factory=dict, init=False, repr=False)
+    near: Airs | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        self._grids[self.grid] = self
         if self.planner is None:
             self.planner = Planner(self.scene, self.plan.force, self.plan.target_error)
 
@@ -96,116 +89,73 @@ class Pipeline:
     # -- airflow -------------------------------------------------------------------------------------------------------
 
     @cached_property
-    def kind(self) -> AirflowKind:
-        """What computes the airflow."""
-        made: type[AirflowKind] = airflow_kinds[self.plan.airflow.kind]
-        return made(
-            self.scene, self.plan, self.cache, self.grid, lambda: self.draft._in_case,
-            nearest=self._nearest, loading=lambda: self.loading,
-        )  # fmt: skip
+    def airs(self) -> Airs:
+        """Every air of the scene under its plan."""
+        planner = known(self.planner)
+        return Airs(self.scene, self.plan, self.cache, planner, self.near, self.compilation, self.workers)
 
-    def _nearest(self) -> CaseAir | None:
-        """The neighbour's airflow of this kind on the grid like it; else, in time, that on the next coarser grid, or
-        where the granules are felt, the coarsest under their force as it is known first.
-        """
-        how = self.plan.airflow
-        in_time = how.stepping == "time-resolved"
-        if self.neighbour is not None:
-            near = self.neighbour if in_time else self.neighbour.draft
-            found = near.on_grid(min(self.grid, len(near.plan.airflow.scales) - 1)).kind
-            if isinstance(found, TimeResolvedAir if in_time else SteadyAir):
-                return found
-        if not in_time or not how.scales[1:] or (self.grid == len(how.scales) - 1 and not how.loaded):
-            return None
-        coarse = self.on_grid(len(how.scales) - 1 if how.loaded else self.grid + 1).kind
-        return coarse.early if isinstance(coarse, TimeResolvedAir) else None
+    @cached_property
+    def air(self) -> FlownAir:
+        """What granules fly through: the plan's, on its finest grid."""
+        return self.airs.answers[0]
 
-    def solve_start(self) -> None:
-        """Solve what the airflow starts from, which need not wait for its force."""
-        near = self.kind.nearest()
-        if isinstance(near, SolvedAir):
-            near.start()
-            _ = near.solution
+    def through(self, air: FlownAir) -> Pipeline:
+        """The same scene flown through another of its airs."""
+        other = replace(self, plan=air.plan, label=air.cache.label)
+        vars(other).update(airs=self.airs, air=air)
+        return other
 
-    @property
-    def _in_case(self) -> CaseAir:
-        """The airflow, where it is in an OpenFOAM case. Raises SceneError where it is not."""
-        if not isinstance(self.kind, CaseAir):
-            raise SceneError(f"airflow {self.plan.airflow.kind}: it has neither mesh nor OpenFOAM case")
-        return self.kind
+    @cached_property
+    def grids(self) -> tuple[Pipeline, ...]:
+        """The same scene on each of the plan's grids, this one first."""
+        return self, *map(self.through, self.airs.answers[1:])
+
+    @cached_property
+    def steady(self) -> Pipeline:
+        """The same scene in its steady airflow: the other end of the bracket, and where the first in time starts."""
+        return self.through(self.airs.steady[0])
 
     @property
     def mesh_spec(self) -> MeshSpec:
         """What the plan wants meshed. Raises SceneError for an airflow without a mesh."""
-        return self._in_case.mesh_spec
+        return self.air.in_case.mesh_spec
 
     @property
     def mesh_quality(self) -> MeshReport | None:
         """Counts and quality of the mesh; None without one."""
-        return self.kind.mesh_quality
+        return self.air.mesh_quality
 
     @property
     def solution(self) -> tuple[str, Path]:
         """Key and folder of the airflow, an OpenFOAM case. Raises SceneError for an airflow without one."""
-        return self._in_case.solution
+        return self.air.in_case.solution
 
     @property
     def airflow(self) -> Airflow:
         """What was measured on the airflow, or is known of it; it is solved where it is not yet."""
-        return self.kind.table
+        return self.air.numbers
 
-    @cached_property
+    @property
     def loading(self) -> AirLoading | None:
-        """The granules' force on the airflow, gathered in the steady one on the answer's own grid; None where the plan
-        leaves it out.
-        """
-        if not self.plan.airflow.loaded:
-            return None
-        if self.whole is not None:
-            return self.whole.loading
-        if self.grid:
-            return self.on_grid(0).loading
-        how = self.compilation, self.workers
-        if self.plan.airflow.stepping is None:
-            return DrivenAir(self.scene, self.plan, self.cache, self.kind.bare, *how)
-        own = self if self.plan.airflow.stepping == "steady" else self.draft
-        return LoadedCase(self.scene, own.plan, own.cache, own._in_case.bare, *how)
+        """The granules' force on the airflow; None where the plan leaves it out."""
+        return self.airs.loading
 
-    @cached_property
+    @property
     def field(self) -> tuple[str, FlowField]:
         """Key and field on triangles that the tracker reads, of the whole channel. Raises SceneError in a vacuum."""
-        if self.kind.field is None:
-            raise SceneError("the granules fly in a vacuum: there is no airflow")
-        return self.kind.field
+        return self.air.key, self.air.field
 
     @property
     def divergence(self) -> FieldDivergence:
         """How well the triangles that the tracker reads conserve volume."""
-        found = self.field[1].divergence()
+        found = self.air.field.divergence()
         return FieldDivergence(found.rms, found.max)
-
-    # -- the same scene in another airflow -----------------------------------------------------------------------------
-
-    @cached_property
-    def draft(self) -> Pipeline:
-        """The same scene in its steady airflow: the other end of the bracket, and where the first in time starts."""
-        plan = known(self.planner).at(self.scene).plan("draft")
-        plan = replace(plan, airflow=plan.airflow.feeling(self.scene, loaded=self.plan.airflow.loaded))
-        grid = min(self.grid, len(plan.airflow.scales) - 1)
-        return replace(self, plan=plan, grid=grid, label=self.label._replace(draft=True), whole=self)
-
-    def on_grid(self, grid: int) -> Pipeline:
-        """The same scene on another of the plan's grids; the same one whenever it is asked for."""
-        if grid not in self._grids:
-            other = replace(self, grid=grid, label=self.label._replace(grid=self.plan.airflow.scales[grid]))
-            self._grids[grid], other._grids = other, self._grids
-        return self._grids[grid]
 
     # -- tracks --------------------------------------------------------------------------------------------------------
 
     @cached_property
     def _track_stage(self) -> TrackStage:
-        return TrackStage(self.scene, self.plan, self.cache, self.kind, self.compilation, self.workers)
+        return TrackStage(self.scene, self.plan, self.cache, self.air, self.compilation, self.workers)
 
     @property
     def tracks_key(self) -> str:

@@ -63,10 +63,10 @@ def forces_of(pipeline: Pipeline, airflow: Airflow) -> ForceHistory | None:
     first = None if kept is None else float(kept["times"][0])
     loop = None if kept is None or first is None else (first, first + float(kept["period"]))
     in_time, start_up = airflow.stepping == "time-resolved", None if told is None else told.start_up
-    half = isinstance(pipeline.kind, CaseAir) and pipeline.kind.half
+    half = isinstance(pipeline.air, CaseAir) and pipeline.air.half
     lift = np.zeros(len(rows)) if half else rows[:, 2]  # that of the other half takes it away
     return ForceHistory(rows[:, 0], rows[:, 1], lift, in_time, start_up, loop)
 
 
 def _case(pipeline: Pipeline) -> Path | None:
-    return pipeline.kind.case if isinstance(pipeline.kind, CaseAir) else None
+    return pipeline.air.case if isinstance(pipeline.air, CaseAir) else None

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ...air.kinds.airflow_kinds import AirflowKind
-from ...core.errors import known
+from ...air.kinds.airflow_kinds import FlownAir
 from ...core.lazy import cached_property
 from ...core.record import JsonTable
 from ...core.store import content_key
@@ -60,7 +59,7 @@ class TrackStage:
     scene: Scene
     plan: Plan
     cache: StageCache
-    air: AirflowKind
+    air: FlownAir
     compilation: Compilation
     workers: int | None = None
 
@@ -70,13 +69,12 @@ class TrackStage:
         tables = unweighed(self.scene)
         for name in ("numerics", "funnel", "collisions", "force", "uncertainty"):
             del tables[name]
-        upstream = None if self.air.field is None else self.air.field[0]
         how = {name: row.tracked for name, row in self.plan.fractions.items()}
         versions = [version_of(package) for package in ("numpy", "scipy", "numba")]
         order = list(self.scene.bin)  # landings hold the bin's place in it
         mirrored, airs = self.plan.airflow.mirrored, self.air.realisations
         flown = mirrored, len(airs), airs.cycles
-        return content_key("tracks", tables, order, *flown, repr(how), upstream, code_of(*CODE), versions)
+        return content_key("tracks", tables, order, *flown, repr(how), self.air.key, code_of(*CODE), versions)
 
     def fly(self, rerun: PerturbedRerun | None = None) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
@@ -119,7 +117,7 @@ class TrackStage:
         """The airflow that granules fly in under a ``change``."""
         if change.wake is None or self.airs.field is None:
             return self.airs
-        return replace(self.airs, field=known(self.air.between(*change.wake))[1], others=())
+        return replace(self.airs, field=self.air.between(*change.wake), others=())
 
     def flight(self, scene: Scene, airs: Realisations) -> Flight:
         """What flies granules of ``scene``, a variation of the stage's own, through ``airs`` as the answer's fly."""

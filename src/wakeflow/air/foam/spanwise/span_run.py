@@ -23,16 +23,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ....core.errors import FoamError, MeshError, known
+from ....core.errors import FoamError, MeshError
 from ....core.files import atomic_write, write_json
 from ....core.geometry import ForceDensity
 from ....core.process import tail
 from ....core.record import save
 from ....core.tables import save_arrays
 from ....laws.span import CADENCE, Span
-from ....laws.turbulence import USUAL
-from ..airflow_result import AirflowResult, CheckMesh
-from ..case import FlowSpec, axis_points, write_case, write_parameters
+from ..airflow_result import CheckMesh, SpanResult
+from ..case import FlowSpec, SpanSpec, axis_points, write_case, write_parameters
 from ..failure import AirflowFailure, disk_trouble_named
 from ..momentum_source import write_source
 from ..prepare import prepare_case
@@ -56,7 +55,7 @@ WAVES = 4.2  # rms wave number in the plane times the width: phases that change 
 SEED = 7  # the same disturbance in every run of a case
 
 
-def start_span(spec: FlowSpec, plane: Path, folder: Path) -> None:
+def start_span(spec: SpanSpec, plane: Path, folder: Path) -> None:
     """Write the latest fields of the one-layer case ``plane``, with :func:`span_modes`, into 0/ of the case with a span
     in ``folder``.
     """
@@ -72,12 +71,12 @@ def start_span(spec: FlowSpec, plane: Path, folder: Path) -> None:
         write_internal(folder / "0" / name, values)
 
 
-def span_modes(spec: FlowSpec, places: Array) -> Array:
+def span_modes(spec: SpanSpec, places: Array) -> Array:
     """The disturbance (n, 3) m/s at ``places`` (n, 3) m: waves along the span with random phases in the plane."""
     middle, _, rear = axis_points(spec)
     size, random = spec.mesh.projected_width, np.random.default_rng(SEED)
     x, y = (places[:, 0] - middle) / size, (spec.along * places[:, 1] - rear) / size
-    depth = known(spec.span).depth * size
+    depth = spec.span.depth * size
     envelope = np.exp(-((x / REACH[0]) ** 2) - ((y - PLACE) / REACH[1]) ** 2)
     waves = np.zeros((len(places), 3))
     for component in range(3):
@@ -94,7 +93,7 @@ BASE_POINTS = 8  # places along the span at which the base pressure is recorded
 OFF = 1e-6  # body widths by which a cell may miss the plane cell it was extruded from: round-off
 
 
-def extrude(spec: FlowSpec, plane: Path, folder: Path) -> None:
+def extrude(spec: SpanSpec, plane: Path, folder: Path) -> None:
     """Write the case ``folder`` with the span of ``spec``: the mesh of the one-layer case ``plane``, extruded.
 
     ``layers.npz`` beside it (in ``plane``) holds the plane cell ``at`` (n,) and the height ``z`` (n,) m of each cell.
@@ -118,12 +117,12 @@ def extrude(spec: FlowSpec, plane: Path, folder: Path) -> None:
     save_arrays(plane / LAYERS, {"at": at, "z": centres[:, 2]})
 
 
-def _depth(spec: FlowSpec) -> float:
+def _depth(spec: SpanSpec) -> float:
     """Of the span (m)."""
-    return known(spec.span).depth * spec.mesh.projected_width
+    return spec.span.depth * spec.mesh.projected_width
 
 
-def span_parameters(spec: FlowSpec) -> dict[str, str | float | int]:
+def span_parameters(spec: SpanSpec) -> dict[str, str | float | int]:
     """What system/parameters of a case with a span has otherwise than that of one layer.
 
     The span begins where the layer ended. Its coefficients are those of the whole depth; the base pressure is recorded
@@ -134,7 +133,7 @@ def span_parameters(spec: FlowSpec) -> dict[str, str | float | int]:
     heights = low + depth * (np.arange(BASE_POINTS) + 0.5) / BASE_POINTS
     return {
         "layer": "cyclic",
-        "layers": known(spec.span).layers,
+        "layers": spec.span.layers,
         "spanDepth": depth,
         "bodyArea": spec.mesh.projected_width * depth,
         "basePoint": " ".join(f"({middle:.9g} {spec.along * rear:.9g} {z:.9g})" for z in heights),
@@ -191,14 +190,14 @@ SAME = 1e-6  # cadences
 
 
 def run_span(
-    spec: FlowSpec, msh: Path, folder: Path, start: Path | None, force: ForceDensity | None, listener: ProgressListener
+    spec: SpanSpec, msh: Path, folder: Path, start: Path | None, force: ForceDensity | None, listener: ProgressListener
 ) -> CheckMesh:
     """Run the airflow of ``spec`` with its span to the end of its record; goes on from what is there.
 
     ``start``: any solved plane case that the plane wake starts from; ``force``: on the air, in every layer. Raises
     MeshError for a mesh that checkMesh refuses, AirflowFailure where a program fails or no Courant number serves.
     """
-    flat = replace(spec, turbulence=USUAL, span=None, ranks=1)
+    flat = spec.plane
     check = prepare_case(flat, msh, folder)
     deep, phase = folder / SPAN, folder / PHASE
     if force is not None:
@@ -210,7 +209,7 @@ def run_span(
             write_source(folder, force, spec.density, deep)
         start_span(spec, folder, deep)
         write_json(phase, {"phase": "span", "courant": COURANT})
-    _record(spec, known(spec.span), folder, listener)
+    _record(spec, spec.span, folder, listener)
     return check
 
 
@@ -234,7 +233,7 @@ def record_ends(span: Span, scale: float) -> list[float]:
     return [beat * CADENCE * scale for beat in ends]
 
 
-def _record(spec: FlowSpec, span: Span, folder: Path, listener: ProgressListener) -> None:
+def _record(spec: SpanSpec, span: Span, folder: Path, listener: ProgressListener) -> None:
     """Run segment after segment; where one fails numerically, the last two again with half the Courant number."""
     deep, scale = folder / SPAN, spec.convective_time
     ends = record_ends(span, scale)
@@ -280,14 +279,14 @@ def _go_back(folder: Path) -> None:
 
 # -- One airflow in three dimensions from mesh to numbers --------------------------------------------------------------
 def solve_span(
-    spec: FlowSpec,
+    spec: SpanSpec,
     msh: Path,
     folder: Path,
     *,
     start: Path | None = None,
     force: ForceDensity | None = None,
     listener: ProgressListener = lambda _: None,
-) -> AirflowResult:
+) -> SpanResult:
     """Solve the airflow of ``spec``, which has a span, in the case ``folder`` on the plane mesh ``msh``.
 
     ``airflow.json`` there holds the result, ``packed`` the snapshots. Arguments and failures as of

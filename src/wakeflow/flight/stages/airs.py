@@ -1,0 +1,146 @@
+"""Every air of one scene under one plan: the steady one and the one in time, bare and loaded, on each grid.
+
+An airflow in time starts from the steady one, or from another in time: of a run near by, or on the next coarser grid.
+Where granules are felt, their force is gathered in the steady airflow that does not feel them, and loads all others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from ...air.kinds.airflow_kinds import CaseAir, FlownAir
+from ...air.kinds.blended_air import BlendedAir
+from ...air.kinds.every_kind import airflow_kinds
+from ...air.kinds.known_air import JetAir
+from ...air.kinds.solved_air import LoadedAir, SpanAir, SteadyAir, TimeResolvedAir
+from ...core.lazy import cached_property
+from ...planning.make import Planner
+from ...planning.plan import Plan
+from ...planning.stage_cache import StageCache
+from ...scene import Scene
+from .air_loading import AirLoading, CaseLoading, JetLoading, LoadedSteadyAir
+from .compilation import Compilation
+
+ROUGH = 0.5  # relative half width of averages: a wake that others start from ends with the fewest periods
+
+
+@dataclass
+class Airs:
+    """The airs of one scene, each made once; ``near``: those of a run whose airflows these start from."""
+
+    scene: Scene
+    plan: Plan
+    cache: StageCache
+    planner: Planner
+    near: Airs | None
+    compilation: Compilation
+    workers: int | None
+
+    @property
+    def in_time(self) -> bool:
+        """Whether the airflow is resolved in time."""
+        return self.plan.airflow.stepping == "time-resolved"
+
+    @cached_property
+    def answers(self) -> tuple[FlownAir, ...]:
+        """Those that the plan wants, a grid each, the answer's first."""
+        how = self.plan.airflow
+        if how.stepping is None:
+            return (JetAir(self._bare, self.loading) if isinstance(self.loading, JetLoading) else self._bare,)
+        if how.span is not None:
+            deep = SpanAir(self.scene, self.plan, self.cache, start=self.steady[0])
+            return (deep if self.loading is None else LoadedAir(deep, self.loading),)
+        if not self.in_time:
+            return self.steady
+        ends = zip(self.steady, self.resolved, strict=True)
+        return tuple(BlendedAir(*both) for both in ends) if how.brackets else self.resolved
+
+    @property
+    def _bare(self) -> FlownAir:
+        """The air that nobody solves, of its kind."""
+        return airflow_kinds[self.plan.airflow.kind](self.scene, self.plan, self.cache)
+
+    # -- steady --------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def steady_plan(self) -> Plan:
+        """The plan where it is steady, else that of the steady airflow beside it."""
+        if not self.in_time:
+            return self.plan
+        plan = self.planner.at(self.scene).plan("draft")
+        return replace(plan, airflow=plan.airflow.feeling(self.scene, loaded=self.plan.airflow.loaded))
+
+    @cached_property
+    def bare_steady(self) -> tuple[SteadyAir, ...]:
+        """The steady airflow that feels no granules, for each grid of the plan; none for air that nobody solves."""
+        if self.plan.airflow.stepping is None:
+            return ()
+        plan, near = self.steady_plan, () if self.near is None else self.near.bare_steady
+        coarsest = len(plan.airflow.scales) - 1
+        return tuple(
+            SteadyAir(self.scene, plan, cache, min(grid, coarsest), start=_like(near, grid))
+            for grid, cache in enumerate(self._caches(draft=self.in_time))
+        )
+
+    @cached_property
+    def steady(self) -> tuple[CaseAir, ...]:
+        """The steady airflow, which feels the granules where the plan has it so."""
+        loading = self.loading
+        if not isinstance(loading, CaseLoading):
+            return self.bare_steady
+        return tuple(LoadedSteadyAir(bare, loading) for bare in self.bare_steady)
+
+    @cached_property
+    def loading(self) -> AirLoading | None:
+        """The granules' force on the air, gathered on the answer's grid; None where the plan leaves it out."""
+        if not self.plan.airflow.loaded:
+            return None
+        if self.plan.airflow.stepping is None:
+            return JetLoading(self._bare, self.compilation, self.workers)
+        return CaseLoading(self.bare_steady[0], self.compilation, self.workers)
+
+    # -- in time -------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def resolved(self) -> tuple[CaseAir, ...]:
+        """The airflow in time on each grid, in the plane: it starts from that on the next coarser grid, or where it
+        feels granules from the early one.
+        """
+        if not self.in_time or self.plan.airflow.span is not None:
+            return ()
+        near, made = () if self.near is None else self.near.resolved, list[CaseAir]()
+        for grid, cache in reversed([*enumerate(self._caches())]):
+            start = _like(near, grid) or self.early or (made[-1] if made else self.steady[grid])
+            bare = TimeResolvedAir(self.scene, self.plan, cache, grid, start=start)
+            made.append(bare if self.loading is None else LoadedAir(bare, self.loading))
+        return tuple(reversed(made))
+
+    @cached_property
+    def early(self) -> LoadedAir | None:
+        """The airflow in time on the coarsest of several grids under the force as it is known first, to start from
+        alone: its averages may be rough. None where the air feels no granules.
+        """
+        coarsest = len(self.plan.airflow.scales) - 1
+        if self.loading is None or not self.in_time or not coarsest:
+            return None
+        rough = replace(self.plan, airflow=replace(self.plan.airflow, accuracy=ROUGH))
+        start, cache = self.bare_steady[coarsest], self._caches()[coarsest]
+        bare = TimeResolvedAir(self.scene, rough, cache, coarsest, start=start, made_as="early-airflow")
+        return LoadedAir(bare, self.loading.early)
+
+    def solve_start(self) -> None:
+        """Solve what the answer's airflow starts from, as far as it need not wait for the last force."""
+        if self.early is not None and not (self.near is not None and self.near.resolved):
+            _ = self.bare_steady[self.early.grid].solution
+            _ = self.early.solution
+
+    def _caches(self, *, draft: bool = False) -> list[StageCache]:
+        """By grid, under the label of its airflow."""
+        labels = [self.cache.label, *(self.cache.label._replace(grid=one) for one in self.plan.airflow.scales[1:])]
+        return [replace(self.cache, label=label._replace(draft=draft)) for label in labels]
+
+
+def _like(airs: Sequence[CaseAir], grid: int) -> CaseAir | None:
+    """That on the grid like one's own, or on the coarsest; None where there is none."""
+    return airs[min(grid, len(airs) - 1)] if airs else None
