@@ -135,7 +135,7 @@ def _fly_block(flight: Packed, found: Tracks, low: int) -> int:
     found.keep(part, floats, ints)
     ends = from_frame(found.position[part], found.velocity[part], found.time[part], flight.swing)
     found.position[part], found.velocity[part] = ends
-    if found.recorded is not None:
+    if found.recorded:
         for table in room:
             table[:, 1:3], table[:, 3:5] = from_frame(table[:, 1:3], table[:, 3:5], table[:, 0], flight.swing)
         found.recorded[part] = [room[i, : ints[i, at.KEPT]].copy() for i in range(len(some))]

@@ -48,7 +48,7 @@ def force_on_the_air(
     ``air_density`` (kg/m3) and ``forces`` as flown, for the buoyancy. What lies outside the ``boxes`` goes to those on
     their edge. Raises SceneError where no paths were kept.
     """
-    if tracks.recorded is None:
+    if len(tracks.recorded) < len(grains):
         raise SceneError("force_on_the_air: no paths were kept; call track(..., record=True)")
     lift = air_density / grains.density if "buoyancy" in forces else np.zeros(len(grains))
     weight = (1.0 - lift)[:, None] * np.asarray(gravity, dtype=float)

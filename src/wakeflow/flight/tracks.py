@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from typing import Any, NamedTuple
 
@@ -74,14 +74,14 @@ class ClockStep(NamedTuple):
 class CollisionFlight:
     """How a crowd was flown: its ``clock``; ``steps`` of the clock and of granules (``flown``); ``standing`` (k, 3):
     time (s), how many lay still or, leaning on others, hardly moved, and how many were born; ``jammed``: that most of
-    the second half of the feed does.
+    the second half of the feed does. Of granules that flew alone: a clock without a step, and none taken.
     """
 
-    clock: ClockStep
-    steps: int
-    flown: int
-    standing: Array
-    jammed: bool
+    clock: ClockStep = field(default_factory=lambda: ClockStep(math.nan))
+    steps: int = 0
+    flown: int = 0
+    standing: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    jammed: bool = False
 
     @property
     def advice(self) -> str:
@@ -99,8 +99,8 @@ class Tracks:
     born by.
 
     ``fate`` (n,) values of :class:`Fate`; ``steps`` taken, ``impacts`` on bodies, ``line`` index that ended the track
-    or -1; ``spin`` rad/s; ``evaluations`` of the equation of motion. With ``collisions``: ``meetings`` (n,) with other
-    granules, and of the ``crowd`` how it was flown.
+    or -1; ``spin`` rad/s; ``evaluations`` of the equation of motion; ``recorded`` paths, empty where none were kept.
+    With ``collisions``: ``meetings`` (n,) with other granules, and of the ``crowd`` how it was flown.
     """
 
     position: Array
@@ -112,9 +112,9 @@ class Tracks:
     line: Index
     spin: Array
     evaluations: Index
-    recorded: list[Array] | None = None
-    meetings: Index | None = None
-    crowd: CollisionFlight | None = None
+    meetings: Index
+    recorded: list[Array] = field(default_factory=list)
+    crowd: CollisionFlight = field(default_factory=CollisionFlight)
 
     def __len__(self) -> int:
         return len(self.fate)
@@ -122,15 +122,14 @@ class Tracks:
     @classmethod
     def empty(cls, count: int, *, recorded: bool = False) -> Tracks:
         """Room for the tracks of ``count`` granules."""
-        numbers: dict[str, Any] = {
-            name: np.zeros(count, dtype=np.int64) for name in ("fate", "steps", "impacts", "line", "evaluations")
-        }
+        names = ("fate", "steps", "impacts", "line", "evaluations", "meetings")
+        numbers: dict[str, Any] = {name: np.zeros(count, dtype=np.int64) for name in names}
         return cls(
             position=np.zeros((count, 2)),
             velocity=np.zeros((count, 2)),
             time=np.zeros(count),
             spin=np.zeros(count),
-            recorded=[np.zeros((0, 5))] * count if recorded else None,
+            recorded=[np.zeros((0, 5))] * count * recorded,
             **numbers,
         )
 
@@ -144,7 +143,7 @@ class Tracks:
 
     def path(self, i: int) -> tuple[Array, Array, Array]:
         """Times (m,), positions (m, 2) and velocities (m, 2) of granule i; needs ``record=True``."""
-        if self.recorded is None:
+        if not self.recorded:
             raise SceneError("path: no paths were kept; call track(..., record=True)")
         table = self.recorded[i]
         return table[:, 0], table[:, 1:3], table[:, 3:5]
@@ -153,8 +152,7 @@ class Tracks:
         """Those of the granules ``rows`` (m,)."""
         own = {f.name: getattr(self, f.name) for f in fields(self)}
         parts: dict[str, Any] = {name: value[rows] for name, value in own.items() if isinstance(value, np.ndarray)}
-        recorded = None if self.recorded is None else [self.recorded[i] for i in rows]
-        return replace(self, **parts, recorded=recorded)
+        return replace(self, **parts, recorded=[self.recorded[i] for i in rows] if self.recorded else [])
 
     def ends(self, bins: int) -> tuple[Index, Index]:
         """Where (n,) they ended, a place among the first ``bins`` lines or -1 for elsewhere, and their fates (n,): what

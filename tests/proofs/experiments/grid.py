@@ -54,7 +54,7 @@ def spread(lifetime: float, count: int) -> Array:
         tunnel(lifetime), beads, until=float(late[-1]), tolerance=1e-4, length=0.1, record=True, seed=1,
         forces=("drag", "gravity", "dispersion"), gravity=(0.0, -GRAVITY),
     )  # fmt: skip
-    x = np.array([np.interp(late, path[:, 0], path[:, 1]) for path in found.recorded or []])
+    x = np.array([np.interp(late, path[:, 0], path[:, 1]) for path in found.recorded])
     return np.asarray(1e4 * np.mean((x[:, 1:] - x[:, :1]) ** 2, axis=0))
 
 

@@ -187,7 +187,7 @@ def child() -> None:
         spent = time.process_time() - start
         if told["save"]:
             kept = {name: getattr(tracks, name) for name in COLUMNS}
-            if tracks.recorded is not None:
+            if tracks.recorded:
                 kept["recorded"] = np.concatenate(tracks.recorded)
             np.savez(told["save"], **kept)
         print(json.dumps(spent), flush=True)

@@ -31,7 +31,7 @@ from wakeflow.flight.granules import Granules
 from wakeflow.flight.kernel import layout as at
 from wakeflow.flight.kernel.air import shares
 from wakeflow.flight.kernel.forces import drag_rate
-from wakeflow.flight.kernel.jit import OPTIONS, compiled, inlined
+from wakeflow.flight.kernel.jit import OPTIONS, compiled
 from wakeflow.flight.kernel.locate import anywhere, barycentric, walk
 from wakeflow.flight.kernel.strike import restitution_of
 from wakeflow.flight.kernel.walls import grasp, inside, overlap
@@ -112,7 +112,7 @@ def _on_knots(air, c, a, w, m):
     return s0 * v[c, a, m] + s1 * v[c, a + 1, m] + s2 * v[c, a + 2, m] + s3 * v[c, a + 3, m]
 
 
-@inlined
+@compiled
 def _between(air, tri, one, two, a, b, w, m):
     """Value ``m`` of the nodes at barycentric coordinates ``one`` and ``two``, between snapshots, or knots, a and b."""
     i, j, k = air.corners[tri, 0], air.corners[tri, 1], air.corners[tri, 2]
@@ -255,7 +255,7 @@ def _bounce(state, t, grain, walls, hold, kind, which):
     return True
 
 
-@inlined
+@compiled
 def _step(state, note, t, grain, table, air, walls, h, confined, hold):
     """One step of at most ``h``; how long it was."""
     x, y, vx, vy, r, tri = state[at.X], state[at.Y], state[at.VX], state[at.VY], grain[at.RADIUS], note[TRI]

@@ -9,7 +9,7 @@ approaches: Moreau's time stepping, as on walls (``strikes``).
 from __future__ import annotations
 
 from ..kernel import layout as at
-from ..kernel.jit import compiled, inlined
+from ..kernel.jit import called, compiled
 from ..kernel.walls import clearance
 from . import slab_layout as of
 from .flight import PULLS, fly_on, press
@@ -23,7 +23,7 @@ TOUCH = 1e-6  # of the smaller radius: nearer is contact
 MAX_OVERLAP = 1e-3  # of the smaller radius: overlaps below it need no further sweep
 
 
-@compiled
+@called
 def _note(crowd, cells, counts, clock, i, j):
     """Look whether i and j meet or touch in this step, and note it."""
     one, other = crowd.own[i], crowd.own[j]
@@ -42,7 +42,7 @@ def _note(crowd, cells, counts, clock, i, j):
         counts[of.NEAR] += 1
 
 
-@compiled
+@called
 def foretell(crowd, cells, counts, clock):
     """Note all meetings of the step on the ways as they are, and drop the pairs that no longer hold."""
     counts[of.EVENTS] = counts[of.NEAR] = kept = 0
@@ -60,7 +60,7 @@ def foretell(crowd, cells, counts, clock):
     counts[of.PAIRS] = kept
 
 
-@compiled
+@called
 def _foretell_of(crowd, cells, counts, clock, i):
     """Note the meetings of a granule that was struck with all about it."""
     before = counts[of.PAIRS]
@@ -71,7 +71,7 @@ def _foretell_of(crowd, cells, counts, clock, i):
             _note(crowd, cells, counts, clock, one, other)
 
 
-@inlined
+@compiled
 def _earliest(cells, counts):
     """Take the earliest meeting out of the queue: (time, first, second, stamps)."""
     best = 0
@@ -87,16 +87,18 @@ def _earliest(cells, counts):
     return when, i, j, a, b
 
 
+@called
+def fly_some(crowd, laws, air, nodes, walls, rules, clock, room, rows, count):
+    """Fly the first ``count`` granules of ``rows`` to the end of the step."""
+    for k in range(count):
+        i = rows[k]
+        fly_on(
+            crowd.states[i], crowd.counts[i], crowd.own[i], crowd.tally[i], crowd.grains[i],
+            laws.tables[crowd.table_of[i]], air, nodes, walls, rules, clock, room,
+        )  # fmt: skip
+
+
 @compiled
-def _fly_again(crowd, laws, air, nodes, walls, rules, clock, room, i):
-    """The rest of the step of a granule, from where it has met another."""
-    fly_on(
-        crowd.states[i], crowd.counts[i], crowd.own[i], crowd.tally[i], crowd.grains[i],
-        laws.tables[crowd.table_of[i]], air, nodes, walls, rules, clock, room,
-    )  # fmt: skip
-
-
-@inlined
 def _leave_to_the_end(crowd, cells, counts, i, j):
     """Whether the pair has met so often in this step that the rest is contact that lasts."""
     if crowd.own[i, of.MET] < MAX_CONTACTS and crowd.own[j, of.MET] < MAX_CONTACTS:
@@ -114,7 +116,7 @@ def _copy(row, to):
         to[m] = row[m]
 
 
-@compiled
+@called
 def _strike_tracer(crowd, laws, rules, clock, room, i, j, when):
     """Let a tracer i meet the granule j where that was at the time, if it is caught; j does not notice. Whether."""
     if not hit_tracer(crowd, laws.tables, i, j, rules):
@@ -145,7 +147,7 @@ def _count(crowd, counts, i, j):
     one[of.MET_IN] = other[of.MET_IN] = now
 
 
-@compiled
+@called
 def _strike_pair(crowd, laws, rules, clock, counts, i, j, when):
     """The meeting of two granules of the same right."""
     roll_back(crowd.states[i], crowd.counts[i], crowd.own[i], clock, when)
@@ -154,7 +156,7 @@ def _strike_pair(crowd, laws, rules, clock, counts, i, j, when):
         _count(crowd, counts, i, j)
 
 
-@compiled
+@called
 def collide_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
     """Deal with the meetings that ``foretell`` noted, and with those that come of them."""
     while counts[of.EVENTS] > 0:
@@ -168,16 +170,18 @@ def collide_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, count
         elif not _strike_tracer(crowd, laws, rules, clock, room, i, j, when):
             continue
         crowd.own[i, of.MET] += 1.0
-        _fly_again(crowd, laws, air, nodes, walls, rules, clock, room, i)
+        struck = 1
         if both:
             crowd.own[j, of.MET] += 1.0
-            _fly_again(crowd, laws, air, nodes, walls, rules, clock, room, j)
+            struck = 2
+        room.struck[0], room.struck[1] = i, j
+        fly_some(crowd, laws, air, nodes, walls, rules, clock, room, room.struck, struck)
         _foretell_of(crowd, cells, counts, clock, i)
         if both:
             _foretell_of(crowd, cells, counts, clock, j)
 
 
-@inlined
+@compiled
 def _settle_pair(crowd, laws, rules, clock, counts, i, j, sweep):
     """Impulse and displacement of a pair that touches at the end of the step; how deep it was over the smaller
     radius.
@@ -200,7 +204,7 @@ def _settle_pair(crowd, laws, rules, clock, counts, i, j, sweep):
     return max(-room, 0.0) / least
 
 
-@compiled
+@called
 def _lean(crowd, walls, rules, clock, room, i, h):
     """Take a granule that others pushed out of the walls again."""
     state, ints, own, grain = crowd.states[i], crowd.counts[i], crowd.own[i], crowd.grains[i]
@@ -210,7 +214,7 @@ def _lean(crowd, walls, rules, clock, room, i, h):
         own[of.ROOM] = 0.0
 
 
-@compiled
+@called
 def settle_all(crowd, laws, walls, rules, clock, room, cells, counts):
     """Contact that lasts at the end of the step, over all pairs that touch and the walls that they lean on."""
     h = clock[of.UNTIL] - clock[of.NOW]

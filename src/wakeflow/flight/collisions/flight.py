@@ -19,7 +19,7 @@ from ..kernel.crossings import first_line, first_wall
 from ..kernel.dense_output import along
 from ..kernel.dispersion import mirror
 from ..kernel.events import seen_from, wall_motion
-from ..kernel.jit import compiled, inlined
+from ..kernel.jit import called, compiled
 from ..kernel.locate import barycentric
 from ..kernel.strike import flake_spin, restitution_of, stays, tilted
 from ..kernel.walls import clearance, grasp, inside, overlap
@@ -70,7 +70,7 @@ def _touched(state, grain, walls, body, nx, ny):
     return wx + around * ny, wy - around * nx, turn
 
 
-@compiled
+@called
 def hit_wall(state, ints, own, grain, walls, rules, path, hold, h, kind, which):
     """The granule reaches a feature within a step h: collision; contact that lasts where a bounce is not followed."""
     body, off = grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
@@ -110,7 +110,7 @@ def hit_wall(state, ints, own, grain, walls, rules, path, hold, h, kind, which):
         state[at.VY] -= rebound * ny
 
 
-@inlined
+@compiled
 def _deepest(walls, body, x, y, r):
     """The feature into which a granule reaches deepest (body frame): (kind, which), FREE for none; a centre within the
     body counts for the nearest edge.
@@ -215,14 +215,14 @@ def _decay(z):
     return 1.0 + z * p1, p1, p2
 
 
-@inlined
+@compiled
 def _gain(state, vx, vy):
     """Count the velocity that a piece of way gives, which ends with (vx, vy)."""
     state[at.GAIN_X] += vx - state[at.VX]
     state[at.GAIN_Y] += vy - state[at.VY]
 
 
-@inlined
+@compiled
 def _glide(path, own, h):
     """Place and velocity at the end of the path, across the slab too."""
     e, p1, p2 = _decay(-path[at.RATE] * h)
@@ -237,7 +237,7 @@ def _glide(path, own, h):
     )
 
 
-@compiled
+@called
 def _leave(state, ints, own, air, walls, rules, clock):
     """End the track where its straight way crosses the mesh's edge, on the line that lies there."""
     g, tri = air.geometry, ints[at.TRI]
@@ -269,7 +269,7 @@ def _leave(state, ints, own, air, walls, rules, clock):
             return
 
 
-@inlined
+@compiled
 def _alone(state, own, grain, walls, rules, end):
     """Whether no wall and no line can be met on the way to ``end``."""
     dx, dy = end[0] - state[at.X], end[1] - state[at.Y]
@@ -325,7 +325,7 @@ def _by_walls(state, ints, own, tally, grain, walls, rules, clock, path, hold, e
         _slide(state, ints, own, grain, walls, rules, path, hold, h)
 
 
-@inlined
+@compiled
 def fly_on(state, ints, own, tally, grain, table, air, nodes, walls, rules, clock, room):
     """Fly from the granule's time to the end of the step."""
     path, hold = room.path, room.hold

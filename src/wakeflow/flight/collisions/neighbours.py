@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from ..kernel import layout as at
-from ..kernel.jit import compiled, inlined
+from ..kernel.jit import called, compiled
 from . import slab_layout as of
 
 PX, PY, PZ = np.int64(73856093), np.int64(19349663), np.int64(83492791)  # primes of Teschner et al.
@@ -26,13 +26,13 @@ ANEW = 128  # steps after which the cells' width is chosen anew
 MAX_PAIRS, MIN_PAIRS = 8, 3  # pairs a granule, above which ranges become shorter and below which they grow again
 
 
-@inlined
+@compiled
 def across(z, depth):
     """A distance across the slab, to the nearest image."""
     return z - depth * round(z / depth)
 
 
-@inlined
+@compiled
 def near(balls, i, j, depth):
     """Whether the balls of two granules touch."""
     dx, dy = balls[i, of.BALL_X] - balls[j, of.BALL_X], balls[i, of.BALL_Y] - balls[j, of.BALL_Y]
@@ -44,7 +44,7 @@ def near(balls, i, j, depth):
     return flat + dz * dz <= reach * reach
 
 
-@inlined
+@compiled
 def _wrap(own, grain, ball):
     """The ball about the way that a granule goes since its last strike; returns its radius."""
     s = own[of.LEG_END] - own[of.LEG_BEGIN]
@@ -59,7 +59,7 @@ def _wrap(own, grain, ball):
     return ball[of.BALL]
 
 
-@inlined
+@compiled
 def _in_range(ball, reach, depth):
     """Whether a granule's ball lies within its range; not if it has none."""
     spare = reach[of.BALL] - ball[of.BALL]
@@ -70,7 +70,7 @@ def _in_range(ball, reach, depth):
     return dx * dx + dy * dy + dz * dz <= spare * spare
 
 
-@inlined
+@compiled
 def _reach_out(own, grain, ball, reach, clock):
     """The range of a granule: about where it will be, as fast as it is, for some steps; returns its radius."""
     s = own[of.LEG_END] - own[of.LEG_BEGIN]
@@ -89,13 +89,13 @@ def _reach_out(own, grain, ball, reach, clock):
     return reach[of.BALL]
 
 
-@inlined
+@compiled
 def _bucket(x, y, z, mask):
     """Where the granules of a cell are listed."""
     return ((x * PX) ^ (y * PY) ^ (z * PZ)) & mask
 
 
-@compiled
+@called
 def unlist(cells, counts, i):
     """Take a granule out of its cell, and its pairs out of the list; nothing if it is in none."""
     if cells.ranges[i, of.BALL] == 0.0:
@@ -112,7 +112,7 @@ def unlist(cells, counts, i):
     cells.stamps[i] += 1
 
 
-@inlined
+@compiled
 def _pair(crowd, cells, counts, i, j):
     """List a pair, a tracer first. Tracers do not meet each other."""
     first, second = (j, i) if crowd.tally[j, of.TRACER] == 1 else (i, j)
@@ -127,7 +127,7 @@ def _pair(crowd, cells, counts, i, j):
     counts[of.PAIRS] = k + 1
 
 
-@compiled
+@called
 def relist(crowd, cells, clock, counts, i):
     """Give a granule a new range from the way that it goes now, its cell, and its pairs with all whose ranges touch it;
     they follow those that ``counts[PAIRS]`` counted before.
@@ -162,7 +162,7 @@ def relist(crowd, cells, clock, counts, i):
     cells.heads[b] = i
 
 
-@compiled
+@called
 def _begin_anew(crowd, cells, clock, counts):
     """Empty the list and all cells, whose width and number follow the crowd as it is now."""
     largest, living, size = 0.0, counts[of.LIVING], 64
@@ -184,7 +184,7 @@ def _begin_anew(crowd, cells, clock, counts):
     counts[of.ANEW] = counts[of.STEPS] + ANEW
 
 
-@compiled
+@called
 def keep_lists(crowd, cells, clock, counts):
     """Put a ball about the way of every granule in this step, and list those anew that have left their ranges."""
     for k in range(counts[of.LIVING]):

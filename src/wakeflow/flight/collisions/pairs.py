@@ -10,7 +10,7 @@ from ...laws.impaction import sphere_caught
 from ..kernel import layout as at
 from ..kernel.dispersion import random_normals
 from ..kernel.forces import drag_rate
-from ..kernel.jit import compiled, inlined
+from ..kernel.jit import called, compiled
 from ..kernel.strike import spin_flung
 from . import slab_layout as of
 from .flight import PULLS, pair_law
@@ -109,7 +109,7 @@ def roll_back(state, ints, own, clock, when):
     own[of.ROOM] = 0.0
 
 
-@inlined
+@compiled
 def reach_of(one, other):
     """The distance (m) between centres at which two granules of random orientation meet: the radius of their mean
     section (``laws.flake``), of two balls the sum of their radii.
@@ -117,7 +117,7 @@ def reach_of(one, other):
     return math.sqrt(one[at.SECTION] + other[at.SECTION] + 2.0 * one[at.GIRTH] * other[at.GIRTH])
 
 
-@compiled
+@called
 def room_between(crowd, depth, i, j):
     """The room between the surfaces of i and j where they are now (m, negative: they overlap), and the unit normal from
     j to i.
@@ -156,7 +156,7 @@ def _receive(state, ints, own, grain, rules, mass, j, torque, normal, centre, dr
         state[at.SPIN] = spin_flung(state[at.SPIN], grain[at.TOSS], size * normal, size * torque[2], freed, xi)
 
 
-@compiled
+@called
 def collide(crowd, laws, rules, depth, i, j, rebounds):
     """The collision of i and j where they are now; ``rebounds`` 0: contact that lasts, without. Returns whether they
     approached. A tracer takes the other for a wall.
@@ -185,7 +185,7 @@ def collide(crowd, laws, rules, depth, i, j, rebounds):
     return True
 
 
-@compiled
+@called
 def part(crowd, depth, i, j):
     """Push two granules that overlap apart, each by the other's share of their mass."""
     one, other, state, its = crowd.own[i], crowd.own[j], crowd.states[i], crowd.states[j]
@@ -204,7 +204,7 @@ def part(crowd, depth, i, j):
     other[of.ROOM] -= deep
 
 
-@compiled
+@called
 def hit_tracer(crowd, tables, i, j, rules):
     """Whether a tracer i on the way to a granule j meets it: it does with the probability of impaction."""
     state, its, grain = crowd.states[i], crowd.states[j], crowd.grains[i]

@@ -6,11 +6,10 @@ import math
 
 from ..kernel import layout as at
 from ..kernel.events import wall_motion
-from ..kernel.jit import compiled, entry
+from ..kernel.jit import called, compiled, entry
 from ..kernel.track_start import begin_track, store_point
 from . import slab_layout as of
-from .contacts import collide_all, foretell, settle_all
-from .flight import fly_on
+from .contacts import collide_all, fly_some, foretell, settle_all
 from .neighbours import keep_lists, unlist
 from .slab_air import refresh
 
@@ -20,7 +19,7 @@ LEANS = 20.0  # the same: slower among others, which push, it gets nowhere
 EARLY = 1e-9  # of a step: a birth this near to its end is the next step's
 
 
-@compiled
+@called
 def _enter(crowd, counts, clock, air, walls, room, timed):
     """Let those be born whose time comes in this step."""
     h = clock[of.UNTIL] - clock[of.NOW]
@@ -36,19 +35,6 @@ def _enter(crowd, counts, clock, air, walls, room, timed):
         if ints[at.FATE] == at.FLYING:
             crowd.living[counts[of.LIVING]] = i
             counts[of.LIVING] += 1
-
-
-@compiled
-def _fly_some(crowd, laws, air, nodes, walls, rules, clock, room, living):
-    """Fly the living to the end of the step."""
-    for k in range(living):
-        i = crowd.living[k]
-        state, own = crowd.states[i], crowd.own[i]
-        own[of.MET] = 0.0
-        fly_on(
-            state, crowd.counts[i], own, crowd.tally[i], crowd.grains[i], laws.tables[crowd.table_of[i]],
-            air, nodes, walls, rules, clock, room,
-        )  # fmt: skip
 
 
 @compiled
@@ -72,7 +58,7 @@ def _lies_still(state, ints, own, walls, clock, rest):
     return state[at.HELD] > rest + LULL * h, speed <= LEANS * pull
 
 
-@compiled
+@called
 def _close(crowd, cells, counts, clock, walls, rules):
     """End the step: who lies still, who has ended, where across the slab."""
     living, kept, standing, leaning, depth = counts[of.LIVING], 0, 0, 0, clock[of.DEPTH]
@@ -80,6 +66,7 @@ def _close(crowd, cells, counts, clock, walls, rules):
         i = crowd.living[k]
         state, ints, own = crowd.states[i], crowd.counts[i], crowd.own[i]
         own[of.Z] -= depth * math.floor(own[of.Z] / depth)
+        own[of.MET] = 0.0
         if ints[at.FATE] == at.FLYING:
             lies, leans = _lies_still(state, ints, own, walls, clock, rules.rest)
             standing += lies
@@ -96,7 +83,7 @@ def _close(crowd, cells, counts, clock, walls, rules):
     clock[of.NOW] = clock[of.UNTIL]
 
 
-@compiled
+@called
 def _begin(crowd, counts, clock, air, nodes, walls, rules, room, timed, stop):
     """Set the clock for the next step; an empty slab goes on with the next birth. Whether there is anything to do."""
     if counts[of.LIVING] == 0:
@@ -114,7 +101,7 @@ def _begin(crowd, counts, clock, air, nodes, walls, rules, room, timed, stop):
     return True
 
 
-@compiled
+@called
 def _finish(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
     """What follows the flight of a step: meetings, contact that lasts, ends."""
     keep_lists(crowd, cells, clock, counts)
@@ -132,7 +119,7 @@ def march_slab(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts
     for _ in range(steps):
         if not _begin(crowd, counts, clock, air, nodes, walls, rules, room, timed, stop):
             return True
-        _fly_some(crowd, laws, air, nodes, walls, rules, clock, room, counts[of.LIVING])
+        fly_some(crowd, laws, air, nodes, walls, rules, clock, room, crowd.living, counts[of.LIVING])
         _finish(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts)
         if final and counts[of.STANDING] == counts[of.LIVING] and counts[of.BORN] == crowd.waiting.shape[0]:
             return True

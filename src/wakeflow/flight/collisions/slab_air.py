@@ -12,7 +12,7 @@ from ..kernel.air import bracket, shares
 from ..kernel.dispersion import renew_in
 from ..kernel.events import harmonic
 from ..kernel.forces import drag_rate, forces_in_gradient, spin_in_curl
-from ..kernel.jit import compiled, inlined
+from ..kernel.jit import called, compiled
 from ..kernel.locate import INSIDE, reproject, walk
 from ..kernel.walls import inside
 from . import slab_layout as of
@@ -31,7 +31,7 @@ def _mesh_at(swing, t):
     return x * out, y * out, x * rate, y * rate
 
 
-@compiled
+@called
 def refresh(air, nodes, clock, room, timed):
     """Bring the mesh, and the weights of what is about it in time, to the middle of the step."""
     middle = 0.5 * (clock[of.NOW] + clock[of.UNTIL])
@@ -79,21 +79,17 @@ def _bring(air, nodes, c):
             rates[c, m] = s[r] * v[a, c, m] + s[r + 1] * v[b, c, m]
 
 
-@inlined
+@compiled
 def _corners(air, nodes, tri):
     """The nodes of a triangle, brought to the middle of the step."""
-    c0, c1, c2 = air.corners[tri, 0], air.corners[tri, 1], air.corners[tri, 2]
-    step = nodes.when[of.THIS_STEP]
-    if nodes.looked[c0] != step:
-        _bring(air, nodes, c0)
-    if nodes.looked[c1] != step:
-        _bring(air, nodes, c1)
-    if nodes.looked[c2] != step:
-        _bring(air, nodes, c2)
-    return c0, c1, c2
+    for k in range(3):
+        c = air.corners[tri, k]
+        if nodes.looked[c] != nodes.when[of.THIS_STEP]:
+            _bring(air, nodes, c)
+    return air.corners[tri, 0], air.corners[tri, 1], air.corners[tri, 2]
 
 
-@compiled
+@called
 def _beside(state, ints, air, walls, out_x, out_y, code):
     """For a granule that the walk found beyond a covered edge: the nearest such edge, or back into the mesh round a
     corner of the body.
@@ -128,12 +124,12 @@ def _extra(state, grain, air, nodes, tri, q0, q1, q2, ux, uy, sx, sy, h):
     return forces_in_gradient(grain, xx, xy, yx, yy, tx, ty, ux, uy, sx, sy, state[at.SPIN])
 
 
-@inlined
+@compiled
 def _mix(now, c0, c1, c2, q0, q1, q2, m):
     return q0 * now[c0, m] + q1 * now[c1, m] + q2 * now[c2, m]
 
 
-@inlined
+@compiled
 def _shares(g, tri, x, y):
     """Barycentric coordinates of a point in a triangle."""
     dx, dy = x - g[tri, at.CORNER_X], y - g[tri, at.CORNER_Y]
@@ -142,7 +138,7 @@ def _shares(g, tri, x, y):
     return 1.0 - q1 - q2, q1, q2
 
 
-@inlined
+@compiled
 def _place(state, ints, air, walls, clock, half):
     """The triangle of the granule's place half a step on, and barycentric coordinates there; beyond a covered edge the
     nearest point of it. The first is ``GONE`` outside the mesh.
@@ -169,7 +165,7 @@ def _place(state, ints, air, walls, clock, half):
     return tri, q0, q1, q2
 
 
-@inlined
+@compiled
 def stir(state, ints, grain, table, air, nodes, rules, clock):
     """Begin an interval of noise, which is the tracker's, in the air of this step; it ends with a step of the clock."""
     g, tri = air.geometry, max(ints[at.TRI], 0)
@@ -193,7 +189,7 @@ def stir(state, ints, grain, table, air, nodes, rules, clock):
     renew_in(state, ints, grain, table, rules, wind, seen, clock[of.UNTIL] - state[at.T], clock[of.STEP])
 
 
-@inlined
+@compiled
 def aim(state, ints, own, grain, table, air, nodes, walls, clock, path, h):
     """Fill in the path of a step h with the force at its middle; returns ``GONE`` for a granule outside the mesh.
 

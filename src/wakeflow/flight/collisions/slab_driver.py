@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import SceneError, known
+from ...core.errors import SceneError
 from ...laws.forces import forces as all_forces
 from ...laws.forces.lift_forces import SPIN_LIFT
 from ..frame import to_frame
@@ -106,6 +106,7 @@ class _Run:
         self.room = Room(
             np.zeros(at.PATH), np.zeros(at.AFFINE), np.zeros(at.CONSTRAINT), np.zeros(at.FLOATS),
             np.zeros(at.INTS, dtype=np.int64), np.zeros(at.FLOATS), np.zeros(at.INTS, dtype=np.int64), np.zeros(of.OWN),
+            np.zeros(2, dtype=np.int64),
         )  # fmt: skip
         self.cells = _cells(0)
         self.standing: list[tuple[float, int, int]] = []  # time, lying still, born
@@ -184,8 +185,8 @@ class _Run:
     def _write(self, found: Tracks, slots: Index, rows: Index) -> None:
         crowd = self.pool.rows
         found.keep(rows, crowd.states[slots], crowd.counts[slots])
-        known(found.meetings)[rows] = crowd.tally[slots, of.MEETINGS]
-        if found.recorded is not None:
+        found.meetings[rows] = crowd.tally[slots, of.MEETINGS]
+        if found.recorded:
             for slot, row in zip(slots, rows, strict=True):
                 found.recorded[row] = crowd.records[slot, : crowd.counts[slot, at.KEPT]].copy()
 
@@ -270,7 +271,6 @@ def fly_colliding(
 ) -> Tracks:
     """Let the crowd fly; ``alone(rows, forces)`` flies some of its granules by themselves."""
     slab.collisions.tables(slab.grains)
-    found = replace(found, meetings=np.zeros(len(found), dtype=np.int64))
     if slab.collisions.step is not None:
         clock = ClockStep(slab.collisions.step)
     else:

@@ -16,7 +16,7 @@ import math
 
 from ..kernel import layout as at
 from ..kernel.history import CHATTERS, RATES
-from ..kernel.jit import compiled
+from ..kernel.jit import called, compiled
 from . import slab_layout as of
 
 
@@ -41,7 +41,7 @@ def _advance(state, ints, own, grain, ux, uy, sx, sy):
         own[of.LAG_Z + i] += follows * (own[of.SLIP_Z] - own[of.LAG_Z + i])
 
 
-@compiled
+@called
 def recalled(state, ints, own, grain, ux, uy, sx, sy, h):
     """R (1/s) and the three components of L (m/s2) over a piece h that begins with the slip (sx, sy) in air (ux, uy);
     none in contact with a wall, where no theory holds.
@@ -60,7 +60,7 @@ def recalled(state, ints, own, grain, ux, uy, sx, sy, h):
     return rate, lx, ly, lz
 
 
-@compiled
+@called
 def remember(state, own, sx, sy, sz):
     """Note the slip that lasts from now on."""
     own[of.SINCE], own[of.SLIP_X], own[of.SLIP_Y], own[of.SLIP_Z] = state[at.T], sx, sy, sz

@@ -153,3 +153,4 @@ class Room(NamedTuple):
     kept_state: Array  # (FLOATS,), (INTS,) and (OWN,): a granule while a tracer looks where it was
     kept_ints: Index
     kept_own: Array
+    struck: Index  # (2,) slots of those that have met, and fly the rest of the step

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from . import layout as at
-from .jit import compiled, inlined
+from .jit import called, compiled
 from .locate import on_edge
 
 
@@ -23,7 +23,7 @@ def _knot(state, ints, affine, air):
     ints[at.FRESH] = 0
 
 
-@compiled
+@called
 def bracket(state, ints, affine, air):
     """Choose the two snapshots around the granule's clock, or the knot before it; before the first snapshot and after
     the last the field stands still.
@@ -104,7 +104,7 @@ def _flatten(state, affine, air, gap):
             affine[first + at.DX] = affine[first + at.DY] = 0.0
 
 
-@inlined
+@compiled
 def _add(affine, to, k, f, bx, by):
     """Add what node k of the triangle, with the value f, gives to a coefficient."""
     if k == 0:
@@ -113,7 +113,7 @@ def _add(affine, to, k, f, bx, by):
     affine[to + at.DY] += f * by
 
 
-@inlined
+@compiled
 def _add_splines(affine, first, air, tri, j, m, factor, mean):
     """Add quantity m, times ``factor``, and the deviation, times ``mean``, in the powers of time after knot j."""
     geometry, v = air.geometry, air.values
@@ -131,7 +131,7 @@ def _add_splines(affine, first, air, tri, j, m, factor, mean):
         _add(affine, first + 3 * at.PER_POWER, k, (f3 - f0 + 3.0 * (f1 - f2)) / 6.0, bx, by)
 
 
-@inlined
+@compiled
 def _load_smooth(state, ints, affine, air, grain, tri):
     """The four polynomial coefficients in time, between two knots, of what ``load_triangle`` loads."""
     for i in range(4):
@@ -151,7 +151,7 @@ def _load_smooth(state, ints, affine, air, grain, tri):
             affine[first] += state[at.KICK_X + m]
 
 
-@inlined
+@compiled
 def _load_between(affine, air, grain, tri, a, b, m, base, mean):
     """Quantity m of what ``load_triangle`` loads, linear in time between snapshots a and b: ``base`` more than in them,
     and the deviation times ``mean``.
@@ -175,7 +175,7 @@ def _load_between(affine, air, grain, tri, a, b, m, base, mean):
     _plane(affine, first, f0 + base, f1 + base, f2 + base, air.geometry, tri)
 
 
-@inlined
+@compiled
 def _load_snapshots(state, ints, affine, air, grain, tri):
     """What ``load_triangle`` loads, in a steady field or between two snapshots."""
     for m in range(4):
@@ -193,7 +193,7 @@ def _load_snapshots(state, ints, affine, air, grain, tri):
             _load_between(affine, air, grain, tri, ints[at.SNAP_A], ints[at.SNAP_B], m, base, mean)
 
 
-@compiled
+@called
 def load_triangle(state, ints, affine, air, grain):
     """Velocity and acceleration (gravity, pressure gradient) as affine functions in the current triangle and interval.
 

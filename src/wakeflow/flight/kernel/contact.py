@@ -14,7 +14,7 @@ from .dense_output import along
 from .dispersion import mirror
 from .events import first_below, seen_from, turned_by, wall_motion
 from .forces import free_force
-from .jit import compiled, inlined
+from .jit import called, compiled
 from .rest import STATIC, caught, held, hold_still, tangent, unwedge, wedge
 from .strike import flake_spin, restitution_of, stays, tilted
 from .walls import carry, constrain, grasp, inside, leans
@@ -40,7 +40,7 @@ def settle(state, ints, hold, walls, rolls):
         state[at.SPIN] = (nx * (state[at.VY] - wy) - ny * (state[at.VX] - wx)) / hold[at.ARM] + turn
 
 
-@inlined
+@compiled
 def _collision(state, ints, hold, grain, walls, body, friction, last, one, seed):
     """Velocity and spin after the impact on the wall in ``hold``; a granule that it throws back for ever at the wall
     (last, one) stops. Returns the restitution and the normal impulse.
@@ -71,7 +71,7 @@ def _collision(state, ints, hold, grain, walls, body, friction, last, one, seed)
     return e, normal
 
 
-@compiled
+@called
 def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
     """The granule touches a feature: collision, and sliding from then on where no bounce worth following is left."""
     body, off = grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
@@ -155,7 +155,7 @@ def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
     return False
 
 
-@inlined
+@compiled
 def rescue(state, ints, hold, affine, grain, table, walls, rules):
     """No centre is ever left inside a body: put it back on the nearest edge, as a contact."""
     for body in range(walls.bodies.shape[0]):
@@ -224,7 +224,7 @@ def _beside(path, s, t0, hold, bodies, body):
     return x - hold[at.OX], y - hold[at.OY], vx, vy
 
 
-@inlined
+@compiled
 def _end_of_face(path, ints, hold, walls, rules, s, t0, stops):
     """``ends_of_slide`` on a face: where it stops, and the corners at its start and end."""
     bodies, body, feature = walls.bodies, ints[at.BODY], ints[at.FEATURE]
@@ -254,7 +254,7 @@ def _end_of_face(path, ints, hold, walls, rules, s, t0, stops):
     return s, event, kind, which
 
 
-@inlined
+@compiled
 def _end_of_corner(path, ints, hold, walls, rules, s, t0, stops):
     """``ends_of_slide`` round a corner: where it stops, and the faces before and after."""
     bodies, body = walls.bodies, ints[at.BODY]

@@ -12,7 +12,7 @@ from . import events
 from . import layout as at
 from .dense_output import along
 from .events import first_below, level, seen_from
-from .jit import compiled, inlined
+from .jit import called, compiled
 from .walls import GROWN, STILL, members_of
 
 BEND = 0.05  # sagitta over a granule's radius up to which its path by a corner counts as straight
@@ -101,7 +101,7 @@ def _hull(qa, qb, span):
     return xl - gx, xh + gx, yl - gy, yh + gy
 
 
-@inlined
+@compiled
 def _joined(ints, walls):
     """The feature that the granule slides on and those it is joined to: two edges, two vertices; NOBODY for none."""
     feature = ints[at.FEATURE]
@@ -119,7 +119,7 @@ def _near_part(hull, parts, part, margin):
     return _near(hull, low_x, high_x, parts[part, at.LOW_Y], parts[part, at.HIGH_Y], margin)
 
 
-@inlined
+@compiled
 def _first_in_piece(path, t0, walls, body, r, skin, sa, sb, qa, qb, hull, joined):
     """First contact with a feature of a body in a piece [sa, sb] of the step, whose hull is near to its box."""
     parts, margin = walls.parts, GROWN * r + skin
@@ -147,7 +147,7 @@ def _first_in_piece(path, t0, walls, body, r, skin, sa, sb, qa, qb, hull, joined
     return found, kind, which
 
 
-@inlined
+@compiled
 def _first_on_body(path, span, start, end, t0, r, skin, walls, body, joined, best):
     """First contact with a body; looked for till ``best`` (s), unless that is negative."""
     bodies = walls.bodies
@@ -170,7 +170,7 @@ def _first_on_body(path, span, start, end, t0, r, skin, walls, body, joined, bes
     return found, kind, which
 
 
-@inlined
+@compiled
 def first_wall(path, span, end, t0, r, skin, walls, ints):
     """First contact within the step: (time, ON_EDGE or ON_VERTEX, which); time -1.0 for none.
 
@@ -193,7 +193,7 @@ def first_wall(path, span, end, t0, r, skin, walls, ints):
     return best, kind, which
 
 
-@inlined
+@called
 def _line_crossed(path, span, start, end, t0, frame, moved, lines, i, skin):
     """When the centre first crosses the straight line through segment i, and how far along it (m); time -1.0: never."""
     x0, y0 = lines[i, at.FROM_X], lines[i, at.FROM_Y]
@@ -219,7 +219,7 @@ def _line_crossed(path, span, start, end, t0, frame, moved, lines, i, skin):
     return s, ((x - x0) * ex + (y - y0) * ey) / size, size
 
 
-@inlined
+@compiled
 def first_line(path, span, end, t0, walls, skin):
     """First crossing of a line by the granule's centre within the step: (time, line id); time -1.0 for none.
 

@@ -16,7 +16,7 @@ from ...laws.random_numbers import normal_pair
 from . import layout as at
 from .air import mesh_velocity
 from .forces import drag_rate
-from .jit import compiled, inlined
+from .jit import compiled
 from .locate import barycentric, on_edge
 from .nodes import look_at
 
@@ -117,7 +117,7 @@ def renew(state, ints, affine, air, grain, table, rules):
     renew_at(look, tri, x, y, state, ints, air, grain, table, rules)
 
 
-@inlined
+@compiled
 def renew_at(look, tri, x, y, state, ints, air, grain, table, rules):
     """The same in air that was looked at there, in triangle ``tri``."""
     ux, uy, wind, even = look.ux, look.uy, max(abs(look.ux), abs(look.uy)), 0.0

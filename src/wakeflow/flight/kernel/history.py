@@ -18,7 +18,7 @@ from __future__ import annotations
 from ...laws.forces.history_force import MEMORIES
 from . import layout as at
 from .dense_output import phis
-from .jit import compiled
+from .jit import called, compiled
 
 RATES = 1.0 / MEMORIES
 CHATTERS = 32  # impacts after which a granule remembers nothing: what it remembers would keep it bouncing for good
@@ -42,7 +42,7 @@ def faded(path, grain, s):
     return kept
 
 
-@compiled
+@called
 def begin_memory(path, state, ints, grain, hold, ux, uy, sx, sy):
     """Note the slip (sx, sy) at the step's start, for the moment as if it would last; returns the force per mass there.
 
@@ -82,7 +82,7 @@ def _bend(path, first, h, mx, my, ex, ey):
     path[first + 4], path[first + 5] = 2.0 * (x - 2.0 * mx + ex) / (h * h), 2.0 * (y - 2.0 * my + ey) / (h * h)
 
 
-@compiled
+@called
 def recall(path, state, grain, hold, s):
     """The history force per mass at time s of the step, and by how much (1/s) it grows with the slip there; none in
     contact.
@@ -110,7 +110,7 @@ def recall_line(path, state, grain, hold, s, sx, sy):
     return fx, fy
 
 
-@compiled
+@called
 def bend_memory(path, h, state, grain, hold, mx, my, ex, ey):
     """With the slip (mx, my) in the middle of a step h and (ex, ey) at its end: the force at both."""
     _bend(path, at.SLIP, h, mx, my, ex, ey)
@@ -120,7 +120,7 @@ def bend_memory(path, h, state, grain, hold, mx, my, ex, ey):
     return mx, my, ex, ey
 
 
-@compiled
+@called
 def remember(path, state, grain, hold, s):
     """Bring the memories to time s of the step; returns what velocity the path lacks there.
 

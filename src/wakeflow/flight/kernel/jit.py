@@ -19,14 +19,46 @@ from numba.core.serialize import dumps
 
 from ...core.sources import kernel_folder
 
-# No reference counts: the kernel makes no arrays, and counting them at every call would take most of its time.
-OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False}
+
+class _Kernel(JITCodeLibrary):
+    """The code of a kernel: its entry's, what that takes in, and all that is called."""
+
+    def __init__(self, codegen: Any, name: str) -> None:
+        super().__init__(codegen, name)
+        self.apart: dict[_Part, None] = {}  # the helpers that are called, each after those that it calls
+
+    def add_linking_library(self, library: Any) -> None:
+        """Take in what this code calls."""
+        library._ensure_finalized()
+        if isinstance(library, _Part):
+            self.apart |= library.apart
+            if not library.inlined:
+                self.apart[library] = None
+                return
+        super().add_linking_library(library)
+
+    def finalize(self) -> None:
+        """Put everything together, callers first: LLVM takes in only what is called by what is there."""
+        self._linking_libraries += reversed(self.apart)
+        super().finalize()
 
 
-class _Part(JITCodeLibrary):
-    """The code of a helper. It is optimised, since whatever calls it takes it in, but never made machine code, which
-    nobody would run: that of all helpers together takes about as long as that of the kernel.
+class _Part(_Kernel):
+    """The code of a helper. It is optimised, since it is taken into others, but never made machine code, which nobody
+    would run. Once is enough, while numba does it twice, to find counts of references in between: here are none.
     """
+
+    def __init__(self, codegen: Any, inlined: bool) -> None:
+        super().__init__(codegen, "helper")
+        self.inlined = inlined
+
+    def finalize(self) -> None:
+        """Put together what is inlined; what is called stays apart."""
+        JITCodeLibrary.finalize(self)
+
+    def _optimize_final_module(self) -> None:
+        passes, builder = self._codegen._module_pass_manager()
+        passes.run(self._final_module, builder)
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
@@ -44,28 +76,51 @@ class _Part(JITCodeLibrary):
 class _Helper(Compiler):
     """Numba's compiler, into a part."""
 
-    def __init__(self, types: Any, target: Any, library: Any, *more: Any) -> None:
-        super().__init__(types, target, library or _Part(target.codegen(), "helper"), *more)
+    def compile_extra(self, function: Any) -> Any:
+        """For numba."""
+        self.state.library = _Part(self.state.targetctx.codegen(), bool(self.state.flags.forceinline))
+        return super().compile_extra(function)
 
 
-HELPER = {"pipeline_class": _Helper, "no_cpython_wrapper": True, "no_cfunc_wrapper": True} | OPTIONS
+class _Entry(Compiler):
+    """Numba's compiler, of a whole kernel."""
+
+    def compile_extra(self, function: Any) -> Any:
+        """For numba."""
+        self.state.library = _Kernel(self.state.targetctx.codegen(), function.__qualname__)
+        self.state.library.enable_object_caching()
+        return super().compile_extra(function)
+
+
+# No reference counts: the kernel makes no arrays, and counting them at every call would take most of its time.
+OPTIONS = {"pipeline_class": _Entry, "nogil": True, "error_model": "numpy", "_nrt": False}
+HELPER = OPTIONS | {"pipeline_class": _Helper, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 def compiled(function: Any) -> Any:
-    """A helper of the kernel: compiled into whatever calls it. What a law calls of its own module is compiled too:
-    laws are plain Python, and a compiled function calls compiled ones only.
+    """A helper of the kernel that becomes a part of whatever calls it: a call would copy the descriptors of all arrays
+    that it takes.
+    """
+    return numba.njit(forceinline=True, **HELPER)(_with_its_laws(function))
+
+
+def called(function: Any) -> Any:
+    """A helper that stays a call: it is rarely run, as what walls do is, or has several callers. A kernel that takes in
+    everything takes three times as long to optimise, and flies no faster.
+    """
+    return numba.njit(forceinline=False, **HELPER)(function)
+
+
+def _with_its_laws(function: Any) -> Any:
+    """With what a law calls of its own module compiled too: laws are plain Python, and a compiled function calls
+    compiled ones only.
     """
     own, names = function.__globals__, function.__code__.co_names if ".laws." in function.__module__ else ()
-    called = {name: own[name] for name in names if isinstance(own.get(name), FunctionType)}
-    if called:
-        ready = own | {name: compiled(law) for name, law in called.items()}
-        function = FunctionType(function.__code__, ready, function.__name__, function.__defaults__)
-    return numba.njit(**HELPER)(function)
-
-
-def inlined(function: Any) -> Any:
-    """A helper with one caller that takes many arrays: a call would copy all their descriptors."""
-    return numba.njit(forceinline=True, **HELPER)(function)
+    laws = {name: own[name] for name in names if isinstance(own.get(name), FunctionType)}
+    if not laws:
+        return function
+    ready = own | {name: compiled(law) for name, law in laws.items()}
+    return FunctionType(function.__code__, ready, function.__name__, function.__defaults__)
 
 
 def merged(function: Any) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from . import layout as at
-from .jit import compiled
+from .jit import called, compiled
 
 INSIDE = -1e-12
 AROUND = 3  # covered edges on each side of the nearest one that are tried
@@ -91,7 +91,7 @@ def _corner(air, tri, k):
     return x - g[tri, at.B1Y] / det, y + g[tri, at.B1X] / det
 
 
-@compiled
+@called
 def anywhere(geometry, x, y):
     """The triangle that holds a point, by looking at all of them; -1 for none. For granules that nothing else finds."""
     for tri in range(geometry.shape[0]):
@@ -119,7 +119,7 @@ def _from_around(air, gap, x, y):
     return -1
 
 
-@compiled
+@called
 def reproject(state, ints, air, buried):
     """For a granule in the gap: move on to the nearest boundary edge, or back into the mesh. Returns that edge's
     length. ``buried``: it lies inside the outline at rest of a body, so that no triangle can hold it.

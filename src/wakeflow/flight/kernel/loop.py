@@ -18,7 +18,7 @@ from .dispersion import renew
 from .events import wall_motion
 from .forces import free_force, spin_at
 from .history import begin_memory, remember
-from .jit import entry, inlined, merged
+from .jit import called, compiled, entry, merged
 from .locate import reproject
 from .multi_cell import multi_cell_step
 from .step import PROGRESS
@@ -29,7 +29,7 @@ from .walls import constrain, grasp, inside
 PRESSED = 1e-8  # of the square of the speed that a body's length of the pull gives: slower is at rest in a corner
 
 
-@inlined
+@compiled
 def _advance(end, s, h, state, ints, rules):
     """Move to time s of the step; clocks that were aimed at are met exactly."""
     t0 = state[at.T]
@@ -47,7 +47,7 @@ def _advance(end, s, h, state, ints, rules):
         ints[at.STUCK] = 0
 
 
-@inlined
+@compiled
 def _refresh(state, ints, affine, air, grain, table, walls, rules, timed):
     """Find the snapshots, the noise and the boundary edge of the granule's clock and place; that edge's length."""
     edge = 0.0
@@ -63,7 +63,7 @@ def _refresh(state, ints, affine, air, grain, table, walls, rules, timed):
     return edge
 
 
-@inlined
+@compiled
 def _start(state, ints, path, affine, hold, grain, table, walls, rules, timed):
     """Begin a step: the force where the granule is, in contact what the wall leaves of it, and the path from there.
 
@@ -90,7 +90,7 @@ def _start(state, ints, path, affine, hold, grain, table, walls, rules, timed):
     return speed, pull, moves, free_x, free_y
 
 
-@inlined
+@compiled
 def _to_lab(state, path, affine, hold):
     """Let N and the air's velocity of the path be the lab's, for free flight seen from a mesh that swings."""
     wx = wy = px = py = 0.0
@@ -103,7 +103,7 @@ def _to_lab(state, path, affine, hold):
     path[at.AIR_X], path[at.AIR_Y] = path[at.AIR_X] + wx, path[at.AIR_Y] + wy
 
 
-@inlined
+@called
 def _end_of_contact(path, h, s, event, which, state, ints, affine, grain, table, hold, walls, rules):
     """What ends the sliding or rolling of a granule before time s of the step, if anything does; and how it turns."""
     kind = at.FREE
@@ -119,7 +119,7 @@ def _end_of_contact(path, h, s, event, which, state, ints, affine, grain, table,
     return s, event, kind, which, turn
 
 
-@inlined
+@compiled
 def _first_event(path, h, in_cell, state, ints, affine, air, grain, table, hold, walls, rules):
     """The first of: leaving the triangle, the end of a contact, a wall, a line. Returns place and velocity there, its
     time in the step, what it is, with which feature or edge or line, and the coefficients of friction's turning.
@@ -146,7 +146,7 @@ def _first_event(path, h, in_cell, state, ints, affine, air, grain, table, hold,
     return end, s, event, kind, which, line, turn
 
 
-@inlined
+@compiled
 def _move(path, end, s, h, event, turn, state, ints, affine, grain, hold, walls, rules):
     """Move to time s of the step, with the spin that the air or friction gives, and what is remembered of the slip."""
     if hold[at.KIND] == at.FREE:
@@ -165,7 +165,7 @@ def _move(path, end, s, h, event, turn, state, ints, affine, grain, hold, walls,
         settle(state, ints, hold, walls, hold[at.ROLL] != 0.0 or event == events.GRIPS)
 
 
-@inlined
+@compiled
 def _hit(state, ints, hold, affine, grain, table, walls, rules, kind, which, pull):
     """Strike a wall; a slow granule that strikes walls again and again is pressed into a corner and rests."""
     ints[at.STUCK] += 1
@@ -176,7 +176,7 @@ def _hit(state, ints, hold, affine, grain, table, walls, rules, kind, which, pul
         ints[at.FATE] = at.RESTING
 
 
-@inlined
+@compiled
 def _slide_off(state, ints, hold, grain, walls, kind, which):
     """Pass from one feature of a body to the next, or into the air where there is none."""
     ints[at.CONTACT], ints[at.FEATURE] = kind, which
@@ -187,7 +187,7 @@ def _slide_off(state, ints, hold, grain, walls, kind, which):
         grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
 
 
-@inlined
+@compiled
 def _react(event, kind, which, no_progress, pull, state, ints, affine, hold, air, grain, table, walls, rules):
     """What an event makes of the granule."""
     if event == events.EXIT:
@@ -207,7 +207,7 @@ def _react(event, kind, which, no_progress, pull, state, ints, affine, hold, air
         rescue(state, ints, hold, affine, grain, table, walls, rules)
 
 
-@inlined
+@compiled
 def _gain(begun, vx, vy, fx, fy, state, affine, hold, grain, table):
     """Add up what all but walls gave a granule in a step that ``begun`` at that time (s) with velocity (vx, vy) and
     force per mass (fx, fy): in flight the change of its velocity; in contact, where the wall takes part of it, the

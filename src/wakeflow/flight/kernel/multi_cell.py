@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 
 from . import layout as at
-from .jit import inlined
+from .jit import compiled
 from .locate import cell_size
 from .strides import onward, stride
 
@@ -17,7 +17,7 @@ DRAWN_STRIDE = 4.0  # the same, of a granule whose path is drawn
 MAX_CONFINED = 3  # steps after a stride that was refused are confined, 1, 2, 4 ... 2^this in a row
 
 
-@inlined
+@compiled
 def multi_cell_step(path, state, ints, hold, affine, air, grain, table, walls, rules, drawn):
     """Strides over several triangles where that is worth it. Returns the steps taken, 0 for none.
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from . import layout as at
 from .air import mesh_velocity, share_rates, shares
 from .forces import drag_rate, forces_in_gradient, spin_in_curl
-from .jit import compiled, inlined
+from .jit import compiled
 
 # -- The force at a point straight from the nodes of its triangle, nothing loaded before -------------------------------
 STIFF = 0.2  # of the drag rate times a time: a velocity relaxes by a fifth within it, which stages must not step over
@@ -41,7 +41,7 @@ class LocalAir(NamedTuple):
     rise: float  # m/s2, its rate in time
 
 
-@inlined
+@compiled
 def _weights(ints, affine, air, t):
     """Which values in time the air at a time is made of, from the first one on, and the weights of four of them, and of
     its rate in time.
@@ -66,7 +66,7 @@ def _in_time(ints, air, c, m, j, s):
     return s[0] * v[j, c, m] + s[1] * v[ints[at.SNAP_B], c, m]
 
 
-@inlined
+@compiled
 def look_at(ints, affine, air, grain, tri, x, y, t):
     """The air at a point of triangle ``tri`` and a time, straight from the triangle's corners."""
     g = air.geometry
@@ -97,7 +97,7 @@ def look_at(ints, affine, air, grain, tri, x, y, t):
     return LocalAir(ux, uy, px, py, xx, xy, yx, yy, tx, ty, rms, life, sx, sy, rise)
 
 
-@inlined
+@compiled
 def excess_in(look, state, air, grain, table, vx, vy, t, rate0, mx, my, gain, curl0):
     """N = F + B0 v but for the history force and the drag rate in air that was looked at; v, the slip and the vorticity
     that the granule sees. ``curl0`` (1/s): the vorticity where the granule had its spin.

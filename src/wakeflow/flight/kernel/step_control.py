@@ -13,7 +13,7 @@ from . import events
 from . import layout as at
 from .dense_output import along
 from .events import first_below, seen_from
-from .jit import compiled, inlined
+from .jit import called, compiled
 from .locate import barycentric, walk
 from .step import attempt, exit_time
 from .walls import distance
@@ -34,7 +34,7 @@ SAFETY, MAX_GROWTH, MIN_SHRINK = 0.9, 5.0, 0.1
 ORDER = 3.0  # of the step
 
 
-@inlined
+@compiled
 def _longest_contact(state, hold, speed, pull):
     """The longest step (s) in contact: a part of the wall's vibration, to its next sample, and a part of a corner."""
     h = math.inf
@@ -47,7 +47,7 @@ def _longest_contact(state, hold, speed, pull):
     return h
 
 
-@inlined
+@compiled
 def _nearly_straight(state, grain, rules, speed, pull):
     """The longest step (s) that is nearly straight where bodies may be met: over half of their size, and farther by as
     much as they are away.
@@ -59,7 +59,7 @@ def _nearly_straight(state, grain, rules, speed, pull):
     return half / slow if slow > 0.0 else math.inf
 
 
-@inlined
+@compiled
 def longest_step(state, ints, path, hold, air, grain, walls, rules, timed, speed, pull, edge):
     """The longest step worth trying: (end, snapshot, noise, last error, nearly straight where there are walls; and
     about as long as it stays in its triangle).
@@ -96,7 +96,7 @@ def _horizon(state, rules, speed, pull):
     return min(rules.until - state[at.T], rules.extent / (speed + math.sqrt(rules.extent * pull) + 1e-300))
 
 
-@inlined
+@compiled
 def confined_step(path, h, state, ints, affine, grain, table, hold, rules, speed, pull):
     """Try steps from h down until the estimated error is within the allowance; returns the step, 0.0 when none is."""
     shortest = ROUND_OFF * rules.extent / (speed + math.sqrt(rules.extent * pull) + 1e-300)
@@ -115,7 +115,7 @@ def confined_step(path, h, state, ints, affine, grain, table, hold, rules, speed
     return 0.0
 
 
-@inlined
+@compiled
 def leaves(path, h, ints, air):
     """When and across which edge the step leaves the triangle: (time, edge), edge -1 when it does not."""
     g, tri = air.geometry, ints[at.TRI]
@@ -140,7 +140,7 @@ def leaves(path, h, ints, air):
 ON_LINE = 1e-9  # of the extent: round-off of a place on the mesh's boundary; chosen: far above that of doubles
 
 
-@compiled
+@called
 def _at_boundary(state, ints, air, walls, rules, k):
     """End the track on edge k of the mesh, or on the line that lies there."""
     tri, g = ints[at.TRI], air.geometry
@@ -170,7 +170,7 @@ def cross_edge(state, ints, air, walls, rules, k):
         ints[at.GAP] = -2 - onward
 
 
-@inlined
+@compiled
 def hop(state, ints, air, walls, rules):
     """Cross at once an edge the granule is on and moves out through. Returns whether it did."""
     tri, worst, edge = ints[at.TRI], 0.0, at.NOBODY
@@ -187,7 +187,7 @@ def hop(state, ints, air, walls, rules):
     return True
 
 
-@compiled
+@called
 def relocate(state, ints, air):
     """The triangle of a granule that has moved without a look at the faces it crossed."""
     found, code = walk(air.geometry, air.neighbours, ints[at.TRI], state[at.X], state[at.Y])

@@ -22,7 +22,7 @@ from .dense_output import along, along_phis, parabola, phis, sway
 from .dispersion import renew_at
 from .forces import spin_in_curl
 from .history import begin_memory, bend_memory, recall, recall_line, remember, sampled
-from .jit import compiled, inlined
+from .jit import called, compiled
 from .locate import barycentric, find
 from .nodes import BOOLE, carried, displaced, excess_in, look_at
 from .step import PROGRESS, TRANSIENT
@@ -74,7 +74,7 @@ class Stages(NamedTuple):
     gy: float
 
 
-@inlined
+@compiled
 def _begin(path, look, state, ints, hold, air, grain, table):
     """Begin the path of a stride in the air ``look`` where the granule is."""
     x, y, vx, vy, t = state[at.X], state[at.Y], state[at.VX], state[at.VY], state[at.T]
@@ -89,7 +89,7 @@ def _begin(path, look, state, ints, hold, air, grain, table):
     return Start(curl, math.sqrt(vx * vx + vy * vy), sx, sy)
 
 
-@inlined
+@compiled
 def _bend(path, h, stage, s, nx, ny, hx, hy, ex, ey, sx, sy, state, hold, grain):
     """Let N go through what was found in the middle, e at time ``s`` of the stride (``stage`` 1), then also through e
     at its end (2); with (sx, sy) the slip there, n and (hx, hy) force and slip found in the middle.
@@ -107,7 +107,7 @@ def _bend(path, h, stage, s, nx, ny, hx, hy, ex, ey, sx, sy, state, hold, grain)
     parabola(path, h, nx, ny, ex, ey)
 
 
-@inlined
+@compiled
 def _past(path, s, state, hold, grain, sx, sy):
     """Defects at time s of the stride of the history force's own parabola, and of the slip's, in what that is to it."""
     ax, ay, grows = recall(path, state, grain, hold, s)
@@ -117,7 +117,7 @@ def _past(path, s, state, hold, grain, sx, sy):
     return math.sqrt((ax - px) ** 2 + (ay - py) ** 2), bent
 
 
-@inlined
+@compiled
 def _fades(path, h, now, vx, vy, sx, sy):
     """At the end of a stride h (s), with the drag rate ``now`` and the slip there: what B, frozen, displaces (m), and
     the mean slope of N (m/s3) but for what B changes by.
@@ -153,7 +153,7 @@ def _left(path, s, geometry, tri, code, x, y):
     return s * (before + AIMED) / (before - beyond) if before > 0.0 else 0.5 * s
 
 
-@inlined
+@compiled
 def _stages(path, h, start, state, ints, hold, affine, air, grain, table):
     """Look at the force in the middle of a stride h (s), at its end, at 1/4 and at 3/4."""
     tri = half_way = last = ints[at.TRI]
@@ -196,7 +196,7 @@ def _stages(path, h, start, state, ints, hold, affine, air, grain, table):
     return Stages(math.inf, last, fast, curl, ox, oy, nx, ny, past, bent, relaxed, gx, gy)
 
 
-@inlined
+@compiled
 def _arrive(path, h, clock, tri, end, curl, state, ints, hold, grain):
     """Move the granule to the end of a stride h (s), with its spin and what it remembers; ``clock``: when it has to
     end.
@@ -212,7 +212,7 @@ def _arrive(path, h, clock, tri, end, curl, state, ints, hold, grain):
     ints[at.TRI] = tri
 
 
-@inlined
+@compiled
 def _flight_left(state, grain, rules, speed):
     """How long (s) a velocity may be carried on: to the end, or as long as the flight takes."""
     fall = math.sqrt(rules.extent * math.sqrt(grain[at.GX] ** 2 + grain[at.GY] ** 2))
@@ -220,7 +220,7 @@ def _flight_left(state, grain, rules, speed):
 
 
 # -- A stride that is judged -------------------------------------------------------------------------------------------
-@inlined
+@compiled
 def _error(path, h, found, horizon, grain):
     """What a stride h (s) may displace (m): by its defects, by a velocity's transient, and by the history force."""
     rate = path[at.RATE]
@@ -233,14 +233,12 @@ def _error(path, h, found, horizon, grain):
     return error
 
 
-@compiled
+@called
 def _first_met(path, h, end, state, ints, grain, walls, rules, free, way):
     """When the granule first meets a wall or a line on a stride h (s) that goes ``way`` (m) at most, with ``free`` room
     (m) where it begins; -1.0: never. Of a path that is too long to be searched, which was not foretold, the end of what
     is searched.
     """
-    if free + clearance(walls, end[0], end[1], grain[at.RADIUS], way) > way:
-        return -1.0
     searched, met = CLOSE * rules.length + free, -1.0
     if way > searched:
         h = met = h * searched / way
@@ -255,7 +253,7 @@ def _first_met(path, h, end, state, ints, grain, walls, rules, free, way):
     return crossed if crossed >= 0.0 else met
 
 
-@compiled
+@called
 def _on_edge(path, h, geometry, tri):
     """When a path that ends a little beyond the mesh's edge, at time h (s), crosses it."""
     x, y, vx, vy = along(path, h)
@@ -267,7 +265,7 @@ def _on_edge(path, h, geometry, tri):
     return s
 
 
-@inlined
+@compiled
 def _end(path, h, tri, state, ints, air, grain, walls, rules, free, way):
     """Where a stride h (s) ends: its time, triangle, place and velocity. That is on the mesh's edge where it goes
     beyond it, and short of a wall or a line that is met before; a time that is not above zero: nowhere. There is
@@ -280,7 +278,9 @@ def _end(path, h, tri, state, ints, air, grain, walls, rules, free, way):
         end = along(path, s)
     if not (code == 0 or (code == OPEN and OFF_EDGE * h < s < h)):
         return -1.0, tri, end
-    hit = -1.0 if free > way else _first_met(path, s, end, state, ints, grain, walls, rules, free, way)
+    hit = -1.0
+    if free <= way and free + clearance(walls, end[0], end[1], grain[at.RADIUS], way) <= way:
+        hit = _first_met(path, s, end, state, ints, grain, walls, rules, free, way)
     if 0.0 <= hit <= PROGRESS * h:  # it is at the wall: a confined step makes the contact
         return -1.0, tri, end
     if hit > 0.0:
@@ -291,7 +291,7 @@ def _end(path, h, tri, state, ints, air, grain, walls, rules, free, way):
     return s, tri, end
 
 
-@inlined
+@compiled
 def _land(path, h, clock, found, state, ints, hold, air, grain, walls, rules, free, way):
     """Make good the mean defect of the force, and arrive at the end of a stride h (s). Returns when; a time that is not
     above zero: the granule has not moved.
@@ -304,7 +304,7 @@ def _land(path, h, clock, found, state, ints, hold, air, grain, walls, rules, fr
     return s
 
 
-@inlined
+@compiled
 def _room(h, speed, state, grain, walls, rules):
     """How long (s) a stride of at most h may be so that what it meets is found, and the room (m) where it begins. The
     room at both ends may add up to more than the way: then nothing is met.
@@ -318,7 +318,7 @@ def _room(h, speed, state, grain, walls, rules):
     return h, free
 
 
-@inlined
+@compiled
 def stride(path, cell, least, most, state, ints, hold, affine, air, grain, table, walls, rules):
     """Try one stride of ``least`` to ``most`` (s), or to the end of an interval of noise. Returns its length (s; 0:
     the granule has not moved), whether one was refused for its error, and the mean slope (m/s3) of N but for what
@@ -358,7 +358,7 @@ def stride(path, cell, least, most, state, ints, hold, affine, air, grain, table
 
 
 # -- Strides in a row, from one interval of noise to the next ----------------------------------------------------------
-@inlined
+@compiled
 def _one_look(path, h, p, slope, before, start, look, state, ints, hold, air, grain, table):
     """The rest of a path of h (s) from one look at its end; ``p``: phi functions there. Returns the mean slope (m/s3)
     of N but for what drag's rate changes by, half of what bends it (m/s4), and the vorticity at the end (1/s).
@@ -388,7 +388,7 @@ def _one_look(path, h, p, slope, before, start, look, state, ints, hold, air, gr
     return (gx, gy), math.sqrt(bx * bx + by * by) + fades * math.sqrt(fx * fx + fy * fy), curl
 
 
-@inlined
+@compiled
 def onward(path, before, slope, state, ints, hold, affine, air, grain, table, walls, rules):
     """Strides over the next intervals of noise with one look each, after a stride of ``before`` (s) and the mean
     ``slope`` that ``stride`` tells, for as long as what the parabola of each differs by from a straight line is small.

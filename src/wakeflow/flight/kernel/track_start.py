@@ -6,13 +6,13 @@ import math
 
 from . import layout as at
 from .events import seen_from
-from .jit import compiled, inlined
+from .jit import called, compiled
 from .step_control import relocate
 from .walls import grasp, inside, overlap
 
 
 # -- The start of a track ----------------------------------------------------------------------------------------------
-@inlined
+@compiled
 def _born_inside(state, walls):
     """Whether the granule's centre lies in a body."""
     for body in range(walls.bodies.shape[0]):
@@ -23,7 +23,7 @@ def _born_inside(state, walls):
     return False
 
 
-@inlined
+@compiled
 def _pushed_out(state, hold, grain, walls):
     """Put a granule that reaches into a body onto its surface; whether it did."""
     moved = False
@@ -54,7 +54,7 @@ def _begin(state, ints, hold, air, grain, walls):
         relocate(state, ints, air)
 
 
-@inlined
+@called
 def begin_track(state, ints, affine, hold, air, grain, walls, timed):
     """Scratch and state of a new granule."""
     affine[:] = 0.0
@@ -70,7 +70,7 @@ def begin_track(state, ints, affine, hold, air, grain, walls, timed):
 
 
 # -- The points of a granule's track that are kept ---------------------------------------------------------------------
-@compiled
+@called
 def store_point(state, ints, record, last):
     """Keep a point of the track; when the room is full every second one goes and the stride doubles."""
     room = record.shape[0]

@@ -198,7 +198,7 @@ def _down_to(tracks: Tracks, level: float, plumb: Plumb) -> Tracks:
     those that never do.
     """
     cut = []
-    for path in known(tracks.recorded):
+    for path in tracks.recorded:
         height = plumb.seen(path[:, 1:3])[:, 1]
         end = int(np.argmax(height <= level))  # 0 where none is
         high, low = path[max(end - 1, 0)], path[end]
@@ -214,8 +214,8 @@ def _lost(
     """Velocity (n, 2) m/s that each granule gave to the air on its whole way: what gravity gave it less what all but
     walls and others did, derived from the ends of the tracks alone.
     """
-    gain = np.array([path[-1, 5:7] - path[0, 5:7] for path in known(tracks.recorded)]).reshape(-1, 2)
-    lasted = np.array([path[-1, 0] - path[0, 0] for path in known(tracks.recorded)])
+    gain = np.array([path[-1, 5:7] - path[0, 5:7] for path in tracks.recorded]).reshape(-1, 2)
+    lasted = np.array([path[-1, 0] - path[0, 0] for path in tracks.recorded])
     lift = air_density / grains.density if "buoyancy" in forces else 0.0
     fallen = np.stack([pull * (1.0 - lift) * lasted for pull in gravity], axis=1)
     return np.asarray(fallen - gain)

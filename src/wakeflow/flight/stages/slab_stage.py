@@ -233,15 +233,14 @@ class SlabFlight:
         kept = np.flatnonzero(stream.counted)
         feed = Feedstock(stream.granules[kept], np.zeros(len(kept), dtype=bool), np.full(len(kept), pair))
         cycle = self.airs.cycle_of(feed.granules.time)
-        crowd = known(tracks.crowd)
         return {
             **landing_columns(feed, tracks.some(kept), len(self.scene.bin), realisation, cycle),
-            "clock": np.array(crowd.clock),
-            "jammed": np.array(crowd.jammed),
-            "flown": np.array(crowd.flown),
+            "clock": np.array(tracks.crowd.clock),
+            "jammed": np.array(tracks.crowd.jammed),
+            "flown": np.array(tracks.crowd.flown),
             "fraction": stream.fraction[kept].astype(np.int16),
             "weight": stream.mass[kept],
-            "meetings": known(tracks.meetings)[kept].astype(np.int32),
+            "meetings": tracks.meetings[kept].astype(np.int32),
         }
 
     def found(self, folder: Path, replicates: int) -> SlabFound:
