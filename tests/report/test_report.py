@@ -96,7 +96,8 @@ def _tracks(scene: Scene) -> dict[str, list[dict[str, np.ndarray]]]:
             velocity = np.stack([np.full_like(time, side * (0.1 + 0.1 * i)), -9.81 * time], axis=1)
             position = np.stack([side * 0.03 + velocity[0, 0] * time, -4.905 * time**2], axis=1)
             ends = {"diameter": np.array(1e-3), "bin": np.array(0), "fate": np.array(0)}
-            tracks[name].append({"time": time, "position": position, "velocity": velocity, **ends})
+            moments = {"time": time, "position": position, "velocity": velocity, "arriving": velocity}
+            tracks[name].append({**moments, **ends})
     return tracks
 
 

@@ -17,6 +17,7 @@ from ..flight.stages.solved_case import PlaneCells
 from ..scene import Scene
 from ..scene.pictures import STANDARD_FIGURES
 from .outcome import Landed, Outcome, Track
+from .vtk.vtk_tracks import ARRIVING
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -153,12 +154,14 @@ def _tracks(path: Path) -> dict[str, list[Track]]:
     if not data.n_cells:
         return tracks
     names, points, cells = list(tracks), data.point_data, data.cell_data
+    arriving = ARRIVING if ARRIVING in points else "velocity (m/s)"  # a report of an earlier version
     for number in range(data.n_cells):
         on = data.get_cell(number).point_ids
         track = {
             "time": cells["release (s)"][number] + np.asarray(points["time since release (s)"][on], dtype=float),
             "position": np.asarray(data.points[on, :2], dtype=float),
             "velocity": np.asarray(points["velocity (m/s)"][on, :2], dtype=float),
+            "arriving": np.asarray(points[arriving][on, :2], dtype=float),
             **{key: cells[head][number] for key, head in OF_A_TRACK.items()},
         }
         tracks[names[int(cells["fraction"][number])]].append(track)

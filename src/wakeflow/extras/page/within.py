@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from ...answer.result import Result
+from ...show.moving import Path2D
 from ...show.plot import outcome_of
 
 TRACKS, CORNERS = 25, 150  # of a fraction that are drawn; of a track
@@ -18,13 +19,14 @@ def within(result: Result) -> dict[str, object]:
     Raises SceneError where the run left no report to draw from.
     """
     found = outcome_of(result)
+    channel = found.scene.channel
+    step = (channel.top - channel.bottom) / CORNERS
     tracks = {
-        name: [np.round(_thinned(track["position"]), 5).tolist() for track in own[:TRACKS]]
+        name: [np.round(_thinned(path.at(path.moments(step))[0]), 5).tolist() for path in map(Path2D.of, own[:TRACKS])]
         for name, own in found.tracks.items()
     }
     if found.field is None:
         return {"tracks": tracks, "air": []}
-    channel = found.scene.channel
     step = channel.width / ACROSS
     x = np.arange(-channel.width / 2 + step / 2, channel.width / 2, step)
     y = np.arange(channel.bottom + step / 2, channel.top, step)

@@ -85,13 +85,7 @@ def mass_flux(paths: list[Path2D], rate: float, depth: float, x: Array, y: Array
     total = np.zeros((len(y) - 1, len(x) - 1))
     step = 0.5 * min(float(np.diff(x).min()), float(np.diff(y).min()))
     for path in paths:
-        if len(path.time) < 2:
-            continue
-        pieces = np.maximum(1, np.ceil(np.linalg.norm(np.diff(path.position, axis=0), axis=1) / step)).astype(int)
-        spans = zip(path.time[:-1], path.time[1:], pieces, strict=True)
-        times = [np.linspace(a, b, n, endpoint=False) for a, b, n in spans]
-        points, _ = path.at(np.append(np.concatenate(times), path.time[-1]))
-        middle, length = _cut(points, x, y)
+        middle, length = _cut(path.at(path.moments(step))[0], x, y)
         total += np.histogram2d(middle[:, 1], middle[:, 0], bins=(y, x), weights=length)[0]
     volume = np.diff(y)[:, None] * np.diff(x) * depth
     return rate / max(len(paths), 1) * total / volume

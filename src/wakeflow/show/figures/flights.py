@@ -26,6 +26,7 @@ from ..canvas import (
     streams,
     triangulation,
 )
+from ..moving import Path2D
 from ..outcome import add_figure
 from .air_figures import air_with_pressure
 
@@ -43,6 +44,7 @@ Array = NDArray[np.float64]
 
 MAX_TRACKS = 48  # tracks drawn of the fraction with most mass; more only blacken the picture
 MIN_DRAWN = 4  # of any other: those of a fraction that has less mass than so many lines are thinner
+DRAWN = 200  # straight pieces of a line from top to bottom
 WIDTH = 0.75  # points: of a line that represents as much mass as every other
 
 
@@ -139,23 +141,25 @@ def _track_rows(tracks: Mapping[str, Sequence[Array]]) -> dict[str, NDArray[np.g
 
 
 SURE = 0.95
+STEP = 0.02  # of the first body's width, between two looks whether a granule is in the zone
 SPANS = "the zone spans the channel: this is the time of passing through it, not behind the body alone"
 
 
-def times_in_zone(mean: FlowField, cp: Array, zone: NDArray[np.bool_], tracks: Sequence[Track]) -> Array:
+def times_in_zone(mean: FlowField, cp: Array, zone: NDArray[np.bool_], tracks: Sequence[Track], step: float) -> Array:
     """How long (s) each of the tracks is in the suction zone: where ``cp`` (N,), the pressure coefficient at the nodes,
-    is below its border in a triangle that has a node of the ``zone`` (N,).
+    is below its border in a triangle that has a node of the ``zone`` (N,), looked up every ``step`` (m).
     """
     found = np.zeros(len(tracks))
-    for number, track in enumerate(tracks):
-        middle = 0.5 * (track["position"][1:] + track["position"][:-1])
+    for number, path in enumerate(map(Path2D.of, tracks)):
+        moments = path.moments(step)
+        middle, _ = path.at(0.5 * (moments[1:] + moments[:-1]))
         triangle = mean.locate(middle)
         corner = mean.triangles[triangle]
         inside = np.zeros(len(middle), dtype=bool)
         met = triangle >= 0
         level = np.einsum("nk,nk->n", mean.barycentric(triangle[met], middle[met]), cp[corner[met]])
         inside[met] = (level < SUCTION_LEVEL) & zone[corner[met]].any(axis=1)
-        found[number] = float(np.diff(track["time"])[inside].sum())
+        found[number] = float(np.diff(moments)[inside].sum())
     return found
 
 
@@ -170,7 +174,7 @@ def draw_residence(
     cp = pressure_coefficient(mean, scene, airflow)
     zone = suction_nodes(mean, cp, scene)
     with_tracks = foremost(scene, [name for name, part in tracks.items() if part])
-    times = {name: times_in_zone(mean, cp, zone, tracks[name]) for name in with_tracks}
+    times = {name: times_in_zone(mean, cp, zone, tracks[name], STEP * scene.width) for name in with_tracks}
     axes, colours = new_axes(6.4, 3.9, paper), fraction_colours(list(scene.fraction))
     for name, found in times.items():
         stays = np.sort(found)
@@ -241,7 +245,10 @@ def draw_discharge(paper: Paper, poured: FunnelSummary) -> Axes:
 
 
 def _tracks(outcome: Outcome) -> tuple[FlowField | None, Scene, dict[str, list[Array]]]:
-    positions = {name: [track["position"] for track in part] for name, part in outcome.tracks.items()}
+    channel = outcome.scene.channel
+    step = (channel.top - channel.bottom) / DRAWN
+    paths = {name: [Path2D.of(track) for track in part] for name, part in outcome.tracks.items()}
+    positions = {name: [path.at(path.moments(step))[0] for path in part] for name, part in paths.items()}
     return outcome.field, outcome.scene, positions
 
 
