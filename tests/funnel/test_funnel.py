@@ -15,10 +15,17 @@ from wakeflow.cli import doctor, main
 from wakeflow.core.errors import ProgramError, SceneError
 from wakeflow.core.store import Store, cache_root
 from wakeflow.extras.funnel import engine
-from wakeflow.extras.funnel.beads import compute
-from wakeflow.extras.funnel.engine import SIDES, cone_of, loose_heap, read_dump, write_stl
-from wakeflow.extras.funnel.pour import packing_fraction, read_bed
-from wakeflow.extras.funnel.rate import Curve, rate_of, time_to_empty
+from wakeflow.extras.funnel.engine import (
+    SIDES,
+    Curve,
+    cone_of,
+    loose_heap,
+    rate_of,
+    read_dump,
+    time_to_empty,
+    write_stl,
+)
+from wakeflow.extras.funnel.pour import compute, packing_fraction, read_bed
 from wakeflow.laws.collision import contact_time
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.laws.streams import beverloo, cone_factor

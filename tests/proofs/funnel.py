@@ -25,9 +25,8 @@ from numpy.typing import NDArray
 from proofs.report import NOTHING, Column, Report, Row, Table, Tell, mean_interval
 from wakeflow.core.record import to_json
 from wakeflow.core.store import Store, cache_root
-from wakeflow.extras.funnel.beads import compute
 from wakeflow.extras.funnel.engine import run_script, write_beads, write_settings, write_triangles
-from wakeflow.extras.funnel.pour import contact_settings, steps_of
+from wakeflow.extras.funnel.pour import compute, contact_settings, steps_of
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.scene import Funnel
 

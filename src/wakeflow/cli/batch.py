@@ -233,7 +233,7 @@ def _beside_trays(run_folder: Path, file: Path, out: Path | None) -> None:
         from ..core import sums
         from ..core.files import made_folder
         from ..show.canvas import saved
-        from ..show.figures.measured_figures import draw_measured
+        from ..show.figures.budget_figures import draw_measured
 
         table, figure = out / "agreement.csv", out / "measured.png"
         files = [table, *saved(figure)]
@@ -274,7 +274,7 @@ def bins(
         show_dividers([dividers(run_folder, fraction, _portion(purity, asked), stretches=stretches, on=on)], on)
         return
     from ..show.canvas import saved
-    from ..show.curves import draw_dividers, write_dividers
+    from ..show.table_figures import draw_dividers, write_dividers
 
     levels = purities(run_folder, fraction, on)
     curve = trade_off(run_folder, fraction, levels, stretches=stretches, on=on)

@@ -1,4 +1,4 @@
-"""The bed that falls into the closed funnel, and its discharge once the lid is off."""
+"""The bed that falls into the closed funnel, its discharge once the lid is off, and both as stages in the cache."""
 
 from __future__ import annotations
 
@@ -6,29 +6,36 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import known
-from ...core.record import save
+from ...core.record import load, save
+from ...core.sources import code_key
+from ...core.store import content_key
 from ...laws.collision import contact_time
 from ...laws.streams import beverloo, cone_factor
-from ...planning.feed_funnel import DischargeCurve, FunnelSummary
+from ...planning.feed_funnel import DischargeCurve, FunnelSummary, Make
 from ...scene import Funnel
 from .engine import (
+    INSTALL,
     SCRIPTS,
     Cone,
+    Curve,
     cone_of,
     liggghts_version,
     loose_heap,
+    rate_of,
+    read_curve,
     read_dump,
     run_script,
+    time_to_empty,
     write_beads,
     write_settings,
     write_stl,
 )
-from .rate import Curve, rate_of, read_curve, time_to_empty
 
 # -- The bed -----------------------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
@@ -238,3 +245,48 @@ def _overlap(rows: Array) -> float:
     i, j = cKDTree(centres).query_pairs(2 * float(radius.max()), output_type="ndarray").T
     gap = np.linalg.norm(centres[i] - centres[j], axis=1) - radius[i] - radius[j]
     return max(0.0, -float(gap.min(initial=0.0))) / (2 * float(radius.mean()))
+
+
+CODE = ("wakeflow.extras.funnel.pour",)  # with LIGGGHTS' own scripts beside it
+SPEED = 4e6  # beads times steps a second of one core
+
+
+def compute(funnel: Funnel, make: Make, tell: Callable[[str], None]) -> FunnelSummary:
+    """Pour and discharge.
+
+    ``make(stage, key, work)`` gives the folder of a finished stage, from the cache or by ``work(folder)``. The bed is a
+    stage of its own, since every vibration starts from the same bed. Raises ProgramError when LIGGGHTS is missing or
+    fails.
+    """
+    asked = {name: getattr(funnel, name) for name in type(funnel).model_fields}
+    asked |= {"density": funnel.bead_density, "restitution": funnel.bead_restitution, "friction": funnel.bead_friction}
+    asked |= {"count": funnel.beads, "mass": None, "material": None, "gravity": funnel.gravity}
+    if not funnel.amplitude:
+        asked["frequency"] = None
+    code = (code_key(*CODE), liggghts_version())
+    still = {name: value for name, value in asked.items() if name not in ("frequency", "gamma")}
+    bed_key = content_key("bed", still, code)
+    bed = make("bed", bed_key, lambda part: pour(funnel, part, tell))
+    done = make("funnel", content_key("funnel", bed_key, asked, code), lambda part: discharge(funnel, bed, part, tell))
+    return load(FunnelSummary, done / "funnel.json")
+
+
+def estimated_seconds(funnel: Funnel) -> float:
+    """Core-seconds of pouring and discharge, by Beverloo's law; good to a factor 3."""
+    time = 0.3 + (0.6 * funnel.total_mass / funnel.expected_rate if funnel.expected_rate else 1.0)
+    return funnel.beads * time / steps_of(funnel).dt / SPEED
+
+
+class Liggghts:
+    """Computes beads with LIGGGHTS."""
+
+    install: ClassVar[str] = INSTALL
+
+    def compute(self, funnel: Funnel, make: Make, tell: Callable[[str], None]) -> FunnelSummary:
+        return compute(funnel, make, tell)
+
+    def seconds(self, funnel: Funnel) -> float:
+        return estimated_seconds(funnel)
+
+    def version(self) -> str:
+        return liggghts_version()

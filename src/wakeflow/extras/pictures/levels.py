@@ -13,9 +13,9 @@ from ...core.geometry import halved_all
 from ...core.number import Number, student
 from ...core.record import JsonTable
 from ...scene.pictures import Levels
+from ...show.asked_pictures import PictureFiles, View
 from ...show.canvas import MM, fraction_colours, new_figure, save
 from ...show.moving import Path2D, along
-from ...show.picture_view import PictureFiles, View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

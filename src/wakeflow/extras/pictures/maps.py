@@ -13,6 +13,7 @@ from ...core.errors import SceneError, known
 from ...core.record import to_json
 from ...scene.pictures import Density
 from ...show.air_pictures import SUCTION_LEVEL, as_flown, pressure_coefficient
+from ...show.asked_pictures import PictureFiles, View
 from ...show.canvas import (
     INK,
     MM,
@@ -29,7 +30,6 @@ from ...show.canvas import (
 )
 from ...show.figures.air_figures import air_with_pressure, draw_pressure
 from ...show.moving import Path2D
-from ...show.picture_view import PictureFiles, View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

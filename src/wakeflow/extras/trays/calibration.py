@@ -320,9 +320,9 @@ def _write(found: Posterior, agreed: Matched) -> None:
 
 
 def _write_tables(found: Posterior, folder: Path) -> None:
-    from ...show.figures.measured_figures import draw_measured
+    from ...show.figures.budget_figures import draw_measured
 
-    draw_measured(folder / "figures" / "calibration.png", found.agreement, found.trays or None)
+    draw_measured(folder / "figures" / "calibration.png", found.agreement, found.trays)
     found.cells().write_csv(folder / "inputs.csv")
     found.agreement.cells().write_csv(folder / "agreement.csv")
     CellTable(("input", "other input", "correlation"), found.correlations).write_csv(folder / "correlations.csv")

@@ -6,10 +6,12 @@ the same draws would show (:func:`.calibration_update.left_by`). The most useful
 
 from __future__ import annotations
 
+import base64
+import io
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +29,9 @@ from ...runs.progress import as_listener
 from ...scene import RESERVED_BIN, Scene
 from ...scene.measured import BY_CHANCE
 from ...scene.whole import States
+from ...show.canvas import bins_across
+from ...show.html.template import page_template
+from ...show.sketch import draw_sketch
 from .calibration import widest_recovery
 from .calibration_update import DISCREPANCY, half_of, left_by, missed_by
 
@@ -128,8 +133,6 @@ def protocol_of(result: Result, of: str | None = None, kernels: int = 300, out: 
     Raises SceneError as :func:`protocol` does, and where the run ended before its shares.
     """
     scene = Scene.parse(result.scene)
-    from .protocol_page import write_protocol
-
     _check(scene, of, kernels)
     if result.landings is None:
         raise SceneError(f"{result.folder} holds no shares: the run ended before them")
@@ -261,3 +264,21 @@ def _write_form(path: Path, scene: Scene, fractions: Sequence[str]) -> None:
         stream.write(f"# {RESERVED_BIN}: those that reached no tray. Every line of a fraction is needed, even a 0.\n")
         stream.write("fraction,bin,count\n")
         stream.writelines(f"{name},{place},\n" for name in fractions for place in (*scene.bin, RESERVED_BIN))
+
+
+def write_protocol(path: Path, scene: Scene, found: Any, fractions: Sequence[str]) -> None:
+    """Write the page of a protocol (:class:`wakeflow.extras.trays.protocol.Protocol`) of ``scene``, with a form for
+    each of the ``fractions`` that are counted.
+    """
+    picture = io.BytesIO()
+    draw_sketch(scene).figure.savefig(picture, format="png")
+    repetitions = {name: max(one.repetitions for one in found.steps if one.fraction == name)
+                   for name in dict.fromkeys(step.fraction for step in found.steps)}  # fmt: skip
+    text = page_template("protocol.html.j2", Path(__file__).parent).render(
+        found=found,
+        repetitions=repetitions or dict.fromkeys(fractions, 1),
+        bins=[*bins_across(scene), RESERVED_BIN],
+        sketch=base64.b64encode(picture.getvalue()).decode("ascii"),
+    )
+    with atomic_write(path) as stream:
+        stream.write(text)

@@ -16,7 +16,7 @@ from ..outcome import Figure, Outcome, figures
 
 __all__ = ["Figure", "captions", "draw_figures", "figure_files", "figures", "lasting_figures"]
 
-for _module in ("air_figures", "flights", "share_figures", "measured_figures", "budget_figures", "solver_figures"):
+for _module in ("air_figures", "flights", "share_figures", "budget_figures", "solver_figures"):
     import_module(f".{_module}", __name__)
 
 
