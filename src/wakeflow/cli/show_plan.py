@@ -36,7 +36,7 @@ WORTH_TELLING = 0.04  # of the whole run time: a part that takes less is not nam
 SIDE_BY_SIDE = 1.15  # parts that add up to so many times the whole run overlap
 
 
-def show_plan(plan: Plan, scene: Scene, units: Mapping[str, str] | None = None) -> None:
+def show_plan(plan: Plan, scene: Scene, units: Mapping[str, str] = UNITS) -> None:
     """Print in some ten lines what is flown, what is left out, what is doubtful and what it costs; ``units`` as in
     :func:`wakeflow.show.sketch.draw_sketch`.
     """
@@ -52,9 +52,9 @@ def show_plan(plan: Plan, scene: Scene, units: Mapping[str, str] | None = None) 
     Console().print(lines, highlight=False)
 
 
-def plan_lines(plan: Plan, scene: Scene, units: Mapping[str, str] | None = None) -> list[tuple[str, str]]:
+def plan_lines(plan: Plan, scene: Scene, units: Mapping[str, str] = UNITS) -> list[tuple[str, str]]:
     """Label and text of each line of :func:`show_plan` but its last, which names an option."""
-    with speaking({**UNITS, **(units or {})}):
+    with speaking({**UNITS, **units}):
         return list(_lines(plan, scene))
 
 
@@ -231,7 +231,7 @@ def _bounds_table(plan: Plan) -> Table:
     """Terms by fractions: what each could move, in body widths; a star where it is computed."""
     terms = list(next(iter(plan.fractions.values())).bounds)
     whole = whole_terms(plan.airflow, plan.crowd)
-    rows: list[Sequence[str | Text] | None] = []
+    rows: list[Sequence[str | Text]] = []
     for term in terms:
         cells = [
             plain(f"* {how.bounds[term]:.2g}", "bold")
@@ -240,6 +240,6 @@ def _bounds_table(plan: Plan) -> Table:
             for how in plan.fractions.values()
         ]
         rows.append([term, *cells])
-    rows += [None, ["left out below", *(f"{how.limit:.2g}" for how in plan.fractions.values())]]
+    rows += [[], ["left out below", *(f"{how.limit:.2g}" for how in plan.fractions.values())]]
     title = f"how far each term could move a fraction, {plan.unit} (accuracy {plan.target_error:.2g} of a share)"
     return screen_table(["term", *plan.fractions], rows, title, "* computed; the rest left out")

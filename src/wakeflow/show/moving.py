@@ -69,8 +69,8 @@ class Path2D:
 
     @classmethod
     def of(cls, track: Mapping[str, AnyArray]) -> Path2D:
-        moments = (track[key] for key in ("time", "position", "velocity", "arriving"))
-        return cls(*moments, float(track["diameter"]))
+        time, position, velocity, arriving = (track[key] for key in ("time", "position", "velocity", "arriving"))
+        return cls(time, position, velocity, arriving, float(track["diameter"]))
 
     def cubics(self, i: NDArray[np.int64]) -> Array:
         """Of the pieces from points ``i`` (k,) to the next ones: what 1, s, s^2 and s^3 are multiplied with, (4, k, 2)

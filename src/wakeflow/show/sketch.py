@@ -62,12 +62,8 @@ class _Sheet:
 
 
 def draw_sketch(
-    scene: Scene,
-    units: Mapping[str, str] | None = None,
-    paper: Paper | None = None,
-    largest: float = LARGEST,
-    page: float = math.inf,
-) -> AnyFigure:
+    scene: Scene, units: Mapping[str, str] = UNITS, paper: Paper = "", largest: float = LARGEST, page: float = math.inf,
+) -> AnyFigure:  # fmt: skip
     """The machine to scale: bodies, channel, air, feed, secondary streams, bins with their names and limits; measures.
 
     ``units``: what measures are said in, of units of the SI, as :func:`wakeflow.scene.units_written` finds them in a
@@ -75,7 +71,7 @@ def draw_sketch(
     take the place of, instead of a figure with its own Agg canvas. ``largest``: inches of the machine's longer side,
     less where the whole is wider than a ``page``. Returns the figure; everything lies within it.
     """
-    with speaking({**UNITS, **(units or {})}):
+    with speaking({**UNITS, **units}):
         notes = list(_notes(scene))
         bounds = _window(scene)
         figure, sheet = _sheet(bounds, notes, scene, paper, (largest, page))
@@ -90,7 +86,7 @@ def draw_sketch(
     return figure
 
 
-def write_sketch(path: Path, scene: Scene, units: Mapping[str, str] | None = None) -> None:
+def write_sketch(path: Path, scene: Scene, units: Mapping[str, str] = UNITS) -> None:
     """Write :func:`draw_sketch` to a PNG, SVG or PDF file that is whole or absent. Raises SceneError for another."""
     kind = path.suffix.removeprefix(".").lower()
     if kind not in FILES:
@@ -111,7 +107,7 @@ class DrawnSketch:
     scale: float
 
 
-def sketch_svg(scene: Scene, units: Mapping[str, str] | None = None) -> DrawnSketch:
+def sketch_svg(scene: Scene, units: Mapping[str, str] = UNITS) -> DrawnSketch:
     """:func:`draw_sketch` for a page on which it is not the last layer; its writing stays writing."""
     import matplotlib
 
@@ -133,12 +129,9 @@ def _window(scene: Scene) -> tuple[float, float, float, float]:
 
 
 def _sheet(
-    window: tuple[float, float, float, float],
-    notes: list[_Note],
-    scene: Scene,
-    paper: Paper | None,
+    window: tuple[float, float, float, float], notes: list[_Note], scene: Scene, paper: Paper,
     room: tuple[float, float],
-) -> tuple[AnyFigure, _Sheet]:
+) -> tuple[AnyFigure, _Sheet]:  # fmt: skip
     """Paper that holds the machine, the measures along it and the notes beside it."""
     left, right, low, high = window
     before, after = HEIGHT + _longest(notes, left=True), BESIDE + _longest(notes, left=False)
@@ -314,15 +307,9 @@ def _draw_bins(sheet: _Sheet, scene: Scene) -> None:
         for x, text, inches, colour in rows:
             place = (MM * x, MM * y + away * sheet.away(inches))
             sheet.axes.annotate(
-                text,
-                place,
-                fontsize=TEXT_SIZE,
-                color=colour,
-                ha="center",
-                va=side,
-                rotation=turned,
+                text, place, fontsize=TEXT_SIZE, color=colour, ha="center", va=side, rotation=turned,
                 annotation_clip=False,
-            )
+            )  # fmt: skip
 
 
 def _ends(bin_: Bin, scene: Scene) -> tuple[str, float]:

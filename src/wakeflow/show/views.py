@@ -102,7 +102,7 @@ class Plot:
         """The pictures that this run has something for, in the order of the page."""
         from .figures import figures
 
-        return [name for name in STANDARD_FIGURES if (has := figures[name].needs) is None or has(self.outcome)]
+        return [name for name in STANDARD_FIGURES if figures[name].parts(self.outcome)]
 
     def _draw(self, name: str, paper: Axes | AnyFigure | None = None, *more: object, **unknown: object) -> Any:
         from matplotlib.axes import Axes
@@ -122,7 +122,7 @@ class Plot:
             from matplotlib import pyplot
 
             paper = pyplot.figure(layout="constrained")
-        return figures[name].draw(paper, self.outcome)
+        return figures[name].draw(paper, *figures[name].parts(self.outcome))
 
     def _why_not(self, name: str) -> str:
         """Why a picture cannot be drawn here: there is nothing to show, or it is not kept."""

@@ -65,7 +65,7 @@ def write_beads(folder: Path, centres: Array, diameters: Array, velocities: Arra
             stream.write(f"{i} {u:.9g} {v:.9g} {w:.9g} 0 0 0\n")
 
 
-def run_script(folder: Path, script: Path, on_line: Callable[[str], None] | None = None) -> None:
+def run_script(folder: Path, script: Path, on_line: Callable[[str], None] = lambda _: None) -> None:
     """Run ``script`` in ``folder``, beside its settings, beads and walls; log.NAME there holds what it says.
 
     The scripts are copied, so that the folder can be run again by hand. Raises ProgramError, with LIGGGHTS' own words.
@@ -224,7 +224,6 @@ def write_triangles(path: Path, name: str, triangles: list[Array]) -> None:
         stream.write(f"endsolid {name}\n")
 
 
-Array = NDArray[np.float64]
 STEADY = (0.10, 0.75)  # shares of the mass discharged: between them the funnel neither starts nor runs empty
 BATCHES = 8  # parts of the steady stretch whose rates give the interval
 MIN_PARTS = 4  # parts below which no interval is given
@@ -252,11 +251,11 @@ def time_to_empty(curve: Curve, total: float) -> float | None:
     return float(curve.time[np.argmax(out)]) if out.any() else None
 
 
-def rate_of(curve: Curve, total: float, period: float | None) -> Number | None:
+def rate_of(curve: Curve, total: float, period: float) -> Number | None:
     """The rate between :data:`STEADY` shares of the ``total`` mass (kg); None where the flow stopped before.
 
-    The stretch is cut to whole periods (s) of the vibration and into up to :data:`BATCHES` parts of whole periods; the
-    interval is Student's from the parts' rates, taken as independent. It is the scatter within one
+    The stretch is cut to whole periods (s) of the vibration, 0 at rest, and into up to :data:`BATCHES` parts of whole
+    periods; the interval is Student's from the parts' rates, taken as independent. It is the scatter within one
     discharge: another pouring may differ by more.
     """
     gone = 1 - curve.mass / total
@@ -265,14 +264,14 @@ def rate_of(curve: Curve, total: float, period: float | None) -> Number | None:
     start, end = (float(curve.time[np.argmax(gone >= share)]) for share in STEADY)
     length = end - start
     whole = 1
-    if period is not None and length >= period:
+    if period and length >= period:
         whole = math.floor(length / period)
         length = whole * period
-    parts = BATCHES if period is None or end - start < period else min(BATCHES, whole)
-    if period is not None and parts < BATCHES and whole < MIN_PARTS:
+    parts = BATCHES if not period or end - start < period else min(BATCHES, whole)
+    if period and parts < BATCHES and whole < MIN_PARTS:
         parts = 1
     edges = start + length * np.arange(parts + 1) / parts
-    if period is not None and parts > 1:  # parts of whole periods, some a period longer than others
+    if period and parts > 1:  # parts of whole periods, some a period longer than others
         edges = start + period * np.round(whole * np.arange(parts + 1) / parts)
     mass = np.interp(edges, curve.time, curve.mass)
     return _student(-np.diff(mass), np.diff(edges))

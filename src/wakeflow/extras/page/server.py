@@ -297,13 +297,9 @@ class _Handler(_Known):
 
 
 def open_page(
-    what: Path | None,
-    lines: Lines,
-    *,
-    port: int | None = None,
-    browser: bool = True,
+    what: Path | None, lines: Lines, *, port: int | None = None, browser: bool = True,
     ready: Callable[[str], object] = print,
-) -> None:
+) -> None:  # fmt: skip
     """Serve the page of a scene, a run or a folder until its last page is closed or the process is interrupted.
 
     ``lines`` of a plan as the command line says them; ``ready`` hears the address. Raises SceneError where ``what`` is

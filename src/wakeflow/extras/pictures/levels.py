@@ -120,12 +120,9 @@ def draw_levels(view: View) -> PictureFiles:
 
 
 def _panel(
-    axes: Axes,
-    quantity: str,
-    levels: Sequence[float],
-    found: dict[str, list[dict[str, Number]]],
+    axes: Axes, quantity: str, levels: Sequence[float], found: dict[str, list[dict[str, Number]]],
     colours: dict[str, str],
-) -> None:
+) -> None:  # fmt: skip
     factor = MM if QUANTITIES[quantity][0] == "m" else 1.0
     for name, rows in found.items():
         value, low, high = factor * np.array([[*row[quantity]] for row in rows]).T

@@ -153,8 +153,8 @@ def _panel(axes: Axes, view: View, x: Array, y: Array, flux: Array, colour: str,
     bar.ax.tick_params(labelsize=7)
     axes.set_title(name, fontsize=9, loc="left")
     axes.set_aspect("equal")
-    if (found := air_with_pressure(view.outcome)) is not None:
-        field, _, airflow = found
+    if air := air_with_pressure(view.outcome):
+        field, _, airflow = air
         mean, mesh = as_flown(field.mean(), view.scene), triangulation(field)
         cp = pressure_coefficient(mean, view.scene, airflow)
         axes.tricontour(mesh, cp, levels=[SUCTION_LEVEL], colors=INK, linewidths=1.1, linestyles="--", zorder=5)
@@ -171,7 +171,7 @@ def _through(view: View) -> dict[str, dict[str, float]]:
     """By fraction the share of granules whose track enters the suction zone, and the reversed flow, of the mean air."""
     from matplotlib.tri import LinearTriInterpolator
 
-    if (air := air_with_pressure(view.outcome)) is None:
+    if not (air := air_with_pressure(view.outcome)):
         return {}
     field, _, airflow = air
     mean, mesh = as_flown(field.mean(), view.scene), triangulation(field)

@@ -9,7 +9,7 @@ far the model itself must miss shares. What nothing explains is not calibrated.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -90,17 +90,17 @@ class Posterior:
 
     folder: Path
     before: Result
-    result: Result | None
-    inputs: Mapping[str, CalibratedInput]
     agreement: Agreement
     conflict: str
-    trays: tuple[Number, ...]
-    correlations: tuple[tuple[str, str, float], ...]
-    wider_without: tuple[tuple[str, float], ...]
-    next: tuple[tuple[str, float], ...]
-    rounds: int
-    stands: bool
     source: str
+    result: Result | None = None
+    inputs: Mapping[str, CalibratedInput] = field(default_factory=dict)
+    trays: tuple[Number, ...] = ()
+    correlations: tuple[tuple[str, str, float], ...] = ()
+    wider_without: tuple[tuple[str, float], ...] = ()
+    next: tuple[tuple[str, float], ...] = ()
+    rounds: int = 0
+    stands: bool = False
 
     def save(self, path: Path | str) -> Path:
         """Write the materials file: ``materials = "..."`` at the head of the next scene takes it, each fraction that is
@@ -122,17 +122,11 @@ class Posterior:
 
 
 def calibrate(
-    scene: Scene | Path | str,
-    measured: Path | str | Mapping[str, Sequence[object]] | Sequence[Tray] | Any,
-    out: Path | str | None = None,
-    *,
-    discrepancy: float | str = DISCREPANCY,
-    rung: str | None = None,
-    force: States | None = None,
-    workers: int | None = None,
-    listener: Listener | None = None,
+    scene: Scene | Path | str, measured: Path | str | Mapping[str, Sequence[object]] | Sequence[Tray] | Any,
+    out: Path | str | None = None, *, discrepancy: float | str = DISCREPANCY, rung: str | None = None,
+    force: States | None = None, workers: int | None = None, listener: Listener | None = None,
     planned: Callable[[Plan], object] | None = None,
-) -> Posterior:
+) -> Posterior:  # fmt: skip
     """Say what measured shares tell of the unknown numbers of ``scene``, and of all its shares.
 
     ``measured``: a CSV file (fraction, bin, share, uncertainty), columns by these names, or a frame of them. The scene
@@ -240,8 +234,7 @@ def measure_next_after(after: JointAnswer, most: int = 5) -> list[tuple[str, flo
 def _posterior(before: Result, agreed: Matched, measured: Measured, source: str) -> Posterior:
     update = agreed.update
     if update is None:
-        return Posterior(before.folder, before, None, {}, agreed.agreement, agreed.conflict, (), (), (), (), 0, False,
-                         source)  # fmt: skip
+        return Posterior(before.folder, before, agreed.agreement, agreed.conflict, source)
     landings, own, inputs = known(before.landings), update.after.own, inputs_after(update)
     separation = _numerical(own.separation(), landings.separation)
     summary = {
@@ -258,9 +251,9 @@ def _posterior(before: Result, agreed: Matched, measured: Measured, source: str)
     trays = tuple(update.after.own.number(of_tray(row)) for row in weights_in(update.after, measured))
     result = replace(before, landings=after, key=key, calibration=told).with_joint(update.after)
     return Posterior(
-        before.folder, before, result, inputs, agreed.agreement, agreed.conflict, trays,
+        before.folder, before, agreed.agreement, agreed.conflict, source, result, inputs, trays,
         tuple(correlations_after(update)), tuple(wider_without(update, measured)),
-        tuple(measure_next_after(update.after)), update.rounds, update.stands, source,
+        tuple(measure_next_after(update.after)), update.rounds, update.stands,
     )  # fmt: skip
 
 

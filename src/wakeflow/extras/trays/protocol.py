@@ -94,17 +94,10 @@ class Protocol:
 
 
 def protocol(
-    scene: Scene | Path | str,
-    out: Path | str | None = None,
-    *,
-    of: str | None = None,
-    kernels: int = 300,
-    rung: str | None = None,
-    force: States | None = None,
-    workers: int | None = None,
-    listener: Listener | None = None,
+    scene: Scene | Path | str, out: Path | str | None = None, *, of: str | None = None, kernels: int = 300,
+    rung: str | None = None, force: States | None = None, workers: int | None = None, listener: Listener | None = None,
     planned: Callable[[Plan], object] | None = None,
-) -> Protocol:
+) -> Protocol:  # fmt: skip
     """Plan what to count of the machine of ``scene``, which is run where it has not been, until the share ``of``
     (a fraction: its recovery; FRACTION.BIN; by default the recovery that is known worst) is known twice as well;
     ``kernels`` of a fraction are fed in one repetition. Writes a page to print and the form that becomes measured.csv.
@@ -275,10 +268,8 @@ def write_protocol(path: Path, scene: Scene, found: Any, fractions: Sequence[str
     repetitions = {name: max(one.repetitions for one in found.steps if one.fraction == name)
                    for name in dict.fromkeys(step.fraction for step in found.steps)}  # fmt: skip
     text = page_template("protocol.html.j2", Path(__file__).parent).render(
-        found=found,
-        repetitions=repetitions or dict.fromkeys(fractions, 1),
-        bins=[*bins_across(scene), RESERVED_BIN],
+        found=found, repetitions=repetitions or dict.fromkeys(fractions, 1), bins=[*bins_across(scene), RESERVED_BIN],
         sketch=base64.b64encode(picture.getvalue()).decode("ascii"),
-    )
+    )  # fmt: skip
     with atomic_write(path) as stream:
         stream.write(text)

@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from ..canvas import Paper
     from ..outcome import Outcome
 
+    Air = tuple[FlowField, Scene, Airflow] | tuple[()]
+
 Array = NDArray[np.float64]
 
 PRESSING_LEVEL = 0.3  # a pressing zone is named where Cp rises above this
@@ -141,17 +143,11 @@ def _callout(axes: Axes, text: str, place: tuple[float, float], lift: float, win
     """A name near the right-hand border, ``lift`` m above the place it belongs to."""
     level = min(max(place[1] + lift, window[2] + 0.05 * abs(lift)), window[3] - 0.05 * abs(lift))
     axes.annotate(
-        text,
-        xy=(MM * place[0], MM * place[1]),
-        xytext=(MM * (0.97 * window[1] + 0.03 * window[0]), MM * level),
-        fontsize=9,
-        fontweight="bold",
-        ha="right",
-        va="center",
+        text, xy=(MM * place[0], MM * place[1]), xytext=(MM * (0.97 * window[1] + 0.03 * window[0]), MM * level),
+        fontsize=9, fontweight="bold", ha="right", va="center",
         bbox={"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": INK, "linewidth": 0.6, "alpha": 0.9},
-        arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0},
-        zorder=10,
-    )
+        arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0}, zorder=10,
+    )  # fmt: skip
 
 
 def pressure_along(field: FlowField, outline: Array, cp: Array) -> tuple[Array, Array]:
@@ -239,43 +235,37 @@ def _first(field: FlowField) -> FlowField:
     return replace(still, times=None, period=None, coefficients=None, truncation=None)
 
 
-def air_of(outcome: Outcome) -> tuple[FlowField, Scene, Airflow] | None:
-    """The air round the bodies; None of a run without one that sees them."""
+def air_of(outcome: Outcome) -> Air:
+    """The air round the bodies; empty of a run without one that sees them."""
     field, airflow = outcome.field, outcome.airflow
     if field is None or airflow is None or airflow.cd is None or not outcome.scene.body:
-        return None
+        return ()
     return field, outcome.scene, airflow
 
 
-def air_with_pressure(outcome: Outcome) -> tuple[FlowField, Scene, Airflow] | None:
-    """As :func:`air_of`; None without pressure too."""
-    found = air_of(outcome)
-    return None if found is None or found[0].pressure is None else found
+def air_with_pressure(outcome: Outcome) -> Air:
+    """As :func:`air_of`; empty without pressure too."""
+    air = air_of(outcome)
+    return air if air and air[0].pressure is not None else ()
 
 
-def _air_at_the_surface(outcome: Outcome) -> tuple[FlowField, Scene, Airflow] | None:
-    found = air_with_pressure(outcome)
-    if found is None:
-        return None
-    arc, _ = pressure_along(found[0], outcome.scene.outline, np.zeros(len(found[0].points)))
-    return found if len(arc) > 2 else None
+def _air_at_the_surface(outcome: Outcome) -> Air:
+    air = air_with_pressure(outcome)
+    if not air:
+        return ()
+    arc, _ = pressure_along(air[0], outcome.scene.outline, np.zeros(len(air[0].points)))
+    return air if len(arc) > 2 else ()
 
 
 add_figure(
-    "pressure",
-    "Pressure coefficient and streamlines. Dashed: the suction zone's border, Cp = −0.5.",
-    draw_pressure,
-    air_with_pressure,
-)
+    "pressure", "Pressure coefficient and streamlines. Dashed: the suction zone's border, Cp = −0.5.",
+    draw_pressure, air_with_pressure,
+)  # fmt: skip
 add_figure(
-    "surface",
-    "Pressure along the first body and the paper's momentum model, which knows the front only.",
-    draw_surface,
-    _air_at_the_surface,
-)
+    "surface", "Pressure along the first body and the paper's momentum model, which knows the front only.",
+    draw_surface, _air_at_the_surface,
+)  # fmt: skip
 add_figure(
-    "vorticity",
-    "Mean vorticity over air speed and body width; of a wake in time also that of one moment.",
-    draw_vorticity,
-    air_of,
-)
+    "vorticity", "Mean vorticity over air speed and body width; of a wake in time also that of one moment.",
+    draw_vorticity, air_of,
+)  # fmt: skip

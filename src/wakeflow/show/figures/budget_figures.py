@@ -65,17 +65,12 @@ def _columns(found: Agreement) -> dict[str, ArrayLike]:
     return table
 
 
-def _beside(outcome: Outcome) -> tuple[Agreement] | None:
+def _beside(outcome: Outcome) -> tuple[object, ...]:
     measured = measured_in(outcome.result)
-    return None if measured is None or outcome.result.landings is None else (agreement_in(outcome.result, measured),)
+    return () if measured is None or outcome.result.landings is None else (agreement_in(outcome.result, measured),)
 
 
-add_figure(
-    "measured",
-    "Measured shares and computed ones, each with its 95 % interval.",
-    draw_measured,
-    _beside,
-)
+add_figure("measured", "Measured shares and computed ones, each with its 95 % interval.", draw_measured, _beside)
 
 
 MAX_INPUTS = 8  # inputs of a panel
@@ -182,21 +177,23 @@ def _errors(budget: Sequence[BudgetRow]) -> dict[str, np.ndarray]:
     return {name: np.array(values) for name, values in found.items() if max(values) > MIN_ERROR}
 
 
-def _moves(outcome: Outcome) -> tuple[dict[str, list[InputMove]]] | None:
+def _moves(outcome: Outcome) -> tuple[object, ...]:
     moves = grouped(drawn_moves(outcome.result.landings))
     panels = {name.split(".")[1]: name for name in least_sure(moves)}
     names = [panels[fraction] for fraction in foremost(outcome.scene, list(panels))]
-    return ({name: moves[name] for name in names},) if moves else None
+    return ({name: moves[name] for name in names},) if moves else ()
 
 
-def _budget(outcome: Outcome) -> tuple[Sequence[BudgetRow]] | None:
+def _budget(outcome: Outcome) -> tuple[object, ...]:
     budget = outcome.result.budget
-    return (budget,) if len(_errors(budget)) > 1 else None
+    return (budget,) if len(_errors(budget)) > 1 else ()
 
 
 add_figure(
-    "inputs", "What to measure next: what each number that is not known exactly moves a share by.", draw_tornado, _moves
-)
+    "inputs", "What to measure next: what each number that is not known exactly moves a share by.",
+    draw_tornado, _moves,
+)  # fmt: skip
 add_figure(
-    "cost", "What each source adds to the error of a share, and the run time that knowing it took.", draw_cost, _budget
-)
+    "cost", "What each source adds to the error of a share, and the run time that knowing it took.",
+    draw_cost, _budget,
+)  # fmt: skip

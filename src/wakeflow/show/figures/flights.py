@@ -74,12 +74,9 @@ def draw_tracks(paper: Paper, field: FlowField | None, scene: Scene, tracks: Map
     streams(axes, scene)
     if tracks:
         legend = axes.legend(
-            title=f"of the feed{of_all(shown, tracks)}",
-            loc="upper left",
-            bbox_to_anchor=(1.02, 1.0),
-            frameon=False,
+            title=f"of the feed{of_all(shown, tracks)}", loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False,
             fontsize=9,
-        )
+        )  # fmt: skip
         for line in legend.get_lines():
             line.set(linewidth=2.5, alpha=1.0)
     blue = " Blue: the mean air's speed" if mapped else ""
@@ -252,23 +249,21 @@ def _tracks(outcome: Outcome) -> tuple[FlowField | None, Scene, dict[str, list[A
     return outcome.field, outcome.scene, positions
 
 
-def _air_and_tracks(outcome: Outcome) -> tuple[object, ...] | None:
-    found = air_with_pressure(outcome)
-    return None if found is None or not any(map(len, outcome.tracks.values())) else (*found, outcome.tracks)
+def _air_and_tracks(outcome: Outcome) -> tuple[object, ...]:
+    air = air_with_pressure(outcome)
+    return (*air, outcome.tracks) if air and any(map(len, outcome.tracks.values())) else ()
 
 
 add_figure(
-    "tracks", "Tracks through the channel, as much ink as mass; bins are the bars.", draw_tracks, _tracks, always=True
-)
+    "tracks", "Tracks through the channel, as much ink as mass; bins are the bars.",
+    draw_tracks, _tracks, always=True,
+)  # fmt: skip
 add_figure(
     "residence",
     "Residence time in the suction zone (Cp < −0.5 in the mean, from the first body on), of the drawn tracks.",
-    draw_residence,
-    _air_and_tracks,
-)
+    draw_residence, _air_and_tracks,
+)  # fmt: skip
 add_figure(
-    "discharge",
-    "The feed funnel: mass left inside over time; dashed: Beverloo's law for a funnel at rest.",
-    draw_discharge,
-    lambda outcome: None if outcome.result.funnel is None else (outcome.result.funnel,),
-)
+    "discharge", "The feed funnel: mass left inside over time; dashed: Beverloo's law for a funnel at rest.",
+    draw_discharge, lambda outcome: () if outcome.result.funnel is None else (outcome.result.funnel,),
+)  # fmt: skip

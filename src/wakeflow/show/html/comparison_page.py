@@ -51,17 +51,13 @@ def write_comparison(path: Path, table: ResultTable, differences: Sequence[Diffe
     rows = _rows(table, differences)
     main = set(main_quantities(table))
     text = page_template("compare.html.j2").render(
-        names=names,
-        less=[f"{name if len(names) > 2 else ''} less {names[0]}" for name in names[1:]],
+        names=names, less=[f"{name if len(names) > 2 else ''} less {names[0]}" for name in names[1:]],
         made=[(name, *_made(run)) for name, run in zip(names, runs, strict=True)],
         inputs=[(key, *(_input(key, entry) for entry in table.entries)) for key in table.inputs],
-        main=[row for row in rows if row.quantity in main],
-        rows=rows,
-        bins=_bins(scenes),
+        main=[row for row in rows if row.quantity in main], rows=rows, bins=_bins(scenes),
         colours=fraction_colours(list(dict.fromkeys(name for scene in scenes for name in scene.fraction))),
-        shares=[(entry.name, _shares(entry)) for entry in table.entries],
-        pairs=_pairs(names, runs),
-    )
+        shares=[(entry.name, _shares(entry)) for entry in table.entries], pairs=_pairs(names, runs),
+    )  # fmt: skip
     with atomic_write(path) as stream:
         stream.write(text)
 

@@ -62,13 +62,9 @@ def write_html(folder: Path | str, outcome: Outcome) -> Path:
 
 
 def render(
-    result: Result,
-    pictures: Mapping[str, str],
-    texts: Mapping[str, str] | None = None,
-    scene: Scene | None = None,
-    live: Mapping[str, object] | None = None,
-    film: str = "",
-) -> str:
+    result: Result, pictures: Mapping[str, str], texts: Mapping[str, str] | None = None, scene: Scene | None = None,
+    live: Mapping[str, object] | None = None, film: str = "",
+) -> str:  # fmt: skip
     """The page as text; ``pictures``: name to base64 PNG, SVG of those beside the answer; ``texts``: name to what it
     shows, in their order, the standard figures' captions by default; ``scene``: that of the result by default;
     ``live``: what the page's script draws (:func:`.live.live_data`), without which it has none; ``film``: its section
@@ -80,30 +76,17 @@ def render(
 
     scene = Scene.parse(result.scene) if scene is None else scene
     text: str = page_template("page.html.j2").render(
-        result=result,
-        title=scene.report.title or machine_name(result, scene),
-        made=result.provenance,
+        result=result, title=scene.report.title or machine_name(result, scene), made=result.provenance,
         pictures=_shown(pictures, captions() if texts is None else texts),
-        front=[(pictures[name], alt) for name, alt in FRONT.items() if name in pictures],
-        live=live,
-        film=Markup(film),
-        live_json=json.dumps(live, separators=(",", ":")).replace("<", "\\u003c"),
-        canvas=_canvas(scene),
-        grades=_grades(result),
-        logo=_logo(scene),
-        measurements=words.measurement_lines(result),
-        scene=scene,
-        colours=fraction_colours(list(scene.fraction)),
-        bins=[*bins_across(scene), RESERVED_BIN],
-        rung_about=rungs[result.plan.rung].meaning if result.plan.rung in rungs else "",
-        origin=_origin(result),
+        front=[(pictures[name], alt) for name, alt in FRONT.items() if name in pictures], live=live, film=Markup(film),
+        live_json=json.dumps(live, separators=(",", ":")).replace("<", "\\u003c"), canvas=_canvas(scene),
+        grades=_grades(result), logo=_logo(scene), measurements=words.measurement_lines(result), scene=scene,
+        colours=fraction_colours(list(scene.fraction)), bins=[*bins_across(scene), RESERVED_BIN],
+        rung_about=rungs[result.plan.rung].meaning if result.plan.rung in rungs else "", origin=_origin(result),
         cuts=[] if result.landings is None else _cuts(result.landings.separation.cut),
-        budget=words.condensed(result.budget),
-        made_of=_made_of,
-        how=_how,
-        inputs=_inputs(result),
+        budget=words.condensed(result.budget), made_of=_made_of, how=_how, inputs=_inputs(result),
         agreement=_agreement(result),
-    )
+    )  # fmt: skip
     return text
 
 
