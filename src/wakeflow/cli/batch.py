@@ -151,7 +151,9 @@ def _operated(
     from ..many.operating import met_at, met_up_to
     from ..runs.effort import quick_settings
     from ..runs.progress import live
-    from .show_many import show_limits, show_sweep, show_verdicts
+    from ..show.words import counted_lines, met_lines
+    from .screen import print_lines
+    from .show_many import show_sweep
 
     asked, folder = scene_and_folder(scene, options.settings, options.pace, None)
     how = options.pace.how
@@ -162,10 +164,11 @@ def _operated(
         found, figure = made(asked, target, feed=rates, workers=options.workers, listener=listener, **how)
     if not options.quiet:
         show_sweep(found)
+        limits = asked.limit.asked
         if name == "capacity":
-            show_limits(met_up_to(found.table, asked.limit.asked), asked.limit.asked)
+            print_lines(met_lines(met_up_to(found.table, limits), limits))
         else:
-            show_verdicts(met_at(found.table, asked.limit.asked), asked.limit.asked)
+            print_lines(counted_lines(met_at(found.table, limits), limits))
         print(figure)
     return SOME_FAILED if found.failed else 0
 

@@ -16,7 +16,7 @@ from ..answer.result_table import Entry, ResultTable, TableQuantity
 from ..core.errors import SceneError
 from ..core.number import UNKNOWN_ERROR, UNKNOWN_SPAN
 from .canvas import INK, fraction_colours, new_figure, save, text_width
-from .sketch import UNITS
+from .plan_words import UNITS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,8 +16,8 @@ from ..core.errors import SceneError
 from ..core.files import atomic_write
 from ..core.quantities import metres, say, speaking
 from .canvas import BARS, INK, MM, new_figure, save, solids, text_width
-from .machine_words import body_words, feed_corners, feed_words, tilt_words
 from .outcome import add_figure
+from .plan_words import UNITS, body_words, feed_corners, feed_words, tilt_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from .canvas import AnyFigure, Paper
 
 Array = NDArray[np.float64]
-UNITS = {"m": "mm", "rad": "deg", "kg/s": "kg/h"}  # what measures are said in, where the user's units are not known
 FILES = ("png", "svg", "pdf")
 AIR, FEED = "#0b7285", "#c98500"
 LARGEST, ON_A_PAGE = 5.4, 1.9  # inches of the machine itself; beside an answer on the first page of paper

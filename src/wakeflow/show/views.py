@@ -19,7 +19,7 @@ from ..scene.pictures import STANDARD_FIGURES
 from .html.template import page_template
 from .many_figures import main_quantities
 from .outcome import Landed, Outcome, Track
-from .sketch import UNITS
+from .plan_words import UNITS
 from .vtk.vtk_tracks import ARRIVING
 from .words import bins_in_words, holds
 

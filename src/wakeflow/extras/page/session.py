@@ -18,8 +18,11 @@ from ...answer.result import FILE, Result
 from ...core.errors import SceneError, WakeflowError
 from ...core.files import scene_templates
 from ...core.registry import did_you_mean
+from ...core.store import cache_root
 from ...runs.planned import make_plan
+from ...runs.progress import on_this_machine
 from ...scene import Scene
+from ...show.plan_words import cost_words, plan_lines
 from ...show.sketch import sketch_svg
 from ..search.task import quantities_to_seek
 from .document import SceneDocument, merged
@@ -33,7 +36,6 @@ from .tasks import TASKS, percent_typed, task_of
 if TYPE_CHECKING:
     from ...planning.plan import Plan
 
-Lines = Callable[..., list[tuple[str, str]]]  # the plan's lines, as the command line prints them
 Say = Callable[[str, dict[str, object]], None]  # tells every open page: kind, data
 checked = validate_call(config=ConfigDict(allow_inf_nan=False))
 
@@ -41,9 +43,9 @@ checked = validate_call(config=ConfigDict(allow_inf_nan=False))
 class Session:
     """The state behind the page; ``say`` is called from any thread. Actions of one kind come one at a time."""
 
-    def __init__(self, what: Path | None, lines: Lines, say: Say, runs: Path | None = None) -> None:
+    def __init__(self, what: Path | None, say: Say, runs: Path | None = None) -> None:
         self.home, self.runs = Path.cwd(), runs or Path("runs")
-        self._lines, self._say = lines, say
+        self._say = say
         self._drawing = threading.Lock()  # matplotlib's fonts are everyone's
         self.shown: str | None = None  # the run that the page was opened for
         self.document = self._first(what)
@@ -221,7 +223,8 @@ class Session:
             return {"version": version, "lines": None}
         try:
             made = make_plan(look.scene)
-            lines = self._lines(made, look.scene, look.units)
+            cost = cost_words(made, *on_this_machine(made, cache_root()))
+            lines = plan_lines(made, look.scene, cost, look.units)
         except WakeflowError as problem:
             return {"version": version, "lines": None, "mistake": str(problem)}
         return {

@@ -23,7 +23,7 @@ from ..asked_pictures import found
 from ..canvas import bins_across, fraction_colours
 from ..figures import captions
 from ..film import film_in, film_section
-from ..sketch import UNITS
+from ..plan_words import UNITS
 from . import rows
 from .live import live_data
 from .template import page_template

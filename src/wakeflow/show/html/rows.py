@@ -18,7 +18,7 @@ from ...laws.restitution import Restitution
 from ...scene import Fraction, Scene
 from ...scene.changes import flat
 from ...scene.messages import unit_of
-from ..sketch import UNITS
+from ..plan_words import UNITS
 from ..words import NO_VALUE
 
 if TYPE_CHECKING:
