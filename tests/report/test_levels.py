@@ -108,6 +108,7 @@ def test_nobody_passes_a_level_above_all_tracks() -> None:
     assert found["down"].value == found["up"].value == 0.0
     assert math.isnan(found["vy"].value)
     assert not found["spread"].known
+    assert level_numbers([], 0.6, 1.0)["down"].value == 0.0
 
 
 def test_intervals_hold_the_truth_in_nineteen_of_twenty() -> None:

@@ -282,7 +282,7 @@ def _draw_sizes(paper: "Canvas | str | Path", outcome: Outcome) -> Any:
 def sizes() -> Iterator[str]:
     """A figure that is added from outside, as docs/extending.md shows it, and taken out again."""
     name = "sizes"
-    figures.add(name, Figure("How many granules of each fraction were flown.", _draw_sizes))
+    figures.add(name, Figure("How many granules of each fraction were flown.", _draw_sizes, lambda outcome: (outcome,)))
     yield name
     del figures._entries[name]
 
@@ -296,7 +296,7 @@ def test_a_new_figure_is_drawn_shown_and_cleared(sizes: str, cases: Path, tmp_pa
 
 
 def test_a_figure_is_drawn_where_the_run_has_what_it_shows(cases: Path, tmp_path: Path) -> None:
-    figures.add("never", Figure("Nothing.", _draw_sizes, lambda outcome: False, always=True))
+    figures.add("never", Figure("Nothing.", _draw_sizes, lambda outcome: (), always=True))
     try:
         write_report(tmp_path, _outcome(Scene.load(cases / "vacuum.toml")))
         assert not (tmp_path / "figures" / "never.png").exists()

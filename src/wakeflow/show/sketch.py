@@ -22,7 +22,7 @@ from .plan_words import UNITS, body_words, feed_corners, feed_words, tilt_words
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ..scene import Bin, Scene
+    from ..scene import Scene
     from .canvas import AnyFigure, Paper
 
 Array = NDArray[np.float64]
@@ -290,7 +290,7 @@ def _draw_vibration(sheet: _Sheet, scene: Scene) -> None:
 
 def _draw_bins(sheet: _Sheet, scene: Scene) -> None:
     """Bins as bars on their lines; those on the floor and the top with their names and limits along it."""
-    for i, (_, bin_) in enumerate(sorted(scene.bin.items(), key=lambda item: _ends(item[1], scene))):
+    for i, bin_ in enumerate(sorted(scene.bin.values(), key=lambda one: (one.on, float(one.line(scene).sum())))):
         bar = MM * bin_.line(scene)
         sheet.axes.plot(*bar.T, color=BARS[i % 2], linewidth=5, solid_capstyle="butt", clip_on=False, zorder=5)
     for on, y, away in (("floor", scene.channel.bottom, -1), ("top", scene.channel.top, 1)):
@@ -309,11 +309,6 @@ def _draw_bins(sheet: _Sheet, scene: Scene) -> None:
                 text, place, fontsize=TEXT_SIZE, color=colour, ha="center", va=side, rotation=turned,
                 annotation_clip=False,
             )  # fmt: skip
-
-
-def _ends(bin_: Bin, scene: Scene) -> tuple[str, float]:
-    """Where a bin is in the order along its side."""
-    return bin_.on, float(bin_.line(scene).sum())
 
 
 def _notes(scene: Scene) -> Iterator[_Note]:

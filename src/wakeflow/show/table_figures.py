@@ -72,7 +72,10 @@ def draw_dividers(path: Path, found: Sequence[Dividers]) -> None:
     figure = new_figure(5.6, 4.0)
     axes = figure.add_subplot(xlabel="purity (%)", ylabel=f"recovery of {found[0].fraction} (%)")
     able = [one for one in found if one.possible and one.purity.value is not None]
-    pure, got = (np.array([_numbers(part) for part in side]).T for side in zip(*map(_both, able), strict=True))
+    pure, got = (
+        np.array([_numbers(part) for part in side]).T
+        for side in ([one.purity for one in able], [one.recovery for one in able])
+    )
     axes.fill_between(pure[0], got[1], got[2], color=COLOURS[0], alpha=0.18, linewidth=0)
     axes.fill_betweenx(got[0], pure[1], pure[2], color=COLOURS[0], alpha=0.18, linewidth=0)
     axes.plot(pure[0], got[0], "o-", ms=3, color=COLOURS[0])
@@ -87,10 +90,6 @@ def write_dividers(path: Path, found: Sequence[Dividers]) -> None:
         cells = [None if number is None or np.isnan(number) else number for number in numbers]
         rows.append([100 * one.asked, *cells, "; ".join(f"{low:.6g} {high:.6g}" for low, high in one.stretches)])
     CellTable(DIVIDER_HEADS, rows).write_csv(path, 6)
-
-
-def _both(one: Dividers) -> tuple[Number, Number]:
-    return one.purity, one.recovery
 
 
 def _numbers(found: Number) -> tuple[float, float, float]:

@@ -16,7 +16,7 @@ from ..core.tables import load_arrays
 from ..flight.stages.solved_case import PlaneCells
 from ..scene import Scene
 from ..scene.pictures import STANDARD_FIGURES
-from .html.template import page_template
+from .html.rows import page_template
 from .many_figures import main_quantities
 from .outcome import Landed, Outcome, Track
 from .plan_words import UNITS

@@ -125,7 +125,7 @@ class Session:
     def edit(
         self, *, text: str | None = None, before: str | None = None, set: Mapping[str, str | None] | None = None,
         drag: str | None = None, x: Place = 0.0, y: Place = 0.0, add: str | None = None, undo: bool = False,
-        redo: bool = False, gesture: str | None = None,
+        redo: bool = False, gesture: str = "",
     ) -> dict[str, object]:  # fmt: skip
         """Change the scene: the whole ``text``, where it was ``before``; keys to ``set`` (None takes one out); a handle
         to ``drag`` to a place ``x``, ``y`` (m); a table to ``add``; or ``undo`` and ``redo``.
@@ -148,12 +148,12 @@ class Session:
             document.redo()
         return self._tell_scene()
 
-    def _drag(self, name: str, x: float, y: float, gesture: str | None) -> None:
+    def _drag(self, name: str, x: float, y: float, gesture: str) -> None:
         """Move a handle of the machine as it was when the gesture began: dividers that meet on the way stay two."""
         document, look = self.document, self.document.look
         if look.data is None:
             raise SceneError(look.mistake, look.mistake.splitlines())
-        if look.scene is not None and (gesture is None or document.gesture != gesture or self._held is None):
+        if look.scene is not None and (not gesture or document.gesture != gesture or self._held is None):
             self._held = look.scene
         if self._held is None:
             raise SceneError(look.mistake)

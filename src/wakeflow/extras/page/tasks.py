@@ -129,7 +129,7 @@ def percent_typed(typed: str) -> float:
 
 
 def _protocol(scene: Scene, typed: str, _: Path) -> Work:
-    wanted_share(scene, typed or None)
+    wanted_share(scene, typed)
 
     def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
         return protocol(scene, folder, of=typed or None, listener=listener, planned=planned, **how).sentence

@@ -54,11 +54,11 @@ def _mean(values: Array) -> float:
 
 def passages(paths: Sequence[Path2D], level: float) -> Passages:
     """Where and how fast tracks pass y = ``level`` (m), upward or downward, as often as they do."""
-    over = [path.position[:, 1] > level for path in paths]
-    at = [np.flatnonzero(above[1:] != above[:-1]) for above in over]
-    cubics = np.concatenate([path.cubics(i) for path, i in zip(paths, at, strict=True)], axis=1)
-    span = np.concatenate([np.diff(path.time)[i] for path, i in zip(paths, at, strict=True)])
-    begins_over = np.concatenate([above[i] for above, i in zip(over, at, strict=True)])
+    at = [np.flatnonzero(np.diff(path.position[:, 1] > level)) for path in paths]
+    pieces = list(zip(paths, at, strict=True))
+    cubics = np.concatenate([np.zeros((4, 0, 2)), *(path.cubics(i) for path, i in pieces)], axis=1)
+    span = np.concatenate([np.zeros(0), *(np.diff(path.time)[i] for path, i in pieces)])
+    begins_over = np.concatenate([np.zeros(0, dtype=bool), *(path.position[i, 1] > level for path, i in pieces)])
 
     def before(part: Array) -> NDArray[np.bool_]:
         return np.asarray((along(cubics, part, span)[0][:, 1] > level) == begins_over)

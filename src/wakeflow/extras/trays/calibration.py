@@ -66,15 +66,12 @@ class CalibratedInput:
     value = property(lambda self: self.after.value)
     low = property(lambda self: self.after.low)
     high = property(lambda self: self.after.high)
-    value_before = property(lambda self: self.before.value)
-    low_before = property(lambda self: self.before.low)
-    high_before = property(lambda self: self.before.high)
 
 
-INPUT_COLUMNS = {
-    "input": "key", "unit": "unit", "before": "value_before", "before low": "low_before", "before high": "high_before",
-    "after": "value", "after low": "low", "after high": "high", "interval after over before": "narrower",
-}  # fmt: skip
+INPUT_HEADS = (
+    "input", "unit", "before", "before low", "before high", "after", "after low", "after high",
+    "interval after over before",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -118,7 +115,8 @@ class Posterior:
 
     def cells(self) -> CellTable:
         """A row an input, as inputs.csv has it."""
-        return CellTable.of(self.inputs.values(), INPUT_COLUMNS)
+        rows = [[one.key, one.unit, *one.before, *one.after, one.narrower] for one in self.inputs.values()]
+        return CellTable(INPUT_HEADS, rows)
 
 
 def calibrate(
@@ -151,7 +149,8 @@ def calibrate(
         raise SceneError(f"calibrate: the answer of {result.folder} is void, {result.warnings[0]}")
     with cache_in_use(cache_root()), one_thread_of_blas():
         agreed = matched(result, found, missed, workers, heard)
-        posterior = _posterior(result, agreed, found, _source(measured))
+        source = Path(measured).name if isinstance(measured, Path | str) else MEASURED_SHARES
+        posterior = _posterior(result, agreed, found, source)
     _write(posterior, agreed)
     return posterior
 
@@ -167,10 +166,6 @@ def _trays_of(measured: object) -> list[Tray]:
     if not isinstance(columns, Mapping):
         raise SceneError("measured: give a CSV file, columns by their names, or a frame of them")
     return trays_of_columns(columns)
-
-
-def _source(measured: object) -> str:
-    return Path(measured).name if isinstance(measured, Path | str) else "measured shares"
 
 
 # -- What came out -----------------------------------------------------------------------------------------------------

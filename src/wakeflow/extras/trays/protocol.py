@@ -30,7 +30,7 @@ from ...scene import RESERVED_BIN, Scene
 from ...scene.measured import BY_CHANCE
 from ...scene.whole import States
 from ...show.canvas import bins_across
-from ...show.html.template import page_template
+from ...show.html.rows import page_template
 from ...show.sketch import draw_sketch
 from .calibration import widest_recovery
 from .calibration_update import DISCREPANCY, half_of, left_by, missed_by
@@ -106,21 +106,21 @@ def protocol(
     million.
     """
     asked = Scene.of(scene)
-    _check(asked, of, kernels)
+    _check(asked, of or "", kernels)
     if out is not None:
         _claim(path_of(out, "out"))
     heard, planned = as_listener(listener, planned)
     result = run(scene, out, rung=rung, force=force, workers=workers, listener=heard, planned=planned)
-    return protocol_of(result, of, kernels)
+    return protocol_of(result, of or "", kernels)
 
 
-def _check(scene: Scene, of: str | None, kernels: int) -> None:
+def _check(scene: Scene, of: str, kernels: int) -> None:
     wanted_share(scene, of)
     if not 10 <= kernels <= MOST_KERNELS:
         raise SceneError(f"kernels = {kernels}: count ten at least, a million at most")
 
 
-def protocol_of(result: Result, of: str | None = None, kernels: int = 300, out: Path | None = None) -> Protocol:
+def protocol_of(result: Result, of: str = "", kernels: int = 300, out: Path | None = None) -> Protocol:
     """The same of a finished run, into the folder ``out`` or its own.
 
     Raises SceneError as :func:`protocol` does, and where the run ended before its shares.
@@ -152,10 +152,10 @@ def _claim(folder: Path) -> None:
     sums.refuse_changed(folder / FORM, COMMAND)
 
 
-def wanted_share(scene: Scene, of: str | None) -> tuple[str, Sequence[str]] | None:
-    """The fraction and bins that ``of`` names; None where it names nothing. Raises SceneError for what is not there."""
-    if of is None:
-        return None
+def wanted_share(scene: Scene, of: str) -> tuple[str, Sequence[str]]:
+    """The fraction and bins that ``of`` names, neither where it is empty. Raises SceneError for what is not there."""
+    if not of:
+        return "", ()
     name, _, place = of.partition(".")
     if name not in scene.fraction:
         raise SceneError(f"--of {of}: no fraction {name!r}{did_you_mean(name, list(scene.fraction))}")
@@ -166,11 +166,10 @@ def wanted_share(scene: Scene, of: str | None) -> tuple[str, Sequence[str]] | No
     return name, [place] if place else scene.fraction[name].targets
 
 
-def _wanted(joint: JointAnswer, scene: Scene, of: str | None) -> tuple[str, Of]:
-    asked = wanted_share(scene, of)
-    if asked is None:
+def _wanted(joint: JointAnswer, scene: Scene, of: str) -> tuple[str, Of]:
+    name, places = wanted_share(scene, of)
+    if not name:
         return widest_recovery(joint)
-    name, places = asked
     return f"{name} in {' or '.join(places)}", joint.own.of_share(name, places)
 
 

@@ -12,25 +12,9 @@ from ...air.field.derived import vorticity
 from ...core.errors import known
 from ...core.geometry import along
 from ...laws.momentum import momentum_pressure
+from .. import canvas
 from ..air_pictures import SUCTION_LEVEL, TOUCHING, as_flown, pressure_coefficient, trace_streamlines, window_round_body
-from ..canvas import (
-    COLOURS,
-    INK,
-    MM,
-    TALLEST,
-    PlotGrid,
-    Window,
-    air_arrow,
-    canvas,
-    frame,
-    inside_window,
-    new_axes,
-    new_figure,
-    save,
-    solids,
-    streams,
-    triangulation,
-)
+from ..canvas import COLOURS, INK, MM, TALLEST, PlotGrid, Window, save
 from ..outcome import add_figure
 
 if TYPE_CHECKING:
@@ -64,9 +48,9 @@ def draw_pressure(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow
     mean = as_flown(field.mean(), scene)
     cp = pressure_coefficient(mean, scene, airflow)
     window = window_round_body(scene, airflow)
-    figure, axes, _ = canvas(window, paper)
-    mesh = triangulation(mean)
-    levels, limit = _cp_levels(cp[inside_window(mean.points, window)])
+    figure, axes, _ = canvas.canvas(window, paper)
+    mesh = canvas.triangulation(mean)
+    levels, limit = _cp_levels(cp[canvas.inside_window(mean.points, window)])
     filled = axes.tricontourf(
         mesh, cp, levels=levels, cmap=_scale(levels, limit), vmin=-limit, vmax=limit, extend="both"
     )
@@ -74,11 +58,11 @@ def draw_pressure(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow
     axes.tricontour(mesh, cp, levels=[SUCTION_LEVEL], colors=INK, linewidths=1.3, linestyles="--")
     grid = PlotGrid.sample(mesh, window, [*mean.velocity.T, cp])
     trace_streamlines(axes, mean, window, grid)
-    solids(axes, scene)
-    frame(axes, window)
+    canvas.solids(axes, scene)
+    canvas.frame(axes, window)
     _zones(axes, grid, scene, window, ZONES if numbered else {})
-    air_arrow(axes, scene, window, ZONES["air"] if numbered else "")
-    streams(axes, scene)
+    canvas.air_arrow(axes, scene, window, ZONES["air"] if numbered else "")
+    canvas.streams(axes, scene)
     bar = figure.colorbar(filled, cax=axes.inset_axes((1.04, 0.1, 0.035, 0.8)))
     bar.set_label(r"$C_p = (p - p_\mathrm{inlet})\;/\;\frac{1}{2}\rho U^2$")
     bar.ax.axhline(SUCTION_LEVEL, color=INK, linewidth=1.3, linestyle="--")
@@ -167,7 +151,7 @@ def draw_surface(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow)
     arc, cp = pressure_along(mean, outline, pressure_coefficient(mean, scene, airflow))
     edges = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.roll(outline, -1, axis=0) - outline).T))])
     model = momentum_pressure(outline, scene.airstream.direction)
-    axes = new_axes(6.4, 3.6, paper)
+    axes = canvas.new_axes(6.4, 3.6, paper)
     axes.plot(MM * arc, cp, ".-", ms=3, lw=1.2, color=COLOURS[0], label="computed, mean")
     for i, (value, lit) in enumerate(zip(model.cp, model.lit, strict=True)):
         if lit > 0:
@@ -198,18 +182,18 @@ def draw_vorticity(paper: Paper, field: FlowField, scene: Scene, airflow: Airflo
     now = {} if field.times is None else {f"at {1e3 * float(field.times[0]):.3g} ms of the loop": _first(field)}
     shown = {**now, "mean": as_flown(field.mean(), scene)}
     scaled = {name: vorticity(one) * scene.width / scene.airstream.speed for name, one in shown.items()}
-    here = inside_window(field.points, window)
+    here = canvas.inside_window(field.points, window)
     most = max(_strong(np.abs(values[here]), field.node_area[here]) for values in scaled.values())
     across = TALLEST * 0.75 * (window[1] - window[0]) / (window[3] - window[2])
-    figure = new_figure(1.4 + (across + 0.5) * len(scaled), TALLEST * 0.75 + 0.9, paper)
+    figure = canvas.new_figure(1.4 + (across + 0.5) * len(scaled), TALLEST * 0.75 + 0.9, paper)
     panels: NDArray[np.object_] = figure.subplots(1, len(scaled), squeeze=False, sharey=True)[0]
-    mesh, levels = triangulation(field), np.linspace(-most, most, SHADES)
+    mesh, levels = canvas.triangulation(field), np.linspace(-most, most, SHADES)
     for axes, (name, values) in zip(panels, scaled.items(), strict=True):
         filled = axes.tricontourf(mesh, values, levels=levels, cmap="RdBu_r", extend="both")
         filled.set_rasterized(True)
         axes.set_aspect("equal")
-        frame(axes, window)
-        solids(axes, scene)
+        canvas.frame(axes, window)
+        canvas.solids(axes, scene)
         axes.set_title(name, fontsize=9, loc="left")
     bar = figure.colorbar(filled, ax=list(panels), shrink=0.7)
     bar.set_label(r"vorticity, $\omega D / U$ (counter-clockwise positive)", fontsize=8)

@@ -8,24 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import canvas
 from ..air_pictures import SUCTION_LEVEL, as_flown, pressure_coefficient, suction_nodes
-from ..canvas import (
-    COLOURS,
-    INK,
-    MM,
-    air_arrow,
-    canvas,
-    draw_bins,
-    foremost,
-    fraction_colours,
-    frame,
-    new_axes,
-    of_all,
-    save,
-    solids,
-    streams,
-    triangulation,
-)
+from ..canvas import COLOURS, INK, MM, save
 from ..moving import Path2D
 from ..outcome import add_figure
 from .air_figures import air_with_pressure
@@ -52,30 +37,30 @@ def draw_tracks(paper: Paper, field: FlowField | None, scene: Scene, tracks: Map
     """Tracks of every fraction in the whole channel over a pale map of the air's mean speed, with body, walls and bins.
 
     ``tracks``: fraction name to (m, 2) arrays of positions (m). What is drawn of a fraction, number of lines times
-    their width, is in proportion to its share of the feed's mass. Of very many fractions the :func:`foremost`.
+    their width, is in proportion to its share of the feed's mass. Of very many fractions the :func:`..canvas.foremost`.
     """
     channel = scene.channel
     window = (-channel.width / 2, channel.width / 2, channel.bottom, channel.top)
-    figure, axes, scale = canvas(window, paper)
+    figure, axes, scale = canvas.canvas(window, paper)
     mapped = field is not None and _speed_map(axes, as_flown(field.mean(), scene))
-    shares, colours = scene.mass_shares(), fraction_colours(list(scene.fraction))
+    shares, colours = scene.mass_shares(), canvas.fraction_colours(list(scene.fraction))
     most, chosen = max(shares.values()), {}
-    shown = foremost(scene, list(tracks))
+    shown = canvas.foremost(scene, list(tracks))
     for name in sorted(shown, key=lambda name: -shares[name]):  # the lightest on top
         chosen[name], width = _chosen(tracks[name], shares[name] / most)
         _draw_fraction(axes, chosen[name], f"{name}, {100 * shares[name]:.3g} %", colours[name], width)
-    solids(axes, scene)
+    canvas.solids(axes, scene)
     for wall in window[:2]:
         axes.plot([MM * wall] * 2, [MM * channel.bottom, MM * channel.top], color=INK, linewidth=1.3, zorder=4)
     for end in window[2:]:
         axes.plot([MM * window[0], MM * window[1]], [MM * end] * 2, color=INK, linewidth=0.5, linestyle=":", zorder=4)
-    frame(axes, window, draw_bins(axes, scene, scale))
-    air_arrow(axes, scene, window)
-    streams(axes, scene)
+    canvas.frame(axes, window, canvas.draw_bins(axes, scene, scale))
+    canvas.air_arrow(axes, scene, window)
+    canvas.streams(axes, scene)
     if tracks:
         legend = axes.legend(
-            title=f"of the feed{of_all(shown, tracks)}", loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False,
-            fontsize=9,
+            title=f"of the feed{canvas.of_all(shown, tracks)}", loc="upper left", bbox_to_anchor=(1.02, 1.0),
+            frameon=False, fontsize=9,
         )  # fmt: skip
         for line in legend.get_lines():
             line.set(linewidth=2.5, alpha=1.0)
@@ -95,7 +80,7 @@ def _speed_map(axes: Axes, mean: FlowField) -> bool:
         return False  # uniform air: the arrow beside says all
     pale = LinearSegmentedColormap.from_list("pale", ["#ffffff", "#dbe7f1", "#a9c3d9"])
     levels = MaxNLocator(10).tick_values(0.0, max(float(np.percentile(speed, 99.0)), 1e-12))
-    filled = axes.tricontourf(triangulation(mean), speed, levels=levels, cmap=pale, extend="max")
+    filled = axes.tricontourf(canvas.triangulation(mean), speed, levels=levels, cmap=pale, extend="max")
     filled.set_rasterized(True)
     bar = axes.figure.colorbar(filled, cax=axes.inset_axes((1.05, 0.12, 0.05, 0.4)))
     bar.set_label("air speed (m/s)", fontsize=9)
@@ -170,9 +155,9 @@ def draw_residence(
     mean = as_flown(field.mean(), scene)
     cp = pressure_coefficient(mean, scene, airflow)
     zone = suction_nodes(mean, cp, scene)
-    with_tracks = foremost(scene, [name for name, part in tracks.items() if part])
+    with_tracks = canvas.foremost(scene, [name for name, part in tracks.items() if part])
     times = {name: times_in_zone(mean, cp, zone, tracks[name], STEP * scene.width) for name in with_tracks}
-    axes, colours = new_axes(6.4, 3.9, paper), fraction_colours(list(scene.fraction))
+    axes, colours = canvas.new_axes(6.4, 3.9, paper), canvas.fraction_colours(list(scene.fraction))
     for name, found in times.items():
         stays = np.sort(found)
         share = 100.0 * (1.0 - np.arange(len(stays) + 1) / len(stays))
@@ -217,7 +202,7 @@ MIDDLE = 0.575  # of the mass still inside half-way through the steady stretch, 
 def draw_discharge(paper: Paper, poured: FunnelSummary) -> Axes:
     """Mass left (g) against time since the outlet opened (s), the fitted rate and Beverloo's law."""
     time, mass = (np.asarray(column) for column in (poured.curve.time, poured.curve.mass))
-    axes = new_axes(6.4, 4.0, paper)
+    axes = canvas.new_axes(6.4, 4.0, paper)
     axes.plot(time, 1e3 * mass, color=COLOURS[0], linewidth=1.8, label="computed bead by bead")
     end = poured.time_to_empty or float(time[-1])
     half = float(np.interp(-MIDDLE * poured.mass, -mass, time))

@@ -26,7 +26,7 @@ from ..film import film_in, film_section
 from ..plan_words import UNITS
 from . import rows
 from .live import live_data
-from .template import page_template
+from .rows import page_template
 
 if TYPE_CHECKING:
     from ...answer.result import Result
@@ -83,7 +83,7 @@ def render(
         grades=_grades(result), logo=_logo(scene), measurements=words.measurement_lines(result), scene=scene,
         colours=fraction_colours(list(scene.fraction)), bins=[*bins_across(scene), RESERVED_BIN],
         rung_about=rungs[result.plan.rung].meaning if result.plan.rung in rungs else "", origin=_origin(result),
-        cuts=[] if result.landings is None else _cuts(result.landings.separation.cut),
+        cuts=[] if result.landings is None else [_cut(one) for one in result.landings.separation.cut if one.overlaps],
         budget=words.condensed(result.budget), made_of=_made_of, how=_how, inputs=_inputs(result),
         agreement=_agreement(result),
     )  # fmt: skip
@@ -138,11 +138,6 @@ def _logo(scene: Scene) -> str:
     if given is None or not (path := Path(given)).is_file():
         return ""
     return f"data:{LOGOS[path.suffix.lower()]};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
-
-
-def _cuts(curves: Iterable[PartitionCurve]) -> list[tuple[str, ...]]:
-    """The cuts of curves that are of more than the gap between two fractions."""
-    return [_cut(curve) for curve in curves if curve.overlaps]
 
 
 def _cut(curve: PartitionCurve) -> tuple[str, ...]:
