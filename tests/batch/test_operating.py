@@ -10,9 +10,9 @@ import pytest
 
 import wakeflow as wf
 from support import Here, shipped
-from wakeflow.cli.show_many import show_verdicts
 from wakeflow.core.errors import SceneError
 from wakeflow.many import operating
+from wakeflow.show.words import counted_lines
 
 
 @pytest.mark.parametrize(
@@ -48,9 +48,7 @@ def test_a_map_is_a_sweep_with_one_figure(tmp_path: Path) -> None:
     assert figure.read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_capacity_curve_is_a_sweep_over_the_rate_with_one_figure(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_capacity_curve_is_a_sweep_over_the_rate_with_one_figure(tmp_path: Path) -> None:
     scene, here = shipped("vacuum", {"feed.count": 64, "feed.rate": "1 kg/hour"}), Here()
     found, figure = operating.capacity(scene, tmp_path, feed=["0.5 kg/hour", "1 kg/hour"], scheduler=here)
     assert len(found.table.done) == 2
@@ -65,8 +63,8 @@ def test_a_capacity_curve_is_a_sweep_over_the_rate_with_one_figure(
     assert counted == [{"met": 2}, {"not met": 2}]
     void = replace(found.table, entries=[replace(one, reason="void") for one in found.table.entries])
     assert operating.met_at(void, {"loss.hard": high})["loss.hard"] == {"open": 2}
-    show_verdicts(operating.met_at(void, {"loss.hard": high}), {"loss.hard": high})
-    assert "open at 2 of 2 settings" in capsys.readouterr().out
+    (line,) = counted_lines(operating.met_at(void, {"loss.hard": high}), {"loss.hard": high})
+    assert line.endswith("open at 2 of 2 settings")
     with pytest.raises(SceneError, match=r"needs a feed\.rate"):
         operating.capacity(shipped("vacuum"), tmp_path)
     with pytest.raises(SceneError, match="two feed rates"):

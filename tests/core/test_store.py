@@ -31,7 +31,7 @@ from wakeflow.core.store import (
     oldest_beyond,
     remove_stages,
 )
-from wakeflow.extras.funnel.beads import CODE as POURING
+from wakeflow.extras.funnel.pour import CODE as POURING
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.runs.planned import make_plan
 

@@ -15,7 +15,6 @@ from typing import Any
 from tornado.httpclient import HTTPRequest
 from tornado.websocket import websocket_connect
 
-from wakeflow.cli.show_plan import plan_lines
 from wakeflow.extras.page.server import Page
 
 
@@ -74,7 +73,7 @@ def served(what: Path | None, runs: Path) -> Iterator[Served]:
     begun, found = threading.Event(), list[Page]()
 
     async def main() -> None:
-        page = Page(what, plan_lines, runs=runs)
+        page = Page(what, runs=runs)
         page.listen(0)
         found.append(page)
         begun.set()

@@ -18,7 +18,6 @@ from tornado.httpclient import HTTPClientError
 
 import wakeflow as wf
 from wakeflow.cli import main
-from wakeflow.cli.show_plan import plan_lines
 from wakeflow.core import sums
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import scene_templates
@@ -332,7 +331,7 @@ def test_a_run_takes_a_free_name_or_that_of_its_own_answer(page: Served, monkeyp
 def test_a_scene_that_is_not_there_leaves_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     with pytest.raises(SceneError, match="no scene file, run or folder"):
-        Session(tmp_path / "nosuch.toml", plan_lines, lambda *_: None)
+        Session(tmp_path / "nosuch.toml", lambda *_: None)
     assert not list(tmp_path.iterdir())
 
 
@@ -376,7 +375,7 @@ def test_what_is_odd_in_a_folder_hides_nothing_else(small_run: Any, tmp_path: Pa
     (tmp_path / "scenes.csv").write_text("scene,share.hard.near\nx,9.4\n")
     sums.note(tmp_path, [tmp_path / "scenes.csv"])
     (tmp_path / "scenes.csv").write_text("scene,share.hard.near\nx,0.4\n")
-    session = Session(tmp_path, plan_lines, lambda *_: None)
+    session = Session(tmp_path, lambda *_: None)
     session.runs = session.finished.runs = tmp_path
     try:
         assert session.document.name == "c"
@@ -388,7 +387,7 @@ def test_what_is_odd_in_a_folder_hides_nothing_else(small_run: Any, tmp_path: Pa
 
 
 def test_a_scene_without_a_file_is_not_dropped_unasked(tmp_path: Path) -> None:
-    session = Session(None, plan_lines, lambda *_: None, tmp_path)
+    session = Session(None, lambda *_: None, tmp_path)
     try:
         session.open(kind="prism")
         session.edit(set={"air.speed": "3 m/s"})
@@ -417,7 +416,7 @@ def test_a_run_that_is_opened_from_within_has_its_name_and_a_dangling_link_hides
     (tmp_path / "away.toml").symlink_to("nowhere")
     (tmp_path / "v.toml").write_text("")
     monkeypatch.chdir(run)
-    session = Session(Path(), plan_lines, lambda *_: None)
+    session = Session(Path(), lambda *_: None)
     try:
         assert session.document.name == session.shown == "air.speed=3"
         assert session.runs == tmp_path

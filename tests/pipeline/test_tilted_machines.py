@@ -25,7 +25,7 @@ from wakeflow.planning.scene_lines import lifting_line
 from wakeflow.planning.uniform_fall import UniformFall
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.show.machine_words import feed_corners
+from wakeflow.show.plan_words import feed_corners
 
 EMPTY = """
 [channel]

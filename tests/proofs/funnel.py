@@ -25,9 +25,8 @@ from numpy.typing import NDArray
 from proofs.report import NOTHING, Column, Report, Row, Table, Tell, mean_interval
 from wakeflow.core.record import to_json
 from wakeflow.core.store import Store, cache_root
-from wakeflow.extras.funnel.beads import compute
 from wakeflow.extras.funnel.engine import run_script, write_beads, write_settings, write_triangles
-from wakeflow.extras.funnel.pour import contact_settings, steps_of
+from wakeflow.extras.funnel.pour import Liggghts, contact_settings, steps_of
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.scene import Funnel
 
@@ -170,7 +169,7 @@ def run_funnel(folder: Path, *, slow: bool, tell: Tell) -> Report:
 
     def discharge(**changes: Any) -> Row:
         funnel = Funnel(**{**BASE, **changes})
-        row: Row = to_json(compute(funnel, lambda stage, key, work: store.make(stage, key, work)[0], tell))
+        row: Row = to_json(Liggghts().compute(funnel, lambda stage, key, work: store.make(stage, key, work)[0], tell))
         return row
 
     facts: dict[str, list[Row]] = {

@@ -156,10 +156,14 @@ def test_the_time_in_the_zone_is_that_between_its_borders() -> None:
     time = np.linspace(3.0, 3.0 + 1.8 / SPEED, 2001)
     down = np.stack([np.full_like(time, 0.1), 0.9 - SPEED * (time - 3.0)], axis=1)
     above = np.abs(down)
-    tracks = [{"time": time, "position": position} for position in (down, above)]
-    found = times_in_zone(mean, cp, cp < -0.5, tracks)
+    own = {"diameter": np.array(1e-3)}
+    tracks = []
+    for position in (down, above):
+        pace = np.gradient(position, time, axis=0)
+        tracks.append({"time": time, "position": position, "velocity": pace, "arriving": pace, **own})
+    found = times_in_zone(mean, cp, cp < -0.5, tracks, 1e-3)
     assert found == pytest.approx([0.4 / SPEED, 0.0], abs=2e-3)
-    assert times_in_zone(mean, cp, np.zeros(len(cp), dtype=bool), tracks) == pytest.approx([0.0, 0.0])
+    assert times_in_zone(mean, cp, np.zeros(len(cp), dtype=bool), tracks, 1e-3) == pytest.approx([0.0, 0.0])
 
 
 def test_the_suction_zone_begins_at_the_bodys_widest_place_and_touches_it(rhombus: Scene) -> None:

@@ -212,7 +212,8 @@ def _film(scene: Scene, begin: float = 3.0) -> Film:
         time = begin + np.array([0.5 * SPAN if number == 1 else -SPAN, 2.0 * SPAN])
         where = np.column_stack([np.full(2, 0.04 * (number + 1)), scene.channel.top - 0.02 - (time - begin)])
         own = {"diameter": np.array(8e-3), "bin": np.array(0), "fate": np.array(0)}
-        paths[name] = [{"time": time, "position": where, "velocity": np.tile([0.0, -1.0], (2, 1)), **own}]
+        pace = np.tile([0.0, -1.0], (2, 1))
+        paths[name] = [{"time": time, "position": where, "velocity": pace, "arriving": pace, **own}]
     return Film(begin, SPAN, 0.05, dict.fromkeys(scene.fraction, 1.0), True, paths)
 
 

@@ -157,7 +157,8 @@ def test_a_recorded_path_is_exact_in_free_flight_and_right_up_to_a_bounce() -> N
     t = np.array([0.0, 0.1, 0.25])
     velocity = np.array([[1.0, 0.0], [0.5, 0.4], [0.5, 0.4 - 0.15 * GRAVITY]])  # thrown off at 0.1 s
     position = np.array([[0.0, 0.0], [0.1, -GRAVITY * 0.005], [0.175, -GRAVITY * 0.005 + 0.06 - GRAVITY * 0.15**2 / 2]])
-    path = Path2D(t, position, velocity, 1e-3)
+    arriving = np.array([velocity[0], (1.0, -0.1 * GRAVITY), velocity[2]])
+    path = Path2D(t, position, velocity, arriving, 1e-3)
     (before, after), (v_before, v_after) = path.at(np.array([0.1 - 1e-9, 0.1 + 1e-9]))
     np.testing.assert_allclose(before, after, atol=1e-8)
     np.testing.assert_allclose(v_before, (1.0, -0.1 * GRAVITY), atol=1e-7)
@@ -174,7 +175,8 @@ def test_a_recorded_path_is_exact_in_free_flight_and_right_up_to_a_bounce() -> N
 def test_the_mass_flux_through_every_level_is_the_rate() -> None:
     x0 = np.linspace(-0.09, 0.09, 37)
     t = np.linspace(0.0, 0.2, 5)
-    steep = [Path2D(t, np.stack([x + 0 * t, 0.1 - t], axis=1), np.tile([0.0, -1.0], (5, 1)), 1e-3) for x in x0]
+    down = np.tile([0.0, -1.0], (5, 1))
+    steep = [Path2D(t, np.stack([x + 0 * t, 0.1 - t], axis=1), down, down, 1e-3) for x in x0]
     x, y = np.linspace(-0.1, 0.1, 21), np.linspace(-0.1, 0.1, 11)
     flux = mass_flux(steep, rate=2.0, depth=0.5, x=x, y=y)
     np.testing.assert_allclose((flux * np.diff(x) * 0.5).sum(axis=1), 2.0, rtol=1e-9)

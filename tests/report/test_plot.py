@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 import wakeflow as wf
 from support import Here, Page, field_of, shipped
 from wakeflow.core import tables
-from wakeflow.show.plot import cells_left, outcome_of
+from wakeflow.show.views import cells_left, outcome_of
 
 pytestmark = pytest.mark.usefixtures("no_screen")
 

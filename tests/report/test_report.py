@@ -96,7 +96,8 @@ def _tracks(scene: Scene) -> dict[str, list[dict[str, np.ndarray]]]:
             velocity = np.stack([np.full_like(time, side * (0.1 + 0.1 * i)), -9.81 * time], axis=1)
             position = np.stack([side * 0.03 + velocity[0, 0] * time, -4.905 * time**2], axis=1)
             ends = {"diameter": np.array(1e-3), "bin": np.array(0), "fate": np.array(0)}
-            tracks[name].append({"time": time, "position": position, "velocity": velocity, **ends})
+            moments = {"time": time, "position": position, "velocity": velocity, "arriving": velocity}
+            tracks[name].append({**moments, **ends})
     return tracks
 
 
@@ -281,7 +282,7 @@ def _draw_sizes(paper: "Canvas | str | Path", outcome: Outcome) -> Any:
 def sizes() -> Iterator[str]:
     """A figure that is added from outside, as docs/extending.md shows it, and taken out again."""
     name = "sizes"
-    figures.add(name, Figure("How many granules of each fraction were flown.", _draw_sizes))
+    figures.add(name, Figure("How many granules of each fraction were flown.", _draw_sizes, lambda outcome: (outcome,)))
     yield name
     del figures._entries[name]
 
@@ -295,7 +296,7 @@ def test_a_new_figure_is_drawn_shown_and_cleared(sizes: str, cases: Path, tmp_pa
 
 
 def test_a_figure_is_drawn_where_the_run_has_what_it_shows(cases: Path, tmp_path: Path) -> None:
-    figures.add("never", Figure("Nothing.", _draw_sizes, lambda outcome: False, always=True))
+    figures.add("never", Figure("Nothing.", _draw_sizes, lambda outcome: (), always=True))
     try:
         write_report(tmp_path, _outcome(Scene.load(cases / "vacuum.toml")))
         assert not (tmp_path / "figures" / "never.png").exists()

@@ -100,7 +100,7 @@ def _tracks(scene: Scene) -> dict[str, list[dict[str, Any]]]:
     """A track of the first fraction, one of a single point of the second."""
     first, second = list(scene.fraction)[:2]
     velocity = np.tile([0.0, -2.0], (3, 1))
-    fell = {"time": TIME, "position": FALL, "velocity": velocity}
+    fell = {"time": TIME, "position": FALL, "velocity": velocity, "arriving": velocity}
     stood = {name: values[:1] for name, values in fell.items()}
     ends = {"diameter": np.array(1e-3), "bin": np.array(1), "fate": np.array(int(Fate.BINNED))}
     return {first: [{**fell, **ends}], second: [{**stood, **ends, "bin": np.array(-1)}]}
@@ -248,7 +248,8 @@ def test_a_run_shows_its_bodies_and_its_tracks(tmp_path: Path) -> None:
     fall = np.column_stack([x, 0.1 - 3.0 * x**2])
     ends = {"diameter": np.array(1e-3), "bin": np.array(0), "fate": np.array(0)}
     paths = {
-        name: [{"time": time, "position": side * fall, "velocity": side * fall, **ends}] for name, side in SIDES.items()
+        name: [{"time": time, **dict.fromkeys(("position", "velocity", "arriving"), side * fall), **ends}]
+        for name, side in SIDES.items()
     }
     write_tracks(tmp_path, paths, scene)
     look(scene, tmp_path, picture)

@@ -183,7 +183,7 @@ class Result(WithShares):
 
     @cached_property
     def plot(self) -> Any:
-        """The pictures, each on axes of your own: ``result.plot.tracks(axes)``; see :mod:`wakeflow.show.plot`."""
+        """The pictures, each on axes of your own: ``result.plot.tracks(axes)``; see :mod:`wakeflow.show.views`."""
         return accessors["plot"](self)
 
     @property

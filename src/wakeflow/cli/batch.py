@@ -15,20 +15,20 @@ from ..scene.overrides import setting, share_of
 from .options import (
     ACCURACY,
     GATE,
-    PACE,
+    TURNED,
     Accuracy,
     Axes,
     BothEnds,
     Folder,
     Gate,
     Known,
-    Pace,
     Processes,
     Quiet,
     Scheduler,
     Settings,
     Shown,
     Threads,
+    Turned,
     scene_and_folder,
 )  # fmt: skip
 
@@ -106,11 +106,7 @@ def operator_map(
         str | None, Parameter(help="Air speeds: '3:7:5 m/s' or 4,5,6; of a fan its speed_ratio; default 0.8 to 1.2.")
     ] = None,
     feed: Annotated[str | None, Parameter(help="Feed rates: '200:800:4 kg/hour'; default likewise.")] = None,
-    out: Folder = None,
-    settings: Settings = (),
-    pace: Pace = PACE,
-    workers: Processes = None,
-    quiet: Quiet = False,
+    options: Turned = TURNED,
 ) -> int:
     """Draw recovery, purity, loss and dirt of every target over air speed and feed rate, with their intervals.
 
@@ -123,8 +119,7 @@ def operator_map(
     """
     from ..many.operating import operating_map
 
-    return _operated(partial(operating_map, air=_values("air.speed", air)), "map", scene, feed, out, settings, pace,
-                     workers, quiet)  # fmt: skip
+    return _operated(partial(operating_map, air=_values("air.speed", air)), "map", scene, feed, options)
 
 
 def capacity(
@@ -133,11 +128,7 @@ def capacity(
     feed: Annotated[
         str | None, Parameter(help="Feed rates: '200:800:4 kg/hour'; default a quarter to twice its own.")
     ] = None,
-    out: Folder = None,
-    settings: Settings = (),
-    pace: Pace = PACE,
-    workers: Processes = None,
-    quiet: Quiet = False,
+    options: Turned = TURNED,
 ) -> int:
     """Draw the capacity curve: what is lost of every fraction and what dirt is left over the feed rate, with intervals.
 
@@ -150,39 +141,34 @@ def capacity(
     """
     from ..many.operating import capacity as curve
 
-    return _operated(curve, "capacity", scene, feed, out, settings, pace, workers, quiet)
+    return _operated(curve, "capacity", scene, feed, options)
 
 
 def _operated(
-    made: Callable[..., tuple[Sweep, Path]],
-    name: str,
-    scene: Path,
-    feed: str | None,
-    out: Path | None,
-    settings: tuple[str, ...],
-    pace: Pace,
-    workers: int | None,
-    quiet: bool,
+    made: Callable[..., tuple[Sweep, Path]], name: str, scene: Path, feed: str | None, options: Turned
 ) -> int:
     """A map or a curve of a scene over what an operator turns, drawn and printed."""
     from ..many.operating import met_at, met_up_to
     from ..runs.effort import quick_settings
     from ..runs.progress import live
-    from .show_many import show_limits, show_sweep, show_verdicts
+    from ..show.words import counted_lines, met_lines
+    from .screen import print_lines
+    from .show_many import show_sweep
 
-    asked, folder = scene_and_folder(scene, settings, pace, None)
-    how = pace.how
-    if pace.quick:
+    asked, folder = scene_and_folder(scene, options.settings, options.pace, None)
+    how = options.pace.how
+    if options.pace.quick:
         asked, how = quick_settings(asked, how)
-    with live(enabled=not quiet) as listener:
-        target = out or folder.with_name(f"{folder.name}+{name}")
-        found, figure = made(asked, target, feed=_values("feed.rate", feed), workers=workers, listener=listener, **how)
-    if not quiet:
+    rates, target = _values("feed.rate", feed), options.out or folder.with_name(f"{folder.name}+{name}")
+    with live(enabled=not options.quiet) as listener:
+        found, figure = made(asked, target, feed=rates, workers=options.workers, listener=listener, **how)
+    if not options.quiet:
         show_sweep(found)
+        limits = asked.limit.asked
         if name == "capacity":
-            show_limits(met_up_to(found.table, asked.limit.asked), asked.limit.asked)
+            print_lines(met_lines(met_up_to(found.table, limits), limits))
         else:
-            show_verdicts(met_at(found.table, asked.limit.asked), asked.limit.asked)
+            print_lines(counted_lines(met_at(found.table, limits), limits))
         print(figure)
     return SOME_FAILED if found.failed else 0
 
@@ -233,7 +219,7 @@ def _beside_trays(run_folder: Path, file: Path, out: Path | None) -> None:
         from ..core import sums
         from ..core.files import made_folder
         from ..show.canvas import saved
-        from ..show.figures.measured_figures import draw_measured
+        from ..show.figures.budget_figures import draw_measured
 
         table, figure = out / "agreement.csv", out / "measured.png"
         files = [table, *saved(figure)]
@@ -274,7 +260,7 @@ def bins(
         show_dividers([dividers(run_folder, fraction, _portion(purity, asked), stretches=stretches, on=on)], on)
         return
     from ..show.canvas import saved
-    from ..show.curves import draw_dividers, write_dividers
+    from ..show.table_figures import draw_dividers, write_dividers
 
     levels = purities(run_folder, fraction, on)
     curve = trade_off(run_folder, fraction, levels, stretches=stretches, on=on)

@@ -136,6 +136,21 @@ class Pace(Accuracy):
 GATE, ACCURACY, PACE = Gate(), Accuracy(), Pace()
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Turned:
+    """What a map and a curve over what an operator turns are asked with."""
+
+    out: Folder = None
+    settings: Settings = ()
+    pace: Pace = PACE
+    workers: Processes = None
+    quiet: Quiet = False
+
+
+TURNED = Turned()
+
+
 def scene_and_folder(file: Path, settings: tuple[str, ...], gate: Gate, out: Path | None) -> tuple[Scene, Path]:
     """The scene of a file with its ``settings``, and the folder for its results, by default below runs/; says on
     stderr which of the settings nothing feels.

@@ -27,36 +27,31 @@ def plain(words: str | Text, style: str = "") -> Text:
 
 
 def screen_table(
-    heads: Sequence[str],
-    rows: Iterable[Sequence[str | Text] | None],
-    title: str | None = None,
-    caption: str | None = None,
-    *,
-    left: int = 1,
+    heads: Sequence[str], rows: Iterable[Sequence[str | Text]], title: str = "", caption: str = "", *, left: int = 1,
     whole: bool = False,
-) -> Table:
-    """A table whose first columns, ``left`` of them, lean to the left and the others to the right; None among the
-    ``rows`` of words draws a line. ``whole``: no cell is broken into lines.
+) -> Table:  # fmt: skip
+    """A table whose first columns, ``left`` of them, lean to the left and the others to the right; an empty one
+    among the ``rows`` of words draws a line. ``whole``: no cell is broken into lines.
     """
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     table = Table(
-        title=title and plain(title, "table.title"), title_justify="left",
-        caption=caption and plain(caption, "table.caption"), caption_justify="left",
+        title=plain(title, "table.title") if title else None, title_justify="left",
+        caption=plain(caption, "table.caption") if caption else None, caption_justify="left",
         pad_edge=False, collapse_padding=True, box=SIMPLE_HEAD,
     )  # fmt: skip
     for place, head in enumerate(heads):
         table.add_column(plain(head), justify="left" if place < left else "right", overflow="fold", no_wrap=whole)
     for row in rows:
-        if row is None:
-            table.add_section()
-        else:
+        if row:
             table.add_row(*map(plain, row))
+        else:
+            table.add_section()
     return table
 
 
-def print_lines(lines: Iterable[str], style: str | None = None) -> None:
+def print_lines(lines: Iterable[str], style: str = "") -> None:
     """Print lines as they are, however long."""
     from rich.console import Console
 

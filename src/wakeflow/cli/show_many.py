@@ -16,7 +16,7 @@ from ..many.comparison import RunComparison
 from ..many.compute import Sweep, SweepEstimate
 from ..many.sensitivity import Sensitivity
 from ..show.many_figures import input_words, main_quantities
-from ..show.sketch import UNITS
+from ..show.plan_words import UNITS
 from ..show.words import NO_VALUE, difference_text, percent, quantity_text
 from .screen import plain, print_lines, screen_table
 
@@ -63,20 +63,6 @@ def show_sweep(found: Sweep) -> None:
     show_table(found.table)
     print_lines((f"! {name}: {reason}" for name, reason in found.failed.items()), "yellow")
     print_lines([f"results: {found.folder}"])
-
-
-def show_limits(met: Mapping[str, float | None], limits: Mapping[str, float]) -> None:
-    """Print up to which feed rate (kg/s) each limit is met."""
-    for name, rate in met.items():
-        until = "at none of these rates" if rate is None else f"up to {say(3600.0 * rate, 'kg/h', 4)}"
-        print_lines([f"{name} at most {100 * limits[name]:.4g} %: met {until}"])
-
-
-def show_verdicts(found: Mapping[str, Mapping[str, int]], limits: Mapping[str, float]) -> None:
-    """Print at how many settings each limit is met, not met and open."""
-    for name, counted in found.items():
-        told = ", ".join(f"{verdict} at {number}" for verdict, number in counted.items())
-        print_lines([f"{name} at most {100 * limits[name]:.4g} %: {told} of {sum(counted.values())} settings"])
 
 
 def show_table(table: ResultTable) -> None:

@@ -11,23 +11,7 @@ from ..answer.shares import SHARE_UNIT, BudgetRow, Separation, least_certain, we
 from ..core.errors import known
 from ..core.number import Number
 from ..core.quantities import say
-from ..show.words import (
-    NO_VALUE,
-    SUMMED,
-    TERMS,
-    bins_in_words,
-    budget_columns,
-    change_of,
-    condensed,
-    error_text,
-    holds,
-    in_three_dimensions,
-    measurement_lines,
-    money_lines,
-    percent,
-    source_seconds,
-    verdict_lines,
-)
+from ..show import words
 from .screen import print_lines, screen_table, warn
 
 if TYPE_CHECKING:
@@ -138,17 +122,17 @@ def _separated(result: Result, separation: Separation, *, parted: bool) -> Table
         else f"calibrated with {result.calibration.source}: "
     )
     title = f"{of}share of each fraction's mass, %{', granules colliding' if met else ''}"
-    rows: list[list[str | Text] | None] = []
-    for one in bins_in_words(result, separation):
+    rows: list[list[str | Text]] = []
+    for one in words.bins_in_words(result, separation):
         told = [(_parted(share) if parted else share, wanted) for share, wanted in one.shares]
         shares = [Text(share, style="bold green" if wanted else "") for share, wanted in told]
         purest = "\n".join(f"{name} {_parted(share)}".strip() for name, share in one.purities)
         rows.append([one.place, *shares, one.flow, purest])
     below = [] if result.void else measure_next(result)  # more exact numbers mend no answer that is worth nothing
-    first = [*verdict_lines(result), *money_lines(result)]
-    caption = "\n".join(filter(None, [*first, holds(result), in_three_dimensions(result.landings), *below]))
+    first = [*words.verdict_lines(result), *words.money_lines(result)]
+    caption = "\n".join(filter(None, [*first, words.holds(result), words.in_three_dimensions(result.landings), *below]))
     heads = ["bin", *separation.fractions, "kg/h", "purity"]
-    return screen_table(heads, [*rows[:-SUMMED], None, *rows[-SUMMED:]], title, caption)
+    return screen_table(heads, [*rows[: -words.SUMMED], [], *rows[-words.SUMMED :]], title, caption)
 
 
 def _parted(text: str) -> str:
@@ -160,7 +144,7 @@ def measure_next(result: Result) -> list[str]:
     """What a measurement would make of each recovery and each purity of a target; without targets, on which numbers
     each fraction's least certain share depends most.
     """
-    if told := measurement_lines(result):
+    if told := words.measurement_lines(result):
         return [*told, HOW_TO_MEASURE]
     told = []
     for name, (place, parts) in ({} if result.landings is None else least_certain(result.landings)).items():
@@ -174,20 +158,20 @@ def alone_table(separation: Separation, alone: Separation) -> Table:
     """Bins by fractions: the shares of granules that meet no others, and what crowding changes of them, in points."""
 
     def row(name: str, pairs: Iterable[tuple[Number | None, Number | None]]) -> list[str]:
-        return [name, *(f"{percent(one)}  ({change_of(one, met)})" for one, met in pairs)]
+        return [name, *(f"{words.percent(one)}  ({words.change_of(one, met)})" for one, met in pairs)]
 
-    rows: list[list[str] | None] = [
+    rows = [
         row(place, ((alone.fractions[name][place], found[place]) for name, found in separation.fractions.items()))
         for place in separation.bins
     ]
     recoveries = row("recovery", ((alone.recovery.get(n), separation.recovery.get(n)) for n in separation.fractions))
     title = "without collisions, %, and what they change, points"
-    return screen_table(["bin", *separation.fractions], [*rows, None, recoveries], title)
+    return screen_table(["bin", *separation.fractions], [*rows, [], recoveries], title)
 
 
 def budget_table(budget: Sequence[BudgetRow]) -> Table:
     """The largest known errors of every quantity, the run time that knowing each source took, and what is unknown."""
-    shown = condensed(budget)
+    shown = words.condensed(budget)
     known = {part.source for row in shown for part in row.parts if part.error is not None}
     totals = any(row.total.error is not None for row in shown)  # else the note says why not
     rows = []
@@ -204,29 +188,29 @@ def _largest(row: BudgetRow) -> str:
     """The largest errors of a quantity in words, those that weigh beside the largest."""
     parts = sorted((part for part in row.parts if part.error), key=lambda part: -(part.error or 0.0))
     if not parts:
-        return NO_VALUE
+        return words.NO_VALUE
     weighing = [part for part in parts if (part.error or 0.0) >= WEIGHS * (parts[0].error or 0.0)][:MAX_PARTS]
     return ", ".join(f"{part.source} {_bare(row, part.error)}" for part in weighing)
 
 
-def _budget_notes(rows: Sequence[BudgetRow], known: Collection[str]) -> str | None:
+def _budget_notes(rows: Sequence[BudgetRow], known: Collection[str]) -> str:
     """Which terms are behind each sum of terms, and which sources are unknown."""
     notes: dict[str, None] = {}  # in order, each once
     for row in rows:
         for part in row.parts:
-            if part.source in TERMS.values():
+            if part.source in words.TERMS.values():
                 notes[f"{row.quantity.split('.')[1]}, {part.source}: {part.note}"] = None
-    cost = {source: spent for source, spent in source_seconds(rows).items() if spent >= SHORTEST}
+    cost = {source: spent for source, spent in words.source_seconds(rows).items() if spent >= SHORTEST}
     if cost:
         notes[f"run time, s: {', '.join(f'{source} {spent:.0f}' for source, spent in cost.items())}"] = None
-    if unknown := [source for source in budget_columns(rows) if source not in known]:
+    if unknown := [source for source in words.budget_columns(rows) if source not in known]:
         notes[f"unknown, so that no total is claimed: {', '.join(unknown)}"] = None
-    return "\n".join(notes) or None
+    return "\n".join(notes)
 
 
 def _bare(row: BudgetRow, error: float | None) -> str:
     """An error without its unit, for a table that names it elsewhere."""
-    return error_text(row, error).removesuffix(f" {row.measure}")
+    return words.error_text(row, error).removesuffix(f" {row.measure}")
 
 
 def show_dividers(found: Sequence[Dividers], on: str) -> None:
@@ -238,7 +222,11 @@ def show_dividers(found: Sequence[Dividers], on: str) -> None:
     for one in found:
         start = one.line[0, 0] if level else 0.0
         places = ", ".join(f"{1e3 * (start + low):.1f} to {1e3 * (start + high):.1f}" for low, high in one.stretches)
-        judged = [percent(one.purity), percent(one.recovery)] if one.possible else [NO_VALUE, NO_VALUE]
+        judged = (
+            [words.percent(one.purity), words.percent(one.recovery)]
+            if one.possible
+            else [words.NO_VALUE, words.NO_VALUE]
+        )
         rows.append([f"{100 * one.asked:.4g}", *judged, places or "no stretch reaches it"])
     title = f"{fraction} on {on}, percent; judged on granules that had no part in the choice; interval: of their number"
     heads = ("purity asked", "purity", "recovery", f"stretches ({'x in mm' if level else 'mm along the line'})")

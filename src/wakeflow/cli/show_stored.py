@@ -102,7 +102,7 @@ def show_stages(stages: Sequence[KeptStage], title: str = "in the cache") -> Non
         size, spent = sum(one.size for one in part), sum(one.seconds or 0.0 for one in part)
         return [used, f"{len(part)} {what}", "", f"{size / 1e6:.1f}", duration(spent)]
 
-    rows: list[list[str] | None] = []
+    rows: list[list[str]] = []
     for one in stages[:MAX_ROWS]:
         used = datetime.fromtimestamp(one.used, UTC).astimezone().strftime("%Y-%m-%d %H:%M")
         again = NONE if one.seconds is None else duration(one.seconds)
@@ -111,4 +111,4 @@ def show_stages(stages: Sequence[KeptStage], title: str = "in the cache") -> Non
     if len(stages) > MAX_ROWS:
         rows.append(sums("later", "more", stages[MAX_ROWS:]))
     heads = ("used", "stage", "key", "MB", "to make again")
-    Console().print(screen_table(heads, [*rows, None, sums("all", "stages", stages)], title, left=3))
+    Console().print(screen_table(heads, [*rows, [], sums("all", "stages", stages)], title, left=3))

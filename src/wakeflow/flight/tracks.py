@@ -129,7 +129,7 @@ class Tracks:
             velocity=np.zeros((count, 2)),
             time=np.zeros(count),
             spin=np.zeros(count),
-            recorded=[np.zeros((0, 5))] * count * recorded,
+            recorded=[np.zeros((0, at.RECORD))] * count * recorded,
             **numbers,
         )
 
@@ -143,10 +143,21 @@ class Tracks:
 
     def path(self, i: int) -> tuple[Array, Array, Array]:
         """Times (m,), positions (m, 2) and velocities (m, 2) of granule i; needs ``record=True``."""
+        table = self._record(i)
+        return table[:, 0], table[:, 1:3], table[:, 3:5]
+
+    def arriving(self, i: int) -> Array:
+        """Velocities (m, 2) with which granule i came to the points of its path: what all but walls and others changed
+        of the velocity at the point before. Where it strikes nothing these are those of :meth:`path`.
+        """
+        table = self._record(i)
+        velocity, gained = table[:, 3:5], np.diff(table[:, at.REC_GAIN_X : at.REC_GAIN_Y + 1], axis=0)
+        return np.concatenate([velocity[:1], velocity[:-1] + gained])
+
+    def _record(self, i: int) -> Array:
         if not self.recorded:
             raise SceneError("path: no paths were kept; call track(..., record=True)")
-        table = self.recorded[i]
-        return table[:, 0], table[:, 1:3], table[:, 3:5]
+        return self.recorded[i]
 
     def some(self, rows: Index) -> Tracks:
         """Those of the granules ``rows`` (m,)."""

@@ -125,7 +125,7 @@ def field_files(pipeline: Pipeline, airflow: Airflow | None) -> Path | None:
         return None
     upstream, flow = pipeline.field
     asked = scene.numerics.snapshots, scene.symmetric
-    key = content_key("vtk", upstream, *asked, code_key("wakeflow.show.vtk.vtk_air"), versions()["pyvista"])
+    key = content_key("vtk", upstream, *asked, code_key("wakeflow.show.vtk.vtk_files"), versions()["pyvista"])
 
     def work(part: Path) -> None:
         write_field(part, flow, scene, airflow)

@@ -21,16 +21,9 @@ if TYPE_CHECKING:
     from ..planning.feed_funnel import FunnelSummary
 
 __all__ = [
-    "Landed",
-    "Outcome",
-    "clear_report",
-    "draw_discharge",
-    "films",
-    "is_whole",
-    "pictures_of",
-    "report_files",
+    "Landed", "Outcome", "clear_report", "draw_discharge", "films", "is_whole", "pictures_of", "report_files",
     "write_report",
-]
+]  # fmt: skip
 
 # every finished report has them
 LASTING = ("tracks.vtp", "machine.vtm", "landings.vtp", "separation.csv", "budget.csv", "report.html")

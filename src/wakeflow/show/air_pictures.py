@@ -227,14 +227,14 @@ class VorticityShades:
         first = 0.0 if self.field.times is None else float(self.field.times[0])
         return float(np.percentile(np.abs(self._nodal(first)), STRONGEST)) or 1.0
 
-    def shaded(self, time: float, strongest: float, levels: int | None = None) -> NDArray[np.uint8]:
+    def shaded(self, time: float, strongest: float, levels: int = 0) -> NDArray[np.uint8]:
         """Colours (up, across, 3) at ``time`` (s): blue turns clockwise, red counter-clockwise, white does not or is
-        outside; in so many ``levels`` either way, or smooth.
+        outside; in so many ``levels`` either way, 0: smooth.
         """
         values = np.zeros(len(self.inside))
         values[self.inside] = np.einsum("nk,nk->n", self.weight, self._nodal(time)[self.corner]) / strongest
         signed = np.tanh(values)
-        if levels is not None:
+        if levels:
             signed = np.round(signed * levels) / levels
         return np.rint(tone(signed)).astype(np.uint8).reshape(self.size[1], self.size[0], 3)
 

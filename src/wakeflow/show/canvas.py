@@ -61,7 +61,7 @@ def text_width(text: str, size: float) -> float:
     return LETTER * size * len(text) / 72
 
 
-def new_figure(width: float, height: float, paper: Paper | None = None) -> AnyFigure:
+def new_figure(width: float, height: float, paper: Paper = "") -> AnyFigure:
     """An empty figure (inches) with its own Agg canvas for a file; where the ``paper`` is a figure, that one in this
     size; where it is axes, a part of their figure in their place.
 
@@ -88,14 +88,14 @@ def new_figure(width: float, height: float, paper: Paper | None = None) -> AnyFi
     return figure
 
 
-def new_axes(width: float, height: float, paper: Paper | None = None) -> Axes:
+def new_axes(width: float, height: float, paper: Paper = "") -> Axes:
     """Axes that are the ``paper``, else those of a :func:`new_figure` with one panel."""
     from matplotlib.axes import Axes
 
     return paper if isinstance(paper, Axes) else new_figure(width, height, paper).add_subplot()
 
 
-def canvas(window: Window, paper: Paper | None = None) -> tuple[AnyFigure, Axes, float]:
+def canvas(window: Window, paper: Paper = "") -> tuple[AnyFigure, Axes, float]:
     """Figure and axes for a map of a window, and its scale (inches per m)."""
     across, up = window[1] - window[0], window[3] - window[2]
     scale = min(TALLEST / up, WIDEST / across)

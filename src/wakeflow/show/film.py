@@ -189,7 +189,7 @@ def film_section(film: Path | None) -> str:
     """The section of the page between its marks, empty without a film; one that is too large, or damaged, is named, not
     shown.
     """
-    from .html.template import page_template
+    from .html.rows import page_template
 
     if film is None:
         return f"{BEGIN}{END}"

@@ -16,7 +16,7 @@ from ..answer.result_table import Entry, ResultTable, TableQuantity
 from ..core.errors import SceneError
 from ..core.number import UNKNOWN_ERROR, UNKNOWN_SPAN
 from .canvas import INK, fraction_colours, new_figure, save, text_width
-from .sketch import UNITS
+from .plan_words import UNITS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -312,16 +312,9 @@ def draw_trade_off(path: Path, table: ResultTable) -> None:
             continue
         (x, *xerr), (y, *yerr) = (spots_of(side, 100.0) for side in zip(*found.values(), strict=True))
         axes.errorbar(
-            x,
-            y,
-            xerr=np.array(xerr),
-            yerr=np.array(yerr),
-            fmt=marker,
-            ms=4,
-            lw=0.7,
-            color=colours[fraction],
+            x, y, xerr=np.array(xerr), yerr=np.array(yerr), fmt=marker, ms=4, lw=0.7, color=colours[fraction],
             label=f"{fraction} in {place}",
-        )
+        )  # fmt: skip
         spots = np.column_stack([x, y])
         front = spots[on_front(spots)]
         axes.plot(*front[np.argsort(front[:, 0])].T, color=colours[fraction], lw=1.2, alpha=0.6)

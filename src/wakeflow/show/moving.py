@@ -42,22 +42,49 @@ def seen_from_body(scene: Scene, time: Array, position: Array) -> Array:
     return position if motion is None else position + motion.opposite.at(time, position)[0]
 
 
+def along(cubics: Array, part: Array, span: Array) -> tuple[Array, Array]:
+    """Positions (k, 2) m and velocities (k, 2) m/s on ``cubics`` (4, k, 2) m, of which each lasts a ``span`` (k,) s,
+    after a ``part`` (k,) of it.
+    """
+    s, (start, first, second, third) = part[:, None], cubics
+    slope = first + s * (2.0 * second + 3.0 * s * third)
+    velocity = np.divide(slope, span[:, None], out=np.zeros_like(slope), where=span[:, None] > 0)
+    return start + s * (first + s * (second + s * third)), velocity
+
+
 @dataclass(frozen=True)
 class Path2D:
-    """One recorded track: time (m,) s, position (m, 2) m, velocity (m, 2) m/s, the granule's diameter (m).
+    """One recorded track: time (m,) s, position (m, 2) m, velocity (m, 2) m/s, that before an impact ``arriving``
+    (m, 2) m/s, the granule's diameter (m).
 
-    Between two points the acceleration is taken as constant, from the velocity after the first to the position of the
-    second: exact in free flight without air, and right up to an impact, which is a point.
+    Between two points it is the cubic of their positions and velocities (Hermite's): exact under constant acceleration,
+    of fourth order in the time between them under any other.
     """
 
     time: Array
     position: Array
     velocity: Array
+    arriving: Array
     diameter: float
 
     @classmethod
     def of(cls, track: Mapping[str, AnyArray]) -> Path2D:
-        return cls(track["time"], track["position"], track["velocity"], float(track["diameter"]))
+        time, position, velocity, arriving = (track[key] for key in ("time", "position", "velocity", "arriving"))
+        return cls(time, position, velocity, arriving, float(track["diameter"]))
+
+    def cubics(self, i: NDArray[np.int64]) -> Array:
+        """Of the pieces from points ``i`` (k,) to the next ones: what 1, s, s^2 and s^3 are multiplied with, (4, k, 2)
+        m, where s goes from 0 to 1.
+
+        Along a body the velocity at the end is that of the second point; in front of an impact that before it. The one
+        is taken that is nearer to what constant acceleration makes of the velocity at the first point.
+        """
+        span, way = (self.time[i + 1] - self.time[i])[:, None], self.position[i + 1] - self.position[i]
+        first, struck, arriving = span * self.velocity[i], span * self.velocity[i + 1], span * self.arriving[i + 1]
+        near = 2.0 * way - first
+        before = np.linalg.norm(arriving - near, axis=1) < np.linalg.norm(struck - near, axis=1)
+        last = np.where(before[:, None], arriving, struck)
+        return np.stack([self.position[i], first, 3.0 * way - 2.0 * first - last, first + last - 2.0 * way])
 
     def at(self, time: Array) -> tuple[Array, Array]:
         """Positions (k, 2) m and velocities (k, 2) m/s at ``time`` (k,) s; before and after the track, its ends."""
@@ -65,11 +92,17 @@ class Path2D:
         if len(self.time) < 2:
             return np.tile(self.position[0], (len(moments), 1)), np.tile(self.velocity[0], (len(moments), 1))
         i = np.clip(np.searchsorted(self.time, moments, side="right") - 1, 0, len(self.time) - 2)
-        span, s = (self.time[i + 1] - self.time[i])[:, None], (moments - self.time[i])[:, None]
-        start = self.velocity[i]
-        mean = np.divide(self.position[i + 1] - self.position[i], span, out=start.copy(), where=span > 0)
-        part = np.divide(s, span, out=np.zeros_like(s), where=span > 0)
-        return self.position[i] + s * (start + part * (mean - start)), start + 2.0 * part * (mean - start)
+        span = self.time[i + 1] - self.time[i]
+        part = np.divide(moments - self.time[i], span, out=np.zeros_like(span), where=span > 0)
+        return along(self.cubics(i), part, span)
+
+    def moments(self, step: float) -> Array:
+        """Times (k,) s, those of the recorded points among them, between which it comes about a ``step`` (m) far."""
+        way = np.linalg.norm(np.diff(self.position, axis=0), axis=1)
+        pieces = np.maximum(1, np.ceil(way / step)).astype(int)
+        begins = np.repeat(self.time[:-1], pieces)
+        number = np.arange(len(begins)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        return np.append(begins + number * np.repeat(np.diff(self.time) / pieces, pieces), self.time[-1])
 
     def separation(self, scene: Scene) -> int | None:
         """The recorded point at which it last touches a body; None where it never does."""

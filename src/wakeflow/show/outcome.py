@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from ..answer.result import Result
     from ..flight.stages.solved_case import ForceHistory, PlaneCells
     from ..scene import Scene
-    from .canvas import Paper
 
 # of a granule: time (m,) s, position (m, 2) m, velocity (m, 2) m/s; diameter () m; bin () as below, fate () of wf.Fate
 Track = Mapping[str, AnyArray]
@@ -66,14 +65,15 @@ class Outcome:
 class Figure:
     """A picture in the folder ``figures`` and on the page, NAME.png under the name that it is registered by.
 
-    ``caption``: what it shows; ``draw(paper, outcome)`` writes the PNG, the SVG and the data, or draws on the axes or
-    in the figure that the paper is, and returns the axes, one or an array; ``needs(outcome)``: whether the run has what
-    it shows; ``always``: every finished report has it, so that one without it is drawn again.
+    ``caption``: what it shows; ``parts(outcome)``: what it shows of a run, empty where the run has nothing of it;
+    ``draw(paper, *parts)`` writes the PNG, the SVG and the data, or draws on the axes or in the figure that the paper
+    is, and returns the axes, one or an array; ``always``: every finished report has it, so that one without it is drawn
+    again.
     """
 
     caption: str
-    draw: Callable[[Paper, Outcome], Any]
-    needs: Callable[[Outcome], bool] | None = None
+    draw: Callable[..., Any]
+    parts: Callable[[Outcome], tuple[object, ...]]
     always: bool = False
 
 
@@ -81,20 +81,8 @@ figures: Registry[Figure] = Registry("standard figure")
 
 
 def add_figure(
-    name: str,
-    caption: str,
-    draw: Callable[..., Any],
-    parts_of: Callable[[Outcome], tuple[object, ...] | None],
-    *,
+    name: str, caption: str, draw: Callable[..., Any], parts: Callable[[Outcome], tuple[object, ...]], *,
     always: bool = False,
-) -> None:
-    """Register a figure whose ``draw(paper, *parts)`` takes the parts of a run that ``parts_of`` finds, None where the
-    run has nothing to show.
-    """
-    draw_it = Figure(
-        caption,
-        lambda paper, outcome: draw(paper, *(parts_of(outcome) or ())),
-        lambda outcome: parts_of(outcome) is not None,
-        always,
-    )
-    figures.add(name, draw_it)
+) -> None:  # fmt: skip
+    """Register a :class:`Figure`."""
+    figures.add(name, Figure(caption, draw, parts, always))

@@ -16,17 +16,16 @@ from ..core.errors import SceneError
 from ..core.files import atomic_write
 from ..core.quantities import metres, say, speaking
 from .canvas import BARS, INK, MM, new_figure, save, solids, text_width
-from .machine_words import body_words, feed_corners, feed_words, tilt_words
 from .outcome import add_figure
+from .plan_words import UNITS, body_words, feed_corners, feed_words, tilt_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ..scene import Bin, Scene
+    from ..scene import Scene
     from .canvas import AnyFigure, Paper
 
 Array = NDArray[np.float64]
-UNITS = {"m": "mm", "rad": "deg", "kg/s": "kg/h"}  # what measures are said in, where the user's units are not known
 FILES = ("png", "svg", "pdf")
 AIR, FEED = "#0b7285", "#c98500"
 LARGEST, ON_A_PAGE = 5.4, 1.9  # inches of the machine itself; beside an answer on the first page of paper
@@ -62,12 +61,8 @@ class _Sheet:
 
 
 def draw_sketch(
-    scene: Scene,
-    units: Mapping[str, str] | None = None,
-    paper: Paper | None = None,
-    largest: float = LARGEST,
-    page: float = math.inf,
-) -> AnyFigure:
+    scene: Scene, units: Mapping[str, str] = UNITS, paper: Paper = "", largest: float = LARGEST, page: float = math.inf,
+) -> AnyFigure:  # fmt: skip
     """The machine to scale: bodies, channel, air, feed, secondary streams, bins with their names and limits; measures.
 
     ``units``: what measures are said in, of units of the SI, as :func:`wakeflow.scene.units_written` finds them in a
@@ -75,7 +70,7 @@ def draw_sketch(
     take the place of, instead of a figure with its own Agg canvas. ``largest``: inches of the machine's longer side,
     less where the whole is wider than a ``page``. Returns the figure; everything lies within it.
     """
-    with speaking({**UNITS, **(units or {})}):
+    with speaking({**UNITS, **units}):
         notes = list(_notes(scene))
         bounds = _window(scene)
         figure, sheet = _sheet(bounds, notes, scene, paper, (largest, page))
@@ -90,7 +85,7 @@ def draw_sketch(
     return figure
 
 
-def write_sketch(path: Path, scene: Scene, units: Mapping[str, str] | None = None) -> None:
+def write_sketch(path: Path, scene: Scene, units: Mapping[str, str] = UNITS) -> None:
     """Write :func:`draw_sketch` to a PNG, SVG or PDF file that is whole or absent. Raises SceneError for another."""
     kind = path.suffix.removeprefix(".").lower()
     if kind not in FILES:
@@ -111,7 +106,7 @@ class DrawnSketch:
     scale: float
 
 
-def sketch_svg(scene: Scene, units: Mapping[str, str] | None = None) -> DrawnSketch:
+def sketch_svg(scene: Scene, units: Mapping[str, str] = UNITS) -> DrawnSketch:
     """:func:`draw_sketch` for a page on which it is not the last layer; its writing stays writing."""
     import matplotlib
 
@@ -133,12 +128,9 @@ def _window(scene: Scene) -> tuple[float, float, float, float]:
 
 
 def _sheet(
-    window: tuple[float, float, float, float],
-    notes: list[_Note],
-    scene: Scene,
-    paper: Paper | None,
+    window: tuple[float, float, float, float], notes: list[_Note], scene: Scene, paper: Paper,
     room: tuple[float, float],
-) -> tuple[AnyFigure, _Sheet]:
+) -> tuple[AnyFigure, _Sheet]:  # fmt: skip
     """Paper that holds the machine, the measures along it and the notes beside it."""
     left, right, low, high = window
     before, after = HEIGHT + _longest(notes, left=True), BESIDE + _longest(notes, left=False)
@@ -298,7 +290,7 @@ def _draw_vibration(sheet: _Sheet, scene: Scene) -> None:
 
 def _draw_bins(sheet: _Sheet, scene: Scene) -> None:
     """Bins as bars on their lines; those on the floor and the top with their names and limits along it."""
-    for i, (_, bin_) in enumerate(sorted(scene.bin.items(), key=lambda item: _ends(item[1], scene))):
+    for i, bin_ in enumerate(sorted(scene.bin.values(), key=lambda one: (one.on, float(one.line(scene).sum())))):
         bar = MM * bin_.line(scene)
         sheet.axes.plot(*bar.T, color=BARS[i % 2], linewidth=5, solid_capstyle="butt", clip_on=False, zorder=5)
     for on, y, away in (("floor", scene.channel.bottom, -1), ("top", scene.channel.top, 1)):
@@ -314,20 +306,9 @@ def _draw_bins(sheet: _Sheet, scene: Scene) -> None:
         for x, text, inches, colour in rows:
             place = (MM * x, MM * y + away * sheet.away(inches))
             sheet.axes.annotate(
-                text,
-                place,
-                fontsize=TEXT_SIZE,
-                color=colour,
-                ha="center",
-                va=side,
-                rotation=turned,
+                text, place, fontsize=TEXT_SIZE, color=colour, ha="center", va=side, rotation=turned,
                 annotation_clip=False,
-            )
-
-
-def _ends(bin_: Bin, scene: Scene) -> tuple[str, float]:
-    """Where a bin is in the order along its side."""
-    return bin_.on, float(bin_.line(scene).sum())
+            )  # fmt: skip
 
 
 def _notes(scene: Scene) -> Iterator[_Note]:

@@ -1,17 +1,22 @@
-"""The figures that suit the inputs of a table of many results, drawn into its folder."""
+"""The figures that suit a table of many results, drawn into its folder, and recovery over purity of dividers."""
 
 from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
+from ..answer.dividers import Dividers
 from ..answer.result import VOID
 from ..answer.result_table import ResultTable
 from ..core import sums
-from .canvas import saved
+from ..core.number import Number
+from ..core.tables import CellTable
+from .canvas import COLOURS, new_figure, save, saved
 from .many_figures import draw_lines, draw_map, draw_trade_off, grid_of, main_quantities, numeric_inputs, pairs_of
 
 COMMAND = "figures"  # whose files they are in a folder
@@ -54,3 +59,40 @@ def _figures(folder: Path, table: ResultTable) -> dict[Path, Callable[[Path], No
 def of_worth(table: ResultTable) -> ResultTable:
     """The table without void answers, which say nothing."""
     return ResultTable([one for one in table.entries if one.reason != VOID], table.targets)
+
+
+DIVIDER_HEADS = (
+    "purity asked (%)", "purity (%)", "purity low (%)", "purity high (%)", "recovery (%)", "recovery low (%)",
+    "recovery high (%)", "from, to along the line (m)",
+)  # fmt: skip
+
+
+def draw_dividers(path: Path, found: Sequence[Dividers]) -> None:
+    """Draw what dividers give at every purity asked: recovery over purity, both on granules that did not choose."""
+    figure = new_figure(5.6, 4.0)
+    axes = figure.add_subplot(xlabel="purity (%)", ylabel=f"recovery of {found[0].fraction} (%)")
+    able = [one for one in found if one.possible and one.purity.value is not None]
+    pure, got = (
+        np.array([_numbers(part) for part in side]).T
+        for side in ([one.purity for one in able], [one.recovery for one in able])
+    )
+    axes.fill_between(pure[0], got[1], got[2], color=COLOURS[0], alpha=0.18, linewidth=0)
+    axes.fill_betweenx(got[0], pure[1], pure[2], color=COLOURS[0], alpha=0.18, linewidth=0)
+    axes.plot(pure[0], got[0], "o-", ms=3, color=COLOURS[0])
+    save(figure, path)
+
+
+def write_dividers(path: Path, found: Sequence[Dividers]) -> None:
+    """Write what :func:`draw_dividers` draws as CSV, with the stretches at each purity; empty where none reaches it."""
+    rows = []
+    for one in found:
+        numbers = [*_numbers(one.purity), *_numbers(one.recovery)] if one.possible else [None] * 6
+        cells = [None if number is None or np.isnan(number) else number for number in numbers]
+        rows.append([100 * one.asked, *cells, "; ".join(f"{low:.6g} {high:.6g}" for low, high in one.stretches)])
+    CellTable(DIVIDER_HEADS, rows).write_csv(path, 6)
+
+
+def _numbers(found: Number) -> tuple[float, float, float]:
+    """Percent, nan where unknown."""
+    value, low, high = (100.0 * one if np.isfinite(one) else np.nan for one in found)
+    return value, low, high

@@ -12,7 +12,7 @@ from ..core import sums
 from ..core.errors import SceneError
 from ..core.files import atomic_write
 from .canvas import BARS, BODY, fraction_colours
-from .machine_words import feed_corners
+from .plan_words import feed_corners
 from .vtk.vtk_files import machine_blocks
 
 if TYPE_CHECKING:

@@ -9,6 +9,6 @@ May call it: nobody by name; planning.feed_funnel has the registry of engines.
 def register() -> None:
     """Add the engine."""
     from ...planning.feed_funnel import ENGINE, bead_engines
-    from .beads import Liggghts
+    from .pour import Liggghts
 
     bead_engines.add(ENGINE, Liggghts())

@@ -1,4 +1,4 @@
-"""The bed that falls into the closed funnel, and its discharge once the lid is off."""
+"""The bed that falls into the closed funnel, its discharge once the lid is off, and both as stages in the cache."""
 
 from __future__ import annotations
 
@@ -6,28 +6,20 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.record import save
+from ...core.record import load, save
+from ...core.sources import code_key
+from ...core.store import content_key
 from ...laws.collision import contact_time
 from ...laws.streams import beverloo, cone_factor
-from ...planning.feed_funnel import DischargeCurve, FunnelSummary
+from ...planning.feed_funnel import DischargeCurve, FunnelSummary, Make
 from ...scene import Funnel
-from .engine import (
-    SCRIPTS,
-    Cone,
-    cone_of,
-    liggghts_version,
-    loose_heap,
-    read_dump,
-    run_script,
-    write_beads,
-    write_settings,
-    write_stl,
-)
-from .rate import Curve, rate_of, read_curve, time_to_empty
+from . import engine
+from .engine import INSTALL, Cone, Curve, cone_of, liggghts_version
 
 # -- The bed -----------------------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
@@ -65,25 +57,19 @@ def steps_of(funnel: Funnel) -> Steps:
     speed = FAST + omega * funnel.amplitude
     contact = contact_time(funnel.low, funnel.density, funnel.youngs_modulus, speed, POISSON)
     dt = contact / funnel.steps_per_contact
-    if funnel.amplitude:
-        dt = 1 / (funnel.shaken_at * math.ceil(1 / (funnel.shaken_at * dt)))
+    if (frequency := funnel.shaken_at) > 0.0:
+        dt = 1 / (frequency * math.ceil(1 / (frequency * dt)))
     return Steps(dt, contact)
 
 
 def contact_settings(funnel: Funnel, steps: Steps) -> dict[str, float | int | str]:
     """Variables of beads.liggghts."""
     return {
-        "youngs": funnel.youngs_modulus,
-        "poisson": POISSON,
-        "e": funnel.restitution,
-        "f": funnel.friction,
-        "fw": funnel.wall_friction,
-        "fr": funnel.rolling_friction,
-        "rolling": "epsd2" if funnel.rolling_friction > 0 else "off",
-        "g": funnel.gravity,
-        "dt": steps.dt,
+        "youngs": funnel.youngs_modulus, "poisson": POISSON, "e": funnel.restitution, "f": funnel.friction,
+        "fw": funnel.wall_friction, "fr": funnel.rolling_friction,
+        "rolling": "epsd2" if funnel.rolling_friction > 0 else "off", "g": funnel.gravity, "dt": steps.dt,
         "skin": 0.25 * funnel.diameter,
-    }
+    }  # fmt: skip
 
 
 def box_of(funnel: Funnel, cone: Cone, drop: float) -> Array:
@@ -96,23 +82,23 @@ def pour(funnel: Funnel, folder: Path, tell: Callable[[str], None]) -> None:
     """Let the loose heap settle; ``bed.dump`` in ``folder`` holds it. Raises ProgramError as LIGGGHTS does."""
     still = funnel.model_copy(update={"gamma": 0.0, "frequency": None})
     cone, steps = cone_of(still), steps_of(still)
-    centres, diameters, velocities = loose_heap(still)
-    write_stl(folder, cone)
-    write_beads(folder, centres, diameters, velocities, still.density, box_of(still, cone, 4 * still.high))
+    centres, diameters, velocities = engine.loose_heap(still)
+    engine.write_stl(folder, cone)
+    engine.write_beads(folder, centres, diameters, velocities, still.density, box_of(still, cone, 4 * still.high))
     settings = contact_settings(still, steps) | {
         "every": steps.of(CHUNK / 2),
         "chunk": steps.of(CHUNK),
         "turns": math.ceil(LONGEST / CHUNK),
         "calm": 0.5 * still.total_mass * CALM**2,
     }
-    write_settings(folder, settings)
+    engine.write_settings(folder, settings)
     tell(f"pouring {still.beads} beads")
-    run_script(folder, SCRIPTS / "settle.liggghts")
+    engine.run_script(folder, engine.SCRIPTS / "settle.liggghts")
 
 
 def read_bed(folder: Path) -> Bed:
     """The bed that :func:`pour` left in ``folder``."""
-    _, rows = read_dump(folder / "bed.dump")[-1]
+    _, rows = engine.read_dump(folder / "bed.dump")[-1]
     return Bed(rows[:, 2:], 2 * rows[:, 1])
 
 
@@ -153,11 +139,11 @@ def discharge(funnel: Funnel, poured: Path, folder: Path, tell: Callable[[str], 
     """
     cone, steps, bed = cone_of(funnel), steps_of(funnel), read_bed(poured)
     level = -(funnel.amplitude + funnel.high)
-    write_stl(folder, cone)
+    engine.write_stl(folder, cone)
     box = box_of(funnel, cone, -level + 3 * funnel.high)
-    write_beads(folder, bed.centres, bed.diameters, np.zeros_like(bed.centres), funnel.density, box)
+    engine.write_beads(folder, bed.centres, bed.diameters, np.zeros_like(bed.centres), funnel.density, box)
     closed = steps.of(_whole(funnel, SHAKEN if funnel.amplitude else REST))
-    write_settings(folder, contact_settings(funnel, steps) | _timing(funnel, steps, closed, level))
+    engine.write_settings(folder, contact_settings(funnel, steps) | _timing(funnel, steps, closed, level))
     total = float((funnel.density * math.pi / 6 * bed.diameters**3).sum())
 
     def hear(line: str) -> None:
@@ -166,17 +152,16 @@ def discharge(funnel: Funnel, poured: Path, folder: Path, tell: Callable[[str], 
             out = max(0.0, 1 - float(words[2]) / total)
             tell(f"{float(words[1]) - closed * steps.dt:.2f} s, {out:.0%} of the mass is out")
 
-    run_script(folder, SCRIPTS / "discharge.liggghts", hear)
-    curve = read_curve((folder / "curve.txt").read_text(), closed * steps.dt)
-    shots = read_dump(folder / "beads.dump")
+    engine.run_script(folder, engine.SCRIPTS / "discharge.liggghts", hear)
+    curve = engine.read_curve((folder / "curve.txt").read_text(), closed * steps.dt)
+    shots = engine.read_dump(folder / "beads.dump")
     save(folder / "funnel.json", _table(funnel, cone, steps, bed, curve, total, shots))
 
 
 def _whole(funnel: Funnel, time: float) -> float:
     """The next whole number of periods above ``time`` (s); at rest ``time`` itself."""
-    if not funnel.amplitude:
-        return time
-    return math.ceil(time * funnel.shaken_at - 1e-9) / funnel.shaken_at
+    frequency = funnel.shaken_at
+    return math.ceil(time * frequency - 1e-9) / frequency if frequency else time
 
 
 def _timing(funnel: Funnel, steps: Steps, closed: int, level: float) -> dict[str, float | int | str]:
@@ -184,21 +169,16 @@ def _timing(funnel: Funnel, steps: Steps, closed: int, level: float) -> dict[str
     expected = funnel.total_mass / funnel.expected_rate if funnel.expected_rate else 1.0
     chunk = _whole(funnel, max(QUIET, 4 / funnel.shaken_at if funnel.shaken_at else 0.0))
     return {
-        "amplitude": funnel.amplitude,
-        "period": 1 / funnel.frequency if funnel.frequency else 1.0,
-        "level": level,
-        "closed": closed,
-        "every": steps.of(SAMPLING),
-        "shot": steps.of(_whole(funnel, expected / SHOTS)),
-        "chunk": steps.of(chunk),
-        "turns": math.ceil((1.0 + PATIENCE * expected) / chunk),
-    }
+        "amplitude": funnel.amplitude, "period": 1 / funnel.frequency if funnel.frequency else 1.0, "level": level,
+        "closed": closed, "every": steps.of(SAMPLING), "shot": steps.of(_whole(funnel, expected / SHOTS)),
+        "chunk": steps.of(chunk), "turns": math.ceil((1.0 + PATIENCE * expected) / chunk),
+    }  # fmt: skip
 
 
 def _table(
     funnel: Funnel, cone: Cone, steps: Steps, bed: Bed, curve: Curve, total: float, shots: list[tuple[int, Array]]
 ) -> FunnelSummary:
-    rate = rate_of(curve, total, 1 / funnel.shaken_at if funnel.shaken_at else None)
+    rate = engine.rate_of(curve, total, 1 / funnel.shaken_at if funnel.shaken_at else 0.0)
     filled = packing_fraction(bed, cone)
     law = (
         None
@@ -208,25 +188,15 @@ def _table(
     kept = np.unique(np.linspace(0, len(curve.time) - 1, min(len(curve.time), CURVE_POINTS)).astype(int))
     left = int(curve.beads[-1])
     return FunnelSummary(
-        verdict="emptied" if left <= 0.01 * len(bed.diameters) else "stopped",
-        rate=rate,
-        time_to_empty=time_to_empty(curve, total),
-        left=left,
-        beads=len(bed.diameters),
-        mass=total,
-        packing=None if math.isnan(filled) else filled,
-        beverloo=law,
-        beverloo_cone=None if law is None else law * cone_factor(funnel.half_angle),
-        frequency=funnel.frequency,
-        gamma=funnel.gamma,
-        time_step=steps.dt,
-        contact_time=steps.contact,
-        youngs_modulus=funnel.youngs_modulus,
-        overlap=max((_overlap(rows) for _, rows in shots if len(rows) > 1), default=0.0),
-        engine="LIGGGHTS",
+        verdict="emptied" if left <= 0.01 * len(bed.diameters) else "stopped", rate=rate,
+        time_to_empty=engine.time_to_empty(curve, total), left=left, beads=len(bed.diameters), mass=total,
+        packing=None if math.isnan(filled) else filled, beverloo=law,
+        beverloo_cone=None if law is None else law * cone_factor(funnel.half_angle), frequency=funnel.frequency,
+        gamma=funnel.gamma, time_step=steps.dt, contact_time=steps.contact, youngs_modulus=funnel.youngs_modulus,
+        overlap=max((_overlap(rows) for _, rows in shots if len(rows) > 1), default=0.0), engine="LIGGGHTS",
         version=liggghts_version(),
         curve=DischargeCurve(tuple(curve.time[kept].tolist()), tuple(curve.mass[kept].tolist())),
-    )
+    )  # fmt: skip
 
 
 def _overlap(rows: Array) -> float:
@@ -237,3 +207,36 @@ def _overlap(rows: Array) -> float:
     i, j = cKDTree(centres).query_pairs(2 * float(radius.max()), output_type="ndarray").T
     gap = np.linalg.norm(centres[i] - centres[j], axis=1) - radius[i] - radius[j]
     return max(0.0, -float(gap.min(initial=0.0))) / (2 * float(radius.mean()))
+
+
+CODE = ("wakeflow.extras.funnel.pour",)  # with LIGGGHTS' own scripts beside it
+SPEED = 4e6  # beads times steps a second of one core
+
+
+class Liggghts:
+    """Computes beads with LIGGGHTS."""
+
+    install: ClassVar[str] = INSTALL
+
+    def compute(self, funnel: Funnel, make: Make, tell: Callable[[str], None]) -> FunnelSummary:
+        """Pour and discharge. The bed is a stage of its own, since every vibration starts from the same bed."""
+        asked = {name: getattr(funnel, name) for name in type(funnel).model_fields}
+        asked |= {"count": funnel.beads, "mass": None, "material": None, "gravity": funnel.gravity}
+        if not funnel.amplitude:
+            asked["frequency"] = None
+        code = (code_key(*CODE), liggghts_version())
+        still = {name: value for name, value in asked.items() if name not in ("frequency", "gamma")}
+        bed_key = content_key("bed", still, code)
+        bed = make("bed", bed_key, lambda part: pour(funnel, part, tell))
+        done = make(
+            "funnel", content_key("funnel", bed_key, asked, code), lambda part: discharge(funnel, bed, part, tell)
+        )
+        return load(FunnelSummary, done / "funnel.json")
+
+    def seconds(self, funnel: Funnel) -> float:
+        """Core-seconds of pouring and discharge, by Beverloo's law; good to a factor 3."""
+        time = 0.3 + (0.6 * funnel.total_mass / funnel.expected_rate if funnel.expected_rate else 1.0)
+        return funnel.beads * time / steps_of(funnel).dt / SPEED
+
+    def version(self) -> str:
+        return liggghts_version()

@@ -60,7 +60,7 @@ class SceneDocument:
     version: int = 1
     saved: str | None = None  # the text as it is on the disk
     conflict: bool = False  # the file has changed on the disk, and so has the text here
-    gesture: str | None = None  # what made the last change
+    gesture: str = ""  # what made the last change, where that has a name
     _before: list[str] = field(default_factory=list)
     _after: list[str] = field(default_factory=list)
     _looked: tuple[str, Look] | None = None
@@ -84,19 +84,19 @@ class SceneDocument:
         return self._looked[1]
 
     # -- changes -------------------------------------------------------------------------------------------------------
-    def write(self, text: str, gesture: str | None = None) -> None:
+    def write(self, text: str, gesture: str = "") -> None:
         """Replace the text; changes of one ``gesture`` are undone together. Raises SceneError for one too long."""
         if len(text) > LARGEST:
             raise SceneError(f"a scene of {len(text)} letters: at most {LARGEST}")
         text = text.replace("\r\n", "\n")
         if text == self.text:
             return
-        if gesture is None or gesture != self.gesture:
+        if not gesture or gesture != self.gesture:
             self._before = [*self._before[-DEEPEST:], self.text]
         self._after, self.gesture = [], gesture
         self._become(text)
 
-    def set(self, changes: Mapping[str, str | None], gesture: str | None = None) -> None:
+    def set(self, changes: Mapping[str, str | None], gesture: str = "") -> None:
         """Set dotted keys to what is typed, None: take them out; comments stay. Raises SceneError where the text is no
         TOML, and for a key within a value.
         """
@@ -112,14 +112,14 @@ class SceneDocument:
         if self._before:
             self._after.append(self.text)
             self._become(self._before.pop())
-            self.gesture = None
+            self.gesture = ""
 
     def redo(self) -> None:
         """Make the last change again that was taken back."""
         if self._after:
             self._before.append(self.text)
             self._become(self._after.pop())
-            self.gesture = None
+            self.gesture = ""
 
     @property
     def steps(self) -> tuple[int, int]:

@@ -1,10 +1,11 @@
-"""Finished runs as the page shows them: where granules landed, dividers that move, runs side by side, sweeps.
+"""Finished runs as the page shows them: landings, tracks, air, dividers that move, runs side by side, sweeps.
 
 What is asked for and what is given is plain JSON. SceneError is raised for what a person did wrong.
 """
 
 from __future__ import annotations
 
+import math
 import shutil
 import tempfile
 import threading
@@ -13,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field
 
 from ...answer.budget.verdicts import judged
@@ -25,11 +27,12 @@ from ...core.number import Number
 from ...many.comparison import compare
 from ...show.canvas import fraction_colours
 from ...show.many_figures import main_quantities
+from ...show.moving import Path2D
 from ...show.sketch import sketch_svg
+from ...show.views import outcome_of
 from ...show.words import calibrated_with, difference_text, percent, rate_words, verdict_lines
 from .handles import step_of
 from .stored import differs, inside, parts_of, points_of, runs_below, scene_of
-from .within import within
 
 Place = Annotated[float, Field(ge=-1e6, le=1e6)]  # m
 Ends = Mapping[str, tuple[Place, Place]]  # of each bin: from, to
@@ -181,3 +184,35 @@ def _verdicts(stored: StoredLandings, ends: Ends, found: Separation) -> list[str
     now = [(one, parts[kind].get(of)) for one in result.limits for kind, _, of in [one.limit.partition(".")]]
     moved = [replace(one, value=value, verdict=judged(result, value, one.most), decides="") for one, value in now]
     return verdict_lines(replace(result, limits=tuple(moved)))
+
+
+TRACKS, CORNERS = 25, 150  # of a fraction that are drawn; of a track
+ACROSS = 24  # arrows over the width of the channel
+
+
+def within(result: Result) -> dict[str, object]:
+    """By fraction the places (m) of some tracks; the mean ``air`` as rows x, y (m), u, v (m/s), none without air.
+    Raises SceneError where the run left no report to draw from.
+    """
+    found = outcome_of(result)
+    channel = found.scene.channel
+    step = (channel.top - channel.bottom) / CORNERS
+    tracks = {
+        name: [np.round(_thinned(path.at(path.moments(step))[0]), 5).tolist() for path in map(Path2D.of, own[:TRACKS])]
+        for name, own in found.tracks.items()
+    }
+    if found.field is None:
+        return {"tracks": tracks, "air": []}
+    step = channel.width / ACROSS
+    x = np.arange(-channel.width / 2 + step / 2, channel.width / 2, step)
+    y = np.arange(channel.bottom + step / 2, channel.top, step)
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    velocity = found.field.mean().sample(points)[0]
+    rows = np.hstack([points, velocity])[np.isfinite(velocity).all(axis=1)]
+    return {"tracks": tracks, "air": np.round(rows, 5).tolist()}
+
+
+def _thinned(places: np.ndarray) -> np.ndarray:
+    """Every so many of the places of a track, its end among them."""
+    every = max(1, math.ceil(len(places) / CORNERS))
+    return np.concatenate([places[:-1:every], places[-1:]])

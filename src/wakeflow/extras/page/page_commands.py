@@ -31,10 +31,8 @@ def open_(
     """
     from importlib.util import find_spec
 
-    from ...cli.show_plan import plan_lines
-
     if find_spec("tornado") is None:
         raise SceneError("the page needs tornado: pip install 'wakeflow-separation[page]', or sh cases/setup.sh")
     from .server import open_page
 
-    open_page(what, plan_lines, port=port, browser=browser, ready=lambda address: print(address, flush=True))
+    open_page(what, port=port, browser=browser, ready=lambda address: print(address, flush=True))

@@ -37,22 +37,17 @@ class Run:
     kind: str = RUN
     typed: str = ""  # for another kind of task
     files: Path = field(default_factory=Path)  # where the files are that it names
-    measured: Mapping[str, object] | None = None  # shares to calibrate with: columns by name
+    measured: Mapping[str, object] = field(default_factory=dict)  # shares to calibrate with: columns by name
     state: str = WAITS
     told: str = ""
     progress: Mapping[str, Any] = field(default_factory=dict)
 
     def table(self) -> dict[str, object]:
         """For the page."""
-        own = {
-            "number": self.number,
-            "name": self.name,
-            "folder": self.folder.name,
-            "kind": self.kind,
-            "state": self.state,
-            "told": self.told,
-        }
-        return {**self.progress, **own}
+        return {
+            **self.progress, "number": self.number, "name": self.name, "folder": self.folder.name, "kind": self.kind,
+            "state": self.state, "told": self.told,
+        }  # fmt: skip
 
 
 class RunQueue:

@@ -31,7 +31,7 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from ...core.errors import SceneError, WakeflowError
 from ...core.sources import PACKAGE
-from .session import Lines, Session
+from .session import Session
 
 HERE = Path(__file__).parent
 STYLE = PACKAGE / "show" / "html" / "style.css"  # colours and tables are the report's
@@ -55,7 +55,7 @@ SLOW = ("plan", "inside", "before", "compare")  # actions that no other waits fo
 class Page:
     """A session that is served: its open pages hear what changes; it ends when none is left and nothing is computed."""
 
-    def __init__(self, what: Path | None, lines: Lines, *, runs: Path | None = None) -> None:
+    def __init__(self, what: Path | None, *, runs: Path | None = None) -> None:
         self.token, self.once = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
         self.loop = asyncio.get_running_loop()
         self.ended = asyncio.Event()
@@ -64,7 +64,7 @@ class Page:
         self.working, self.heard = 0, False  # requests that are worked on; whether one was since the last look
         self.port = 0
         self._quick, self._slow = (ThreadPoolExecutor(1, thread_name_prefix=name) for name in ("quick", "slow"))
-        self.session = Session(what, lines, self.say, runs)
+        self.session = Session(what, self.say, runs)
 
     @property
     def address(self) -> str:
@@ -297,25 +297,19 @@ class _Handler(_Known):
 
 
 def open_page(
-    what: Path | None,
-    lines: Lines,
-    *,
-    port: int | None = None,
-    browser: bool = True,
+    what: Path | None, *, port: int | None = None, browser: bool = True,
     ready: Callable[[str], object] = print,
-) -> None:
+) -> None:  # fmt: skip
     """Serve the page of a scene, a run or a folder until its last page is closed or the process is interrupted.
 
-    ``lines`` of a plan as the command line says them; ``ready`` hears the address. Raises SceneError where ``what`` is
+    ``ready`` hears the address. Raises SceneError where ``what`` is
     nothing.
     """
-    asyncio.run(_serve(what, lines, port, browser, ready))
+    asyncio.run(_serve(what, port, browser, ready))
 
 
-async def _serve(
-    what: Path | None, lines: Lines, port: int | None, browser: bool, ready: Callable[[str], object]
-) -> None:
-    page = Page(what, lines)
+async def _serve(what: Path | None, port: int | None, browser: bool, ready: Callable[[str], object]) -> None:
+    page = Page(what)
     try:
         page.listen(port)
     except SceneError:

@@ -18,8 +18,11 @@ from ...answer.result import FILE, Result
 from ...core.errors import SceneError, WakeflowError
 from ...core.files import scene_templates
 from ...core.registry import did_you_mean
+from ...core.store import cache_root
 from ...runs.planned import make_plan
+from ...runs.progress import on_this_machine
 from ...scene import Scene
+from ...show.plan_words import cost_words, plan_lines
 from ...show.sketch import sketch_svg
 from ..search.task import quantities_to_seek
 from .document import SceneDocument, merged
@@ -33,7 +36,6 @@ from .tasks import TASKS, percent_typed, task_of
 if TYPE_CHECKING:
     from ...planning.plan import Plan
 
-Lines = Callable[..., list[tuple[str, str]]]  # the plan's lines, as the command line prints them
 Say = Callable[[str, dict[str, object]], None]  # tells every open page: kind, data
 checked = validate_call(config=ConfigDict(allow_inf_nan=False))
 
@@ -41,9 +43,9 @@ checked = validate_call(config=ConfigDict(allow_inf_nan=False))
 class Session:
     """The state behind the page; ``say`` is called from any thread. Actions of one kind come one at a time."""
 
-    def __init__(self, what: Path | None, lines: Lines, say: Say, runs: Path | None = None) -> None:
+    def __init__(self, what: Path | None, say: Say, runs: Path | None = None) -> None:
         self.home, self.runs = Path.cwd(), runs or Path("runs")
-        self._lines, self._say = lines, say
+        self._say = say
         self._drawing = threading.Lock()  # matplotlib's fonts are everyone's
         self.shown: str | None = None  # the run that the page was opened for
         self.document = self._first(what)
@@ -123,7 +125,7 @@ class Session:
     def edit(
         self, *, text: str | None = None, before: str | None = None, set: Mapping[str, str | None] | None = None,
         drag: str | None = None, x: Place = 0.0, y: Place = 0.0, add: str | None = None, undo: bool = False,
-        redo: bool = False, gesture: str | None = None,
+        redo: bool = False, gesture: str = "",
     ) -> dict[str, object]:  # fmt: skip
         """Change the scene: the whole ``text``, where it was ``before``; keys to ``set`` (None takes one out); a handle
         to ``drag`` to a place ``x``, ``y`` (m); a table to ``add``; or ``undo`` and ``redo``.
@@ -146,12 +148,12 @@ class Session:
             document.redo()
         return self._tell_scene()
 
-    def _drag(self, name: str, x: float, y: float, gesture: str | None) -> None:
+    def _drag(self, name: str, x: float, y: float, gesture: str) -> None:
         """Move a handle of the machine as it was when the gesture began: dividers that meet on the way stay two."""
         document, look = self.document, self.document.look
         if look.data is None:
             raise SceneError(look.mistake, look.mistake.splitlines())
-        if look.scene is not None and (gesture is None or document.gesture != gesture or self._held is None):
+        if look.scene is not None and (not gesture or document.gesture != gesture or self._held is None):
             self._held = look.scene
         if self._held is None:
             raise SceneError(look.mistake)
@@ -221,7 +223,8 @@ class Session:
             return {"version": version, "lines": None}
         try:
             made = make_plan(look.scene)
-            lines = self._lines(made, look.scene, look.units)
+            cost = cost_words(made, *on_this_machine(made, cache_root()))
+            lines = plan_lines(made, look.scene, cost, look.units)
         except WakeflowError as problem:
             return {"version": version, "lines": None, "mistake": str(problem)}
         return {

@@ -22,7 +22,7 @@ from ...many.compute import TABLE, WIDE
 from ...many.variant import holds_task
 from ...scene.changes import PARTS, flat
 from ...scene.messages import unit_of
-from ...show.sketch import UNITS
+from ...show.plan_words import UNITS
 
 DEEP = 3  # folders below the first that are looked into
 MOST = 300  # of a kind that are listed

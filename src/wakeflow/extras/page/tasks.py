@@ -11,7 +11,6 @@ from pydantic import BaseModel
 
 from ...answer.result_table import is_part
 from ...core.errors import SceneError
-from ...core.quantities import say, speaking
 from ...core.registry import did_you_mean
 from ...many.axis import axis_of_text
 from ...many.compute import Sweep, sweep
@@ -19,7 +18,7 @@ from ...many.operating import RATE, SPEED, TURNS, capacity, met_up_to, operating
 from ...many.variant import variants
 from ...runs.effort import quick_keys
 from ...scene import Scene
-from ...show.sketch import UNITS
+from ...show.words import met_lines
 from ..search.designs import refuse_void, search
 from ..search.task import SearchTask, read_search_file, search_of
 from ..trays.protocol import protocol, wanted_share
@@ -69,13 +68,8 @@ def _capacity(scene: Scene, typed: str, _: Path) -> Work:
     def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
         del planned
         found, _ = capacity(scene, folder, feed=axes.get(RATE), listener=listener, **how)
-        with speaking(UNITS):
-            met = [
-                f"{name} at most {100 * scene.limit.asked[name]:.4g} %: met "
-                + ("at none of these rates" if rate is None else f"up to {say(rate, 'kg/s', 4)}")
-                for name, rate in met_up_to(found.table, scene.limit.asked).items()
-            ]
-        return "; ".join([_outcome(found), *met])
+        limits = scene.limit.asked
+        return "; ".join([_outcome(found), *met_lines(met_up_to(found.table, limits), limits)])
 
     return work
 
@@ -135,7 +129,7 @@ def percent_typed(typed: str) -> float:
 
 
 def _protocol(scene: Scene, typed: str, _: Path) -> Work:
-    wanted_share(scene, typed or None)
+    wanted_share(scene, typed)
 
     def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
         return protocol(scene, folder, of=typed or None, listener=listener, planned=planned, **how).sentence

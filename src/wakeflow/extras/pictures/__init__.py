@@ -2,13 +2,13 @@
 
 Comes in: an outcome of a run and the picture's table.
 Goes out: a PNG, its data as CSV, its numbers.
-May call it: nobody by name; ``show.picture_view`` has the registry of pictures.
+May call it: nobody by name; ``show.asked_pictures`` has the registry of pictures.
 """
 
 
 def register() -> None:
     """Add every kind under the name of its table."""
-    from ...show.picture_view import pictures
+    from ...show.asked_pictures import pictures
     from .granule_curves import draw_curves
     from .levels import draw_levels
     from .maps import draw_density, draw_streamlines

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ...core.record import JsonTable
 from ...flight.feed.first_contact import motion_of
 from ...scene.pictures import Curves
+from ...show.asked_pictures import PictureFiles, View
 from ...show.canvas import MM, fraction_colours, new_figure, save
 from ...show.moving import Path2D
-from ...show.picture_view import PictureFiles, View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.geometry import halved_all
 from ...core.number import Number, student
 from ...core.record import JsonTable
 from ...scene.pictures import Levels
+from ...show.asked_pictures import PictureFiles, View
 from ...show.canvas import MM, fraction_colours, new_figure, save
-from ...show.moving import Path2D
-from ...show.picture_view import PictureFiles, View
+from ...show.moving import Path2D, along
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
+HALVINGS = 60  # of the time between two points: to its last digit
 GROUPS = 16  # of granules, each of every 16th, whose means part by chance: what the intervals are made of
 
 
@@ -52,28 +54,19 @@ def _mean(values: Array) -> float:
 
 def passages(paths: Sequence[Path2D], level: float) -> Passages:
     """Where and how fast tracks pass y = ``level`` (m), upward or downward, as often as they do."""
-    found: list[tuple[int, Any, Any]] = []
-    for number, path in enumerate(paths):
-        over = path.position[:, 1] > level
-        for i in np.flatnonzero(over[1:] != over[:-1]):
-            moment = _passing(path, int(i), level)
-            position, velocity = path.at(np.array([moment]))
-            found.append((number, position[0], velocity[0]))
-    granule = np.array([number for number, _, _ in found], dtype=np.int64)
-    points, speeds = (np.array([one[part] for one in found]).reshape(-1, 2) for part in (1, 2))
-    return Passages(granule, points[:, 0], speeds)
+    at = [np.flatnonzero(np.diff(path.position[:, 1] > level)) for path in paths]
+    pieces = list(zip(paths, at, strict=True))
+    cubics = np.concatenate([np.zeros((4, 0, 2)), *(path.cubics(i) for path, i in pieces)], axis=1)
+    span = np.concatenate([np.zeros(0), *(np.diff(path.time)[i] for path, i in pieces)])
+    begins_over = np.concatenate([np.zeros(0, dtype=bool), *(path.position[i, 1] > level for path, i in pieces)])
 
+    def before(part: Array) -> NDArray[np.bool_]:
+        return np.asarray((along(cubics, part, span)[0][:, 1] > level) == begins_over)
 
-def _passing(path: Path2D, i: int, level: float) -> float:
-    """Time (s) at which a track passes the level between its points i and i + 1, with constant acceleration as of
-    :meth:`Path2D.at`: the one root of a parabola whose ends lie on both sides of the level.
-    """
-    span, (start, end) = float(path.time[i + 1] - path.time[i]), path.position[i : i + 2, 1].tolist()
-    first = float(path.velocity[i, 1]) * span
-    bend, way = end - start - first, level - start  # way = first s + bend s^2, s from 0 to 1
-    root = math.copysign(math.sqrt(max(0.0, first**2 + 4.0 * bend * way)), end - start)  # velocity times span there
-    part = 2.0 * way / (first + root) if first + root else 0.0
-    return float(path.time[i]) + span * min(1.0, max(0.0, part))
+    _, part = halved_all(before, np.zeros(len(span)), np.ones(len(span)), HALVINGS)
+    position, velocity = along(cubics, part, span)
+    granule = np.repeat(np.arange(len(paths)), [len(i) for i in at])
+    return Passages(granule, position[:, 0], velocity)
 
 
 def level_numbers(paths: Sequence[Path2D], level: float, flow: float) -> dict[str, Number]:
@@ -127,12 +120,9 @@ def draw_levels(view: View) -> PictureFiles:
 
 
 def _panel(
-    axes: Axes,
-    quantity: str,
-    levels: Sequence[float],
-    found: dict[str, list[dict[str, Number]]],
+    axes: Axes, quantity: str, levels: Sequence[float], found: dict[str, list[dict[str, Number]]],
     colours: dict[str, str],
-) -> None:
+) -> None:  # fmt: skip
     factor = MM if QUANTITIES[quantity][0] == "m" else 1.0
     for name, rows in found.items():
         value, low, high = factor * np.array([[*row[quantity]] for row in rows]).T

@@ -12,24 +12,12 @@ from numpy.typing import NDArray
 from ...core.errors import SceneError, known
 from ...core.record import to_json
 from ...scene.pictures import Density
+from ...show import canvas
 from ...show.air_pictures import SUCTION_LEVEL, as_flown, pressure_coefficient
-from ...show.canvas import (
-    INK,
-    MM,
-    PlotGrid,
-    Window,
-    air_arrow,
-    fraction_colours,
-    frame,
-    new_figure,
-    save,
-    solids,
-    streams,
-    triangulation,
-)
+from ...show.asked_pictures import PictureFiles, View
+from ...show.canvas import INK, MM, PlotGrid, Window, save
 from ...show.figures.air_figures import air_with_pressure, draw_pressure
 from ...show.moving import Path2D
-from ...show.picture_view import PictureFiles, View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,7 +37,7 @@ def draw_streamlines(view: View) -> PictureFiles:
     draw_pressure(view.file(".png"), outcome.field, scene, outcome.airflow, numbered=True)
     mean = as_flown(outcome.field.mean(), scene)
     cp = pressure_coefficient(mean, scene, outcome.airflow)
-    grid = PlotGrid.sample(triangulation(mean), _channel(view), [*mean.velocity.T, cp], GRID)
+    grid = PlotGrid.sample(canvas.triangulation(mean), _channel(view), [*mean.velocity.T, cp], GRID)
     columns = grid.columns(("air vx (m/s)", "air vy (m/s)", "Cp"))
     data = view.write_csv(tuple(columns), zip(*columns.values(), strict=True))
     suction = known(outcome.airflow.suction)
@@ -85,13 +73,7 @@ def mass_flux(paths: list[Path2D], rate: float, depth: float, x: Array, y: Array
     total = np.zeros((len(y) - 1, len(x) - 1))
     step = 0.5 * min(float(np.diff(x).min()), float(np.diff(y).min()))
     for path in paths:
-        if len(path.time) < 2:
-            continue
-        pieces = np.maximum(1, np.ceil(np.linalg.norm(np.diff(path.position, axis=0), axis=1) / step)).astype(int)
-        spans = zip(path.time[:-1], path.time[1:], pieces, strict=True)
-        times = [np.linspace(a, b, n, endpoint=False) for a, b, n in spans]
-        points, _ = path.at(np.append(np.concatenate(times), path.time[-1]))
-        middle, length = _cut(points, x, y)
+        middle, length = _cut(path.at(path.moments(step))[0], x, y)
         total += np.histogram2d(middle[:, 1], middle[:, 0], bins=(y, x), weights=length)[0]
     volume = np.diff(y)[:, None] * np.diff(x) * depth
     return rate / max(len(paths), 1) * total / volume
@@ -128,15 +110,15 @@ def draw_density(view: View) -> PictureFiles:
     }
     tall = 4.6
     wide = max(1.6, tall * (window[1] - window[0]) / (window[3] - window[2]))
-    figure = new_figure((wide + 1.3) * len(flux), tall + 0.9)
+    figure = canvas.new_figure((wide + 1.3) * len(flux), tall + 0.9)
     panels = figure.subplots(1, len(flux), squeeze=False, sharey=True)[0]
-    colours = fraction_colours(list(scene.fraction))
+    colours = canvas.fraction_colours(list(scene.fraction))
     for axes, (name, values) in zip(panels, flux.items(), strict=True):
         _panel(axes, view, x, y, values, colours[name], name)
-        frame(axes, window)
-        solids(axes, scene)
-        air_arrow(axes, scene, window)
-        streams(axes, scene)
+        canvas.frame(axes, window)
+        canvas.solids(axes, scene)
+        canvas.air_arrow(axes, scene, window)
+        canvas.streams(axes, scene)
     figure.suptitle("Mass flux of each fraction; dashed: suction zone, dotted: reversed flow", fontsize=9)
     save(figure, view.file(".png"))
     columns = ("x (m)", "y (m)", *(f"{name} (kg/(m^2 s))" for name in flux))
@@ -159,9 +141,9 @@ def _panel(axes: Axes, view: View, x: Array, y: Array, flux: Array, colour: str,
     bar.ax.tick_params(labelsize=7)
     axes.set_title(name, fontsize=9, loc="left")
     axes.set_aspect("equal")
-    if (found := air_with_pressure(view.outcome)) is not None:
-        field, _, airflow = found
-        mean, mesh = as_flown(field.mean(), view.scene), triangulation(field)
+    if air := air_with_pressure(view.outcome):
+        field, _, airflow = air
+        mean, mesh = as_flown(field.mean(), view.scene), canvas.triangulation(field)
         cp = pressure_coefficient(mean, view.scene, airflow)
         axes.tricontour(mesh, cp, levels=[SUCTION_LEVEL], colors=INK, linewidths=1.1, linestyles="--", zorder=5)
         axes.tricontour(mesh, mean.velocity[:, 1], levels=[0.0], colors=INK, linewidths=0.9, linestyles=":", zorder=5)
@@ -177,10 +159,10 @@ def _through(view: View) -> dict[str, dict[str, float]]:
     """By fraction the share of granules whose track enters the suction zone, and the reversed flow, of the mean air."""
     from matplotlib.tri import LinearTriInterpolator
 
-    if (air := air_with_pressure(view.outcome)) is None:
+    if not (air := air_with_pressure(view.outcome)):
         return {}
     field, _, airflow = air
-    mean, mesh = as_flown(field.mean(), view.scene), triangulation(field)
+    mean, mesh = as_flown(field.mean(), view.scene), canvas.triangulation(field)
     zones = {
         "suction": pressure_coefficient(mean, view.scene, airflow) - SUCTION_LEVEL,
         "reversal": _downstream(view) * mean.velocity[:, 1],

@@ -43,12 +43,9 @@ Evaluator = Callable[[int, Sequence[DesignPoint]], Sequence[Evaluation]]
 
 
 def explore(
-    task: SearchTask,
-    evaluate: Evaluator,
-    propose: Proposer = by_estimator,
-    tell: Callable[[str], None] = lambda _: None,
-    price: Price = lambda _: 0.0,
-) -> History:
+    task: SearchTask, evaluate: Evaluator, propose: Proposer = by_estimator,
+    tell: Callable[[str], None] = lambda _: None, price: Price = lambda _: 0.0,
+) -> History:  # fmt: skip
     """Search as :class:`SearchTask` says. The next step follows from what was found alone, so that a search whose
     evaluations are kept goes on where it was ended. ``price``: what one design of a level is expected to cost before
     any is computed there.
@@ -149,13 +146,10 @@ class Search:
 
 
 def search(
-    task: SearchTask | Path | str,
-    out: Path | str = Path("runs", "search"),
-    *,
-    scheduler: str | distributed.Client | Executor | None = None,
-    workers: int | None = None,
+    task: SearchTask | Path | str, out: Path | str = Path("runs", "search"), *,
+    scheduler: str | distributed.Client | Executor | None = None, workers: int | None = None,
     listener: Listener | None = None,
-) -> Search:
+) -> Search:  # fmt: skip
     """Find the best design of a search, or of the search file at a path, and write its tables to the folder ``out``.
 
     ``scheduler`` and ``workers`` as of :func:`wakeflow.sweep`. The same call goes on where an interrupted or killed one

@@ -43,14 +43,12 @@ class QuantityLimit:
     """What a quantity must not fall below (``least``) or exceed (``most``)."""
 
     quantity: str
-    least: float | None = None
-    most: float | None = None
+    least: float = -math.inf
+    most: float = math.inf
 
     def excess(self, value: float) -> float:
         """By how much a value breaks the limit; 0 or less where it keeps it."""
-        below = [] if self.least is None else [self.least - value]
-        above = [] if self.most is None else [value - self.most]
-        return max(below + above)
+        return max(self.least - value, value - self.most)
 
 
 @dataclass(frozen=True)
@@ -110,15 +108,10 @@ def _task(file: TaskFile, scene: Scene, held: Mapping[str, object], budget: obje
     where = {name: _limit(name, ends) for name, ends in file.inside("where").items()}
     own = {name: QuantityLimit(name, most=most) for name, most in scene.limit.asked.items()}
     task = SearchTask(
-        scene,
-        tuple(_within(file, held)),
-        tuple(goals),
-        _seconds(budget),
-        tuple({**own, **where}.values()),
-        _levels(file.table.get("level", [{}]), held),
-        file.whole_number("seed") or 0,
+        scene, tuple(_within(file, held)), tuple(goals), _seconds(budget), tuple({**own, **where}.values()),
+        _levels(file.table.get("level", [{}]), held), file.whole_number("seed") or 0,
         file.whole_number("at_a_time", least=1) or AT_A_TIME,
-    )
+    )  # fmt: skip
     _check_names(task)
     return task
 
@@ -203,9 +196,10 @@ def _limit(name: str, ends: Any) -> QuantityLimit:
             raise SceneError(f"{where}.{key} = {end!r}: give a number without a unit, such as 0.9")
         if is_part(name) and not 0.0 <= end <= 1.0:
             raise SceneError(f"{where}.{key} = {end!r}: a share is from 0 to 1; write 0.9 for 90 %")
-    if ends.get("least", -math.inf) > ends.get("most", math.inf):
+    limit = QuantityLimit(name, **ends)
+    if limit.least > limit.most:
         raise SceneError(f"{where}: least = {ends['least']!r} is above most = {ends['most']!r}; swap them")
-    return QuantityLimit(name, ends.get("least"), ends.get("most"))
+    return limit
 
 
 def _seconds(given: Any) -> float:

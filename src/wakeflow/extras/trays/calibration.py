@@ -9,7 +9,7 @@ far the model itself must miss shares. What nothing explains is not calibrated.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,15 +66,12 @@ class CalibratedInput:
     value = property(lambda self: self.after.value)
     low = property(lambda self: self.after.low)
     high = property(lambda self: self.after.high)
-    value_before = property(lambda self: self.before.value)
-    low_before = property(lambda self: self.before.low)
-    high_before = property(lambda self: self.before.high)
 
 
-INPUT_COLUMNS = {
-    "input": "key", "unit": "unit", "before": "value_before", "before low": "low_before", "before high": "high_before",
-    "after": "value", "after low": "low", "after high": "high", "interval after over before": "narrower",
-}  # fmt: skip
+INPUT_HEADS = (
+    "input", "unit", "before", "before low", "before high", "after", "after low", "after high",
+    "interval after over before",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -90,17 +87,17 @@ class Posterior:
 
     folder: Path
     before: Result
-    result: Result | None
-    inputs: Mapping[str, CalibratedInput]
     agreement: Agreement
     conflict: str
-    trays: tuple[Number, ...]
-    correlations: tuple[tuple[str, str, float], ...]
-    wider_without: tuple[tuple[str, float], ...]
-    next: tuple[tuple[str, float], ...]
-    rounds: int
-    stands: bool
     source: str
+    result: Result | None = None
+    inputs: Mapping[str, CalibratedInput] = field(default_factory=dict)
+    trays: tuple[Number, ...] = ()
+    correlations: tuple[tuple[str, str, float], ...] = ()
+    wider_without: tuple[tuple[str, float], ...] = ()
+    next: tuple[tuple[str, float], ...] = ()
+    rounds: int = 0
+    stands: bool = False
 
     def save(self, path: Path | str) -> Path:
         """Write the materials file: ``materials = "..."`` at the head of the next scene takes it, each fraction that is
@@ -118,21 +115,16 @@ class Posterior:
 
     def cells(self) -> CellTable:
         """A row an input, as inputs.csv has it."""
-        return CellTable.of(self.inputs.values(), INPUT_COLUMNS)
+        rows = [[one.key, one.unit, *one.before, *one.after, one.narrower] for one in self.inputs.values()]
+        return CellTable(INPUT_HEADS, rows)
 
 
 def calibrate(
-    scene: Scene | Path | str,
-    measured: Path | str | Mapping[str, Sequence[object]] | Sequence[Tray] | Any,
-    out: Path | str | None = None,
-    *,
-    discrepancy: float | str = DISCREPANCY,
-    rung: str | None = None,
-    force: States | None = None,
-    workers: int | None = None,
-    listener: Listener | None = None,
+    scene: Scene | Path | str, measured: Path | str | Mapping[str, Sequence[object]] | Sequence[Tray] | Any,
+    out: Path | str | None = None, *, discrepancy: float | str = DISCREPANCY, rung: str | None = None,
+    force: States | None = None, workers: int | None = None, listener: Listener | None = None,
     planned: Callable[[Plan], object] | None = None,
-) -> Posterior:
+) -> Posterior:  # fmt: skip
     """Say what measured shares tell of the unknown numbers of ``scene``, and of all its shares.
 
     ``measured``: a CSV file (fraction, bin, share, uncertainty), columns by these names, or a frame of them. The scene
@@ -157,7 +149,8 @@ def calibrate(
         raise SceneError(f"calibrate: the answer of {result.folder} is void, {result.warnings[0]}")
     with cache_in_use(cache_root()), one_thread_of_blas():
         agreed = matched(result, found, missed, workers, heard)
-        posterior = _posterior(result, agreed, found, _source(measured))
+        source = Path(measured).name if isinstance(measured, Path | str) else MEASURED_SHARES
+        posterior = _posterior(result, agreed, found, source)
     _write(posterior, agreed)
     return posterior
 
@@ -173,10 +166,6 @@ def _trays_of(measured: object) -> list[Tray]:
     if not isinstance(columns, Mapping):
         raise SceneError("measured: give a CSV file, columns by their names, or a frame of them")
     return trays_of_columns(columns)
-
-
-def _source(measured: object) -> str:
-    return Path(measured).name if isinstance(measured, Path | str) else "measured shares"
 
 
 # -- What came out -----------------------------------------------------------------------------------------------------
@@ -240,8 +229,7 @@ def measure_next_after(after: JointAnswer, most: int = 5) -> list[tuple[str, flo
 def _posterior(before: Result, agreed: Matched, measured: Measured, source: str) -> Posterior:
     update = agreed.update
     if update is None:
-        return Posterior(before.folder, before, None, {}, agreed.agreement, agreed.conflict, (), (), (), (), 0, False,
-                         source)  # fmt: skip
+        return Posterior(before.folder, before, agreed.agreement, agreed.conflict, source)
     landings, own, inputs = known(before.landings), update.after.own, inputs_after(update)
     separation = _numerical(own.separation(), landings.separation)
     summary = {
@@ -258,9 +246,9 @@ def _posterior(before: Result, agreed: Matched, measured: Measured, source: str)
     trays = tuple(update.after.own.number(of_tray(row)) for row in weights_in(update.after, measured))
     result = replace(before, landings=after, key=key, calibration=told).with_joint(update.after)
     return Posterior(
-        before.folder, before, result, inputs, agreed.agreement, agreed.conflict, trays,
+        before.folder, before, agreed.agreement, agreed.conflict, source, result, inputs, trays,
         tuple(correlations_after(update)), tuple(wider_without(update, measured)),
-        tuple(measure_next_after(update.after)), update.rounds, update.stands, source,
+        tuple(measure_next_after(update.after)), update.rounds, update.stands,
     )  # fmt: skip
 
 
@@ -320,9 +308,9 @@ def _write(found: Posterior, agreed: Matched) -> None:
 
 
 def _write_tables(found: Posterior, folder: Path) -> None:
-    from ...show.figures.measured_figures import draw_measured
+    from ...show.figures.budget_figures import draw_measured
 
-    draw_measured(folder / "figures" / "calibration.png", found.agreement, found.trays or None)
+    draw_measured(folder / "figures" / "calibration.png", found.agreement, found.trays)
     found.cells().write_csv(folder / "inputs.csv")
     found.agreement.cells().write_csv(folder / "agreement.csv")
     CellTable(("input", "other input", "correlation"), found.correlations).write_csv(folder / "correlations.csv")

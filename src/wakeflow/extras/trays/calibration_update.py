@@ -243,15 +243,13 @@ def _within(base: Array, parts: Array) -> Array:
 
 def _joined(one: InputSamples, other: InputSamples) -> InputSamples:
     """Two lots of draws as one."""
-    varied, own = (
-        {name: _both(a[name], b[name]) for name in one.varied}
-        for a, b in ((one.varied, other.varied), (one.own, other.own))
-    )
+
+    def both(a: DrawnLandings, b: DrawnLandings) -> DrawnLandings:
+        return DrawnLandings(np.concatenate([a.position, b.position]), np.concatenate([a.bin, b.bin]))
+
+    varied = {name: both(found, other.varied[name]) for name, found in one.varied.items()}
+    own = {name: both(found, other.own[name]) for name, found in one.own.items()}
     return InputSamples(one.unknowns, np.vstack([one.z, other.z]), varied, own)
-
-
-def _both(one: DrawnLandings, other: DrawnLandings) -> DrawnLandings:
-    return DrawnLandings(np.concatenate([one.position, other.position]), np.concatenate([one.bin, other.bin]))
 
 
 def _wide_enough(spread: Array) -> Array:

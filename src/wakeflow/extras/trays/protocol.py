@@ -6,10 +6,12 @@ the same draws would show (:func:`.calibration_update.left_by`). The most useful
 
 from __future__ import annotations
 
+import base64
+import io
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +29,9 @@ from ...runs.progress import as_listener
 from ...scene import RESERVED_BIN, Scene
 from ...scene.measured import BY_CHANCE
 from ...scene.whole import States
+from ...show.canvas import bins_across
+from ...show.html.rows import page_template
+from ...show.sketch import draw_sketch
 from .calibration import widest_recovery
 from .calibration_update import DISCREPANCY, half_of, left_by, missed_by
 
@@ -89,17 +94,10 @@ class Protocol:
 
 
 def protocol(
-    scene: Scene | Path | str,
-    out: Path | str | None = None,
-    *,
-    of: str | None = None,
-    kernels: int = 300,
-    rung: str | None = None,
-    force: States | None = None,
-    workers: int | None = None,
-    listener: Listener | None = None,
+    scene: Scene | Path | str, out: Path | str | None = None, *, of: str | None = None, kernels: int = 300,
+    rung: str | None = None, force: States | None = None, workers: int | None = None, listener: Listener | None = None,
     planned: Callable[[Plan], object] | None = None,
-) -> Protocol:
+) -> Protocol:  # fmt: skip
     """Plan what to count of the machine of ``scene``, which is run where it has not been, until the share ``of``
     (a fraction: its recovery; FRACTION.BIN; by default the recovery that is known worst) is known twice as well;
     ``kernels`` of a fraction are fed in one repetition. Writes a page to print and the form that becomes measured.csv.
@@ -108,28 +106,26 @@ def protocol(
     million.
     """
     asked = Scene.of(scene)
-    _check(asked, of, kernels)
+    _check(asked, of or "", kernels)
     if out is not None:
         _claim(path_of(out, "out"))
     heard, planned = as_listener(listener, planned)
     result = run(scene, out, rung=rung, force=force, workers=workers, listener=heard, planned=planned)
-    return protocol_of(result, of, kernels)
+    return protocol_of(result, of or "", kernels)
 
 
-def _check(scene: Scene, of: str | None, kernels: int) -> None:
+def _check(scene: Scene, of: str, kernels: int) -> None:
     wanted_share(scene, of)
     if not 10 <= kernels <= MOST_KERNELS:
         raise SceneError(f"kernels = {kernels}: count ten at least, a million at most")
 
 
-def protocol_of(result: Result, of: str | None = None, kernels: int = 300, out: Path | None = None) -> Protocol:
+def protocol_of(result: Result, of: str = "", kernels: int = 300, out: Path | None = None) -> Protocol:
     """The same of a finished run, into the folder ``out`` or its own.
 
     Raises SceneError as :func:`protocol` does, and where the run ended before its shares.
     """
     scene = Scene.parse(result.scene)
-    from .protocol_page import write_protocol
-
     _check(scene, of, kernels)
     if result.landings is None:
         raise SceneError(f"{result.folder} holds no shares: the run ended before them")
@@ -156,10 +152,10 @@ def _claim(folder: Path) -> None:
     sums.refuse_changed(folder / FORM, COMMAND)
 
 
-def wanted_share(scene: Scene, of: str | None) -> tuple[str, Sequence[str]] | None:
-    """The fraction and bins that ``of`` names; None where it names nothing. Raises SceneError for what is not there."""
-    if of is None:
-        return None
+def wanted_share(scene: Scene, of: str) -> tuple[str, Sequence[str]]:
+    """The fraction and bins that ``of`` names, neither where it is empty. Raises SceneError for what is not there."""
+    if not of:
+        return "", ()
     name, _, place = of.partition(".")
     if name not in scene.fraction:
         raise SceneError(f"--of {of}: no fraction {name!r}{did_you_mean(name, list(scene.fraction))}")
@@ -170,11 +166,10 @@ def wanted_share(scene: Scene, of: str | None) -> tuple[str, Sequence[str]] | No
     return name, [place] if place else scene.fraction[name].targets
 
 
-def _wanted(joint: JointAnswer, scene: Scene, of: str | None) -> tuple[str, Of]:
-    asked = wanted_share(scene, of)
-    if asked is None:
+def _wanted(joint: JointAnswer, scene: Scene, of: str) -> tuple[str, Of]:
+    name, places = wanted_share(scene, of)
+    if not name:
         return widest_recovery(joint)
-    name, places = asked
     return f"{name} in {' or '.join(places)}", joint.own.of_share(name, places)
 
 
@@ -261,3 +256,19 @@ def _write_form(path: Path, scene: Scene, fractions: Sequence[str]) -> None:
         stream.write(f"# {RESERVED_BIN}: those that reached no tray. Every line of a fraction is needed, even a 0.\n")
         stream.write("fraction,bin,count\n")
         stream.writelines(f"{name},{place},\n" for name in fractions for place in (*scene.bin, RESERVED_BIN))
+
+
+def write_protocol(path: Path, scene: Scene, found: Any, fractions: Sequence[str]) -> None:
+    """Write the page of a protocol (:class:`wakeflow.extras.trays.protocol.Protocol`) of ``scene``, with a form for
+    each of the ``fractions`` that are counted.
+    """
+    picture = io.BytesIO()
+    draw_sketch(scene).figure.savefig(picture, format="png")
+    repetitions = {name: max(one.repetitions for one in found.steps if one.fraction == name)
+                   for name in dict.fromkeys(step.fraction for step in found.steps)}  # fmt: skip
+    text = page_template("protocol.html.j2", Path(__file__).parent).render(
+        found=found, repetitions=repetitions or dict.fromkeys(fractions, 1), bins=[*bins_across(scene), RESERVED_BIN],
+        sketch=base64.b64encode(picture.getvalue()).decode("ascii"),
+    )  # fmt: skip
+    with atomic_write(path) as stream:
+        stream.write(text)

@@ -8,7 +8,7 @@ from ...cli.screen import print_lines, screen_table
 from ...cli.show_many import show_agreement
 from ...core.errors import known
 from ...core.quantities import say, speaking
-from ...show.sketch import UNITS
+from ...show.plan_words import UNITS
 from ...show.words import percent
 from .calibration import TELLS
 

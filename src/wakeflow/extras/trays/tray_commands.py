@@ -91,7 +91,7 @@ def protocol(
     if scene.is_dir():
         if settings or gate != GATE:
             raise SceneError("a finished run has its numbers, rung and terms; give its scene file to change them")
-        made = protocol_of(Result.load(scene), of, kernels, out)
+        made = protocol_of(Result.load(scene), of or "", kernels, out)
         if not quiet:
             show_protocol(made)
         return

@@ -15,7 +15,8 @@ from ...scene import Scene
 from .. import Fate, Granules, Tracks
 
 # -- Recorded tracks ---------------------------------------------------------------------------------------------------
-MOMENTS = ("time", "position", "velocity")  # (m,) s, (m, 2) m, (m, 2) m/s of a track
+# (m,) s, (m, 2) m, (m, 2) m/s of a track; arriving (m, 2) m/s: before the impact there, where there is one
+MOMENTS = ("time", "position", "velocity", "arriving")
 OWN = ("diameter", "bin", "fate")  # () m, place among the scene's bins or -1, value of Fate, of a track
 
 
@@ -23,14 +24,15 @@ def paths_of(tracks: Tracks, grains: Granules, bins: int) -> list[Columns]:
     """Recorded tracks with their granules' diameters, and where and how they ended in a scene of so many ``bins``."""
     own = zip(grains.diameter, *tracks.ends(bins), strict=True)
     return [
-        dict(zip((*MOMENTS, *OWN), (*tracks.path(i), *map(np.asarray, one)), strict=True)) for i, one in enumerate(own)
+        dict(zip((*MOMENTS, *OWN), (*tracks.path(i), tracks.arriving(i), *map(np.asarray, one)), strict=True))
+        for i, one in enumerate(own)
     ]
 
 
 def save_recorded_tracks(path: Path, paths: Sequence[Columns]) -> None:
     """Keep tracks end to end in one file (.npz), ``split`` saying where each begins."""
     split = np.cumsum([0] + [len(one["time"]) for one in paths])
-    room = {"time": np.zeros(0), "position": np.zeros((0, 2)), "velocity": np.zeros((0, 2))}
+    room = {"time": np.zeros(0), **dict.fromkeys(MOMENTS[1:], np.zeros((0, 2)))}
     joined = {key: np.concatenate([none, *(one[key] for one in paths)]) for key, none in room.items()}
     own = {key: np.array([one[key] for one in paths]) for key in OWN}
     save_arrays(path, {"split": split, **own, **joined})

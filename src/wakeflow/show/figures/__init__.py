@@ -16,16 +16,15 @@ from ..outcome import Figure, Outcome, figures
 
 __all__ = ["Figure", "captions", "draw_figures", "figure_files", "figures", "lasting_figures"]
 
-for _module in ("air_figures", "flights", "share_figures", "measured_figures", "budget_figures", "solver_figures"):
+for _module in ("air_figures", "flights", "share_figures", "budget_figures", "solver_figures"):
     import_module(f".{_module}", __name__)
 
 
 def draw_figures(folder: Path, outcome: Outcome) -> None:
-    """Draw every figure whose needs the run meets, as NAME.png and .svg into ``folder``, its data beside it."""
+    """Draw every figure that the run has something for, as NAME.png and .svg into ``folder``, its data beside it."""
     for name in figures:
-        needs = figures[name].needs
-        if needs is None or needs(outcome):
-            figures[name].draw(folder / f"{name}.png", outcome)
+        if parts := figures[name].parts(outcome):
+            figures[name].draw(folder / f"{name}.png", *parts)
 
 
 def figure_files(folder: Path) -> list[Path]:

@@ -12,25 +12,9 @@ from ...air.field.derived import vorticity
 from ...core.errors import known
 from ...core.geometry import along
 from ...laws.momentum import momentum_pressure
+from .. import canvas
 from ..air_pictures import SUCTION_LEVEL, TOUCHING, as_flown, pressure_coefficient, trace_streamlines, window_round_body
-from ..canvas import (
-    COLOURS,
-    INK,
-    MM,
-    TALLEST,
-    PlotGrid,
-    Window,
-    air_arrow,
-    canvas,
-    frame,
-    inside_window,
-    new_axes,
-    new_figure,
-    save,
-    solids,
-    streams,
-    triangulation,
-)
+from ..canvas import COLOURS, INK, MM, TALLEST, PlotGrid, Window, save
 from ..outcome import add_figure
 
 if TYPE_CHECKING:
@@ -41,6 +25,8 @@ if TYPE_CHECKING:
     from ...scene import Scene
     from ..canvas import Paper
     from ..outcome import Outcome
+
+    Air = tuple[FlowField, Scene, Airflow] | tuple[()]
 
 Array = NDArray[np.float64]
 
@@ -62,9 +48,9 @@ def draw_pressure(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow
     mean = as_flown(field.mean(), scene)
     cp = pressure_coefficient(mean, scene, airflow)
     window = window_round_body(scene, airflow)
-    figure, axes, _ = canvas(window, paper)
-    mesh = triangulation(mean)
-    levels, limit = _cp_levels(cp[inside_window(mean.points, window)])
+    figure, axes, _ = canvas.canvas(window, paper)
+    mesh = canvas.triangulation(mean)
+    levels, limit = _cp_levels(cp[canvas.inside_window(mean.points, window)])
     filled = axes.tricontourf(
         mesh, cp, levels=levels, cmap=_scale(levels, limit), vmin=-limit, vmax=limit, extend="both"
     )
@@ -72,11 +58,11 @@ def draw_pressure(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow
     axes.tricontour(mesh, cp, levels=[SUCTION_LEVEL], colors=INK, linewidths=1.3, linestyles="--")
     grid = PlotGrid.sample(mesh, window, [*mean.velocity.T, cp])
     trace_streamlines(axes, mean, window, grid)
-    solids(axes, scene)
-    frame(axes, window)
+    canvas.solids(axes, scene)
+    canvas.frame(axes, window)
     _zones(axes, grid, scene, window, ZONES if numbered else {})
-    air_arrow(axes, scene, window, ZONES["air"] if numbered else "")
-    streams(axes, scene)
+    canvas.air_arrow(axes, scene, window, ZONES["air"] if numbered else "")
+    canvas.streams(axes, scene)
     bar = figure.colorbar(filled, cax=axes.inset_axes((1.04, 0.1, 0.035, 0.8)))
     bar.set_label(r"$C_p = (p - p_\mathrm{inlet})\;/\;\frac{1}{2}\rho U^2$")
     bar.ax.axhline(SUCTION_LEVEL, color=INK, linewidth=1.3, linestyle="--")
@@ -141,17 +127,11 @@ def _callout(axes: Axes, text: str, place: tuple[float, float], lift: float, win
     """A name near the right-hand border, ``lift`` m above the place it belongs to."""
     level = min(max(place[1] + lift, window[2] + 0.05 * abs(lift)), window[3] - 0.05 * abs(lift))
     axes.annotate(
-        text,
-        xy=(MM * place[0], MM * place[1]),
-        xytext=(MM * (0.97 * window[1] + 0.03 * window[0]), MM * level),
-        fontsize=9,
-        fontweight="bold",
-        ha="right",
-        va="center",
+        text, xy=(MM * place[0], MM * place[1]), xytext=(MM * (0.97 * window[1] + 0.03 * window[0]), MM * level),
+        fontsize=9, fontweight="bold", ha="right", va="center",
         bbox={"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": INK, "linewidth": 0.6, "alpha": 0.9},
-        arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0},
-        zorder=10,
-    )
+        arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0}, zorder=10,
+    )  # fmt: skip
 
 
 def pressure_along(field: FlowField, outline: Array, cp: Array) -> tuple[Array, Array]:
@@ -171,7 +151,7 @@ def draw_surface(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow)
     arc, cp = pressure_along(mean, outline, pressure_coefficient(mean, scene, airflow))
     edges = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.roll(outline, -1, axis=0) - outline).T))])
     model = momentum_pressure(outline, scene.airstream.direction)
-    axes = new_axes(6.4, 3.6, paper)
+    axes = canvas.new_axes(6.4, 3.6, paper)
     axes.plot(MM * arc, cp, ".-", ms=3, lw=1.2, color=COLOURS[0], label="computed, mean")
     for i, (value, lit) in enumerate(zip(model.cp, model.lit, strict=True)):
         if lit > 0:
@@ -202,18 +182,18 @@ def draw_vorticity(paper: Paper, field: FlowField, scene: Scene, airflow: Airflo
     now = {} if field.times is None else {f"at {1e3 * float(field.times[0]):.3g} ms of the loop": _first(field)}
     shown = {**now, "mean": as_flown(field.mean(), scene)}
     scaled = {name: vorticity(one) * scene.width / scene.airstream.speed for name, one in shown.items()}
-    here = inside_window(field.points, window)
+    here = canvas.inside_window(field.points, window)
     most = max(_strong(np.abs(values[here]), field.node_area[here]) for values in scaled.values())
     across = TALLEST * 0.75 * (window[1] - window[0]) / (window[3] - window[2])
-    figure = new_figure(1.4 + (across + 0.5) * len(scaled), TALLEST * 0.75 + 0.9, paper)
+    figure = canvas.new_figure(1.4 + (across + 0.5) * len(scaled), TALLEST * 0.75 + 0.9, paper)
     panels: NDArray[np.object_] = figure.subplots(1, len(scaled), squeeze=False, sharey=True)[0]
-    mesh, levels = triangulation(field), np.linspace(-most, most, SHADES)
+    mesh, levels = canvas.triangulation(field), np.linspace(-most, most, SHADES)
     for axes, (name, values) in zip(panels, scaled.items(), strict=True):
         filled = axes.tricontourf(mesh, values, levels=levels, cmap="RdBu_r", extend="both")
         filled.set_rasterized(True)
         axes.set_aspect("equal")
-        frame(axes, window)
-        solids(axes, scene)
+        canvas.frame(axes, window)
+        canvas.solids(axes, scene)
         axes.set_title(name, fontsize=9, loc="left")
     bar = figure.colorbar(filled, ax=list(panels), shrink=0.7)
     bar.set_label(r"vorticity, $\omega D / U$ (counter-clockwise positive)", fontsize=8)
@@ -239,43 +219,37 @@ def _first(field: FlowField) -> FlowField:
     return replace(still, times=None, period=None, coefficients=None, truncation=None)
 
 
-def air_of(outcome: Outcome) -> tuple[FlowField, Scene, Airflow] | None:
-    """The air round the bodies; None of a run without one that sees them."""
+def air_of(outcome: Outcome) -> Air:
+    """The air round the bodies; empty of a run without one that sees them."""
     field, airflow = outcome.field, outcome.airflow
     if field is None or airflow is None or airflow.cd is None or not outcome.scene.body:
-        return None
+        return ()
     return field, outcome.scene, airflow
 
 
-def air_with_pressure(outcome: Outcome) -> tuple[FlowField, Scene, Airflow] | None:
-    """As :func:`air_of`; None without pressure too."""
-    found = air_of(outcome)
-    return None if found is None or found[0].pressure is None else found
+def air_with_pressure(outcome: Outcome) -> Air:
+    """As :func:`air_of`; empty without pressure too."""
+    air = air_of(outcome)
+    return air if air and air[0].pressure is not None else ()
 
 
-def _air_at_the_surface(outcome: Outcome) -> tuple[FlowField, Scene, Airflow] | None:
-    found = air_with_pressure(outcome)
-    if found is None:
-        return None
-    arc, _ = pressure_along(found[0], outcome.scene.outline, np.zeros(len(found[0].points)))
-    return found if len(arc) > 2 else None
+def _air_at_the_surface(outcome: Outcome) -> Air:
+    air = air_with_pressure(outcome)
+    if not air:
+        return ()
+    arc, _ = pressure_along(air[0], outcome.scene.outline, np.zeros(len(air[0].points)))
+    return air if len(arc) > 2 else ()
 
 
 add_figure(
-    "pressure",
-    "Pressure coefficient and streamlines. Dashed: the suction zone's border, Cp = −0.5.",
-    draw_pressure,
-    air_with_pressure,
-)
+    "pressure", "Pressure coefficient and streamlines. Dashed: the suction zone's border, Cp = −0.5.",
+    draw_pressure, air_with_pressure,
+)  # fmt: skip
 add_figure(
-    "surface",
-    "Pressure along the first body and the paper's momentum model, which knows the front only.",
-    draw_surface,
-    _air_at_the_surface,
-)
+    "surface", "Pressure along the first body and the paper's momentum model, which knows the front only.",
+    draw_surface, _air_at_the_surface,
+)  # fmt: skip
 add_figure(
-    "vorticity",
-    "Mean vorticity over air speed and body width; of a wake in time also that of one moment.",
-    draw_vorticity,
-    air_of,
-)
+    "vorticity", "Mean vorticity over air speed and body width; of a wake in time also that of one moment.",
+    draw_vorticity, air_of,
+)  # fmt: skip

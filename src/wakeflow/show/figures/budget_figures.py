@@ -1,4 +1,4 @@
-"""The standard figures of the budget: a tornado for each least certain share, and what each source costs."""
+"""The standard figures of how sure an answer is: beside measured shares, what moves it, what each source costs."""
 
 from __future__ import annotations
 
@@ -7,19 +7,71 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...answer.budget.agreement import Agreement, agreement_in, measured_in
 from ...answer.moves import InputMove, drawn_moves, grouped, least_sure
 from ...answer.shares import SHARE_UNIT
+from ...core.number import Number
 from ..canvas import BLUE, COLOURS, INK, VERMILION, foremost, new_figure, save
-from ..outcome import add_figure
+from ..outcome import Outcome, add_figure
 from ..words import condensed, source_seconds
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from ...answer.shares import BudgetRow
     from ..canvas import Paper
-    from ..outcome import Outcome
+
+
+BEFORE, MEASURED, AFTER = "#4878a8", INK, "#c8622e"
+TRAY_ROW = 0.42  # inches a tray
+APART = 0.2  # rows between the intervals of one tray
+NOTHING = 0.02  # of a share: trays that neither hold more than that of it are not drawn, if others are
+
+
+def draw_measured(paper: Paper, found: Agreement, after: Sequence[Number] = ()) -> Axes:
+    """Draw a row a tray: the computed share and the measured one, and where there was a calibration the share
+    ``after`` it, each with its 95 % interval.
+    """
+    shown = [i for i, tray in enumerate(found.trays) if max(tray.measured.high, tray.computed.high) > NOTHING]
+    shown = shown or list(range(len(found.trays)))
+    trays = [found.trays[i] for i in shown]
+    figure = new_figure(6.4, 1.5 + TRAY_ROW * len(trays), paper)
+    axes: Axes = figure.add_subplot()
+    lines = [("computed", BEFORE, "s", [tray.computed for tray in trays]),
+             ("measured", MEASURED, "o", [tray.measured for tray in trays])]  # fmt: skip
+    if after:
+        lines.append(("computed, after the calibration", AFTER, "D", [after[i] for i in shown]))
+    for place, (label, colour, mark, numbers) in enumerate(lines):
+        level = np.arange(len(numbers)) + APART * (place - 0.5 * (len(lines) - 1))
+        value, low, high = (100.0 * np.array(part) for part in zip(*map(tuple, numbers), strict=True))
+        ends = np.array([value - low, high - value])
+        axes.errorbar(value, level, xerr=ends, fmt=mark, ms=4, lw=1.6, capsize=2, color=colour, label=label)
+    axes.set_yticks(range(len(trays)), [tray.about for tray in trays], fontsize=8)
+    axes.set_ylim(len(trays) - 0.5, -0.5)
+    axes.set_xlim(-2.0, 102.0)
+    axes.set_xlabel("share (%) with its 95 % interval")
+    axes.grid(axis="x", color="#dddddd", linewidth=0.5)
+    axes.legend(fontsize=7, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
+    save(figure, paper, _columns(found))
+    return axes
+
+
+def _columns(found: Agreement) -> dict[str, ArrayLike]:
+    table: dict[str, ArrayLike] = {"tray": [tray.about for tray in found.trays]}
+    for head, cells in found.cells().columns().items():
+        if head not in ("fraction", "bin"):
+            table[head] = cells
+    return table
+
+
+def _beside(outcome: Outcome) -> tuple[object, ...]:
+    measured = measured_in(outcome.result)
+    return () if measured is None or outcome.result.landings is None else (agreement_in(outcome.result, measured),)
+
+
+add_figure("measured", "Measured shares and computed ones, each with its 95 % interval.", draw_measured, _beside)
+
 
 MAX_INPUTS = 8  # inputs of a panel
 FAINT, FAINT_INK = "#d5d5d5", "#9a9a9a"  # of a change that is no larger than its error: it may be none
@@ -125,21 +177,23 @@ def _errors(budget: Sequence[BudgetRow]) -> dict[str, np.ndarray]:
     return {name: np.array(values) for name, values in found.items() if max(values) > MIN_ERROR}
 
 
-def _moves(outcome: Outcome) -> tuple[dict[str, list[InputMove]]] | None:
+def _moves(outcome: Outcome) -> tuple[object, ...]:
     moves = grouped(drawn_moves(outcome.result.landings))
     panels = {name.split(".")[1]: name for name in least_sure(moves)}
     names = [panels[fraction] for fraction in foremost(outcome.scene, list(panels))]
-    return ({name: moves[name] for name in names},) if moves else None
+    return ({name: moves[name] for name in names},) if moves else ()
 
 
-def _budget(outcome: Outcome) -> tuple[Sequence[BudgetRow]] | None:
+def _budget(outcome: Outcome) -> tuple[object, ...]:
     budget = outcome.result.budget
-    return (budget,) if len(_errors(budget)) > 1 else None
+    return (budget,) if len(_errors(budget)) > 1 else ()
 
 
 add_figure(
-    "inputs", "What to measure next: what each number that is not known exactly moves a share by.", draw_tornado, _moves
-)
+    "inputs", "What to measure next: what each number that is not known exactly moves a share by.",
+    draw_tornado, _moves,
+)  # fmt: skip
 add_figure(
-    "cost", "What each source adds to the error of a share, and the run time that knowing it took.", draw_cost, _budget
-)
+    "cost", "What each source adds to the error of a share, and the run time that knowing it took.",
+    draw_cost, _budget,
+)  # fmt: skip

@@ -8,24 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import canvas
 from ..air_pictures import SUCTION_LEVEL, as_flown, pressure_coefficient, suction_nodes
-from ..canvas import (
-    COLOURS,
-    INK,
-    MM,
-    air_arrow,
-    canvas,
-    draw_bins,
-    foremost,
-    fraction_colours,
-    frame,
-    new_axes,
-    of_all,
-    save,
-    solids,
-    streams,
-    triangulation,
-)
+from ..canvas import COLOURS, INK, MM, save
+from ..moving import Path2D
 from ..outcome import add_figure
 from .air_figures import air_with_pressure
 
@@ -43,6 +29,7 @@ Array = NDArray[np.float64]
 
 MAX_TRACKS = 48  # tracks drawn of the fraction with most mass; more only blacken the picture
 MIN_DRAWN = 4  # of any other: those of a fraction that has less mass than so many lines are thinner
+DRAWN = 200  # straight pieces of a line from top to bottom
 WIDTH = 0.75  # points: of a line that represents as much mass as every other
 
 
@@ -50,34 +37,31 @@ def draw_tracks(paper: Paper, field: FlowField | None, scene: Scene, tracks: Map
     """Tracks of every fraction in the whole channel over a pale map of the air's mean speed, with body, walls and bins.
 
     ``tracks``: fraction name to (m, 2) arrays of positions (m). What is drawn of a fraction, number of lines times
-    their width, is in proportion to its share of the feed's mass. Of very many fractions the :func:`foremost`.
+    their width, is in proportion to its share of the feed's mass. Of very many fractions the :func:`..canvas.foremost`.
     """
     channel = scene.channel
     window = (-channel.width / 2, channel.width / 2, channel.bottom, channel.top)
-    figure, axes, scale = canvas(window, paper)
+    figure, axes, scale = canvas.canvas(window, paper)
     mapped = field is not None and _speed_map(axes, as_flown(field.mean(), scene))
-    shares, colours = scene.mass_shares(), fraction_colours(list(scene.fraction))
+    shares, colours = scene.mass_shares(), canvas.fraction_colours(list(scene.fraction))
     most, chosen = max(shares.values()), {}
-    shown = foremost(scene, list(tracks))
+    shown = canvas.foremost(scene, list(tracks))
     for name in sorted(shown, key=lambda name: -shares[name]):  # the lightest on top
         chosen[name], width = _chosen(tracks[name], shares[name] / most)
         _draw_fraction(axes, chosen[name], f"{name}, {100 * shares[name]:.3g} %", colours[name], width)
-    solids(axes, scene)
+    canvas.solids(axes, scene)
     for wall in window[:2]:
         axes.plot([MM * wall] * 2, [MM * channel.bottom, MM * channel.top], color=INK, linewidth=1.3, zorder=4)
     for end in window[2:]:
         axes.plot([MM * window[0], MM * window[1]], [MM * end] * 2, color=INK, linewidth=0.5, linestyle=":", zorder=4)
-    frame(axes, window, draw_bins(axes, scene, scale))
-    air_arrow(axes, scene, window)
-    streams(axes, scene)
+    canvas.frame(axes, window, canvas.draw_bins(axes, scene, scale))
+    canvas.air_arrow(axes, scene, window)
+    canvas.streams(axes, scene)
     if tracks:
         legend = axes.legend(
-            title=f"of the feed{of_all(shown, tracks)}",
-            loc="upper left",
-            bbox_to_anchor=(1.02, 1.0),
-            frameon=False,
-            fontsize=9,
-        )
+            title=f"of the feed{canvas.of_all(shown, tracks)}", loc="upper left", bbox_to_anchor=(1.02, 1.0),
+            frameon=False, fontsize=9,
+        )  # fmt: skip
         for line in legend.get_lines():
             line.set(linewidth=2.5, alpha=1.0)
     blue = " Blue: the mean air's speed" if mapped else ""
@@ -96,7 +80,7 @@ def _speed_map(axes: Axes, mean: FlowField) -> bool:
         return False  # uniform air: the arrow beside says all
     pale = LinearSegmentedColormap.from_list("pale", ["#ffffff", "#dbe7f1", "#a9c3d9"])
     levels = MaxNLocator(10).tick_values(0.0, max(float(np.percentile(speed, 99.0)), 1e-12))
-    filled = axes.tricontourf(triangulation(mean), speed, levels=levels, cmap=pale, extend="max")
+    filled = axes.tricontourf(canvas.triangulation(mean), speed, levels=levels, cmap=pale, extend="max")
     filled.set_rasterized(True)
     bar = axes.figure.colorbar(filled, cax=axes.inset_axes((1.05, 0.12, 0.05, 0.4)))
     bar.set_label("air speed (m/s)", fontsize=9)
@@ -139,23 +123,25 @@ def _track_rows(tracks: Mapping[str, Sequence[Array]]) -> dict[str, NDArray[np.g
 
 
 SURE = 0.95
+STEP = 0.02  # of the first body's width, between two looks whether a granule is in the zone
 SPANS = "the zone spans the channel: this is the time of passing through it, not behind the body alone"
 
 
-def times_in_zone(mean: FlowField, cp: Array, zone: NDArray[np.bool_], tracks: Sequence[Track]) -> Array:
+def times_in_zone(mean: FlowField, cp: Array, zone: NDArray[np.bool_], tracks: Sequence[Track], step: float) -> Array:
     """How long (s) each of the tracks is in the suction zone: where ``cp`` (N,), the pressure coefficient at the nodes,
-    is below its border in a triangle that has a node of the ``zone`` (N,).
+    is below its border in a triangle that has a node of the ``zone`` (N,), looked up every ``step`` (m).
     """
     found = np.zeros(len(tracks))
-    for number, track in enumerate(tracks):
-        middle = 0.5 * (track["position"][1:] + track["position"][:-1])
+    for number, path in enumerate(map(Path2D.of, tracks)):
+        moments = path.moments(step)
+        middle, _ = path.at(0.5 * (moments[1:] + moments[:-1]))
         triangle = mean.locate(middle)
         corner = mean.triangles[triangle]
         inside = np.zeros(len(middle), dtype=bool)
         met = triangle >= 0
         level = np.einsum("nk,nk->n", mean.barycentric(triangle[met], middle[met]), cp[corner[met]])
         inside[met] = (level < SUCTION_LEVEL) & zone[corner[met]].any(axis=1)
-        found[number] = float(np.diff(track["time"])[inside].sum())
+        found[number] = float(np.diff(moments)[inside].sum())
     return found
 
 
@@ -169,9 +155,9 @@ def draw_residence(
     mean = as_flown(field.mean(), scene)
     cp = pressure_coefficient(mean, scene, airflow)
     zone = suction_nodes(mean, cp, scene)
-    with_tracks = foremost(scene, [name for name, part in tracks.items() if part])
-    times = {name: times_in_zone(mean, cp, zone, tracks[name]) for name in with_tracks}
-    axes, colours = new_axes(6.4, 3.9, paper), fraction_colours(list(scene.fraction))
+    with_tracks = canvas.foremost(scene, [name for name, part in tracks.items() if part])
+    times = {name: times_in_zone(mean, cp, zone, tracks[name], STEP * scene.width) for name in with_tracks}
+    axes, colours = canvas.new_axes(6.4, 3.9, paper), canvas.fraction_colours(list(scene.fraction))
     for name, found in times.items():
         stays = np.sort(found)
         share = 100.0 * (1.0 - np.arange(len(stays) + 1) / len(stays))
@@ -216,7 +202,7 @@ MIDDLE = 0.575  # of the mass still inside half-way through the steady stretch, 
 def draw_discharge(paper: Paper, poured: FunnelSummary) -> Axes:
     """Mass left (g) against time since the outlet opened (s), the fitted rate and Beverloo's law."""
     time, mass = (np.asarray(column) for column in (poured.curve.time, poured.curve.mass))
-    axes = new_axes(6.4, 4.0, paper)
+    axes = canvas.new_axes(6.4, 4.0, paper)
     axes.plot(time, 1e3 * mass, color=COLOURS[0], linewidth=1.8, label="computed bead by bead")
     end = poured.time_to_empty or float(time[-1])
     half = float(np.interp(-MIDDLE * poured.mass, -mass, time))
@@ -241,27 +227,28 @@ def draw_discharge(paper: Paper, poured: FunnelSummary) -> Axes:
 
 
 def _tracks(outcome: Outcome) -> tuple[FlowField | None, Scene, dict[str, list[Array]]]:
-    positions = {name: [track["position"] for track in part] for name, part in outcome.tracks.items()}
+    channel = outcome.scene.channel
+    step = (channel.top - channel.bottom) / DRAWN
+    paths = {name: [Path2D.of(track) for track in part] for name, part in outcome.tracks.items()}
+    positions = {name: [path.at(path.moments(step))[0] for path in part] for name, part in paths.items()}
     return outcome.field, outcome.scene, positions
 
 
-def _air_and_tracks(outcome: Outcome) -> tuple[object, ...] | None:
-    found = air_with_pressure(outcome)
-    return None if found is None or not any(map(len, outcome.tracks.values())) else (*found, outcome.tracks)
+def _air_and_tracks(outcome: Outcome) -> tuple[object, ...]:
+    air = air_with_pressure(outcome)
+    return (*air, outcome.tracks) if air and any(map(len, outcome.tracks.values())) else ()
 
 
 add_figure(
-    "tracks", "Tracks through the channel, as much ink as mass; bins are the bars.", draw_tracks, _tracks, always=True
-)
+    "tracks", "Tracks through the channel, as much ink as mass; bins are the bars.",
+    draw_tracks, _tracks, always=True,
+)  # fmt: skip
 add_figure(
     "residence",
     "Residence time in the suction zone (Cp < −0.5 in the mean, from the first body on), of the drawn tracks.",
-    draw_residence,
-    _air_and_tracks,
-)
+    draw_residence, _air_and_tracks,
+)  # fmt: skip
 add_figure(
-    "discharge",
-    "The feed funnel: mass left inside over time; dashed: Beverloo's law for a funnel at rest.",
-    draw_discharge,
-    lambda outcome: None if outcome.result.funnel is None else (outcome.result.funnel,),
-)
+    "discharge", "The feed funnel: mass left inside over time; dashed: Beverloo's law for a funnel at rest.",
+    draw_discharge, lambda outcome: () if outcome.result.funnel is None else (outcome.result.funnel,),
+)  # fmt: skip

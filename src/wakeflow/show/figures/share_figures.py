@@ -306,39 +306,29 @@ def _wake_columns(landings: LandingResults) -> dict[str, ArrayLike]:
     return found
 
 
-def _landings(outcome: Outcome) -> tuple[Scene, Mapping[str, Landed], Separation] | None:
+def _landings(outcome: Outcome) -> tuple[object, ...]:
     landings = outcome.result.landings
-    return None if landings is None else (outcome.scene, outcome.landings, landings.separation)
+    return () if landings is None else (outcome.scene, outcome.landings, landings.separation)
 
 
-def _curves(outcome: Outcome) -> tuple[Scene, Sequence[PartitionCurve]] | None:
+def _curves(outcome: Outcome) -> tuple[object, ...]:
     landings = outcome.result.landings
     curves = () if landings is None else tuple(curve for curve in landings.separation.cut if curve.overlaps)
-    return (outcome.scene, curves) if curves else None
+    return (outcome.scene, curves) if curves else ()
 
 
-def _in_wakes(outcome: Outcome) -> tuple[Scene, LandingResults] | None:
+def _in_wakes(outcome: Outcome) -> tuple[object, ...]:
     landings = outcome.result.landings
-    return None if landings is None or not landings.bracket else (outcome.scene, landings)
+    return () if landings is None or not landings.bracket else (outcome.scene, landings)
 
 
+add_figure("landing", "Where the mass of each fraction lands.", draw_landing, _landings, always=True)
 add_figure(
-    "landing",
-    "Where the mass of each fraction lands.",
-    draw_landing,
-    _landings,
-    always=True,
-)
+    "partition", "Partition curves: of granules alike in size or terminal velocity, the share in each product; bands: "
+    "95 %, of all that is not known; dotted where nothing is fed.",
+    draw_partition, _curves,
+)  # fmt: skip
 add_figure(
-    "partition",
-    "Partition curves: of granules alike in size or terminal velocity, the share in each product; bands: 95 %, of "
-    "all that is not known; dotted where nothing is fed.",
-    draw_partition,
-    _curves,
-)
-add_figure(
-    "wakes",
-    "The same granules, each alone, in each wake (marks), and the answer with its 95 % interval (bars).",
-    draw_wakes,
-    _in_wakes,
-)
+    "wakes", "The same granules, each alone, in each wake (marks), and the answer with its 95 % interval (bars).",
+    draw_wakes, _in_wakes,
+)  # fmt: skip

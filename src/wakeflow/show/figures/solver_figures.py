@@ -22,10 +22,7 @@ if TYPE_CHECKING:
 
 DROPPED, KEPT = "#d9dde2", "#f7c873"
 SETTLED = 0.25  # of a record without a start-up: what the picture's height does not follow before that
-MIN_AXIS_SPAN, MIN_AXIS_PART = (
-    0.01,
-    0.02,
-)  # an axis spans at least that much, or that part of the mean: what settled looks it
+MIN_AXIS_SPAN, MIN_AXIS_PART = 0.01, 0.02  # an axis spans at least so much, or so much of the mean: settled looks it
 MARGIN = 0.12  # of the range of what counts, above and below it: a kick at the start may leave the picture
 
 
@@ -113,16 +110,14 @@ def _draw_cells(axes: Axes, cells: PlaneCells, window: Window, line: float) -> N
     axes.add_collection(drawn)
 
 
-def _cells(outcome: Outcome) -> tuple[PlaneCells, Scene, Airflow] | None:
+def _cells(outcome: Outcome) -> tuple[object, ...]:
     if outcome.cells is None or outcome.airflow is None or not outcome.scene.body:
-        return None
+        return ()
     return outcome.cells, outcome.scene, outcome.airflow
 
 
 add_figure(
-    "forces",
-    "Lift and drag as the solver recorded them: what was dropped, what is averaged, what is kept.",
-    draw_forces,
-    lambda outcome: None if outcome.history is None else (outcome.history,),
-)
+    "forces", "Lift and drag as the solver recorded them: what was dropped, what is averaged, what is kept.",
+    draw_forces, lambda outcome: () if outcome.history is None else (outcome.history,),
+)  # fmt: skip
 add_figure("mesh", "The cells that the air was solved in; right: at the body's wall.", draw_mesh, _cells)

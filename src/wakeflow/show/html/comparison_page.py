@@ -14,8 +14,7 @@ from ..figures import captions
 from ..many_figures import main_quantities
 from ..words import NO_VALUE, difference_text, percent
 from .report_page import inlined_pictures, shape_of
-from .rows import input_text, number
-from .template import page_template
+from .rows import input_text, number, page_template
 
 if TYPE_CHECKING:
     from ...answer.result import Result
@@ -51,24 +50,16 @@ def write_comparison(path: Path, table: ResultTable, differences: Sequence[Diffe
     rows = _rows(table, differences)
     main = set(main_quantities(table))
     text = page_template("compare.html.j2").render(
-        names=names,
-        less=[f"{name if len(names) > 2 else ''} less {names[0]}" for name in names[1:]],
-        made=[(name, *_made(run)) for name, run in zip(names, runs, strict=True)],
+        names=names, less=[f"{name if len(names) > 2 else ''} less {names[0]}" for name in names[1:]],
+        made=[(name, run.provenance.date.replace("T", " "), run.plan.rung, run.versions["wakeflow"])
+              for name, run in zip(names, runs, strict=True)],
         inputs=[(key, *(_input(key, entry) for entry in table.entries)) for key in table.inputs],
-        main=[row for row in rows if row.quantity in main],
-        rows=rows,
-        bins=_bins(scenes),
+        main=[row for row in rows if row.quantity in main], rows=rows, bins=_bins(scenes),
         colours=fraction_colours(list(dict.fromkeys(name for scene in scenes for name in scene.fraction))),
-        shares=[(entry.name, _shares(entry)) for entry in table.entries],
-        pairs=_pairs(names, runs),
-    )
+        shares=[(entry.name, _shares(entry)) for entry in table.entries], pairs=_pairs(names, runs),
+    )  # fmt: skip
     with atomic_write(path) as stream:
         stream.write(text)
-
-
-def _made(run: Result) -> tuple[str, str, str]:
-    """When a run was made, on which rung, by which version."""
-    return run.provenance.date.replace("T", " "), run.plan.rung, run.versions["wakeflow"]
 
 
 def _input(key: str, entry: Entry) -> str:

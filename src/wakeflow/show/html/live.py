@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..air_pictures import VorticityShades, moments_of
 from ..canvas import MM, bins_across, fraction_colours
+from ..moving import Path2D
 from ..words import part_text
 
 if TYPE_CHECKING:
@@ -93,8 +94,7 @@ def _tracks(tracks: Sequence[Track], count: int) -> list[dict[str, object]]:
         if len(time) < 2 or time[-1] <= time[0]:
             continue
         even = np.linspace(time[0], time[-1], POINTS)
-        where = np.stack([np.interp(even, time, track["position"][:, i]) for i in (0, 1)], axis=1)
-        points = np.rint(10 * MM * where).astype(int)
+        points = np.rint(10 * MM * Path2D.of(track).at(even)[0]).astype(int)
         found.append({"from": float(time[0]), "step": float(even[1] - even[0]), "at": points.ravel().tolist()})
     return found
 

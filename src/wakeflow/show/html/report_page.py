@@ -23,10 +23,10 @@ from ..asked_pictures import found
 from ..canvas import bins_across, fraction_colours
 from ..figures import captions
 from ..film import film_in, film_section
-from ..sketch import UNITS
+from ..plan_words import UNITS
 from . import rows
 from .live import live_data
-from .template import page_template
+from .rows import page_template
 
 if TYPE_CHECKING:
     from ...answer.result import Result
@@ -62,13 +62,9 @@ def write_html(folder: Path | str, outcome: Outcome) -> Path:
 
 
 def render(
-    result: Result,
-    pictures: Mapping[str, str],
-    texts: Mapping[str, str] | None = None,
-    scene: Scene | None = None,
-    live: Mapping[str, object] | None = None,
-    film: str = "",
-) -> str:
+    result: Result, pictures: Mapping[str, str], texts: Mapping[str, str] | None = None, scene: Scene | None = None,
+    live: Mapping[str, object] | None = None, film: str = "",
+) -> str:  # fmt: skip
     """The page as text; ``pictures``: name to base64 PNG, SVG of those beside the answer; ``texts``: name to what it
     shows, in their order, the standard figures' captions by default; ``scene``: that of the result by default;
     ``live``: what the page's script draws (:func:`.live.live_data`), without which it has none; ``film``: its section
@@ -80,30 +76,17 @@ def render(
 
     scene = Scene.parse(result.scene) if scene is None else scene
     text: str = page_template("page.html.j2").render(
-        result=result,
-        title=scene.report.title or machine_name(result, scene),
-        made=result.provenance,
+        result=result, title=scene.report.title or machine_name(result, scene), made=result.provenance,
         pictures=_shown(pictures, captions() if texts is None else texts),
-        front=[(pictures[name], alt) for name, alt in FRONT.items() if name in pictures],
-        live=live,
-        film=Markup(film),
-        live_json=json.dumps(live, separators=(",", ":")).replace("<", "\\u003c"),
-        canvas=_canvas(scene),
-        grades=_grades(result),
-        logo=_logo(scene),
-        measurements=words.measurement_lines(result),
-        scene=scene,
-        colours=fraction_colours(list(scene.fraction)),
-        bins=[*bins_across(scene), RESERVED_BIN],
-        rung_about=rungs[result.plan.rung].meaning if result.plan.rung in rungs else "",
-        origin=_origin(result),
-        cuts=[] if result.landings is None else _cuts(result.landings.separation.cut),
-        budget=words.condensed(result.budget),
-        made_of=_made_of,
-        how=_how,
-        inputs=_inputs(result),
+        front=[(pictures[name], alt) for name, alt in FRONT.items() if name in pictures], live=live, film=Markup(film),
+        live_json=json.dumps(live, separators=(",", ":")).replace("<", "\\u003c"), canvas=_canvas(scene),
+        grades=_grades(result), logo=_logo(scene), measurements=words.measurement_lines(result), scene=scene,
+        colours=fraction_colours(list(scene.fraction)), bins=[*bins_across(scene), RESERVED_BIN],
+        rung_about=rungs[result.plan.rung].meaning if result.plan.rung in rungs else "", origin=_origin(result),
+        cuts=[] if result.landings is None else [_cut(one) for one in result.landings.separation.cut if one.overlaps],
+        budget=words.condensed(result.budget), made_of=_made_of, how=_how, inputs=_inputs(result),
         agreement=_agreement(result),
-    )
+    )  # fmt: skip
     return text
 
 
@@ -155,11 +138,6 @@ def _logo(scene: Scene) -> str:
     if given is None or not (path := Path(given)).is_file():
         return ""
     return f"data:{LOGOS[path.suffix.lower()]};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
-
-
-def _cuts(curves: Iterable[PartitionCurve]) -> list[tuple[str, ...]]:
-    """The cuts of curves that are of more than the gap between two fractions."""
-    return [_cut(curve) for curve in curves if curve.overlaps]
 
 
 def _cut(curve: PartitionCurve) -> tuple[str, ...]:

@@ -1,9 +1,12 @@
-"""What the page tells in tables: what was asked, the materials and their sources, what was measured in the air."""
+"""What the page tells in tables: what was asked, the materials and their sources, what was measured in the air; and the
+templates that take it.
+"""
 
 from __future__ import annotations
 
 import json
 import math
+import sys
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -18,7 +21,8 @@ from ...laws.restitution import Restitution
 from ...scene import Fraction, Scene
 from ...scene.changes import flat
 from ...scene.messages import unit_of
-from ..sketch import UNITS
+from .. import words
+from ..plan_words import UNITS
 from ..words import NO_VALUE
 
 if TYPE_CHECKING:
@@ -267,3 +271,19 @@ def seconds(value: float | None) -> str:
     if value is None:
         return NO_VALUE
     return f"{value:.1f} s" if value < MINUTES_FROM else f"{value / 60:.1f} min"
+
+
+def page_template(name: str, folder: Path = Path(__file__).parent) -> Any:
+    """A template of this package, or of another ``folder``, with the package's words in it."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader([folder, Path(__file__).parent]), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    environment.filters.update(
+        percent=words.percent, points=percentage_points, number=number, seconds=seconds,
+        cells="{} cells".format,
+    )  # fmt: skip
+    environment.globals.update(rows=sys.modules[__name__], words=words, dash=words.NO_VALUE)
+    return environment.get_template(name)

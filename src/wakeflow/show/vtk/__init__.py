@@ -4,8 +4,7 @@ Lengths in m, y up, z = 0; units are in the names of the arrays. Binary XML; pla
 Nothing is drawn here, so no OpenGL is needed.
 """
 
-from .vtk_air import link_field, write_field
-from .vtk_files import clear_pieces, pieces, write_machine
+from .vtk_files import clear_pieces, link_field, pieces, write_field, write_machine
 from .vtk_tracks import write_landings, write_moving, write_tracks
 
 __all__ = [

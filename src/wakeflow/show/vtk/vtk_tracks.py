@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..outcome import Track
 
 Array = NDArray[np.float64]
+ARRIVING = "velocity before an impact (m/s)"  # at points without one the velocity
 
 
 class _Granule(NamedTuple):
@@ -43,10 +44,13 @@ def write_tracks(
     found = sorted(_granules(tracks, scene), key=lambda one: len(one.track["time"]) > 1)  # VTK: vertices before lines
     data = lines_of([one.track["position"] for one in found])
     if found:
-        clock, velocity = (np.concatenate([one.track[key] for one in found]) for key in ("time", "velocity"))
+        clock, velocity, arriving = (
+            np.concatenate([one.track[key] for one in found]) for key in ("time", "velocity", "arriving")
+        )
         sizes = [len(one.track["time"]) for one in found]
         born = np.array([one.track["time"][0] for one in found])
         points = {"time since release (s)": clock - np.repeat(born, sizes), **_moving(velocity)}
+        points[ARRIVING] = lifted(arriving)
         if field is not None and field.period is not None:
             points["loop time (s)"] = _loop_time(clock, field)
         data.point_data.update({name: np.asarray(values, dtype=np.float32) for name, values in points.items()})
