@@ -203,13 +203,10 @@ class JointDraws:
         """The sources that finer computing makes smaller."""
         return frozenset(one.name for one in self.sources if one.computing)
 
-    def acting(self, fraction: str | None) -> list[int]:
-        """The places of the inputs that act on a fraction, None: on any."""
-        return [i for i, key in enumerate(self.keys) if fraction is None or _owner(key) in (None, fraction)]
-
-
-def _owner(key: str) -> str | None:
-    return key.split(".")[1] if key.startswith("fraction.") else None
+    def acting(self, fraction: str) -> list[int]:
+        """The places of the inputs that act on a fraction, without a name: on any."""
+        return [i for i, key in enumerate(self.keys)
+                if not fraction or not key.startswith("fraction.") or key.split(".")[1] == fraction]  # fmt: skip
 
 
 def _wide(arrays: Mapping[str, Any], name: str) -> Any:

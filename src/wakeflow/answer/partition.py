@@ -174,15 +174,14 @@ def _shifted(answer: Bins, product: tuple[str, ...], mass: Array, landed: Array,
     return found
 
 
-def _cut(at: Array, share: Array, drawn: Array, by: str) -> tuple[Number | None, float | None, str | None]:
+def _cut(at: Array, share: Array, drawn: Array, by: str) -> tuple[Number | None, float | None, str]:
     """The cut with its interval, Ep, and why there is no cut or how far apart its neighbours are, of a curve at the
     values ``at`` (k,) with the draws (copies, DRAWS, k) of its shares (k,).
     """
     found = _passes(at, share, 0.5)
     if len(found) != 1:
-        level = "less" if float(share.max()) < 0.5 else "more" if float(share.min()) > 0.5 else None
-        told = f"passes a half {len(found)} times" if level is None else f"{level} than a half of every class"
-        return None, None, told
+        level = "less" if float(share.max()) < 0.5 else "more" if float(share.min()) > 0.5 else ""
+        return None, None, f"{level} than a half of every class" if level else f"passes a half {len(found)} times"
     cut = _drawn_cut(at, share, drawn, found[0])
     quarters = [_passes(at, share, level) for level in (0.25, 0.75)]
     ep = 0.5 * abs(quarters[1][0] - quarters[0][0]) if all(len(one) == 1 for one in quarters) else None
@@ -190,7 +189,7 @@ def _cut(at: Array, share: Array, drawn: Array, by: str) -> tuple[Number | None,
     apart = at[turn + 1] > GAP * at[turn]
     scale, unit = (1e3, "mm") if by == "size" else (1.0, "m/s")
     between = f"no granules between {scale * at[turn]:.2g} and {scale * at[turn + 1]:.2g} {unit}"
-    return cut, ep, between if apart else None
+    return cut, ep, between if apart else ""
 
 
 def _drawn_cut(at: Array, share: Array, drawn: Array, cut: float) -> Number:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeVar
+from enum import StrEnum
+from typing import Self, TypeVar
 
 from ..core.errors import SceneError, known
 from ..core.number import Number
 from ..core.record import column
 from ..core.registry import did_you_mean
-from ..flight.stages.landings import Landings, fates_of
+from ..flight.stages.landings import fates_of
 from ..flight.stages.slab_stage import SlabFound
 from ..planning.plan import Plan
+from ..planning.unknowns import Unknown
 
 
 # -- The slab in which granules meet -----------------------------------------------------------------------------------
@@ -32,9 +34,8 @@ class CollisionSummary:
         "as plan.unit", "how far nine of ten granules that meet nobody land from where far finer flights do, at most"
     )
     jammed: int = column("1", "replicates in which granules that lie still became more as long as it was fed")
-    step_asked: float | None = column(
-        "as plan.unit", "the same, as the step was asked for: larger ones are a notice", default=None
-    )
+    step_asked: float | None = column("as plan.unit", "the same, as the step was asked for: larger ones are a notice",
+                                      default=None)  # fmt: skip
     step_trials: int | None = column("1", "steps that were tried", default=None)
 
 
@@ -47,7 +48,7 @@ def collisions_of(plan: Plan, crowd: SlabFound) -> CollisionSummary:
         start_up=crowd.start_up,
         granules={name: len(found.bin) for name, found in landings.items()},
         tracers=dict(known(plan.crowd).tracers),
-        meetings={name: _mean_collisions(found) for name, found in landings.items()},
+        meetings={name: float(known(found.meetings) @ found.mass_shares) for name, found in landings.items()},
         fates={name: fates_of(found.fate) for name, found in landings.items()},
         step=crowd.clock.step,
         step_error=None if crowd.clock.given else crowd.clock.step_error,
@@ -57,17 +58,23 @@ def collisions_of(plan: Plan, crowd: SlabFound) -> CollisionSummary:
     )
 
 
-def _mean_collisions(found: Landings) -> float:
-    return float(known(found.meetings) @ found.mass_shares)
-
-
 # -- What the landings say ---------------------------------------------------------------------------------------------
 Entry = TypeVar("Entry")
 
 KILO = 1e3
 SHARE_UNIT = "1"  # unit of the error of a share: a fraction of 1, absolute
-# How an error is known: from this run, from flying granules again, from a bound and what was found, or not at all.
-MEASURED, PERTURBED_RERUN, CALIBRATED, UNKNOWN = "measured", "companion", "calibrated", "unknown"
+
+
+class How(StrEnum):
+    """How an error is known: from this run, from flying granules again, from a bound and what was found, or not."""
+
+    MEASURED = "measured"
+    PERTURBED_RERUN = "companion"
+    CALIBRATED = "calibrated"
+    UNKNOWN = "unknown"
+
+
+MEASURED, PERTURBED_RERUN, CALIBRATED, UNKNOWN = How
 LEFT_OUT, NOT_COMPUTED = "left-out", "not-computed"  # kinds of a term: small enough for the accuracy, or not
 
 
@@ -89,8 +96,8 @@ class PartitionCurve:
     cut: Number | None = column("as unit", "x50, with the interval that the band gives; null where there is none")
     ep: float | None = column("as unit", "Ep; null where the curve does not pass both quarters")
     imperfection: float | None = column("1", "Ep over the cut; null as Ep")
-    why: str | None = column(
-        "", "why there is no cut, or between which values no granules are; else left out", absent=True, default=None
+    why: str = column(
+        "", "why there is no cut, or between which values no granules are; else left out", absent=True, default=""
     )
 
     @property
@@ -98,7 +105,7 @@ class PartitionCurve:
         """Whether granules of several fractions are alike in the property, so that the curve tells of a cut by it and
         not of a gap between two fractions.
         """
-        return self.why is None or "no granules between" not in self.why
+        return "no granules between" not in self.why
 
 
 @dataclass(frozen=True)
@@ -145,7 +152,7 @@ class Separation:
         "empty", default=dict,
     )  # fmt: skip
     cut: tuple[PartitionCurve, ...] = column("", "which granules go into each product", default=())
-    money: Money | None = column("", "left out of a scene without prices", absent=True, default=None)
+    money: Money | None = column("", "left out of a scene without prices", absent=True)
 
     def share(self, fraction: str, place: str) -> Number:
         """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high).
@@ -229,26 +236,22 @@ class BudgetPart:
     source: str = column("", "name of the source", default="")
     error: float | None = column("1 or the row's unit", "size of the error; null where unknown", default=None)
     seconds: float = column("s", "run time that knowing it took", default=0.0)
-    how: str = column("", "measured, companion, calibrated or unknown", default=UNKNOWN)
-    kind: str | None = column(
-        "", "of a term: left-out (small enough) or not-computed; else left out", absent=True, default=None
-    )
-    low: float | None = column(
-        "1", "of inputs: lower end of what they change; else left out", absent=True, default=None
-    )
-    high: float | None = column(
-        "1", "of inputs: upper end of what they change; else left out", absent=True, default=None
-    )
+    how: How = column("", "measured, companion, calibrated or unknown", default=UNKNOWN)
+    kind: str = column("", "of a term: left-out (small enough) or not-computed; else left out", absent=True, default="")
+    low: float | None = column("1", "of inputs: lower end of what they change; else left out", absent=True)
+    high: float | None = column("1", "of inputs: upper end of what they change; else left out", absent=True)
     of_granules: float | None = column(
-        "1", "of the mesh: what a finite number of granules makes of it; else left out", absent=True, default=None
+        "1", "of the mesh: what a finite number of granules makes of it; else left out", absent=True
     )
     of_sheddings: float | None = column(
-        "1",
-        "of the mesh: what a finite number of shedding cycles makes of it; else left out",
-        absent=True,
-        default=None,
+        "1", "of the mesh: what a finite number of shedding cycles makes of it; else left out", absent=True
     )
-    note: str | None = column("", "how the error is known; left out where nothing does", absent=True, default=None)
+    note: str = column("", "how the error is known; left out where nothing does", absent=True, default="")
+
+    @property
+    def size(self) -> float:
+        """The error, 0 where it is unknown."""
+        return self.error or 0.0
 
 
 @dataclass(frozen=True)
@@ -257,10 +260,10 @@ class BudgetTotal:
 
     error: float | None = column("1 or the row's unit", "null: a part is of unknown size, and `note` says what to do")
     seconds: float = column("s", "run time of everything that the row rests on")
-    low: float | None = column("1", "of a share: lower end, of all known parts", absent=True, default=None)
-    high: float | None = column("1", "of a share: upper end, of all known parts", absent=True, default=None)
-    numerical: float | None = column("1", "of a share: half by computing alone", absent=True, default=None)
-    note: str | None = column("", "what is unknown or only a bound; else left out", absent=True, default=None)
+    low: float | None = column("1", "of a share: lower end, of all known parts", absent=True)
+    high: float | None = column("1", "of a share: upper end, of all known parts", absent=True)
+    numerical: float | None = column("1", "of a share: half by computing alone", absent=True)
+    note: str = column("", "what is unknown or only a bound; else left out", absent=True, default="")
 
 
 @dataclass(frozen=True)
@@ -319,6 +322,11 @@ class InputSummary(Number):
     unit: str = column("", "of the number and its interval")
     why: str = column("", "what the interval rests on")
 
+    @classmethod
+    def of(cls, one: Unknown) -> Self:
+        """An unknown with its interval."""
+        return cls(one.value, *one.ends, unit=one.unit, why=one.why)
+
 
 @dataclass(frozen=True)
 class JointSource:
@@ -348,7 +356,7 @@ class JointRecord:
     flow: float = column("kg/s", "of the feed")
     sources: tuple[JointSource, ...] = column("", "what adds to the shares beside the inputs")
     salt: str = column("", "what makes this run's draws of them its own")
-    prices: Prices | None = column("", "left out of a scene without prices", absent=True, default=None)
+    prices: Prices | None = column("", "left out of a scene without prices", absent=True)
 
 
 @dataclass(frozen=True)
@@ -363,34 +371,47 @@ class LandingResults:
     )
     budget: tuple[BudgetRow, ...] = column("", "the error of every share and landing place")
     without_collisions: Separation | None = column(
-        "", "the same of granules that meet no others; left out where the answer is that", absent=True, default=None
+        "", "the same of granules that meet no others; left out where the answer is that", absent=True
     )
     slab: CollisionSummary | None = column(
-        "", "where collisions were computed; left out where granules fly alone", absent=True, default=None
+        "", "where collisions were computed; left out where granules fly alone", absent=True
     )
-    air_loading: dict[str, dict[str, LoadingEffect]] | None = column(
+    air_loading: dict[str, dict[str, LoadingEffect]] = column(
         "1", "by fraction and bin, what the granules' force does in the steady airflow, each granule alone; left out "
-        "where the air does not feel them", absent=True, default=None,
+        "where the air does not feel them", absent=True, default=dict,
     )  # fmt: skip
-    three_dimensions: dict[str, dict[str, Number]] | None = column(
+    three_dimensions: dict[str, dict[str, Number]] = column(
         "1", "by fraction and bin, the share in a run in three dimensions of the same machine, each granule alone, "
         "under the granules' force on the air where that was run; how far it is from the plane air's is in the "
-        "interval; left out where there is none", absent=True, default=None,
+        "interval; left out where there is none", absent=True, default=dict,
     )  # fmt: skip
-    inputs: dict[str, InputSummary] | None = column(
-        "", "numbers of the scene that are not known exactly, by key; left out where all are", absent=True, default=None
+    inputs: dict[str, InputSummary] = column(
+        "", "numbers of the scene that are not known exactly, by key; left out where all are", absent=True, default=dict
     )
-    measure_next: dict[str, dict[str, dict[str, InputPart]]] | None = column(
-        "", "by fraction and bin, what each of them does to the share, the largest first", absent=True, default=None
+    measure_next: dict[str, dict[str, dict[str, InputPart]]] = column(
+        "", "by fraction and bin, what each of them does to the share, the largest first", absent=True, default=dict
     )
-    of_targets: dict[str, dict[str, InputPart]] | None = column(
+    of_targets: dict[str, dict[str, InputPart]] = column(
         "", "by recovery.FRACTION and purity.BIN.FRACTION of targets, what each of them does to it, the 64 largest "
-        "first", absent=True, default=None,
+        "first", absent=True, default=dict,
     )  # fmt: skip
-    joint: JointRecord | None = column("", "of the ensemble in joint.npz", absent=True, default=None)
+    joint: JointRecord | None = column("", "of the ensemble in joint.npz", absent=True)
 
 
-MET, NOT_MET, OPEN = "met", "not met", "open"
+class Standing(StrEnum):
+    """Whether a limit is kept."""
+
+    MET = "met"
+    NOT_MET = "not met"
+    OPEN = "open"
+
+    @classmethod
+    def of(cls, low: float, high: float, most: float) -> Standing:
+        """Of a number whose interval ends at ``low`` and ``high`` and that is to be at most so much."""
+        return cls.MET if high <= most else cls.NOT_MET if low > most else cls.OPEN
+
+
+MET, NOT_MET, OPEN = Standing
 
 
 @dataclass(frozen=True)
@@ -400,7 +421,7 @@ class Verdict:
     limit: str = column("", "what is limited: loss.FRACTION or dirt.BIN")
     most: float = column("1", "the limit")
     value: Number | None = column("1", "what the answer says of it; null where nothing lands in the bin")
-    verdict: str = column("", "met: the whole interval is below the limit; not met: above; open: neither is known")
+    verdict: Standing = column("", "met: the whole interval is below the limit; not met: above; open: neither is known")
     decides: str = column("", "of an open one: what would decide; empty of the others")
 
 
@@ -415,7 +436,7 @@ def weightiest(parts: Mapping[str, InputPart]) -> list[tuple[str, InputPart]]:
 def least_certain(landings: LandingResults) -> dict[str, tuple[str, dict[str, InputPart]]]:
     """Of each fraction the bin whose share the unknown numbers move most, and what each of them does, largest first."""
     found = {}
-    for name, places in (landings.measure_next or {}).items():
+    for name, places in landings.measure_next.items():
         if places:
             place = max(places, key=lambda one: sum(part.half**2 for part in places[one].values()))
             found[name] = place, places[place]

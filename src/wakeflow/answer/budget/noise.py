@@ -41,7 +41,6 @@ class Noise(Source["Tracked"]):
         return [] if work.scene.air is None else [flown_again(work, LONGER.name, CHEAPER)]
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Tracked | None:
-        del tracked  # the answer's landings are compared fraction by fraction
         return pipeline.tracks(LONGER) if any(map(_random, pipeline.plan.fractions.values())) else None
 
     def shares(self, fraction: FractionResults) -> Parts:
@@ -60,7 +59,7 @@ class Noise(Source["Tracked"]):
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         """What chance leaves of the difference falls with the granules."""
-        error, chance = part.error or 0.0, part.of_granules or 0.0
+        error, chance = part.size, part.of_granules or 0.0
         return hypot(sqrt(max(0.0, error**2 - chance**2)), chance * (now.granules / then.granules) ** RATE)
 
 

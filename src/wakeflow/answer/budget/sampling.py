@@ -25,7 +25,7 @@ class Sampling(Source[None]):
         return Column(self.name, fractions[0].flights.sample_errors.sampling, together=True)
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
-        return max(sampled(part.error or 0.0, now, then), 0.5 * REPLICATES / landed(then))
+        return max(sampled(part.size, now, then), 0.5 * REPLICATES / landed(then))
 
 
 class AirflowStatistics(Source[None]):
@@ -47,7 +47,7 @@ class AirflowStatistics(Source[None]):
         return Column(self.name, fractions[0].flights.sample_errors.airflow, together=True)
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
-        return (part.error or 0.0) * averaged(now, then)
+        return part.size * averaged(now, then)
 
 
 add(Sampling())

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
-from ...air.kinds.airflow_table import Airflow
 from ...core.lazy import cached_property
 from ...core.registry import Registry
 from ...flight.stages.landings import Landings
@@ -27,7 +26,7 @@ from ..draws import ErrorSource as Column
 from ..ensemble import changed, joint_answer, responses
 from ..joint import Bins, JointAnswer
 from ..provenance import RefinedSettings
-from ..shares import UNKNOWN, BudgetPart
+from ..shares import UNKNOWN, BudgetPart, How
 from ..spread import SampleErrors, Spread, sample_errors, share_spreads
 from .flown_again import AmongOthers, compared
 
@@ -55,7 +54,7 @@ class Source(Generic[Flown]):
     """
 
     name: ClassVar[str]
-    how: ClassVar[str]
+    how: ClassVar[How]
     place: ClassVar[int]
     beyond_computing: ClassVar[bool] = False
     if_unknown: ClassVar[str] = ""
@@ -63,7 +62,6 @@ class Source(Generic[Flown]):
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         """Each stage in which this source flies granules again, with what it is expected to take."""
-        del work  # for subclasses
         return ()
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Flown | None:
@@ -71,41 +69,35 @@ class Source(Generic[Flown]):
 
         It is called once a run, through :meth:`Flights.of`.
         """
-        del pipeline, tracked  # for subclasses
         return None
 
     def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
         """Of what :meth:`fly` asks ``pipeline`` for, the stages that need not wait for the answer's own airflow:
         another core makes them meanwhile, and ``fly`` finds them in the cache.
         """
-        del pipeline  # for subclasses
         return ()
 
     def shares(self, fraction: FractionResults) -> Parts:
         """Parts of the error of the fraction's share in every bin, by the bin's name; absolute errors."""
-        del fraction  # for subclasses
         return {}
 
     def column(self, fractions: Sequence[FractionResults]) -> Column | None:
         """This source in the joint answer, where it knows how the errors of shares go together; None where it does not:
         what one bin of a fraction has too much, its others then lack.
         """
-        del fractions  # for subclasses
         return None
 
     def landing(self, fraction: FractionResults) -> Sequence[BudgetPart]:
         """Parts of the error of where the fraction's granules land, in body widths."""
-        del fraction  # for subclasses
         return ()
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         """What the error of a ``part`` that was found with the settings ``now`` would be with those of ``then``: as it
         is, where no setting changes it.
         """
-        del now, then  # for subclasses
-        return part.error or 0.0
+        return part.size
 
-    def part(self, error: float | None, seconds: float = 0.0, note: str | None = None) -> BudgetPart:
+    def part(self, error: float | None, seconds: float = 0.0, note: str = "") -> BudgetPart:
         """A part of the budget in this source's name."""
         return BudgetPart(self.name, error, seconds, self.how, note=note)
 
@@ -169,11 +161,6 @@ class Flights:
     def landings(self) -> Mapping[str, Landings]:
         """The answer's: of granules that meet where they do, else of each alone."""
         return self.tracked.landings if self.crowd is None else self.crowd.landings
-
-    @cached_property
-    def airflow(self) -> Airflow:
-        """What is known of the airflow."""
-        return self.pipeline.airflow
 
     @property
     def tracking(self) -> float:
@@ -244,7 +231,7 @@ def in_order() -> list[Source[Any]]:
 
 def source_of(part: BudgetPart) -> Source[Any] | None:
     """The source that a part is of; None of a term that is left out."""
-    return budget_sources[part.source] if part.kind is None and part.source in budget_sources else None
+    return budget_sources[part.source] if not part.kind and part.source in budget_sources else None
 
 
 # -- What an error would be with other settings ------------------------------------------------------------------------

@@ -47,7 +47,6 @@ class Integration(Source["Tracked"]):
         return [flown_again(work, FINER_STEPS, SLOWER)]
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Tracked:
-        del tracked  # the answer's landings are compared fraction by fraction
         return pipeline.tracks(PerturbedRerun(FINER_STEPS, tolerance=FINER * pipeline.scene.numerics.tolerance))
 
     def shares(self, fraction: FractionResults) -> Parts:
@@ -66,7 +65,7 @@ class Integration(Source["Tracked"]):
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         fewer = (then.tolerance / now.tolerance) ** STEP_RATE
         flown, again = (COMPARED / REPLICATES * settings.granules for settings in (now, then))
-        found = max(0.0, (part.error or 0.0) * (flown + 1.0) - JEFFREYS)
+        found = max(0.0, part.size * (flown + 1.0) - JEFFREYS)
         return mean_share(found / flown * fewer * again, again)
 
     def _finer(self, fraction: FractionResults) -> Tracked:

@@ -117,7 +117,7 @@ def swung(scene: Scene, plan: Plan, part: BudgetPart, effect: InputPart | None, 
         ways.append((effect.half * motion.bound * speed.value / speed.high, f"{faster}; {motion.why}"))
     if not ways:
         return part
-    error, note = min([*ways, (part.error or 0.0, part.note or "")])
+    error, note = min([*ways, (part.size, part.note or "")])
     return replace(part, error=error, kind=LEFT_OUT, note=note)
 
 

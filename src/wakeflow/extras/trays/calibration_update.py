@@ -22,7 +22,7 @@ from ...answer.budget.inputs import UNKNOWN
 from ...answer.budget.source import Flights
 from ...answer.draws import less_at_ends
 from ...answer.ensemble import change_of, responses
-from ...answer.joint import DRAWS, LACK, JointAnswer, bounded, column, quantiles, tied_root
+from ...answer.joint import DRAWS, LACK, JointAnswer, bounded, column, tied_root
 from ...answer.response import Response
 from ...core.errors import known
 from ...core.lazy import cached_property
@@ -63,7 +63,7 @@ class Updated:
     def known(self, place: int) -> Number:
         """What is known of an input after it."""
         one, z = self.unknowns[place], self.z[:, place]
-        ends = (z.mean(), *quantiles(z, (0.025, 0.975)))
+        ends = (z.mean(), *np.quantile(z, (0.025, 0.975)))
         return Number(*(float(np.clip(one.at(x), *unknown_kinds[one.kind].span)) for x in ends))
 
 
@@ -277,5 +277,5 @@ def left_by(joint: JointAnswer, wanted: Array, weights: Array, noise: Array, key
 
 def half_of(values: Array) -> float:
     """Half of the middle 95 % of draws (DRAWS,)."""
-    low, high = quantiles(values, (0.025, 0.975))
+    low, high = np.quantile(values, (0.025, 0.975))
     return 0.5 * float(high - low)

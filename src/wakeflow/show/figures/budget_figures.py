@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...answer.moves import InputMove, drawn_moves, grouped, least_sure
+from ...answer.measurements import InputMove, drawn_moves, grouped, least_sure
 from ...answer.shares import SHARE_UNIT
 from ..canvas import BLUE, COLOURS, INK, VERMILION, foremost, new_figure, save
 from ..outcome import add_figure
