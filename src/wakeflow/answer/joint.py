@@ -22,13 +22,7 @@ from ..planning.unknowns import SIGMAS
 from ..scene import RESERVED_BIN
 from ..scene.uncertainty import EITHER_SIGN
 from .cells import Ends
-from .draws import DRAWS as DRAWS
-from .draws import INPUTS, LEAST, LEVEL, SAMPLING, JointDraws, less_at_ends
-from .draws import LACK as LACK
-from .draws import ErrorSource as ErrorSource
-from .draws import column as column
-from .draws import columns as columns
-from .draws import tied_root as tied_root
+from .draws import DRAWS, INPUTS, LACK, LEAST, LEVEL, SAMPLING, JointDraws, less_at_ends
 from .shares import InputPart, Money, Separation
 
 Array = NDArray[np.float64]

@@ -10,8 +10,7 @@ freedom less than there are clusters holds its level.
 
 Granules are injected as independent replicates of one randomised low-discrepancy sample, so the spread
 between replicates measures the sampling error, whatever the variance reduction inside a replicate (randomised
-quasi-Monte Carlo: Owen 1997, SIAM J. Numer. Anal. 34, 1884). Where the airflow sheds, or has several realisations, its
-finite sample is in the interval too (:mod:`wakeflow.answer.spread`).
+quasi-Monte Carlo: Owen 1997, SIAM J. Numer. Anal. 34, 1884).
 """
 
 from __future__ import annotations
@@ -28,7 +27,6 @@ from ..planning.unknowns import SIGMAS
 from ..scene import Scene
 from .draws import LEVEL
 
-# -- How far a share may be off for being taken from few granules and from few shedding cycles of the wake -------------
 Array = NDArray[np.float64]
 TINY = 1e-12  # of a share
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import MISSING, field, fields, is_dataclass
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
@@ -34,21 +34,20 @@ def column(
 ) -> Any:
     """A field of a record: its ``unit`` ("1" for a plain number, "" for text) and what it means.
 
-    ``key``: its name in JSON, where it differs from the field's. ``absent``: the default, None where none is
-    given, leaves the key out of the JSON. ``flat``: whoever writes the record puts the keys of this part among the
-    record's own. ``default``: a value, or ``dict`` for an empty one.
+    ``key``: its name in JSON, where it differs from the field's. ``absent``: None leaves the key out of the JSON.
+    ``flat``: whoever writes the record puts the keys of this part among the record's own. ``default``: a value, or
+    ``dict`` for an empty one.
     """
-    default = None if absent and default is MISSING else default
     metadata: dict[str, object] = {"description": meaning, "json_schema_extra": {"unit": unit, "flat": flat}}
-    metadata |= {"exclude_if": partial(_is_left_out, {} if default is dict else default)} if absent else {}
+    metadata |= {"exclude_if": _is_none} if absent else {}
     metadata |= {"alias": key} if key else {}
     if default is dict:
         return field(default_factory=dict, metadata=metadata)
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
 
-def _is_left_out(default: object, value: object) -> bool:
-    return value is None or value == default
+def _is_none(value: object) -> bool:
+    return value is None
 
 
 class Column(NamedTuple):

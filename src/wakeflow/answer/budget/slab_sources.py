@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from ...core.errors import known
 from ...core.number import student
 from ...flight.stages.slab_stage import CollisionRerun, SlabFound
 from ...planning.cost import slab_again
@@ -106,12 +105,15 @@ class _BetweenGranules(_SlabAgain):
         half = half_of(scene, f"collisions.{self.number}", "collisions", value)
         if own is None or not half:
             return None
-        above: dict[str, Any] = {self.number: half}
-        below: dict[str, Any] = {self.number: -half}
-        upper = known(pipeline.crowd(replace(self.companion, **above)))
-        if value + half <= self.most and not shows(upper, own, len(scene.bin)):
-            return (upper,)
-        return upper, known(pipeline.crowd(replace(self.below, **below)))
+        upper = self._at(pipeline, self.companion, half)
+        if value + half <= self.most and not any(shows(one, own, len(scene.bin)) for one in upper):
+            return upper
+        return upper + self._at(pipeline, self.below, -half)
+
+    def _at(self, pipeline: Pipeline, rerun: CollisionRerun, change: float) -> tuple[SlabFound, ...]:
+        changes: dict[str, Any] = {self.number: change}
+        found = pipeline.crowd(replace(rerun, **changes))
+        return () if found is None else (found,)
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         """Of the end that always flies."""

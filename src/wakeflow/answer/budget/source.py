@@ -23,15 +23,14 @@ from ...planning.dependence import Dependence, dependence
 from ...planning.stages import StageCost, Workload
 from ...planning.unknowns import SIGMAS
 from ..draws import ErrorSource as Column
-from ..ensemble import changed, joint_answer, responses
 from ..joint import Bins, JointAnswer
 from ..provenance import RefinedSettings
+from ..separation import changed, joint_answer, responses
 from ..shares import UNKNOWN, BudgetPart, How
 from ..spread import SampleErrors, Spread, sample_errors, share_spreads
 from .flown_again import AmongOthers, compared
 
 if TYPE_CHECKING:
-    from ...flight.stages.input_samples import InputSamples
     from ...flight.stages.landings import Tracked
     from ...flight.stages.slab_stage import SlabFound
 
@@ -133,9 +132,8 @@ class Flights:
     @cached_property
     def among(self) -> AmongOthers | None:
         """How landings among other granules lie beside those of granules alone; None where each flies alone."""
-        return (
-            None if self.crowd is None else AmongOthers(self.pipeline.scene, self.tracked.landings, self.crowd.landings)
-        )
+        scene, crowd = self.pipeline.scene, self.crowd
+        return None if crowd is None else AmongOthers(scene, self.tracked.landings, crowd.landings)
 
     @cached_property
     def ties(self) -> Dependence | None:
@@ -146,16 +144,12 @@ class Flights:
     @cached_property
     def ensemble(self) -> JointAnswer:
         """The joint answer with what the unknown inputs change, and with no other source of error."""
-        draws: InputSamples | None = self._made.get(INPUTS)
+        scene, draws = self.pipeline.scene, self._made.get(INPUTS)
         if draws is not None and CHANGED not in self._made:
-            self._made[CHANGED] = changed(
-                self.pipeline.scene, draws.unknowns, self.ties, responses(self.pipeline.scene, draws)
-            )
+            self._made[CHANGED] = changed(scene, draws.unknowns, self.ties, responses(scene, draws))
         factors = None if self.among is None else {name: self.among.factor(name) for name in self.landings}
         salt = self.pipeline.tracks_key if self.crowd is None else f"{self.pipeline.collisions_key}"
-        return joint_answer(
-            self.pipeline.scene, self.landings, inputs=self._made.get(CHANGED), factors=factors, salt=salt
-        )
+        return joint_answer(scene, self.landings, inputs=self._made.get(CHANGED), factors=factors, salt=salt)
 
     @property
     def landings(self) -> Mapping[str, Landings]:

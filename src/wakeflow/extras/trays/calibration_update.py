@@ -20,10 +20,10 @@ from ...answer.budget.agreement import RARE, Agreement, agreement_of, inverse_of
 from ...answer.budget.budget import make_budget
 from ...answer.budget.inputs import UNKNOWN
 from ...answer.budget.source import Flights
-from ...answer.draws import less_at_ends
-from ...answer.ensemble import change_of, responses
-from ...answer.joint import DRAWS, LACK, JointAnswer, bounded, column, tied_root
+from ...answer.draws import DRAWS, LACK, column, less_at_ends, tied_root
+from ...answer.joint import JointAnswer, bounded
 from ...answer.response import Response
+from ...answer.separation import change_of, responses
 from ...core.errors import known
 from ...core.lazy import cached_property
 from ...core.number import Number
