@@ -25,9 +25,9 @@ from wakeflow.answer.budget.budget import (
 from wakeflow.answer.budget.flown_again import MAX_FACTOR, AmongOthers, Comparison, compared, differences
 from wakeflow.answer.budget.mesh import Grid, difference_noise, mesh_error, shedding_noise
 from wakeflow.answer.budget.model import MODEL
-from wakeflow.answer.budget.noise import NOISE
 from wakeflow.answer.budget.slab_sources import beyond_chance
 from wakeflow.answer.budget.source import INPUTS, FractionResults, Parts, Source, add, budget_sources, signed_column
+from wakeflow.answer.budget.steps import NOISE
 from wakeflow.answer.budget.truncation import AIR_SPEED, NO_EFFECT, VIBRATION, swung
 from wakeflow.answer.cells import LandingCells
 from wakeflow.answer.draws import columns
@@ -362,10 +362,9 @@ def test_of_two_slabs_what_chance_makes_is_taken_off(paired: bool) -> None:
 
 def test_what_a_number_between_granules_changes_goes_together_and_is_the_same_in_every_run() -> None:
     """Signed, at the upper end of its interval: what one bin gains another loses, of all fractions at once."""
-    assert signed_column("collisions.friction", [{}, {}]) is None
+    assert not signed_column("collisions.friction", [{}, {}])
     changes = [{"near": 0.04, "far": -0.03, "elsewhere": -0.01}, {}]
-    column = signed_column("collisions.friction", changes)
-    assert column is not None
+    (column,) = signed_column("collisions.friction", changes)
     assert (column.computing, column.shared, column.roots.shape) == (False, True, (2, 3, 1))
     found = column.draws(["a", "b"], "a run")
     assert np.array_equal(found, column.draws(["a", "b"], "another"))

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass, replace
+from enum import StrEnum
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -130,7 +131,17 @@ def _numbers(value: object, name: str, unit: str, errors: Mapping[str, float | N
 
 
 # -- One tidy table of many results ------------------------------------------------------------------------------------
-DONE, FAILED, OPEN = "done", "failed", "open"
+
+
+class State(StrEnum):
+    """Whether a scene of a table has its numbers."""
+
+    DONE = "done"
+    FAILED = "failed"
+    OPEN = "open"
+
+
+DONE, FAILED, OPEN = State
 NUMBERS = ("value", "low", "high", "error", "numerical")
 DIGITS = 12  # of an input in another unit: 0.3, not 0.30000000000000004
 
@@ -143,7 +154,7 @@ class Entry:
 
     name: str
     inputs: JsonMapping
-    state: str
+    state: State
     reason: str = ""
     quantities: tuple[TableQuantity, ...] = ()
     folder: Path | None = field(default=None, compare=False, repr=False)

@@ -21,6 +21,7 @@ from .shares import Separation
 from .spread import sample_errors, shares_in
 
 Array = NDArray[np.float64]
+NONE_MEET: Mapping[str, float] = {}  # granules that fly alone
 LOTS = 64  # of draws among which one is looked for that keeps an order
 
 
@@ -126,7 +127,7 @@ def joint_answer(
     landings: Mapping[str, Landings],
     *,
     inputs: Changed | None = None,
-    factors: Mapping[str, float] | None = None,
+    factors: Mapping[str, float] = NONE_MEET,
     sources: Sequence[ErrorSource] = (),
     salt: str = "",
 ) -> JointAnswer:
@@ -140,10 +141,11 @@ def joint_answer(
     base, parts = _base(scene, cells, landings), cells.parts()
     # As few digits as are kept in the run's folder: what is read there again says the same
     change, lack = np.zeros((DRAWS, len(names), cells.count), np.float16), np.zeros((DRAWS, *(base @ parts).shape))
-    for number, name in enumerate(names if inputs is not None else ()):
-        told, own = inputs.of[name], base[number] @ parts  # type: ignore[union-attr]
-        if factors is None:  # the answer's granules, of which the draws have a part
-            off = base[number] - told.before
+    drawn: Mapping[str, FractionChange] = {} if inputs is None else inputs.of
+    for number, name in enumerate(names if drawn else ()):
+        told = drawn[name]
+        if not factors:  # the answer's granules, of which the draws have a part
+            off, own = base[number] - told.before, base[number] @ parts
             able = less_at_ends((told.before + told.change) @ parts, own * (1.0 - own))[:, parts.argmax(axis=1)]
             change[:, number], lack[:, number] = told.change + (able - 1.0) * off, np.float32(told.lack)
         else:

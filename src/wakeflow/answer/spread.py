@@ -15,6 +15,7 @@ quasi-Monte Carlo: Owen 1997, SIAM J. Numer. Anal. 34, 1884).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -120,7 +121,7 @@ def spread_of(deviations: Array, realisation: NDArray[np.int64], chance: float) 
     free = replicates - fields
     rows = np.concatenate([block.mean(axis=1) - block.mean() for block in blocks])
     by_row = cycles * (float(rows @ rows) / free if free else chance)
-    sampling = _half(by_row / (replicates * cycles), student(free or replicates - 1))
+    sampling = student(free or replicates - 1) * math.sqrt(by_row / (replicates * cycles))
     if clusters == 1:
         return Spread(sampling, 0.0)
     rest = np.concatenate([b - b.mean(axis=0) - b.mean(axis=1, keepdims=True) + b.mean() for b in blocks])
@@ -128,11 +129,7 @@ def spread_of(deviations: Array, realisation: NDArray[np.int64], chance: float) 
     # What the granules add to the variance between clusters: between fields by whole replicates, within one by cells.
     noise = ((fields - 1) * by_row + fields * (cycles - 1) * by_cell) / ((clusters - 1) * replicates / fields)
     beyond = max(0.0, float(means.var(ddof=1)) - noise) / clusters
-    return Spread(sampling, _half(beyond, student(clusters - 1)))
-
-
-def _half(variance: float, quantile: float) -> float:
-    return float(quantile * np.sqrt(variance))
+    return Spread(sampling, student(clusters - 1) * math.sqrt(beyond))
 
 
 # -- From landings to the answer ---------------------------------------------------------------------------------------

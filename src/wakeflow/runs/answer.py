@@ -14,8 +14,7 @@ from ..air.kinds.airflow_table import Airflow, MeshReport
 from ..answer.budget.budget import flights_ahead, fly_again, make_budget, total_notices
 from ..answer.budget.inputs import UNKNOWN
 from ..answer.budget.mesh import airflow_on_grids
-from ..answer.budget.model import MODEL
-from ..answer.budget.passes import loading_effects
+from ..answer.budget.model import MODEL, loading_effects
 from ..answer.budget.source import Flights
 from ..answer.budget.third_dimension import in_three_dimensions
 from ..answer.budget.verdicts import verdicts_of

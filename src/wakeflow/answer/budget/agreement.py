@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import partial
 from math import hypot, sqrt
 
 import numpy as np
@@ -144,11 +143,7 @@ def agreement_of(joint: JointAnswer, measured: Measured, missed: Array | None = 
 
 def of_tray(weights: Array) -> Of:
     """What a tray holds, by its ``weights`` (shares,)."""
-    return partial(_tray, weights)
-
-
-def _tray(weights: Array, table: Array) -> Array:
-    return np.asarray(table.reshape(*table.shape[:-2], -1) @ weights)
+    return lambda table: np.asarray(table.reshape(*table.shape[:-2], -1) @ weights)
 
 
 def inverse_of(covariance: Array) -> tuple[Array, int]:

@@ -11,7 +11,7 @@ run, and its interval holds what is known.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -177,28 +177,24 @@ def _beyond_computing(name: str) -> bool:
 
 def in_ensemble(joint: JointAnswer, parts: Parts, results: Mapping[str, FractionResults]) -> JointAnswer:
     """The ensemble with a column for each source of the ``parts``, of the fractions whose ``results`` are there."""
-    return replace(joint, sources=(*joint.sources, *_columns(joint, parts, results)))
-
-
-def _columns(joint: JointAnswer, parts: Parts, results: Mapping[str, FractionResults]) -> Iterator[Column]:
+    columns: list[Column] = []
     every = [part for places in parts.values() for found in places.values() for part in found]
     bounds = {part.source: part.kind in BOUNDS for part in every if part.error is not None and part.source != INPUTS}
     for name, bounded in bounds.items():
         source = budget_sources[name] if not bounded and name in budget_sources else None
-        own = None if source is None else source.column([results[one] for one in joint.fractions])
-        if own is not None:
-            yield own
-            continue
-        halves = {one: np.array([_half(name, found) for found in parts[one].values()]) for one in joint.fractions}
-        tied = np.stack([tied_root(halves[one]) for one in joint.fractions])
-        yield Column(name, tied, computing=not bounded and not _beyond_computing(name), bounded=bounded)
+        known = () if source is None else source.column([results[one] for one in joint.fractions])
+        if not known:
+            halves = ([_half(name, found) for found in parts[one].values()] for one in joint.fractions)
+            tied = np.stack([tied_root(np.array(one)) for one in halves])
+            known = [Column(name, tied, computing=not bounded and not _beyond_computing(name), bounded=bounded)]
+        columns += known
+    return replace(joint, sources=(*joint.sources, *columns))
 
 
 def _half(name: str, parts: Sequence[BudgetPart]) -> float:
     """Half of a 95 % interval that a source's parts are worth among others."""
-    sizes = [SIGMAS / math.sqrt(3.0) * one.size if one.kind in BOUNDS else one.size
-             for one in parts if one.source == name]  # fmt: skip
-    return math.hypot(*sizes)
+    return math.hypot(*(one.size * (SIGMAS / math.sqrt(3.0) if one.kind in BOUNDS else 1.0)
+                        for one in parts if one.source == name))  # fmt: skip
 
 
 def total_of(number: Number, parts: Sequence[BudgetPart], seconds: float) -> BudgetTotal:

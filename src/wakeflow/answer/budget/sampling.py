@@ -21,8 +21,8 @@ class Sampling(Source[None]):
         spent = fraction.flights.tracking
         return {bin_: [self.part(spread.sampling, spent)] for bin_, spread in fraction.spreads.items()}
 
-    def column(self, fractions: Sequence[FractionResults]) -> Column | None:
-        return Column(self.name, fractions[0].flights.sample_errors.sampling, together=True)
+    def column(self, fractions: Sequence[FractionResults]) -> Sequence[Column]:
+        return [Column(self.name, fractions[0].flights.sample_errors.sampling, together=True)]
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         return max(sampled(part.size, now, then), 0.5 * REPLICATES / landed(then))
@@ -43,8 +43,8 @@ class AirflowStatistics(Source[None]):
         note = f"from {clusters} " + ("shedding cycles" if cycles > 1 else "states of the airflow")
         return {bin_: [self.part(spread.airflow, note=note)] for bin_, spread in fraction.spreads.items()}
 
-    def column(self, fractions: Sequence[FractionResults]) -> Column | None:
-        return Column(self.name, fractions[0].flights.sample_errors.airflow, together=True)
+    def column(self, fractions: Sequence[FractionResults]) -> Sequence[Column]:
+        return [Column(self.name, fractions[0].flights.sample_errors.airflow, together=True)]
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         return part.size * averaged(now, then)

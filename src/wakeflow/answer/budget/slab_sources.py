@@ -119,7 +119,7 @@ class _BetweenGranules(_SlabAgain):
         """Of the end that always flies."""
         return slab_again(work, self.companion.name, self.part_of_slab)
 
-    def column(self, fractions: Sequence[FractionResults]) -> Column | None:
+    def column(self, fractions: Sequence[FractionResults]) -> Sequence[Column]:
         return signed_column(
             self.name, [{place: moved for place, (moved, _) in self._compared(one).items()} for one in fractions]
         )

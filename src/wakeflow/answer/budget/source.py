@@ -80,11 +80,11 @@ class Source(Generic[Flown]):
         """Parts of the error of the fraction's share in every bin, by the bin's name; absolute errors."""
         return {}
 
-    def column(self, fractions: Sequence[FractionResults]) -> Column | None:
-        """This source in the joint answer, where it knows how the errors of shares go together; None where it does not:
+    def column(self, fractions: Sequence[FractionResults]) -> Sequence[Column]:
+        """This source in the joint answer, where it knows how the errors of shares go together; none where it does not:
         what one bin of a fraction has too much, its others then lack.
         """
-        return None
+        return ()
 
     def landing(self, fraction: FractionResults) -> Sequence[BudgetPart]:
         """Parts of the error of where the fraction's granules land, in body widths."""
@@ -103,7 +103,7 @@ class Source(Generic[Flown]):
     def unless_known(self, fraction: FractionResults) -> Parts:
         """A part of unknown size, where nothing was flown to know it, unless the kind of airflow knows it."""
         unknown = self.name in fraction.pipeline.kind.unknown_parts()
-        return fraction.everywhere(BudgetPart(self.name, None, 0.0, UNKNOWN)) if unknown else {}
+        return {one: [BudgetPart(self.name, None, 0.0, UNKNOWN)] for one in fraction.shares if unknown}
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class Flights:
         scene, draws = self.pipeline.scene, self._made.get(INPUTS)
         if draws is not None and CHANGED not in self._made:
             self._made[CHANGED] = changed(scene, draws.unknowns, self.ties, responses(scene, draws))
-        factors = None if self.among is None else {name: self.among.factor(name) for name in self.landings}
+        factors = {} if self.among is None else {name: self.among.factor(name) for name in self.landings}
         salt = self.pipeline.tracks_key if self.crowd is None else f"{self.pipeline.collisions_key}"
         return joint_answer(scene, self.landings, inputs=self._made.get(CHANGED), factors=factors, salt=salt)
 
@@ -194,23 +194,17 @@ class FractionResults:
         found = share_spreads(self.landings, len(self.shares) - 1, self.pipeline.scene.images)
         return dict(zip(self.shares, found, strict=True))
 
-    def everywhere(self, part: BudgetPart) -> dict[str, list[BudgetPart]]:
-        """The same part for every bin."""
-        return {place: [part] for place in self.shares}
-
 
 budget_sources: Registry[Source[Any]] = Registry("source of the budget")
 
 
-def signed_column(name: str, changes: Sequence[Mapping[str, float]], *, computing: bool = False) -> Column | None:
+def signed_column(name: str, changes: Sequence[Mapping[str, float]]) -> Sequence[Column]:
     """A number of the world, the same one in every run, by what it ``changes`` of every fraction's share in every bin
     at the upper end of its 95 % interval.
     """
-    if not any(changes):
-        return None
-    bins = next(len(one) for one in changes if one)
-    halves = [list(one.values()) if one else [0.0] * bins for one in changes]
-    return Column(name, np.array(halves)[..., None] / SIGMAS, computing=computing, shared=True)
+    bins = max(map(len, changes))
+    halves = [list(one.values()) or [0.0] * bins for one in changes]
+    return [Column(name, np.array(halves)[..., None] / SIGMAS, computing=False, shared=True)] if bins else ()
 
 
 def add(source: Source[Flown]) -> Source[Flown]:

@@ -118,7 +118,7 @@ class ThirdDimension(Source[None]):
         found = self._moved(fraction)
         return {place: [self.part(abs(moved), note=note)] for place, moved in found.items()}
 
-    def column(self, fractions: Sequence[FractionResults]) -> Column | None:
+    def column(self, fractions: Sequence[FractionResults]) -> Sequence[Column]:
         return signed_column(self.name, [self._moved(one) for one in fractions])
 
     def _moved(self, fraction: FractionResults) -> dict[str, float]:
