@@ -14,14 +14,7 @@ from scipy.stats import kstest
 
 import wakeflow as wf
 from support import landings_in, shipped
-from wakeflow.answer.budget.budget import (
-    NOTICEABLE,
-    gain_by_replicates,
-    in_ensemble,
-    numerical,
-    remedies,
-    total_of,
-)
+from wakeflow.answer.budget.budget import NOTICEABLE, gain_by_replicates, in_ensemble, numerical, remedies, total_of
 from wakeflow.answer.budget.flown_again import MAX_FACTOR, AmongOthers, Comparison, compared, differences
 from wakeflow.answer.budget.mesh import Grid, difference_noise, mesh_error, shedding_noise
 from wakeflow.answer.budget.model import MODEL
