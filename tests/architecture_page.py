@@ -22,7 +22,7 @@ CHAIN = (
     ("wakeflow.flight.granules:Granules", "wakeflow.flight.feed.feedstock:feedstock"),
     ("wakeflow.flight.tracks:Tracks", "wakeflow.flight.driver:track"),
     ("wakeflow.flight.stages.landings:Tracked", "wakeflow.flight.stages.pipeline:Pipeline.tracks"),
-    ("wakeflow.answer.joint:JointAnswer", "wakeflow.answer.ensemble:joint_answer"),
+    ("wakeflow.answer.joint:JointAnswer", "wakeflow.answer.separation:joint_answer"),
     ("wakeflow.answer.result:Result", "wakeflow.runs:run"),
 )
 ABOUT = """\

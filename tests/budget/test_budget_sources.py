@@ -14,14 +14,13 @@ from scipy.stats import kstest
 
 import wakeflow as wf
 from support import landings_in, shipped
-from wakeflow.answer.budget.budget import NOTICEABLE, gain_by_replicates
+from wakeflow.answer.budget.budget import NOTICEABLE, gain_by_replicates, in_ensemble, numerical, remedies, total_of
 from wakeflow.answer.budget.flown_again import MAX_FACTOR, AmongOthers, Comparison, compared, differences
 from wakeflow.answer.budget.mesh import Grid, difference_noise, mesh_error, shedding_noise
 from wakeflow.answer.budget.model import MODEL
-from wakeflow.answer.budget.noise import NOISE
 from wakeflow.answer.budget.slab_sources import beyond_chance
 from wakeflow.answer.budget.source import INPUTS, FractionResults, Parts, Source, add, budget_sources, signed_column
-from wakeflow.answer.budget.total import in_ensemble, numerical, remedies, total_of
+from wakeflow.answer.budget.steps import NOISE
 from wakeflow.answer.budget.truncation import AIR_SPEED, NO_EFFECT, VIBRATION, swung
 from wakeflow.answer.cells import LandingCells
 from wakeflow.answer.draws import columns
@@ -346,8 +345,8 @@ def test_of_two_slabs_what_chance_makes_is_taken_off(paired: bool) -> None:
             parts.append(beyond_chance(changed, own, paired=paired)[0] ** 2)
     assert np.sqrt(np.mean(found[0.05])) == pytest.approx(0.05, rel=0.05)
     assert np.median(found[0.0]) == 0.0
-    assert beyond_chance(np.array([0.5]), np.array([0.4]), paired=True) == (pytest.approx(0.1), None)
-    assert beyond_chance(np.array([0.4]), np.array([0.5]), paired=True) == (pytest.approx(-0.1), None)
+    assert beyond_chance(np.array([0.5]), np.array([0.4]), paired=True) == (pytest.approx(0.1), "")
+    assert beyond_chance(np.array([0.4]), np.array([0.5]), paired=True) == (pytest.approx(-0.1), "")
     between, note = beyond_chance(own, changed, paired=paired, part=0.5)  # the two ends of an interval
     whole, _ = beyond_chance(own, changed, paired=paired)
     assert between == 0.5 * whole < 0.0  # it was changed to more
@@ -356,10 +355,9 @@ def test_of_two_slabs_what_chance_makes_is_taken_off(paired: bool) -> None:
 
 def test_what_a_number_between_granules_changes_goes_together_and_is_the_same_in_every_run() -> None:
     """Signed, at the upper end of its interval: what one bin gains another loses, of all fractions at once."""
-    assert signed_column("collisions.friction", [{}, {}]) is None
+    assert not signed_column("collisions.friction", [{}, {}])
     changes = [{"near": 0.04, "far": -0.03, "elsewhere": -0.01}, {}]
-    column = signed_column("collisions.friction", changes)
-    assert column is not None
+    (column,) = signed_column("collisions.friction", changes)
     assert (column.computing, column.shared, column.roots.shape) == (False, True, (2, 3, 1))
     found = column.draws(["a", "b"], "a run")
     assert np.array_equal(found, column.draws(["a", "b"], "another"))
@@ -417,7 +415,7 @@ def test_independent_parts_add_up_in_squares() -> None:
     assert (total.error, total.numerical) == (pytest.approx(0.05, rel=CLOSE), pytest.approx(0.05, rel=CLOSE))
     assert total.seconds == 7.0
     assert (total.low, total.high) == (pytest.approx(0.45, abs=CLOSE * 0.05), pytest.approx(0.55, abs=CLOSE * 0.05))
-    assert total.note is None
+    assert not total.note
 
 
 def test_two_fractions_err_apart_and_what_one_bin_has_too_much_the_others_lack() -> None:
@@ -460,7 +458,7 @@ def test_a_bound_is_a_rectangular_distribution_and_no_part_of_computing() -> Non
     half = math.hypot(SIGMAS / math.sqrt(3.0) * 0.01, 0.05)
     assert total.high == pytest.approx(0.5 + half, abs=CLOSE * half)
     assert total.numerical == pytest.approx(0.05, rel=CLOSE)
-    assert total.note is None  # small beside the total
+    assert not total.note  # small beside the total
     alone = with_parts(answer_of(0.5), [part("lift", 0.2, LEFT_OUT)])
     assert alone.half == pytest.approx(0.95 * 0.2, rel=CLOSE)  # between two bounds nothing is likelier
     assert alone.numerical is None

@@ -201,7 +201,7 @@ def test_the_result_says_what_it_does(loaded: wf.Result) -> None:
             assert set(places) == {*loaded.landings.separation.bins}, name
     parts = {part.source: part for row in loaded.budget for part in row.parts if row.quantity.startswith("share.")}
     assert parts[LOADING].how == "measured"
-    assert "the force moves the share by" in (parts[LOADING].note or "")
+    assert "the force moves the share by" in parts[LOADING].note
     assert 0.0 < found.sampling < 0.02
     assert 'id="air-loading"' in (loaded.folder / "report.html").read_text()
 
@@ -463,7 +463,7 @@ def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: 
     ):  # fmt: skip
         assert upper in result.seconds
         part = next(part for row in result.budget for part in row.parts if part.source == f"collisions.{key}")
-        assert part.note is not None
+        assert part.note
         assert part.note.startswith("half of a difference" if lower in result.seconds else "a difference")
     assert "share without collisions (%)" in (tmp_path / "separation.csv").read_text().splitlines()[0]
     assert "What collisions cost" in (tmp_path / "report.html").read_text()

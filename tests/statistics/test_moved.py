@@ -8,7 +8,7 @@ import pytest
 
 import wakeflow as wf
 from wakeflow.answer.cells import Ends
-from wakeflow.answer.moved import StoredLandings
+from wakeflow.answer.dividers import StoredLandings
 from wakeflow.answer.result import MovedBins, Result
 from wakeflow.core.errors import SceneError
 from wakeflow.core.number import Number

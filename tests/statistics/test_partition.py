@@ -15,8 +15,8 @@ import wakeflow as wf
 from support import ALONE, landings_in, shipped
 from wakeflow.answer.dividers import Landed1D, best_stretches, cut, dividers, landed_along, purities, trade_off
 from wakeflow.answer.draws import ErrorSource
-from wakeflow.answer.ensemble import joint_answer
 from wakeflow.answer.partition import partition_curves
+from wakeflow.answer.separation import joint_answer
 from wakeflow.cli import main
 from wakeflow.cli.show_result import show_dividers
 from wakeflow.core.errors import SceneError

@@ -11,13 +11,11 @@ from scipy.stats import norm, qmc
 from support import landings_in, shipped
 from wakeflow.answer.cells import LandingCells
 from wakeflow.answer.draws import DRAWS, ErrorSource, columns
-from wakeflow.answer.ensemble import change_of, changed, joint_answer, responses
 from wakeflow.answer.grid_convergence import cell_size, estimate, extrapolate, observed_order
-from wakeflow.answer.joint import Bins, JointAnswer
-from wakeflow.answer.separation import separate
+from wakeflow.answer.joint import Bins, JointAnswer, effects_in
+from wakeflow.answer.separation import change_of, changed, joint_answer, responses, separate
 from wakeflow.answer.shares import InputPart
 from wakeflow.answer.spread import share_interval
-from wakeflow.answer.unknown_inputs import effects_in
 from wakeflow.core.errors import SceneError
 from wakeflow.core.number import Number
 from wakeflow.flight.stages.input_samples import DrawnLandings, InputSamples

@@ -27,6 +27,7 @@ from ..core.geometry import along, halved
 from ..core.number import Number
 from ..core.registry import did_you_mean
 from ..scene import Scene
+from ..scene.bins import SIDES
 from ..scene.overrides import share_in
 from .joint import PRODUCT
 from .result import Result, kept_granules
@@ -34,6 +35,7 @@ from .result import Result, kept_granules
 Array = NDArray[np.float64]
 PLACES = 400  # candidates for a divider: quantiles of the landings, finer than what 2000 granules a fraction resolve
 ON_LINE = 1e-6  # m: a landing is on a line that it is no further from
+LEVEL = ("floor", "top")  # sides along x
 LEVELS = 20  # of a trade-off curve
 STEPS = 60  # bisections of the Lagrange multiplier
 MAX_STRETCHES = 50  # of a product: each is searched beside all others, and no machine has so many dividers
@@ -91,18 +93,13 @@ def trade_off(
     least = [share_in(purity, "purity") for purity in purities]
     if wrong := [one for one in least if not 0.0 < one < 1.0]:
         raise SceneError(f"purity = {wrong[0]:g}: above 0 and below 1 ('99 %' or 0.99: one percent of others)")
-    _check_count(stretches)
-    result = run if isinstance(run, Result) else Result.load(run)
-    landed = landed_along(result, fraction, on)
-    return [_judged(result, on, landed, fraction, purity, stretches) for purity in least]
-
-
-def _check_count(stretches: int) -> None:
-    """Raise SceneError for a number of stretches that no product has."""
     if isinstance(stretches, bool) or not isinstance(stretches, Integral):
         raise SceneError(f"stretches = {stretches!r}: a whole number")
     if not 1 <= stretches <= MAX_STRETCHES:
         raise SceneError(f"stretches = {stretches}: at least 1, at most {MAX_STRETCHES}")
+    result = run if isinstance(run, Result) else Result.load(run)
+    landed = landed_along(result, fraction, on)
+    return [_judged(result, on, landed, fraction, purity, stretches) for purity in least]
 
 
 def purities(run: Result | Path | str, fraction: str, on: str = "floor") -> list[float]:
@@ -122,9 +119,8 @@ def landed_along(run: Result | Path | str, fraction: str, on: str) -> Landed1D:
         known = list(scene.fraction)
         raise SceneError(f"no fraction {fraction!r}{did_you_mean(fraction, known)} (known: {', '.join(known)})")
     data, line = kept_granules(result.folder), _line(scene, on)
-    wanted = np.asarray(data["names"])[data["fraction"]] == fraction
-    position, mass = data["position"], data["weight"]
-    place, distance = along(line, position)
+    wanted, mass = np.asarray(data["names"])[data["fraction"]] == fraction, data["weight"]
+    place, distance = along(line, data["position"])
     here = distance <= ON_LINE
     lost = float(mass[wanted & ~here].sum())
     if not np.any(wanted & here):
@@ -140,18 +136,11 @@ def cut(line: Array, low: float, high: float) -> list[tuple[float, float]]:
 
 
 def _line(scene: Scene, on: str) -> Array:
-    channel = scene.channel
-    half = channel.width / 2
-    lines = {
-        "floor": [(-half, channel.bottom), (half, channel.bottom)],
-        "top": [(-half, channel.top), (half, channel.top)],
-        "left": [(-half, channel.bottom), (-half, channel.top)],
-        "right": [(half, channel.bottom), (half, channel.top)],
-    }
-    if on in lines:
-        return np.array(lines[on], dtype=float)
+    if on in SIDES:
+        at = scene.channel.sides[on]
+        return np.array([(end, at) if on in LEVEL else (at, end) for end in scene.channel.span(on)], dtype=float)
     if on not in scene.bin:
-        known = [*lines, *scene.bin]
+        known = [*SIDES, *scene.bin]
         raise SceneError(f"no line {on!r}{did_you_mean(on, known)} (known: {', '.join(known)})")
     return scene.bin[on].line(scene)
 
@@ -165,7 +154,7 @@ def best_stretches(landed: Landed1D, purity: float, count: int) -> tuple[tuple[f
     cells = len(edges) - 1
     gain = np.bincount(cell, landed.mass * landed.wanted, cells).astype(float)
     slack = np.bincount(cell, landed.mass * (landed.wanted - purity), cells).astype(float)
-    chosen = _improved(gain, slack, _start(gain, slack, count)) if count > 1 else _improved(gain, slack, [(0, 0)])
+    chosen = _improved(gain, slack, _start(gain, slack, count) if count > 1 else [(0, 0)])
     return tuple((float(edges[low]), float(edges[high])) for low, high in sorted(chosen) if high > low)
 
 
@@ -221,9 +210,7 @@ def _start(gain: Array, slack: Array, count: int) -> list[Stretch]:
     while falls_short(high) and high < 1e9:
         high *= 4.0
     high = halved(falls_short, 0.0, high, STEPS)[1]
-    found = _most(gain + high * slack, count)
-    if sum(slack[a:b].sum() for a, b in found) < 0:
-        found = []
+    found = [] if falls_short(high) else _most(gain + high * slack, count)
     return found + [(0, 0)] * (count - len(found))
 
 
@@ -260,10 +247,59 @@ def _judged(result: Result, on: str, landed: Landed1D, fraction: str, purity: fl
     mass, wanted = landed.mass, landed.wanted
     product, own = float(mass[inside].sum()), float(mass[inside & wanted].sum())
     recovery, pure = own / (float(mass[wanted].sum()) + landed.lost), own / product if product > 0.0 else math.nan
-    first = float(landed.line[0, 0 if on in ("floor", "top") else 1])
+    first = float(landed.line[0, 0 if on in LEVEL else 1])
     told = result.joint.between(on, [(first + low, first + high) for low, high in chosen])
     if told is None or not chosen or product == 0.0:
         return Dividers(fraction, purity, landed.line, chosen, Number(pure), Number(recovery))
     numbers = (told.number(of, value=value) for of, value in (
         (told.of_purity(PRODUCT, fraction), pure), (told.of_share(fraction, [PRODUCT]), recovery)))  # fmt: skip
     return Dividers(fraction, purity, landed.line, chosen, *numbers)
+
+
+# -- Where the granules of a finished run landed, for pictures of them -------------------------------------------------
+@dataclass(frozen=True)
+class StoredLandings:
+    """The landings of a run on the sides of its channel: ``side`` (n,) index into SIDES or -1, ``place`` (n,) m along
+    it, ``fraction`` (n,) index, ``weight`` (n,) of each fraction's mass, which sum to 1 in each.
+    """
+
+    result: Result
+    scene: Scene
+    side: NDArray[np.int64]
+    place: Array
+    fraction: NDArray[np.int64]
+    weight: Array
+
+    @classmethod
+    def of(cls, result: Result) -> StoredLandings:
+        """Those that a run keeps. Raises SceneError where it ended before its shares, or keeps none."""
+        if result.landings is None:
+            raise SceneError(f"{result.folder} holds no shares: the run ended before them")
+        scene, data = Scene.parse(result.scene).with_top(), kept_granules(result.folder)
+        x, y = np.asarray(data["position"]).T
+        gaps = np.abs([(y if side in LEVEL else x) - scene.channel.sides[side] for side in SIDES])
+        side = np.where(gaps.min(axis=0) <= ON_LINE, gaps.argmin(axis=0), -1)
+        names = list(scene.fraction)
+        fraction = np.array([names.index(name) for name in data["names"]])[data["fraction"]]
+        weight = np.asarray(data["weight"], dtype=float)
+        sums = np.bincount(fraction, weight, minlength=len(names))
+        return cls(result, scene, side, np.where(side < 2, x, y), fraction, weight / sums[fraction])
+
+    @property
+    def ends(self) -> dict[str, tuple[float, float]]:
+        """The run's own dividers: from and to (m) of each bin that is open on a side."""
+        return {name: one.ends for name, one in self.scene.on_sides().items() if one.keeps_part is None}
+
+    def profile(self, cells: int = 80) -> dict[str, dict[str, list[float]]]:
+        """By side with bins and by fraction: the share of its mass that lands in each of ``cells`` along the side."""
+        found: dict[str, dict[str, list[float]]] = {}
+        for on in dict.fromkeys(one.on for one in self.scene.on_sides().values()):
+            number = SIDES.index(on)
+            span = self.scene.channel.span(on)
+            here = self.side == number
+            found[on] = {
+                name: np.histogram(self.place[mine], cells, span, weights=self.weight[mine])[0].tolist()
+                for i, name in enumerate(self.scene.fraction)
+                for mine in [here & (self.fraction == i)]
+            }
+        return found

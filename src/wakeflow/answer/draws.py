@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.lazy import cached_property
+from ..core.record import columns as columns_of
 from ..planning.unknowns import FARTHEST, SIGMAS
 from ..scene.bins import SIDES
 from .cells import LandingCells
@@ -26,6 +27,7 @@ DRAWS = 2048
 LEVEL = 0.95  # of every interval
 END = 1e-6  # of p (1 - p): that of a share which is nothing, or all
 LEAST = 1e-12  # of a variance that is one
+SAID = tuple(one.name for one in columns_of(JointSource))  # of a source in result.json
 INPUTS, LACK, SAMPLING = "inputs", "lack of fit", "sampling"
 
 
@@ -135,9 +137,7 @@ class JointDraws:
 
     def record(self) -> JointRecord:
         """What result.json says of it."""
-        sources = tuple(
-            JointSource(one.name, one.computing, one.bounded, one.shared, one.together) for one in self.sources
-        )
+        sources = tuple(JointSource(**{key: getattr(one, key) for key in SAID}) for one in self.sources)
         ends = {name: (float(low), float(high)) for name, (low, high) in self.cells.ends.items()}
         return JointRecord(
             DRAWS, self.fractions, dict(self.targets), self.keys, self.cells.bins, dict(self.cells.on), ends,
@@ -162,33 +162,24 @@ class JointDraws:
         edges = {side: edges[side] for side in SIDES if side in edges}
         cells = LandingCells(record.bins, record.on, record.ends, edges)
         sources = tuple(
-            ErrorSource(
-                one.name,
-                arrays[f"root.{i}"],
-                one.computing,
-                one.bounded,
-                one.shared,
-                one.together,
-                _wide(arrays, f"given.{i}"),
-            )
+            ErrorSource(**vars(one), roots=arrays[f"root.{i}"], given=_wide(arrays, f"given.{i}"))
             for i, one in enumerate(record.sources)
         )
-        shapes = {"mass": (len(record.fractions),), "z": (record.draws, len(record.inputs)),
-                  "base": (len(record.fractions), cells.count),
-                  "change": (record.draws, len(record.fractions), cells.count)}  # fmt: skip
-        bins = len(record.bins) + 1
+        fractions, bins = len(record.fractions), len(record.bins) + 1
+        shapes = {"mass": (fractions,), "z": (DRAWS, len(record.inputs)), "base": (fractions, cells.count),
+                  "change": (DRAWS, fractions, cells.count)}  # fmt: skip
         for i, one in enumerate(sources):
-            shapes[f"root.{i}"] = (len(record.fractions), bins, one.roots.shape[-1])
+            shapes[f"root.{i}"] = (fractions, bins, one.roots.shape[-1])
             if one.given is not None:
-                shapes[f"given.{i}"] = (record.draws, len(record.fractions), bins)
-        fits = set(record.ends) == set(record.on) <= set(record.bins) and set(arrays) == {*shapes, *(
-            f"edges.{side}" for side in edges)}  # fmt: skip
-        if not fits or (record.images is not None and sorted(record.images) != list(range(bins))):
+                shapes[f"given.{i}"] = (DRAWS, fractions, bins)
+        if not (
+            set(record.ends) == set(record.on) <= set(record.bins)
+            and sorted(record.images or range(bins)) == list(range(bins))
+            and record.draws == DRAWS
+            and set(arrays) == {*shapes, *(f"edges.{side}" for side in edges)}
+            and all(arrays[name].shape == shape and np.isfinite(arrays[name]).all() for name, shape in shapes.items())
+        ):
             raise ValueError("a record of other arrays")
-        if record.draws != DRAWS or any(arrays[name].shape != shape for name, shape in shapes.items()):
-            raise ValueError("arrays of another shape")
-        if not all(np.isfinite(arrays[name]).all() for name in shapes):
-            raise ValueError("arrays that are no numbers")
         mass, z, base, change = (_wide(arrays, name) for name in ("mass", "z", "base", "change"))
         return cls(record.fractions, mass, record.targets, record.flow, cells, record.images, record.inputs, z, base,
                    np.asarray(change, dtype=np.float32), sources, record.salt, record.prices)  # fmt: skip
@@ -203,13 +194,10 @@ class JointDraws:
         """The sources that finer computing makes smaller."""
         return frozenset(one.name for one in self.sources if one.computing)
 
-    def acting(self, fraction: str | None) -> list[int]:
-        """The places of the inputs that act on a fraction, None: on any."""
-        return [i for i, key in enumerate(self.keys) if fraction is None or _owner(key) in (None, fraction)]
-
-
-def _owner(key: str) -> str | None:
-    return key.split(".")[1] if key.startswith("fraction.") else None
+    def acting(self, fraction: str) -> list[int]:
+        """The places of the inputs that act on a fraction, without a name: on any."""
+        return [i for i, key in enumerate(self.keys)
+                if not fraction or not key.startswith("fraction.") or key.split(".")[1] == fraction]  # fmt: skip
 
 
 def _wide(arrays: Mapping[str, Any], name: str) -> Any:

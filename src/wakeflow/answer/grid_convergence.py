@@ -69,11 +69,7 @@ def extrapolate(sizes: Sequence[float], values: Sequence[float], order: float) -
 
 
 def estimate(
-    sizes: Sequence[float],
-    values: Sequence[float],
-    half_widths: Sequence[float] | None = None,
-    *,
-    formal: float = 2.0,
+    sizes: Sequence[float], values: Sequence[float], half_widths: Sequence[float] = (), *, formal: float = 2.0
 ) -> GridEstimate:
     """The finest grid's value with its mesh error, from two grids or the three finest of more, in any sequence.
 
@@ -82,7 +78,7 @@ def estimate(
     ``formal``: the schemes' order. Raises SceneError for fewer than two grids, or cells whose sizes are nearer to each
     other than a factor of 1.1.
     """
-    noise = [0.0] * len(values) if half_widths is None else [abs(float(h)) for h in half_widths]
+    noise = [abs(float(h)) for h in half_widths] or [0.0] * len(values)
     if not len(sizes) == len(values) == len(noise):
         raise SceneError(f"a grid study needs as many cell sizes ({len(sizes)}) as values ({len(values)})")
     ranked = sorted(zip(sizes, values, noise, strict=True))[:3]

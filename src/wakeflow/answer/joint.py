@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from math import inf
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,16 +22,11 @@ from ..planning.unknowns import SIGMAS
 from ..scene import RESERVED_BIN
 from ..scene.uncertainty import EITHER_SIGN
 from .cells import Ends
-from .draws import DRAWS as DRAWS
-from .draws import INPUTS, LEAST, LEVEL, SAMPLING, JointDraws, less_at_ends
-from .draws import LACK as LACK
-from .draws import ErrorSource as ErrorSource
-from .draws import column as column
-from .draws import columns as columns
-from .draws import tied_root as tied_root
+from .draws import DRAWS, INPUTS, LACK, LEAST, LEVEL, SAMPLING, JointDraws, less_at_ends
 from .shares import InputPart, Money, Separation
 
 Array = NDArray[np.float64]
+Made = TypeVar("Made")
 Of = Callable[[Array], Array]  # a number of tables (..., fractions, bins + 1), elsewhere last
 PAIRED = 0.5  # of the error of few granules that is left in a change seen between the same ones. Chosen
 BENT = 3  # order of the polynomial in an input that says what it does alone
@@ -39,8 +35,10 @@ MOST_TOGETHER = 128  # inputs that are told apart by one set of lines; of more e
 TIED = 0.15  # correlation of draws from which two inputs move together: of independent ones it is 0.02
 HOUR = 3600.0  # s
 TONNE = 1e3  # kg
+Parts = dict[str, InputPart]  # what each input does to a number
 Bounds = tuple[float, float]
 WHOLE: Bounds = (0.0, 1.0)  # what a share is between
+ANY: Bounds = (-inf, inf)
 PRODUCT = "product"  # a bin made of stretches of a side
 
 
@@ -58,12 +56,8 @@ class JointAnswer(JointDraws):
     def moved(self, ends: Ends) -> Bins:
         """Its numbers with some bins between other ``ends`` (m). Raises SceneError as :meth:`.LandingCells.moved`."""
         whole = self.cells.moved(ends)
-        key = tuple(whole.items())
-        if key not in self._read:
-            if len(self._read) > 4:  # of a page on which somebody drags
-                self._read.pop(next(iter(self._read)))
-            self._read[key] = Bins(self, self.cells.parts(whole), (*self.cells.bins, RESERVED_BIN))
-        return self._read[key]
+        names = (*self.cells.bins, RESERVED_BIN)
+        return _lately(self._read, tuple(whole.items()), 5, lambda: Bins(self, self.cells.parts(whole), names))
 
     def between(self, side: str, stretches: Sequence[tuple[float, float]]) -> Bins | None:
         """Its numbers in the bin PRODUCT, all that lands between the ends (m) of some ``stretches`` of a side; None of
@@ -90,18 +84,15 @@ class Bins:
         return 0.5 * (found + found[:, list(self.joint.images or ())]) if self._alike else found
 
     @cached_property
-    def _turned(self) -> Array | None:
-        """The parts in the machine's mirror image; None of one without."""
-        images = self.joint.images
-        return None if images is None else self.parts[self.joint.cells.mirrored(images)]
+    def _turned(self) -> Array:
+        """The parts in the mirror image of a machine that has one."""
+        return self.parts[self.joint.cells.mirrored(self.joint.images or ())]
 
     @cached_property
     def _alike(self) -> bool:
         """Whether each bin is in the mirror image where its own image is here."""
-        turned, images = self._turned, list(self.joint.images or ())
-        if turned is None or self.parts.shape[1] != len(images):
-            return False
-        return np.array_equal(turned, self.parts[:, images])
+        images = list(self.joint.images or ())
+        return self.parts.shape[1] == len(images) and np.array_equal(self._turned, self.parts[:, images])
 
     @cached_property
     def _passed(self) -> Array:
@@ -121,20 +112,15 @@ class Bins:
         """
         every = frozenset({INPUTS, *(one.name for one in self.joint.sources)})
         asked = every if used is None else used & every
-        if asked not in self._tables:
-            if len(self._tables) > 3:
-                self._tables.pop(next(iter(self._tables)))
-            self._tables[asked] = self._made(asked)
-        return self._tables[asked]
+        return _lately(self._tables, asked, 4, lambda: self._made(asked))
 
     def _made(self, used: frozenset[str]) -> Array:
-        own = [self._drawn(self.parts, None, used)]
-        if self.joint.images is not None and self._turned is not None:
-            images = list(self.joint.images)
+        own, images = [self._drawn(self.parts, slice(None), used)], list(self.joint.images or ())
+        if images:
             own.append(own[0][..., images] if self._alike else self._drawn(self._turned, images, used))
         return np.stack(own)
 
-    def _drawn(self, parts: Array, images: Sequence[int] | None, used: frozenset[str]) -> Array:
+    def _drawn(self, parts: Array, images: list[int] | slice, used: frozenset[str]) -> Array:
         """The shares (DRAWS, fractions, bins + 1) in ``parts`` of the cells, of a machine or its image."""
         joint = self.joint
         found = np.broadcast_to(joint.base @ parts, (DRAWS, len(joint.fractions), parts.shape[1])).copy()
@@ -155,10 +141,9 @@ class Bins:
             settle(found, self._passed_on(moved, images), self._passed_on(most[None], images)[0])
         return found
 
-    def _passed_on(self, errors: Array, images: Sequence[int] | None) -> Array:
+    def _passed_on(self, errors: Array, images: list[int] | slice) -> Array:
         """What is added to the bins of the run (n, fractions, bins + 1), in the bins here."""
-        mine = errors if images is None else errors[:, :, list(images)]
-        return np.asarray(np.einsum("nfb,fbd->nfd", mine, self._passed))
+        return np.asarray(np.einsum("nfb,fbd->nfd", errors[:, :, images], self._passed))
 
     # -- numbers -------------------------------------------------------------------------------------------------------
     def values(self, of: Of, used: frozenset[str] | None = None) -> Array:
@@ -166,22 +151,23 @@ class Bins:
         found = of(self.tables(used))
         return np.where(np.isfinite(found), found, of(self.value))
 
-    def number(self, of: Of, *, value: float | None = None, bounds: Bounds | None = WHOLE) -> Number:
+    def number(self, of: Of, *, value: float | None = None, bounds: Bounds = WHOLE) -> Number:
         """A function ``of`` tables with its 95 % interval: the one maker of intervals. ``value``: where it is known
-        better than from the cells. ``bounds``: what it is between, None: anything.
+        better than from the cells. ``bounds``: what it is between.
         """
         own = float(of(self.value)) if value is None else value
         found = middle(self.values(of), own, bounds)
         computed = middle(self.values(of, self.joint.computing), own, bounds)
         return replace(found, numerical=computed.half if self.joint.computing else None)
 
-    def share(self, fraction: str, place: str, value: float | None = None) -> Number:
+    def share(self, fraction: str, place: str) -> Number:
         """Share of a fraction in a bin."""
-        return self.number(self.of_share(fraction, [place]), value=value)
+        return self.number(self.of_share(fraction, [place]))
 
     def of_share(self, fraction: str, places: Collection[str]) -> Of:
         """The share of a fraction in any of ``places``."""
-        return partial(_share, self.joint.fractions.index(fraction), [self.names.index(one) for one in places])
+        row, columns = self.joint.fractions.index(fraction), [self.names.index(one) for one in places]
+        return lambda table: np.asarray(table[..., row, columns].sum(axis=-1))
 
     def of_purity(self, place: str, *fractions: str) -> Of:
         """The share of a bin's mass that is of some fractions."""
@@ -210,15 +196,15 @@ class Bins:
             money=self._money(),
         )  # fmt: skip
 
-    def _named(self, name: str, bounds: Bounds | None = WHOLE) -> Number | None:
+    def _named(self, name: str, bounds: Bounds = WHOLE) -> Number | None:
         of = self.of_name(name)
         return None if of is None else self.number(of, bounds=bounds)
 
     def _money(self) -> Money | None:
-        prices, products = self.joint.prices, self._named("money.products", None)
+        prices, products = self.joint.prices, self._named("money.products", ANY)
         if prices is None or products is None:
             return None
-        return Money(products, prices.fan, prices.fan_power, self._named("money.total", None))
+        return Money(products, prices.fan, prices.fan_power, self._named("money.total", ANY))
 
     def of_name(self, name: str) -> Of | None:
         """The number called share.FRACTION.BIN, purity.BIN.FRACTION, recovery.FRACTION, loss.FRACTION, dirt.BIN,
@@ -237,13 +223,14 @@ class Bins:
             case "loss" | "lost", [fraction] if targets.get(fraction):
                 beside = [place for place in self.names if place not in targets[fraction]]
                 of = self.of_share(fraction, beside)
-                return of if kind == "loss" else partial(_times, self.flows[fraction], of)
+                return of if kind == "loss" else lambda table: self.flows[fraction] * of(table)
             case "dirt", [place] if place in self.names and any(place in one for one in targets.values()):
                 return self.of_purity(place, *(one for one in fractions if place not in targets[one]))
             case "money", ["products" | "total" as what] if (prices := self.joint.prices) is not None:
                 return self._of_money(prices.value, 0.0 if what == "products" else prices.fan)
             case "throughput", [place] if place in self.names:
-                return partial(_throughput, HOUR * self.joint.flow * self.joint.mass, self.names.index(place))
+                flow, column = HOUR * self.joint.flow * self.joint.mass, self.names.index(place)
+                return lambda table: np.asarray((flow * table[..., column]).sum(axis=-1))
         return None
 
     def _of_money(self, value: Mapping[str, Mapping[str, float]], spent: float | None) -> Of | None:
@@ -256,7 +243,7 @@ class Bins:
         worth = np.zeros((len(self.joint.fractions), len(self.names)))
         for name, place, price in priced:
             worth[self.joint.fractions.index(name), self.names.index(place)] = self.flows[name] * price / TONNE
-        return partial(_worth, worth, spent)
+        return lambda table: np.asarray((worth * table).sum(axis=(-2, -1)) - spent)
 
     # -- what inputs do ------------------------------------------------------------------------------------------------
     @cached_property
@@ -272,11 +259,11 @@ class Bins:
             return np.ones((len(self.joint.keys),) * 2, dtype=bool)
         return np.abs(np.corrcoef(self.joint.z.T)) > TIED
 
-    def alone(self, of: Of, key: str, values: Array | None = None) -> Callable[[Array], Array]:
+    def _alone(self, key: str, y: Array) -> Callable[[Array], Array]:
         """What an input does to a number at z (n,) standard deviations, about 0 at z = 0: a polynomial through the
-        draws, once all that goes with the inputs that are independent of it in a straight line is taken off them.
+        draws ``y`` (DRAWS,) by the inputs, once all that goes with the inputs that are independent of it in a straight
+        line is taken off them.
         """
-        y = (self.values(of, frozenset({INPUTS})) if values is None else values)[0]
         place = self.joint.keys.index(key)
         z = self.joint.z[:, place]
         if len(self.joint.keys) <= MOST_TOGETHER:
@@ -288,8 +275,8 @@ class Bins:
         found, *_ = np.linalg.lstsq(powers, y, rcond=None)
         return lambda at: np.asarray(sum(found[order] * at**order for order in range(1, BENT + 1)))
 
-    def effects(self, of: Of, fraction: str | None = None) -> dict[str, InputPart]:
-        """What each input alone does to a number of a ``fraction`` (None: of all), the largest first."""
+    def effects(self, of: Of, fraction: str = "") -> dict[str, InputPart]:
+        """What each input alone does to a number of a ``fraction`` (by default of all), the largest first."""
         values = self.values(of, frozenset({INPUTS}))
         keys = [self.joint.keys[i] for i in self.joint.acting(fraction)]
         lack, sampled = (float(self.values(of, frozenset({name})).var()) for name in (LACK, SAMPLING))
@@ -301,7 +288,7 @@ class Bins:
             towards = np.abs(self.joint.z.T @ (values[0] - values[0].mean()))
             keys = sorted(keys, key=lambda key: -towards[self.joint.keys.index(key)])[:MOST_TOLD]
         for key in keys:
-            does = self.alone(of, key, values)
+            does = self._alone(key, values[0])
             low, high = (float(does(np.array(side * SIGMAS))) for side in (-1.0, 1.0))
             half, part = 0.5 * (high - low), float(does(self.joint.z[:, self.joint.keys.index(key)]).var())
             index, error = min(1.0, part / variance), SIGMAS * np.sqrt(doubt)
@@ -318,13 +305,29 @@ class Bins:
         inputs, values = self.values(of, frozenset({INPUTS})), self.values(of)
         now, computed = (middle(one, own, WHOLE) for one in (values, self.values(of, self.joint.computing)))
         for key, part in parts.items():
-            z, does = self.joint.z[:, self.joint.keys.index(key)], self.alone(of, key, inputs)
+            z, does = self.joint.z[:, self.joint.keys.index(key)], self._alone(key, inputs[0])
             for copy, side in enumerate((1.0, -1.0 if key in EITHER_SIGN else 1.0)[: len(values)]):
                 less = does(part * side * z) - does(side * z)
                 values[copy], inputs[copy] = values[copy] + less, inputs[copy] + less
         found = middle(values, own, WHOLE)
         low, high = max(found.low, now.low), min(found.high, now.high)
         return Number(own, min(low, computed.low), max(high, computed.high))
+
+
+def effects_in(own: Bins) -> tuple[dict[str, dict[str, Parts]], dict[str, Parts]]:
+    """What each input alone does to every share, by fraction and bin; and to every recovery and purity of targets."""
+    shares = {
+        name: {place: parts for place in own.names if (parts := own.effects(own.of_share(name, [place]), name))}
+        for name in own.joint.fractions
+    }
+    found: dict[str, Parts] = {}
+    for name, targets in own.joint.targets.items():
+        if targets:
+            found[f"recovery.{name}"] = own.effects(own.of_share(name, targets), name)
+        for place in targets:
+            if (own.joint.mass * own.value[:, own.names.index(place)]).sum() > 0.0:
+                found[f"purity.{place}.{name}"] = own.effects(own.of_purity(place, name))
+    return shares, found
 
 
 def bounded(shares: Array, own: Array | None = None) -> Array:
@@ -337,11 +340,6 @@ def bounded(shares: Array, own: Array | None = None) -> Array:
     if own is not None:
         np.copyto(shares, own, where=total <= 0.0)
     return shares
-
-
-def quantiles(values: Array, levels: Sequence[float]) -> Array:
-    """Quantiles of ``values`` (n,)."""
-    return np.asarray(np.quantile(values, levels))
 
 
 def settle(shares: Array, errors: Array, most: Array) -> None:
@@ -362,14 +360,12 @@ def settle(shares: Array, errors: Array, most: Array) -> None:
     bounded(shares)
 
 
-def middle(values: Array, own: float, bounds: tuple[float, float] | None = None) -> Number:
+def middle(values: Array, own: float, bounds: Bounds = ANY) -> Number:
     """A number with the middle 95 % of its ``values`` (copies, DRAWS), of the mean of the copies' ends."""
     level = 0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)
-    ends = np.mean([quantiles(one, level) for one in np.atleast_2d(values)], axis=0)
+    ends = np.mean([np.quantile(one, level) for one in np.atleast_2d(values)], axis=0)
     low, high = min(float(ends[0]), own), max(float(ends[1]), own)
-    if bounds is not None:
-        low, high = max(low, min(bounds[0], own)), min(high, max(bounds[1], own))
-    return Number(own, low, high)
+    return Number(own, max(low, min(bounds[0], own)), min(high, max(bounds[1], own)))
 
 
 def difference(one: Bins, other: Bins, name: str) -> Number | None:
@@ -383,10 +379,6 @@ def difference(one: Bins, other: Bins, name: str) -> Number | None:
     return middle(values, float(ofs[0](one.value) - ofs[1](other.value)))
 
 
-def _share(fraction: int, places: Sequence[int], table: Array) -> Array:
-    return np.asarray(table[..., fraction, list(places)].sum(axis=-1))
-
-
 def _purity(mass: Array, fractions: Sequence[int], place: int, table: Array) -> Array:
     here = mass * table[..., place]
     total = here.sum(axis=-1)
@@ -394,13 +386,10 @@ def _purity(mass: Array, fractions: Sequence[int], place: int, table: Array) -> 
     return np.asarray(np.divide(here[..., list(fractions)].sum(axis=-1), total, out=empty, where=total > 0.0))
 
 
-def _times(factor: float, of: Of, table: Array) -> Array:
-    return factor * of(table)
-
-
-def _worth(worth: Array, spent: float, table: Array) -> Array:
-    return np.asarray((worth * table).sum(axis=(-2, -1)) - spent)
-
-
-def _throughput(flow: Array, place: int, table: Array) -> Array:
-    return np.asarray((flow * table[..., place]).sum(axis=-1))
+def _lately(made: dict[Any, Made], key: object, most: int, make: Callable[[], Made]) -> Made:
+    """What is ``made`` under a key, of which the last ones are kept: somebody may drag a bin on a page."""
+    if key not in made:
+        if len(made) >= most:
+            made.pop(next(iter(made)))
+        made[key] = make()
+    return made[key]

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..air.kinds.airflow_table import Airflow, GridStudy
-from ..core.errors import known
 from ..core.graded import Notice, information, less_sure, void
 from ..core.number import Number
 from ..flight.stages.pipeline import Pipeline
@@ -52,9 +51,10 @@ def notices(
     """What a user must know of the airflow, of the feed funnel and of how the tracks ended; those in the ``slab``,
     where granules meet in one.
     """
-    solved = airflow is not None and not pipeline.air.at_once
-    found = list(_airflow_notices(scene, pipeline, airflow)) if solved and airflow is not None else []
-    found += [] if airflow is None else [*_unsettled(scene, pipeline, airflow), *_off_the_fan(scene, airflow)]
+    found: list[Notice] = []
+    if airflow is not None:
+        found += [] if pipeline.air.at_once else _airflow_notices(scene, pipeline, airflow)
+        found += [*_unsettled(scene, pipeline, airflow), *_off_the_fan(scene, airflow)]
     found += [less_sure(line) for line in funnel_notices(scene.funnel, funnel)]
     if tracked is not None:
         if slab is not None and slab.jammed:
@@ -62,19 +62,15 @@ def notices(
         found += [] if slab is None else _step_not_reached(slab, pipeline.plan.unit)
         kept = [row for row in pipeline.plan.left_out if row.name == STICKING]
         found += [information(f"{row.fraction}: {row.why}; the interval does not hold that") for row in kept]
-        found += [
-            *_passing(pipeline, tracked),
-            *_out_of_the_top(scene, tracked),
-            *_unlanded(tracked.fates if slab is None else slab.fates),
-            *_captured(tracked.fates if slab is None else slab.fates),
-        ]
+        fates = tracked.fates if slab is None else slab.fates
+        found += [*_passing(pipeline, tracked), *_out_of_the_top(scene, tracked), *_unlanded(fates), *_captured(fates)]
     return found
 
 
 def _unsettled(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iterator[Notice]:
     """Of a force on the air that more passes would change; of a single pass the whole effect is in the interval."""
-    found, passes = airflow.loading, scene.numerics.loading_passes
-    if found is not None and passes > 1 and found.unanswered > known(pipeline.loading).answered:
+    found, loading, passes = airflow.loading, pipeline.loading, scene.numerics.loading_passes
+    if found is not None and loading is not None and passes > 1 and found.unanswered > loading.answered:
         yield less_sure(
             f"the granules' force on the air has not settled, it is {100 * found.unanswered:.2g} % off; "
             f"numerics.loading_passes above {passes} goes on"
@@ -167,8 +163,7 @@ def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iter
             f"the stored loop joins with a mismatch of {airflow.loop_mismatch:.2g} of the fluctuation; a smaller "
             "numerics.averaging records more of it"
         )
-    suction = known(airflow.suction)
-    if suction.spans(scene.channel.width):
+    if (suction := airflow.suction) is not None and suction.spans(scene.channel.width):
         length = suction.reversal_length or 0.0
         turned = f"the reversed flow behind the body is {1e3 * length:.3g} mm long" if length else "no air turns back"
         yield information(f"the suction zone (Cp < -0.5) spans the channel, since the body narrows it; {turned}")
@@ -186,11 +181,8 @@ def with_mesh_error(airflow: Airflow, studies: Sequence[GridStudy]) -> Airflow:
     its own: its grids are those of one end.
     """
     found = {study.quantity: study for study in studies if airflow.ends is None}
-    return replace(
-        airflow,
-        cd=_on_meshes(airflow.cd, found.get("cd")),
-        cp_base=_on_meshes(airflow.cp_base, found.get("cp_base")),
-    )
+    cd, base = _on_meshes(airflow.cd, found.get("cd")), _on_meshes(airflow.cp_base, found.get("cp_base"))
+    return replace(airflow, cd=cd, cp_base=base)
 
 
 def _on_meshes(number: Number | None, study: GridStudy | None) -> Number | None:

@@ -11,7 +11,7 @@ granules, as its replicates show. That takes what is not known of a property for
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +29,7 @@ from .shares import PartitionCurve
 from .spread import wilson
 
 Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
 CLASSES = 24  # of a curve, at most
 ALIKE = 1.02  # a property whose largest value is within that factor of its smallest has no curve
 GAP = 2.0  # between two classes: a cut in it is interpolated where nothing is
@@ -42,9 +43,9 @@ class _Fed(NamedTuple):
     """
 
     mass: Array
-    bin: NDArray[np.int64]
-    sample: NDArray[np.int64]
-    fraction: NDArray[np.int64]
+    bin: Numbers
+    sample: Numbers
+    fraction: Numbers
     by: dict[str, Array]
 
 
@@ -61,7 +62,10 @@ def partition_curves(
     wanted = dict.fromkeys(fraction.targets for fraction in scene.fraction.values() if fraction.targets)
     products = list(wanted) or [(name,) for name in scene.bin]
     return tuple(
-        curve for product in products for curve in _curves(fed, product, [places[one] for one in product], answer)
+        _curve(fed, values, np.isin(fed.bin, [places[one] for one in product]), product, by, answer)
+        for product in products
+        for by, values in fed.by.items()
+        if np.all(values > 0.0) and values.max() > ALIKE * values.min()  # nan compares false
     )
 
 
@@ -77,22 +81,13 @@ def _fed(scene: Scene, plan: Plan, landings: Mapping[str, Landings]) -> _Fed:
         by["size"].append(diameter)
         if landing.drag is not None:
             drag, density = landing.drag[kept].astype(float), fraction.properties.density
-            shape = fraction.roundness
-            by["terminal velocity"].append(
-                settling_velocities(diameter, density, drag, how.drag, shape, air, scene.gravity)
-            )
+            falls = settling_velocities(diameter, density, drag, how.drag, fraction.roundness, air, scene.gravity)
+            by["terminal velocity"].append(falls)
         columns = landing.bin[kept], landing.replicate[kept], np.full(len(mass), number)
         parts.append((shares[name] * mass / mass.sum(), *(column.astype(np.int64) for column in columns)))
     whole = [np.concatenate(column) for column in zip(*parts, strict=True)]
     found = {key: np.concatenate(values) for key, values in by.items() if len(values) == len(parts)}
     return _Fed(whole[0], whole[1], whole[2], whole[3], found)
-
-
-def _curves(fed: _Fed, product: tuple[str, ...], places: list[int], answer: Bins | None) -> Iterator[PartitionCurve]:
-    inside = np.isin(fed.bin, places)
-    for by, values in fed.by.items():
-        if np.all(values > 0.0) and values.max() > ALIKE * values.min():  # nan compares false
-            yield _curve(fed, values, inside, product, by, answer)
 
 
 def _curve(
@@ -101,7 +96,7 @@ def _curve(
     group = _classes(values, fed.fraction)
     count, samples, fractions = int(group.max()) + 1, int(fed.sample.max()) + 1, int(fed.fraction.max()) + 1
 
-    def masses(weight: Array, of: NDArray[np.int64], many: int) -> Array:
+    def masses(weight: Array, of: Numbers, many: int) -> Array:
         """By class, and by what ``of`` says."""
         return np.asarray(np.bincount(group * many + of, weight, count * many).reshape(count, many), dtype=float)
 
@@ -115,23 +110,16 @@ def _curve(
     drawn = np.clip(drawn, 0.0, 1.0)
     bands = [middle(drawn[..., i], float(share[i])) for i in range(count)]
     cut, ep, why = _cut(at, share, drawn, by)
+    imperfection = None if ep is None or cut is None or not cut.value else ep / cut.value
+    ends = {"low": [one.low for one in bands], "high": [one.high for one in bands]}
+    table = {"at": at, "mass": mass, "share": share, **ends}
+    numbers = {key: tuple(map(float, values)) for key, values in table.items()}
     return PartitionCurve(
-        product=product,
-        by=by,
-        unit="m" if by == "size" else "m/s",
-        at=tuple(at.tolist()),
-        mass=tuple(mass.tolist()),
-        share=tuple(share.tolist()),
-        low=tuple(one.low for one in bands),
-        high=tuple(one.high for one in bands),
-        cut=cut,
-        ep=ep,
-        imperfection=None if ep is None or cut is None or not cut.value else ep / cut.value,
-        why=why,
+        product, by, "m" if by == "size" else "m/s", **numbers, cut=cut, ep=ep, imperfection=imperfection, why=why
     )
 
 
-def _classes(values: Array, fraction: NDArray[np.int64]) -> NDArray[np.int64]:
+def _classes(values: Array, fraction: Numbers) -> Numbers:
     """The class (n,) of each value: quantiles of all, every fraction counting alike; equal values stand together."""
     order = np.argsort(values, kind="stable")
     weight = 1.0 / np.bincount(fraction)[fraction[order]]
@@ -140,7 +128,7 @@ def _classes(values: Array, fraction: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.unique(np.searchsorted(edges, values, side="left"), return_inverse=True)[1].astype(np.int64)
 
 
-def _scattered(share: Array, fed: Array, landed: Array, count: NDArray[np.int64], key: str) -> Array:
+def _scattered(share: Array, fed: Array, landed: Array, count: Numbers, key: str) -> Array:
     """Draws (1, DRAWS, k) of the shares (k,), ratios of means over the samples of the masses (k, R), which scatter by
     the finite number of granules; of a class that goes one way whole, by Wilson's interval for its ``count`` (k,).
     """
@@ -174,15 +162,14 @@ def _shifted(answer: Bins, product: tuple[str, ...], mass: Array, landed: Array,
     return found
 
 
-def _cut(at: Array, share: Array, drawn: Array, by: str) -> tuple[Number | None, float | None, str | None]:
+def _cut(at: Array, share: Array, drawn: Array, by: str) -> tuple[Number | None, float | None, str]:
     """The cut with its interval, Ep, and why there is no cut or how far apart its neighbours are, of a curve at the
     values ``at`` (k,) with the draws (copies, DRAWS, k) of its shares (k,).
     """
     found = _passes(at, share, 0.5)
     if len(found) != 1:
-        level = "less" if float(share.max()) < 0.5 else "more" if float(share.min()) > 0.5 else None
-        told = f"passes a half {len(found)} times" if level is None else f"{level} than a half of every class"
-        return None, None, told
+        level = "less" if float(share.max()) < 0.5 else "more" if float(share.min()) > 0.5 else ""
+        return None, None, f"{level} than a half of every class" if level else f"passes a half {len(found)} times"
     cut = _drawn_cut(at, share, drawn, found[0])
     quarters = [_passes(at, share, level) for level in (0.25, 0.75)]
     ep = 0.5 * abs(quarters[1][0] - quarters[0][0]) if all(len(one) == 1 for one in quarters) else None
@@ -190,7 +177,7 @@ def _cut(at: Array, share: Array, drawn: Array, by: str) -> tuple[Number | None,
     apart = at[turn + 1] > GAP * at[turn]
     scale, unit = (1e3, "mm") if by == "size" else (1.0, "m/s")
     between = f"no granules between {scale * at[turn]:.2g} and {scale * at[turn + 1]:.2g} {unit}"
-    return cut, ep, between if apart else None
+    return cut, ep, between if apart else ""
 
 
 def _drawn_cut(at: Array, share: Array, drawn: Array, cut: float) -> Number:

@@ -133,12 +133,9 @@ def process(
         tried[kind] = [by(inverse, spread, outputs) for inverse, spread in made]
     bend, wave = max(tried, key=lambda kind: max(tried[kind]))
     good = np.array(tried[bend, wave])
-    # The likeliest size alone is too sure of itself where few draws tell it: the mean of all, none likelier before
-    size = (
-        float(np.average(sizes, weights=sizes * np.exp(good - good.max())))
-        if by is likelihood
-        else sizes[good.argmax()]
-    )
+    size = sizes[good.argmax()]
+    if by is likelihood:  # which alone is too sure of itself where few draws tell it: the mean, none likelier before
+        size = float(np.average(sizes, weights=sizes * np.exp(good - good.max())))
     inverse = np.linalg.inv(size * kernels[bend, wave] + np.diag(noise))
     return Process(z, weight, bend, wave, steady, size, inverse)
 
@@ -211,11 +208,8 @@ def displaced(z: Array, own: Array, then: Array, here: NDArray[np.bool_]) -> Dis
         fitted, _ = _fitted(own, moved, kept, knots)
         beyond = moved - _between(fitted, own, knots)
         scale = USUAL * float(np.median(np.abs(beyond[here])))
-        fits = (
-            here
-            & (np.abs(moved) <= SCATTERED * usual + 1e-9)
-            & (np.abs(beyond) <= OFF * scale + LEAST_JUMP * usual + 1e-9)
-        )
+        fits = here & (np.abs(moved) <= SCATTERED * usual + 1e-9)
+        fits &= np.abs(beyond) <= OFF * scale + LEAST_JUMP * usual + 1e-9
         kept = fits if fits.sum() > FEWEST * here.sum() else here
     fitted, noise = _fitted(own, moved, kept, knots)
     going = process(z, fitted, noise, weights_of(z, fitted), by=left_out)

@@ -34,7 +34,7 @@ from .cells import Ends
 from .joint import JointAnswer
 from .provenance import Provenance, Refinement
 from .result_checks import are_granules, mistakes_in
-from .shares import SHARE_UNIT, BudgetRow, LandingResults, Separation, Verdict, WithShares
+from .shares import SHARE_UNIT, BudgetRow, LandingResults, Separation, Verdict, WithShares, optional
 
 SCHEMA = 4
 FILE = "result.json"
@@ -52,10 +52,14 @@ class Request:
     rung: str | None = column("", "instead of the scene's own; null for that")
     force: dict[str, bool] = column("", "terms switched by hand")
     target_error: float | None = column("1", "error of a share instead of the scene's own; null for that")
-    near: str | None = column("", "folder of the run whose airflow this one's starts from; left out where it starts "
-                                  "from rest", absent=True, default=None)  # fmt: skip
-    effort: str | None = column("", "settings that a quick answer or a budget brought: quick, coarse, medium or the "
-                                    "scene's own; left out otherwise", absent=True, default=None)  # fmt: skip
+    near: str | None = optional(
+        "", "folder of the run whose airflow this one's starts from; left out where it starts from rest"
+    )
+    effort: str | None = optional(
+        "",
+        "settings that a quick answer or a budget brought: quick, coarse, medium or the scene's own; left out "
+        "otherwise",
+    )
 
     @classmethod
     def asked(
@@ -120,7 +124,7 @@ class Result(WithShares):
     plan: Plan = column("", "what is computed and what is not")
     funnel: FunnelSummary | None = column("", "the feed funnel; null without one")
     airflow: Airflow | None = column("", "the airflow; null at rung none and until it is there")
-    mesh: MeshReport | None = column("", "the mesh; left out without air", absent=True, default=None)
+    mesh: MeshReport | None = optional("", "the mesh; left out without air")
     flights: FlightResults | None = column("", "left out of a run that ends before the tracks", flat=True)
     landings: LandingResults | None = column("", "left out of a run that ends before the shares", flat=True)
     limits: tuple[Verdict, ...] = column("", "of every limit of the scene, whether it is kept", default=())
@@ -129,13 +133,12 @@ class Result(WithShares):
     seconds: dict[str, StageTime] = column("", "every stage by name, with the label of its airflow before it")
     versions: dict[str, str] = column("", "of python and of the packages")
     key: str = column("", "fingerprint of all that the answer depends on")
-    pictures: dict[str, PictureSummary] | None = column("", "what the scene asked for; left out before the tracks",
-                                                        absent=True, default=None)  # fmt: skip
+    pictures: dict[str, PictureSummary] | None = optional("", "what the scene asked for; left out before the tracks")
     provenance: Provenance = column("", "when, where and with what it was made")
-    calibration: Calibration | None = column("", "of an answer that measured shares were put into; left out of any "
-                                                 "other", absent=True, default=None)  # fmt: skip
-    refinement: Refinement | None = column("", "how a target error was met; left out of a run without one", absent=True,
-                                           default=None)  # fmt: skip
+    calibration: Calibration | None = optional(
+        "", "of an answer that measured shares were put into; left out of any other"
+    )
+    refinement: Refinement | None = optional("", "how a target error was met; left out of a run without one")
 
     @classmethod
     def load(cls, folder: Path | str) -> Self:
@@ -178,8 +181,7 @@ class Result(WithShares):
     @property
     def separation(self) -> JsonTable:
         """Bins, shares, purity, recovery and throughput, as plain JSON. Raises KeyError before there are any."""
-        found: JsonTable = self.table["separation"]
-        return found
+        return dict(self.table["separation"])
 
     @cached_property
     def plot(self) -> Any:
@@ -210,8 +212,7 @@ class Result(WithShares):
 
     def with_joint(self, joint: JointAnswer | None) -> Self:
         """The same with its shares jointly, before they are in its folder."""
-        if joint is not None:
-            vars(self)["joint"] = joint
+        vars(self).update({} if joint is None else {"joint": joint})
         return self
 
     def moved(self, changes: Mapping[str, object]) -> MovedBins:
@@ -301,19 +302,16 @@ class Result(WithShares):
         """The folder, and what is recovered of each fraction, with its 95 % interval, and what is wrong with that."""
         if self.landings is None:
             return f"<Result {self.folder}: ended after {self.options.until}>"
-        shares = self.landings.separation
-        told = [
-            f"{name} {percent(one)} %" for name, one in shares.recovery.items() if one is not None and not self.void
-        ]
-        flaw = f"; {self.caveat}" if self.caveat else ""
         if self.void:
             return f"<Result {self.folder}: {VOID}>"
-        return f"<Result {self.folder}: recovery {', '.join(told) or 'of nothing: no fraction has a target'}{flaw}>"
+        recovery = self.landings.separation.recovery
+        told = ", ".join(f"{name} {percent(one)} %" for name, one in recovery.items() if one is not None)
+        flaw = f"; {self.caveat}" if self.caveat else ""
+        return f"<Result {self.folder}: recovery {told or 'of nothing: no fraction has a target'}{flaw}>"
 
     def _repr_html_(self) -> str:
         """The table of shares, as a notebook shows it."""
-        shown: str = accessors["html"](self)
-        return shown
+        return str(accessors["html"](self))
 
     def targets(self, fraction: str) -> tuple[str, ...]:
         """The bins where a fraction should land; empty when the scene names none."""

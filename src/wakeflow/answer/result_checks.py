@@ -23,12 +23,11 @@ def mistakes_in(result: object, scene: JsonMapping, landings: LandingResults | N
     """What is wrong with a result, the ``scene`` and the ``landings`` in it: each in words that name the key."""
     yield from _in_scene(scene)
     yield from _in_numbers(result, "")
-    if landings is None:
-        return
-    yield from _in_shares(landings.separation, "separation")
-    if landings.without_collisions is not None:
-        yield from _in_shares(landings.without_collisions, "without_collisions")
-    yield from _in_inputs(landings)
+    if landings is not None:
+        for name in ("separation", "without_collisions"):
+            if (shares := getattr(landings, name)) is not None:
+                yield from _in_shares(shares, name)
+        yield from _in_inputs(landings)
 
 
 def _in_scene(scene: JsonMapping) -> Iterator[str]:
@@ -45,14 +44,14 @@ def _in_scene(scene: JsonMapping) -> Iterator[str]:
 
 def _in_inputs(landings: LandingResults) -> Iterator[str]:
     """Inputs that nothing is known of, and numbers of the answer that there are not, in what inputs do to it."""
-    shares, inputs = landings.separation.fractions, landings.inputs or {}
+    shares, inputs = landings.separation.fractions, landings.inputs
     targets = {f"recovery.{name}" for name in shares}
     targets |= {f"purity.{place}.{name}" for name, places in shares.items() for place in places}
-    moved = {f"of_targets.{name}": parts for name, parts in (landings.of_targets or {}).items()}
-    for name in landings.of_targets or {}:
+    moved = {f"of_targets.{name}": parts for name, parts in landings.of_targets.items()}
+    for name in landings.of_targets:
         if name not in targets:
             yield f"of_targets.{name} is no recovery and no purity of the answer"
-    for name, places in (landings.measure_next or {}).items():
+    for name, places in landings.measure_next.items():
         for place, parts in places.items():
             moved[f"measure_next.{name}.{place}"] = parts
             if place not in shares.get(name, {}):
@@ -90,13 +89,8 @@ def _in_shares(part: Separation, name: str) -> Iterator[str]:
         total = sum(share.value for share in places.values())
         if abs(total - 1.0) > ROUNDED:
             yield f"{name}.fractions.{fraction}: its shares sum to {total:.6g}, not to 1"
-    parts = [
-        *part.recovery.items(),
-        *part.loss.items(),
-        *part.dirt.items(),
-        *((k, one) for k, row in part.purity.items() for one in (row or {}).values()),
-    ]
-    for key, found in parts:
+    pure = ((place, one) for place, row in part.purity.items() for one in (row or {}).values())
+    for key, found in (*part.recovery.items(), *part.loss.items(), *part.dirt.items(), *pure):
         if found is not None and not -ROUNDED <= found.value <= 1.0 + ROUNDED:
             yield f"{name}: {found.value:.6g} of {key} is no share, 0 to 1"
     for place, rate in part.throughput.items():

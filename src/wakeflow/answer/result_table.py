@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass, replace
+from enum import StrEnum
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -85,18 +86,13 @@ def _throughput(result: Result, one: TableQuantity) -> TableQuantity:
 
 def names_for(scene: Scene) -> list[str]:
     """Every name that :func:`quantities_of` may give to a number of a scene's results, whatever its rung."""
-    bins = [*scene.with_top().bin, RESERVED_BIN]
+    bins, aimed = [*scene.with_top().bin, RESERVED_BIN], [name for name, one in scene.fraction.items() if one.targets]
     landed = [
         *(f"{RENAMED['fractions']}.{fraction}.{place}" for fraction in scene.fraction for place in bins),
         *(f"purity.{place}.{fraction}" for place in bins for fraction in scene.fraction),
-        *(
-            f"{kind}.{name}"
-            for kind in ("recovery", "loss", "lost")
-            for name, fraction in scene.fraction.items()
-            if fraction.targets
-        ),
+        *(f"{kind}.{name}" for kind in ("recovery", "loss", "lost") for name in aimed),
         *(f"dirt.{place}" for place in scene.products),
-        *(f"throughput.{place}" for place in bins),
+        *(f"{THROUGHPUT}{place}" for place in bins),
         *(f"money.{one.key}" for one in columns(Money) if scene.price.asked),
     ]
     found = [*landed, *(f"without_collisions.{name}" for name in landed), SECONDS]
@@ -135,7 +131,17 @@ def _numbers(value: object, name: str, unit: str, errors: Mapping[str, float | N
 
 
 # -- One tidy table of many results ------------------------------------------------------------------------------------
-DONE, FAILED, OPEN = "done", "failed", "open"
+
+
+class State(StrEnum):
+    """Whether a scene of a table has its numbers."""
+
+    DONE = "done"
+    FAILED = "failed"
+    OPEN = "open"
+
+
+DONE, FAILED, OPEN = State
 NUMBERS = ("value", "low", "high", "error", "numerical")
 DIGITS = 12  # of an input in another unit: 0.3, not 0.30000000000000004
 
@@ -148,7 +154,7 @@ class Entry:
 
     name: str
     inputs: JsonMapping
-    state: str
+    state: State
     reason: str = ""
     quantities: tuple[TableQuantity, ...] = ()
     folder: Path | None = field(default=None, compare=False, repr=False)
@@ -186,15 +192,15 @@ class ResultTable:
 
     def read_in(self, units: Mapping[str, str]) -> ResultTable:
         """The table with its inputs in the units that people read, {"kg/s": "kg/h"}, of those that are numbers."""
-        said = {key: (unit, units[unit]) for key, unit in self.inputs.items() if unit in units}
-        said = {
-            key: unit for key, unit in said.items() if all(_plain(one.inputs.get(key, 0.0)) for one in self.entries)
-        }
-        entries = [
-            replace(one, inputs={key: _converted(value, said.get(key)) for key, value in one.inputs.items()})
-            for one in self.entries
-        ]
-        return replace(self, entries=entries, units={**self.units, **{key: unit for key, (_, unit) in said.items()}})
+        said = {key: unit for key, unit in self.inputs.items()
+                if unit in units and all(_plain(one.inputs.get(key, 0.0)) for one in self.entries)}  # fmt: skip
+
+        def shown(key: str, value: Any) -> Any:  # without what converting does to the last digits
+            return float(f"{converted(value, said[key], units[said[key]]):.{DIGITS}g}") if key in said else value
+
+        entries = [replace(one, inputs={key: shown(key, value) for key, value in one.inputs.items()})
+                   for one in self.entries]  # fmt: skip
+        return replace(self, entries=entries, units={**self.units, **{key: units[said[key]] for key in said}})
 
     @cached_property
     def headings(self) -> list[str]:
@@ -214,23 +220,19 @@ class ResultTable:
     @cached_property
     def caveats(self) -> dict[str, list[str]]:
         """The scenes that are done, by what is against their intervals; those that nothing does are left out."""
-        found: dict[str, list[str]] = {}
-        for entry in self.done:
-            if entry.reason:
-                found.setdefault(entry.reason, []).append(entry.name)
-        return found
+        reasons = dict.fromkeys(entry.reason for entry in self.done if entry.reason)
+        return {reason: [entry.name for entry in self.done if entry.reason == reason] for reason in reasons}
 
     def idle(self) -> list[str]:
         """The inputs that change no number: scenes that differ in such a one alone have the same."""
         return [key for key in self.inputs if self._is_idle(key)]
 
     def _is_idle(self, key: str) -> bool:
-        alike: dict[str, list[Entry]] = {}
-        for entry in self.done:
-            others = {name: value for name, value in entry.inputs.items() if name != key}
-            alike.setdefault(repr(others), []).append(entry)
-        pairs = [(group[0], other) for group in alike.values() for other in group[1:]]
-        return bool(pairs) and all(one.quantities == other.quantities for one, other in pairs)
+        first: dict[str, Entry] = {}  # of those that differ in the key alone
+        others = [{name: value for name, value in entry.inputs.items() if name != key} for entry in self.done]
+        alike = [first.setdefault(repr(other), entry) for other, entry in zip(others, self.done, strict=True)]
+        pairs = [(one, entry) for one, entry in zip(alike, self.done, strict=True) if one is not entry]
+        return bool(pairs) and all(one.quantities == entry.quantities for one, entry in pairs)
 
     def tidy(self) -> CellTable:
         """A row for each number of each scene, one without numbers for a scene that has none; an input's unit is
@@ -285,11 +287,6 @@ class ResultTable:
 
 def _plain(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _converted(value: Any, units: tuple[str, str] | None) -> Any:
-    """A number in the second of two units that was in the first, without what converting does to its last digits."""
-    return value if units is None else float(f"{converted(value, *units):.{DIGITS}g}")
 
 
 def _cell(value: object) -> Cell:

@@ -1,15 +1,181 @@
-"""From landings to the answer: shares with what finite numbers of granules and shedding cycles leave open."""
+"""From landings to the answer: what the granules say of all shares, and what the flown draws say of its inputs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ..flight.stages.input_samples import DrawnLandings, InputSamples
 from ..flight.stages.landings import Landings
+from ..planning.dependence import Dependence
+from ..planning.unknowns import Unknown, unknown_kinds
 from ..scene import Scene
-from .draws import ErrorSource
-from .ensemble import joint_answer
+from .cells import LandingCells
+from .draws import DRAWS, LACK, ErrorSource, column, columns, less_at_ends
+from .joint import JointAnswer
+from .response import Places, Response, response
 from .shares import Separation
-from .spread import sample_errors
+from .spread import sample_errors, shares_in
+
+Array = NDArray[np.float64]
+NONE_MEET: Mapping[str, float] = {}  # granules that fly alone
+LOTS = 64  # of draws among which one is looked for that keeps an order
+
+
+def acting(unknowns: Sequence[Unknown], fraction: str) -> list[int]:
+    """The places of the unknowns that act on a fraction."""
+    return [i for i, one in enumerate(unknowns) if one.fraction in (None, fraction)]
+
+
+def responses(scene: Scene, draws: InputSamples, cells: LandingCells | None = None) -> dict[str, Response]:
+    """How the landings of every fraction go with what was drawn, in the ``cells`` of an answer; in cells of their own
+    without one.
+    """
+    if cells is None:
+        landed = [one for lot in (draws.own, draws.varied) for one in lot.values()]
+        cells = LandingCells.of(scene, len(scene.fraction), [(one.position, one.bin) for one in landed])
+    found = {}
+    for name in draws.varied:
+        own, then = (_places(cells, scene, landed[name]) for landed in (draws.own, draws.varied))
+        found[name] = response(cells, draws.z[:, acting(draws.unknowns, name)], own, then)
+    return found
+
+
+def _places(cells: LandingCells, scene: Scene, landed: DrawnLandings) -> Places:
+    side, place = cells.along(scene, landed.position.astype(float), landed.bin)
+    return Places(side, place, cells.at(side, place, cells.off_sides(landed.bin)))
+
+
+def draws_of(unknowns: Sequence[Unknown], ties: Dependence | None) -> Array:
+    """Every input (DRAWS, keys) in standard deviations, as they move together. A draw that breaks an order is drawn
+    anew; where hardly any keeps them, one that does takes its place.
+    """
+    keys = [one.key for one in unknowns]
+    z = columns(keys)
+    if ties is None:
+        return z
+    z = ties.joined(z)
+    kept = ties.kept(z)
+    for lot in range(1, LOTS):
+        if kept.all():
+            return z
+        again = ties.joined(columns(f"{key} {lot}" for key in keys))
+        taken = ~kept & ties.kept(again)
+        z[taken], kept = again[taken], kept | taken
+    if kept.any():
+        z[~kept] = np.resize(z[kept], (int((~kept).sum()), z.shape[1]))
+    return z
+
+
+class Changed(NamedTuple):
+    """What the inputs change: ``z`` (DRAWS, keys) of the inputs called ``keys``; of every fraction the change (DRAWS,
+    cells) of its shares from what they were ``before`` (cells,), and the ``lack`` of fit (DRAWS, bins + 1).
+    """
+
+    keys: tuple[str, ...]
+    z: Array
+    cells: LandingCells
+    of: Mapping[str, FractionChange]
+
+
+class FractionChange(NamedTuple):
+    """What :class:`Changed` says of a fraction."""
+
+    change: Array
+    before: Array
+    lack: Array
+
+
+def changed(scene: Scene, unknowns: Sequence[Unknown], ties: Dependence | None, how: Mapping[str, Response]) -> Changed:
+    """What the ``unknowns`` of a ``scene`` change of fractions whose landings go with them as ``how`` says."""
+    from scipy.special import ndtr
+
+    z = draws_of(unknowns, ties).astype(np.float32).astype(float)  # as they are kept in the run's folder
+    told = {}
+    for name, one in how.items():
+        change, doubt = change_of(scene, unknowns, name, one, z)
+        before = (
+            one.before if scene.images is None else 0.5 * (one.before + one.before[one.cells.mirrored(scene.images)])
+        )
+        flown = (ndtr(column(f"{LACK} {name}")) * len(one.off)).astype(int)  # as one of these is off, so is a draw
+        told[name] = FractionChange(change, before, doubt[:, None] * one.off[flown])
+    return Changed(tuple(one.key for one in unknowns), z, next(iter(how.values())).cells, told)
+
+
+def change_of(
+    scene: Scene, unknowns: Sequence[Unknown], name: str, how: Response, z: Array, *, by_bin: bool = False
+) -> tuple[Array, Array]:
+    """The change (n, cells) of a fraction's shares in draws at ``z`` (n, keys) of all unknowns, or ``by_bin`` (n,
+    bins + 1), which takes less time; and the standard deviation (n,) of what is not known of it. In a machine with two
+    equal sides the mean of what the flown draws say of it and of its image, which has its lateral inputs with the other
+    sign.
+    """
+    mine = acting(unknowns, name)
+    moved, doubt = how(z[:, mine], by_bin=by_bin)
+    if scene.images is None:
+        return moved, doubt
+    side = np.array([-1.0 if unknown_kinds[unknowns[i].kind].lateral else 1.0 for i in mine])
+    images = list(scene.images) if by_bin else how.cells.mirrored(scene.images)
+    return 0.5 * (moved + how(side * z[:, mine], by_bin=by_bin)[0][:, images]), doubt
+
+
+def joint_answer(
+    scene: Scene,
+    landings: Mapping[str, Landings],
+    *,
+    inputs: Changed | None = None,
+    factors: Mapping[str, float] = NONE_MEET,
+    sources: Sequence[ErrorSource] = (),
+    salt: str = "",
+) -> JointAnswer:
+    """The joint answer of the ``landings`` by fraction, and what ``inputs`` change of it, with a factor for each
+    fraction; ``sources``: of error beside; ``salt``: of this run alone.
+    """
+    names, feed = list(landings), scene.mass_shares()
+    lots = [(one.position, one.bin) for one in landings.values()]
+    cells = LandingCells.of(scene, len(names), lots) if inputs is None else inputs.cells
+    targets = {name: tuple(scene.fraction[name].targets) for name in names}
+    base, parts = _base(scene, cells, landings), cells.parts()
+    # As few digits as are kept in the run's folder: what is read there again says the same
+    change, lack = np.zeros((DRAWS, len(names), cells.count), np.float16), np.zeros((DRAWS, *(base @ parts).shape))
+    drawn: Mapping[str, FractionChange] = {} if inputs is None else inputs.of
+    for number, name in enumerate(names if drawn else ()):
+        told = drawn[name]
+        if not factors:  # the answer's granules, of which the draws have a part
+            off, own = base[number] - told.before, base[number] @ parts
+            able = less_at_ends((told.before + told.change) @ parts, own * (1.0 - own))[:, parts.argmax(axis=1)]
+            change[:, number], lack[:, number] = told.change + (able - 1.0) * off, np.float32(told.lack)
+        else:
+            change[:, number], lack[:, number] = factors[name] * told.change, np.float32(factors[name] * told.lack)
+    roots = np.zeros((*lack.shape[1:], 0))
+    own_sources = () if inputs is None else (ErrorSource(LACK, roots, computing=False, given=lack),)
+    keys, z = ((), np.zeros((DRAWS, 0))) if inputs is None else (inputs.keys, inputs.z)
+    return JointAnswer(
+        tuple(names), np.array([feed[name] for name in names]), targets, scene.feed.mass_flow, cells, scene.images,
+        keys, z, base, change.astype(np.float32), (*own_sources, *sources), salt,
+    )  # fmt: skip
+
+
+def _base(scene: Scene, cells: LandingCells, landings: Mapping[str, Landings]) -> Array:
+    """The answer's share (fractions, cells) in every cell: that of every bin, parted as the landings in it that are
+    kept.
+    """
+    shares, parts = shares_in(scene, landings), cells.parts()
+    found = np.zeros((len(landings), cells.count))
+    for number, (name, landing) in enumerate(landings.items()):
+        side, place = cells.along(scene, landing.position, landing.bin)
+        cell = cells.at(side, place, cells.off_sides(landing.bin))
+        mass = np.asarray(np.bincount(cell, landing.mass_shares, minlength=cells.count), dtype=float)
+        if scene.images is not None:
+            mass = np.asarray(0.5 * (mass + mass[cells.mirrored(scene.images)]))
+        inside = mass @ parts
+        even = parts / np.maximum(parts.sum(axis=0), 1e-300)
+        within = np.where(inside > 0.0, mass[:, None] * parts / np.where(inside > 0.0, inside, 1.0), even)
+        found[number] = within @ shares[name]
+    return found
 
 
 def separate(scene: Scene, landings: Mapping[str, Landings]) -> Separation:

@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TypeVar
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import partial
+from operator import eq
+from typing import Any, Self, TypeVar
 
 from ..core.errors import SceneError, known
 from ..core.number import Number
 from ..core.record import column
 from ..core.registry import did_you_mean
-from ..flight.stages.landings import Landings, fates_of
+from ..flight.stages.landings import fates_of
 from ..flight.stages.slab_stage import SlabFound
 from ..planning.plan import Plan
+from ..planning.unknowns import Unknown
+
+
+def optional(unit: str, meaning: str, default: object = None) -> Any:
+    """A column whose ``default``, a value or ``dict`` for an empty one, leaves the key out of the JSON."""
+    metadata = dict(column(unit, meaning, absent=True, default=default).metadata)
+    if default is dict:
+        return field(default_factory=dict, metadata=metadata | {"exclude_if": partial(eq, {})})
+    return field(default=default, metadata=metadata | {"exclude_if": partial(eq, default)})
 
 
 # -- The slab in which granules meet -----------------------------------------------------------------------------------
@@ -32,9 +44,8 @@ class CollisionSummary:
         "as plan.unit", "how far nine of ten granules that meet nobody land from where far finer flights do, at most"
     )
     jammed: int = column("1", "replicates in which granules that lie still became more as long as it was fed")
-    step_asked: float | None = column(
-        "as plan.unit", "the same, as the step was asked for: larger ones are a notice", default=None
-    )
+    step_asked: float | None = column("as plan.unit", "the same, as the step was asked for: larger ones are a notice",
+                                      default=None)  # fmt: skip
     step_trials: int | None = column("1", "steps that were tried", default=None)
 
 
@@ -47,7 +58,7 @@ def collisions_of(plan: Plan, crowd: SlabFound) -> CollisionSummary:
         start_up=crowd.start_up,
         granules={name: len(found.bin) for name, found in landings.items()},
         tracers=dict(known(plan.crowd).tracers),
-        meetings={name: _mean_collisions(found) for name, found in landings.items()},
+        meetings={name: float(known(found.meetings) @ found.mass_shares) for name, found in landings.items()},
         fates={name: fates_of(found.fate) for name, found in landings.items()},
         step=crowd.clock.step,
         step_error=None if crowd.clock.given else crowd.clock.step_error,
@@ -57,17 +68,23 @@ def collisions_of(plan: Plan, crowd: SlabFound) -> CollisionSummary:
     )
 
 
-def _mean_collisions(found: Landings) -> float:
-    return float(known(found.meetings) @ found.mass_shares)
-
-
 # -- What the landings say ---------------------------------------------------------------------------------------------
 Entry = TypeVar("Entry")
 
 KILO = 1e3
 SHARE_UNIT = "1"  # unit of the error of a share: a fraction of 1, absolute
-# How an error is known: from this run, from flying granules again, from a bound and what was found, or not at all.
-MEASURED, PERTURBED_RERUN, CALIBRATED, UNKNOWN = "measured", "companion", "calibrated", "unknown"
+
+
+class How(StrEnum):
+    """How an error is known: from this run, from flying granules again, from a bound and what was found, or not."""
+
+    MEASURED = "measured"
+    PERTURBED_RERUN = "companion"
+    CALIBRATED = "calibrated"
+    UNKNOWN = "unknown"
+
+
+MEASURED, PERTURBED_RERUN, CALIBRATED, UNKNOWN = How
 LEFT_OUT, NOT_COMPUTED = "left-out", "not-computed"  # kinds of a term: small enough for the accuracy, or not
 
 
@@ -89,16 +106,14 @@ class PartitionCurve:
     cut: Number | None = column("as unit", "x50, with the interval that the band gives; null where there is none")
     ep: float | None = column("as unit", "Ep; null where the curve does not pass both quarters")
     imperfection: float | None = column("1", "Ep over the cut; null as Ep")
-    why: str | None = column(
-        "", "why there is no cut, or between which values no granules are; else left out", absent=True, default=None
-    )
+    why: str = optional("", "why there is no cut, or between which values no granules are; else left out", default="")
 
     @property
     def overlaps(self) -> bool:
         """Whether granules of several fractions are alike in the property, so that the curve tells of a cut by it and
         not of a gap between two fractions.
         """
-        return self.why is None or "no granules between" not in self.why
+        return "no granules between" not in self.why
 
 
 @dataclass(frozen=True)
@@ -145,7 +160,7 @@ class Separation:
         "empty", default=dict,
     )  # fmt: skip
     cut: tuple[PartitionCurve, ...] = column("", "which granules go into each product", default=())
-    money: Money | None = column("", "left out of a scene without prices", absent=True, default=None)
+    money: Money | None = optional("", "left out of a scene without prices")
 
     def share(self, fraction: str, place: str) -> Number:
         """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high).
@@ -153,37 +168,6 @@ class Separation:
         Raises SceneError, naming the nearest, for a fraction or bin that there is not.
         """
         return _known("bin", _known("fraction", self.fractions, fraction), place)
-
-    def of_target(self, kind: str, fraction: str) -> Number:
-        """The ``recovery`` of a fraction, its ``loss``, or what is ``lost`` of it (kg/h), with its 95 % interval.
-
-        Raises SceneError, naming the nearest, for a fraction that there is not, and for one without a target.
-        """
-        found: Number | None = _known("fraction", getattr(self, kind), fraction)
-        if found is None:
-            raise SceneError(f"{fraction} has no target to be recovered in: give fraction.{fraction}.target, a bin")
-        return found
-
-    def dirt_in(self, place: str) -> Number:
-        """Share of a bin's mass that is of fractions whose target it is not, with its 95 % interval.
-
-        Raises SceneError for a bin that there is not, naming the nearest, and for one that is nobody's target or empty.
-        """
-        found = _known("bin", self.dirt, place)
-        if found is None:
-            raise SceneError(f"no dirt in {place}: it is no fraction's target, or nothing lands there")
-        return found
-
-    def part_of(self, place: str, fraction: str) -> Number:
-        """Share of a bin's mass that is of a fraction, with its 95 % interval: (value, low, high).
-
-        Raises SceneError for a bin or fraction that there is not, naming the nearest, and for a bin that stays empty.
-        """
-        here = _known("bin", self.purity, place)
-        _known("fraction", self.fractions, fraction)
-        if here is None:
-            raise SceneError(f"nothing lands in {place}: an empty bin has no purity")
-        return here[fraction]
 
 
 class WithShares:
@@ -198,22 +182,43 @@ class WithShares:
         return self._shares.share(fraction, place)
 
     def recovery(self, fraction: str) -> Number:
-        """Share of a fraction in its targets, as :meth:`Separation.of_target`; raises SceneError also where there are
-        no shares.
+        """Share of a fraction in its targets.
+
+        Raises SceneError, naming the nearest, for a fraction that there is not, for one without a target, and where
+        there are no shares.
         """
-        return self._shares.of_target("recovery", fraction)
+        return self._of_target(self._shares.recovery, fraction)
 
     def loss(self, fraction: str) -> Number:
         """Share of a fraction outside its targets, as :meth:`recovery`."""
-        return self._shares.of_target("loss", fraction)
+        return self._of_target(self._shares.loss, fraction)
+
+    def _of_target(self, numbers: Mapping[str, Number | None], fraction: str) -> Number:
+        if (found := _known("fraction", numbers, fraction)) is None:
+            raise SceneError(f"{fraction} has no target to be recovered in: give fraction.{fraction}.target, a bin")
+        return found
 
     def dirt(self, place: str) -> Number:
-        """As :meth:`Separation.dirt_in`; raises SceneError also where there are no shares."""
-        return self._shares.dirt_in(place)
+        """Share of a bin's mass that is of fractions whose target it is not.
+
+        Raises SceneError for a bin that there is not, naming the nearest, for one that is nobody's target or empty, and
+        where there are no shares.
+        """
+        if (found := _known("bin", self._shares.dirt, place)) is None:
+            raise SceneError(f"no dirt in {place}: it is no fraction's target, or nothing lands there")
+        return found
 
     def purity(self, place: str, fraction: str) -> Number:
-        """As :meth:`Separation.part_of`; raises SceneError also where there are no shares."""
-        return self._shares.part_of(place, fraction)
+        """Share of a bin's mass that is of a fraction.
+
+        Raises SceneError for a bin or fraction that there is not, naming the nearest, for a bin that stays empty, and
+        where there are no shares.
+        """
+        here = _known("bin", self._shares.purity, place)
+        _known("fraction", self._shares.fractions, fraction)
+        if here is None:
+            raise SceneError(f"nothing lands in {place}: an empty bin has no purity")
+        return here[fraction]
 
 
 def _known(kind: str, table: Mapping[str, Entry], name: str) -> Entry:
@@ -229,26 +234,22 @@ class BudgetPart:
     source: str = column("", "name of the source", default="")
     error: float | None = column("1 or the row's unit", "size of the error; null where unknown", default=None)
     seconds: float = column("s", "run time that knowing it took", default=0.0)
-    how: str = column("", "measured, companion, calibrated or unknown", default=UNKNOWN)
-    kind: str | None = column(
-        "", "of a term: left-out (small enough) or not-computed; else left out", absent=True, default=None
+    how: How = column("", "measured, companion, calibrated or unknown", default=UNKNOWN)
+    kind: str = optional("", "of a term: left-out (small enough) or not-computed; else left out", default="")
+    low: float | None = optional("1", "of inputs: lower end of what they change; else left out")
+    high: float | None = optional("1", "of inputs: upper end of what they change; else left out")
+    of_granules: float | None = optional(
+        "1", "of the mesh: what a finite number of granules makes of it; else left out"
     )
-    low: float | None = column(
-        "1", "of inputs: lower end of what they change; else left out", absent=True, default=None
+    of_sheddings: float | None = optional(
+        "1", "of the mesh: what a finite number of shedding cycles makes of it; else left out"
     )
-    high: float | None = column(
-        "1", "of inputs: upper end of what they change; else left out", absent=True, default=None
-    )
-    of_granules: float | None = column(
-        "1", "of the mesh: what a finite number of granules makes of it; else left out", absent=True, default=None
-    )
-    of_sheddings: float | None = column(
-        "1",
-        "of the mesh: what a finite number of shedding cycles makes of it; else left out",
-        absent=True,
-        default=None,
-    )
-    note: str | None = column("", "how the error is known; left out where nothing does", absent=True, default=None)
+    note: str = optional("", "how the error is known; left out where nothing does", default="")
+
+    @property
+    def size(self) -> float:
+        """The error, 0 where it is unknown."""
+        return self.error or 0.0
 
 
 @dataclass(frozen=True)
@@ -257,10 +258,10 @@ class BudgetTotal:
 
     error: float | None = column("1 or the row's unit", "null: a part is of unknown size, and `note` says what to do")
     seconds: float = column("s", "run time of everything that the row rests on")
-    low: float | None = column("1", "of a share: lower end, of all known parts", absent=True, default=None)
-    high: float | None = column("1", "of a share: upper end, of all known parts", absent=True, default=None)
-    numerical: float | None = column("1", "of a share: half by computing alone", absent=True, default=None)
-    note: str | None = column("", "what is unknown or only a bound; else left out", absent=True, default=None)
+    low: float | None = optional("1", "of a share: lower end, of all known parts")
+    high: float | None = optional("1", "of a share: upper end, of all known parts")
+    numerical: float | None = optional("1", "of a share: half by computing alone")
+    note: str = optional("", "what is unknown or only a bound; else left out", default="")
 
 
 @dataclass(frozen=True)
@@ -319,6 +320,11 @@ class InputSummary(Number):
     unit: str = column("", "of the number and its interval")
     why: str = column("", "what the interval rests on")
 
+    @classmethod
+    def of(cls, one: Unknown) -> Self:
+        """An unknown with its interval."""
+        return cls(one.value, *one.ends, unit=one.unit, why=one.why)
+
 
 @dataclass(frozen=True)
 class JointSource:
@@ -348,7 +354,7 @@ class JointRecord:
     flow: float = column("kg/s", "of the feed")
     sources: tuple[JointSource, ...] = column("", "what adds to the shares beside the inputs")
     salt: str = column("", "what makes this run's draws of them its own")
-    prices: Prices | None = column("", "left out of a scene without prices", absent=True, default=None)
+    prices: Prices | None = optional("", "left out of a scene without prices")
 
 
 @dataclass(frozen=True)
@@ -362,35 +368,46 @@ class LandingResults:
         "not compared",
     )
     budget: tuple[BudgetRow, ...] = column("", "the error of every share and landing place")
-    without_collisions: Separation | None = column(
-        "", "the same of granules that meet no others; left out where the answer is that", absent=True, default=None
+    without_collisions: Separation | None = optional(
+        "", "the same of granules that meet no others; left out where the answer is that"
     )
-    slab: CollisionSummary | None = column(
-        "", "where collisions were computed; left out where granules fly alone", absent=True, default=None
-    )
-    air_loading: dict[str, dict[str, LoadingEffect]] | None = column(
+    slab: CollisionSummary | None = optional("", "where collisions were computed; left out where granules fly alone")
+    air_loading: dict[str, dict[str, LoadingEffect]] = optional(
         "1", "by fraction and bin, what the granules' force does in the steady airflow, each granule alone; left out "
-        "where the air does not feel them", absent=True, default=None,
+        "where the air does not feel them", default=dict,
     )  # fmt: skip
-    three_dimensions: dict[str, dict[str, Number]] | None = column(
+    three_dimensions: dict[str, dict[str, Number]] = optional(
         "1", "by fraction and bin, the share in a run in three dimensions of the same machine, each granule alone, "
         "under the granules' force on the air where that was run; how far it is from the plane air's is in the "
-        "interval; left out where there is none", absent=True, default=None,
+        "interval; left out where there is none", default=dict,
     )  # fmt: skip
-    inputs: dict[str, InputSummary] | None = column(
-        "", "numbers of the scene that are not known exactly, by key; left out where all are", absent=True, default=None
+    inputs: dict[str, InputSummary] = optional(
+        "", "numbers of the scene that are not known exactly, by key; left out where all are", default=dict
     )
-    measure_next: dict[str, dict[str, dict[str, InputPart]]] | None = column(
-        "", "by fraction and bin, what each of them does to the share, the largest first", absent=True, default=None
+    measure_next: dict[str, dict[str, dict[str, InputPart]]] = optional(
+        "", "by fraction and bin, what each of them does to the share, the largest first", default=dict
     )
-    of_targets: dict[str, dict[str, InputPart]] | None = column(
+    of_targets: dict[str, dict[str, InputPart]] = optional(
         "", "by recovery.FRACTION and purity.BIN.FRACTION of targets, what each of them does to it, the 64 largest "
-        "first", absent=True, default=None,
+        "first", default=dict,
     )  # fmt: skip
-    joint: JointRecord | None = column("", "of the ensemble in joint.npz", absent=True, default=None)
+    joint: JointRecord | None = optional("", "of the ensemble in joint.npz")
 
 
-MET, NOT_MET, OPEN = "met", "not met", "open"
+class Standing(StrEnum):
+    """Whether a limit is kept."""
+
+    MET = "met"
+    NOT_MET = "not met"
+    OPEN = "open"
+
+    @classmethod
+    def of(cls, low: float, high: float, most: float) -> Standing:
+        """Of a number whose interval ends at ``low`` and ``high`` and that is to be at most so much."""
+        return cls.MET if high <= most else cls.NOT_MET if low > most else cls.OPEN
+
+
+MET, NOT_MET, OPEN = Standing
 
 
 @dataclass(frozen=True)
@@ -400,7 +417,7 @@ class Verdict:
     limit: str = column("", "what is limited: loss.FRACTION or dirt.BIN")
     most: float = column("1", "the limit")
     value: Number | None = column("1", "what the answer says of it; null where nothing lands in the bin")
-    verdict: str = column("", "met: the whole interval is below the limit; not met: above; open: neither is known")
+    verdict: Standing = column("", "met: the whole interval is below the limit; not met: above; open: neither is known")
     decides: str = column("", "of an open one: what would decide; empty of the others")
 
 
@@ -414,9 +431,8 @@ def weightiest(parts: Mapping[str, InputPart]) -> list[tuple[str, InputPart]]:
 
 def least_certain(landings: LandingResults) -> dict[str, tuple[str, dict[str, InputPart]]]:
     """Of each fraction the bin whose share the unknown numbers move most, and what each of them does, largest first."""
-    found = {}
-    for name, places in (landings.measure_next or {}).items():
-        if places:
-            place = max(places, key=lambda one: sum(part.half**2 for part in places[one].values()))
-            found[name] = place, places[place]
-    return found
+    return {
+        name: max(places.items(), key=lambda one: sum(part.half**2 for part in one[1].values()))
+        for name, places in landings.measure_next.items()
+        if places
+    }

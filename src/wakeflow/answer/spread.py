@@ -10,12 +10,12 @@ freedom less than there are clusters holds its level.
 
 Granules are injected as independent replicates of one randomised low-discrepancy sample, so the spread
 between replicates measures the sampling error, whatever the variance reduction inside a replicate (randomised
-quasi-Monte Carlo: Owen 1997, SIAM J. Numer. Anal. 34, 1884). Where the airflow sheds, or has several realisations, its
-finite sample is in the interval too (:mod:`wakeflow.answer.spread`).
+quasi-Monte Carlo: Owen 1997, SIAM J. Numer. Anal. 34, 1884).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -28,7 +28,6 @@ from ..planning.unknowns import SIGMAS
 from ..scene import Scene
 from .draws import LEVEL
 
-# -- How far a share may be off for being taken from few granules and from few shedding cycles of the wake -------------
 Array = NDArray[np.float64]
 TINY = 1e-12  # of a share
 
@@ -122,7 +121,7 @@ def spread_of(deviations: Array, realisation: NDArray[np.int64], chance: float) 
     free = replicates - fields
     rows = np.concatenate([block.mean(axis=1) - block.mean() for block in blocks])
     by_row = cycles * (float(rows @ rows) / free if free else chance)
-    sampling = _half(by_row / (replicates * cycles), student(free or replicates - 1))
+    sampling = student(free or replicates - 1) * math.sqrt(by_row / (replicates * cycles))
     if clusters == 1:
         return Spread(sampling, 0.0)
     rest = np.concatenate([b - b.mean(axis=0) - b.mean(axis=1, keepdims=True) + b.mean() for b in blocks])
@@ -130,11 +129,7 @@ def spread_of(deviations: Array, realisation: NDArray[np.int64], chance: float) 
     # What the granules add to the variance between clusters: between fields by whole replicates, within one by cells.
     noise = ((fields - 1) * by_row + fields * (cycles - 1) * by_cell) / ((clusters - 1) * replicates / fields)
     beyond = max(0.0, float(means.var(ddof=1)) - noise) / clusters
-    return Spread(sampling, _half(beyond, student(clusters - 1)))
-
-
-def _half(variance: float, quantile: float) -> float:
-    return float(quantile * np.sqrt(variance))
+    return Spread(sampling, student(clusters - 1) * math.sqrt(beyond))
 
 
 # -- From landings to the answer ---------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from dataclasses import replace
 from textwrap import shorten
 from typing import TYPE_CHECKING
 
-from ..answer.moves import InputMove, Remaining
+from ..answer.measurements import InputMove, Remaining
 from ..answer.result import VOID, Result
 from ..answer.result_table import DONE, Difference, Entry, ResultTable, is_part
 from ..core.errors import known

@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..answer.moves import SWEPT, InputMove, Remaining, drawn_moves, grouped, least_sure, remaining
+from ..answer.measurements import SWEPT, InputMove, Remaining, drawn_moves, grouped, least_sure, remaining
 from ..answer.result import Result
 from ..answer.result_table import Difference, differences_of
 from ..answer.shares import InputSummary
@@ -101,7 +101,7 @@ class Sensitivity:
         Raises SceneError for a key that is no unknown of the run, or a half that is none.
         """
         landings, inputs = self.result.landings, {} if self.result.landings is None else self.result.landings.inputs
-        halves = {key: _half(key, half, inputs or {}) for key, half in (known or {}).items()}
+        halves = {key: _half(key, half, inputs) for key, half in (known or {}).items()}
         if landings is None:
             return {}
         names = [name for name in landings.separation.fractions if self.result.targets(name)]
@@ -220,7 +220,7 @@ def _axes(over: Mapping[str, object] | Sequence[str], result: Result | None = No
 
 
 def _own_interval(key: str, result: Result) -> Axis:
-    known = {} if result.landings is None else result.landings.inputs or {}
+    known = {} if result.landings is None else result.landings.inputs
     if key not in known:
         raise SceneError(
             f"--over {key}: no number of this run with an interval of its own; of any other key of the scene give its "

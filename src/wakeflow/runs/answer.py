@@ -14,18 +14,16 @@ from ..air.kinds.airflow_table import Airflow, MeshReport
 from ..answer.budget.budget import flights_ahead, fly_again, make_budget, total_notices
 from ..answer.budget.inputs import UNKNOWN
 from ..answer.budget.mesh import airflow_on_grids
-from ..answer.budget.model import MODEL
-from ..answer.budget.passes import loading_effects
+from ..answer.budget.model import MODEL, loading_effects
 from ..answer.budget.source import Flights
-from ..answer.budget.span_shares import in_three_dimensions
+from ..answer.budget.third_dimension import in_three_dimensions
 from ..answer.budget.verdicts import verdicts_of
-from ..answer.joint import JointAnswer
+from ..answer.joint import JointAnswer, effects_in
 from ..answer.notices import notices, with_mesh_error
 from ..answer.partition import partition_curves
 from ..answer.provenance import Refinement, provenance_of
 from ..answer.result import FILE, GRANULES, JOINT, SCHEMA, FlightResults, Request, Result, key_in, provenance_in
-from ..answer.shares import LandingResults, collisions_of
-from ..answer.unknown_inputs import effects_in, summary_of
+from ..answer.shares import InputSummary, LandingResults, collisions_of
 from ..core import sums
 from ..core.graded import gravest_first
 from ..core.process import background, cores
@@ -156,15 +154,15 @@ class OneRun:
         wakes = flights.of(MODEL)
         bracket = None if wakes is None else wakes.means(list(scene.bin))
         loading = self.pipeline.loading
-        effects = None if loading is None else loading_effects(loading, separation.bins)
+        effects = {} if loading is None else loading_effects(loading, separation.bins)
         draws = flights.of(UNKNOWN)
-        known = None if draws is None else {one.key: summary_of(one) for one in draws.unknowns}
+        known = {} if draws is None else {one.key: InputSummary.of(one) for one in draws.unknowns}
         cuts = partition_curves(scene, self.pipeline.plan, flights.landings, joint.own)
         separation = replace(separation, cut=cuts)
-        beside = in_three_dimensions(scene, self.pipeline.plan) or None
-        parts, of_targets = (None, None) if known is None else effects_in(joint.own)
+        beside = in_three_dimensions(scene, self.pipeline.plan)
+        parts, of_targets = effects_in(joint.own) if known else ({}, {})
         return LandingResults(
-            separation, bracket, budget, alone, slab, effects, beside, known, parts, of_targets or None, joint.record()
+            separation, bracket, budget, alone, slab, effects, beside, known, parts, of_targets, joint.record()
         ), joint
 
     def _key(self, tracked: Tracked | None) -> str:

@@ -75,7 +75,7 @@ def unreached_lines(
             at = found.name, found.part.source
             if at not in worst or found.error > worst[at].error:
                 worst[at] = found
-        if any(part.error is None for part in row.parts) and row.total.note is not None:
+        if any(part.error is None for part in row.parts) and row.total.note:
             unknown.setdefault(row.total.note, row.quantity.removeprefix("share."))
     lines = [_line(found, scene, plan) for found in sorted(worst.values(), key=lambda one: -one.error)]
     return (*lines, *(f"{place}: {note}" for note, place in unknown.items()))
@@ -87,8 +87,8 @@ def _obstacles(row: BudgetRow, now: RefinedSettings, target: float) -> Iterator[
     name, _, place = row.quantity.removeprefix("share.").partition(".")
     parts = (replace(part, error=expected_part(part, now, finest)) for part in row.parts if part.source != INPUTS)
     left = sorted(parts, key=lambda part: -(part.error or 0.0))
-    computed = [part for part in left if part.kind is None and part.error is not None]
-    beyond = [part for part in left if part.kind is not None and (part.error or 0.0) > target]
+    computed = [part for part in left if not part.kind and part.error is not None]
+    beyond = [part for part in left if part.kind and (part.error or 0.0) > target]
     if expected_half(row, now, finest) > target:
         beyond += computed[:1] + [part for part in computed[1:] if (part.error or 0.0) > WEIGHTY * target]
     for part in beyond:

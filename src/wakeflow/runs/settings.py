@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 from math import ceil, log, log2, sqrt
 from typing import Any
 
+from ..answer.budget.budget import numerical
 from ..answer.budget.source import landed, limited_again, source_of
 from ..answer.budget.steps import FINER, FINER_STEPS
-from ..answer.budget.total import numerical
 from ..answer.provenance import RefinedSettings
 from ..answer.shares import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow
 from ..core.registry import Registry

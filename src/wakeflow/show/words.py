@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..answer.budget.agreement import agreement_in, measured_in
-from ..answer.budget.total import remedies
+from ..answer.budget.budget import remedies
 from ..answer.measurements import measured_words, worth_measuring
 from ..answer.result_table import is_part
 from ..answer.shares import LEFT_OUT, NOT_COMPUTED, SHARE_UNIT, BudgetPart, BudgetRow
@@ -67,7 +67,7 @@ def calibrated_with(result: Result) -> str:
 
 def in_three_dimensions(landings: LandingResults | None) -> str:
     """The shares that were computed in three dimensions for a machine like this one; empty without any."""
-    found = {} if landings is None else landings.three_dimensions or {}
+    found = {} if landings is None else landings.three_dimensions
     told = [
         f"{name} in {place} {percent(share)} %" for name, places in found.items() for place, share in places.items()
     ]
@@ -230,7 +230,7 @@ def condensed(budget: Sequence[BudgetRow]) -> list[BudgetRow]:
     """
     rows = []
     for row in budget:
-        parts = [part for part in row.parts if part.kind is None]
+        parts = [part for part in row.parts if not part.kind]
         for kind, title in TERMS.items():
             terms = [part for part in row.parts if part.kind == kind]
             if terms:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
+from enum import StrEnum
 from math import hypot, sqrt
 
 import numpy as np
@@ -18,16 +18,38 @@ from ..joint import JointAnswer, Of
 from ..result import Result
 
 Array = NDArray[np.float64]
-AGREES, DISAGREES, CANNOT_TELL = "agrees", "disagrees", "cannot tell"
 RARE = 0.01  # a misfit that is less probable than that is none of chance
 COARSE = 0.1  # of a share: a comparison that no tray would notice less of says nothing
 TINY = 1e-10  # of the largest eigenvalue: a combination of trays that is known no better is no test of its own
 SEED = 20110  # of what is measured of every draw: any, but always the same
-COLUMNS = {
-    "fraction": "fraction", "bin": "bin", "measured": "found", "measured low": "found_low",
-    "measured high": "found_high", "computed": "value", "computed low": "low", "computed high": "high",
-    "part of the interval": "used", "from the other trays (standard deviations)": "pull",
-}  # fmt: skip
+HEADS = (
+    "fraction", "bin", "measured", "measured low", "measured high", "computed", "computed low", "computed high",
+    "part of the interval", "from the other trays (standard deviations)",
+)  # fmt: skip
+
+
+class Agrees(StrEnum):
+    """Whether measured shares agree with an answer, each with what it says of the test and of the best or worst tray,
+    by their numbers.
+    """
+
+    AGREES = "agrees"
+    DISAGREES = "disagrees"
+    CANNOT_TELL = "cannot tell"
+
+    @property
+    def says(self) -> str:
+        """The verdict in a sentence, to be formatted."""
+        return {
+            self.AGREES: "agrees with the computation ({test}); the best tray would show a difference of {points:.2g} "
+            "points.",
+            self.DISAGREES: "disagrees with the computation ({test}): {worst.about} is {pull:.1f} standard deviations "
+            "{side} what the other trays let expect.",
+            self.CANNOT_TELL: "cannot tell ({test}): no tray would show a difference below {points:.2g} points.",
+        }[self]
+
+
+AGREES, DISAGREES, CANNOT_TELL = Agrees
 
 
 @dataclass(frozen=True)
@@ -49,13 +71,6 @@ class ComparedTray:
         """The tray in words."""
         return f"{self.fraction or 'all fractions'} in {self.bin}"
 
-    found = property(lambda self: self.measured.value)
-    found_low = property(lambda self: self.measured.low)
-    found_high = property(lambda self: self.measured.high)
-    value = property(lambda self: self.computed.value)
-    low = property(lambda self: self.computed.low)
-    high = property(lambda self: self.computed.high)
-
 
 @dataclass(frozen=True)
 class Agreement:
@@ -70,54 +85,32 @@ class Agreement:
     notices: float
 
     @property
-    def verdict(self) -> str:
+    def verdict(self) -> Agrees:
         """Agrees, disagrees, or cannot tell."""
-        if self.chance < RARE:
-            return DISAGREES
-        return CANNOT_TELL if self.notices > COARSE else AGREES
+        return DISAGREES if self.chance < RARE else CANNOT_TELL if self.notices > COARSE else AGREES
 
     @property
     def sentence(self) -> str:
         """The verdict in a sentence."""
-        test = f"chi-square {self.chi_square:.3g} of {self.freedom}, probability {self.chance:.2g}"
-        if self.verdict == DISAGREES:
-            worst = max(self.trays, key=lambda tray: abs(tray.pull))
-            return (
-                f"The measurement disagrees with the computation ({test}): {worst.about} is {abs(worst.pull):.1f} "
-                f"standard deviations {'above' if worst.pull > 0.0 else 'below'} what the other trays let expect."
-            )
-        if self.verdict == CANNOT_TELL:
-            return (
-                f"The measurement cannot tell ({test}): no tray would show a difference below "
-                f"{100 * self.notices:.2g} points."
-            )
-        return (
-            f"The measurement agrees with the computation ({test}); the best tray would show a difference of "
-            f"{100 * self.notices:.2g} points."
+        worst = max(self.trays, key=lambda tray: abs(tray.pull))
+        return "The measurement " + self.verdict.says.format(
+            test=f"chi-square {self.chi_square:.3g} of {self.freedom}, probability {self.chance:.2g}",
+            points=100 * self.notices,
+            worst=worst,
+            pull=abs(worst.pull),
+            side="above" if worst.pull > 0.0 else "below",
         )
 
     def cells(self) -> CellTable:
         """A row a tray, as the CSV file has it: shares from 0 to 1."""
-        return CellTable.of(self.trays, COLUMNS)
-
-
-def trays_in(joint: JointAnswer, measured: Measured) -> Array:
-    """What each tray (n,) holds in every draw (copies and draws, n). Raises SceneError for a tray of a fraction or bin
-    that there is not.
-    """
-    return _tables(joint) @ weights_in(joint, measured).T
+        return CellTable(HEADS, [(one.fraction, one.bin, *one.measured, *one.computed, one.used, one.pull)
+                                 for one in self.trays])  # fmt: skip
 
 
 def weights_in(joint: JointAnswer, measured: Measured) -> Array:
     """What each tray (n, shares) holds of all shares."""
     places = [(name, place) for name in joint.fractions for place in joint.own.names]
     return measured.weights(places, dict(zip(joint.fractions, joint.mass, strict=True)))
-
-
-def _tables(joint: JointAnswer) -> Array:
-    """The shares of every draw, of a machine and its image one after the other (copies and draws, shares)."""
-    tables = joint.own.tables()
-    return tables.reshape(tables.shape[0] * tables.shape[1], -1)
 
 
 def agreement_of(joint: JointAnswer, measured: Measured, missed: Array | None = None) -> Agreement:
@@ -127,13 +120,13 @@ def agreement_of(joint: JointAnswer, measured: Measured, missed: Array | None = 
     How probable a misfit as large is, is counted over the draws, each measured as the trays were: shares are seldom
     normal. Raises SceneError for a tray of a fraction or bin that there is not.
     """
-    weights, told = weights_in(joint, measured), trays_in(joint, measured)
+    weights, tables = weights_in(joint, measured), joint.own.tables()
+    told = tables.reshape(tables.shape[0] * tables.shape[1], -1) @ weights.T  # what each tray holds in every draw
     noise = measured.covariance + (0.0 if missed is None else weights @ missed @ weights.T)
     off = measured.shares - told.mean(axis=0)
     inverse, freedom = inverse_of(np.atleast_2d(np.cov(told.T)) + noise)
-    seen = (
-        told - told.mean(axis=0) + np.random.default_rng(SEED).multivariate_normal(np.zeros(len(off)), noise, len(told))
-    )
+    chosen = np.random.default_rng(SEED).multivariate_normal(np.zeros(len(off)), noise, len(told))
+    seen = told - told.mean(axis=0) + chosen
     squares, square = np.einsum("ni,ij,nj->n", seen, inverse, seen), float(off @ inverse @ off)
     chance = (1.0 + float((squares >= square).sum())) / (1.0 + len(squares))
     alone = np.diag(inverse)
@@ -150,11 +143,7 @@ def agreement_of(joint: JointAnswer, measured: Measured, missed: Array | None = 
 
 def of_tray(weights: Array) -> Of:
     """What a tray holds, by its ``weights`` (shares,)."""
-    return partial(_tray, weights)
-
-
-def _tray(weights: Array, table: Array) -> Array:
-    return np.asarray(table.reshape(*table.shape[:-2], -1) @ weights)
+    return lambda table: np.asarray(table.reshape(*table.shape[:-2], -1) @ weights)
 
 
 def inverse_of(covariance: Array) -> tuple[Array, int]:

@@ -1,26 +1,37 @@
 """The budget: what each source of error contributes to an answer, and what knowing it cost in run time.
 
-The sources are registered objects, a file each or a family; their parts make one total a row (:mod:`.total`).
+All parts of an answer's error are in one joint ensemble: each source is a column of it, by what it is known to be.
+Halves of 95 % intervals (granules, shedding cycles, steps, mesh, the slab, the air's load) are normal; true bounds
+(terms left out), of which nothing is known between -bound and +bound, are rectangular (JCGM 100:2008, 4.3.7). What one
+bin of a fraction has too much by a source, its others lack. Sources of different runs are independent, but for those
+that are a number of the world. A part of unknown size makes the total unknown: the row then says what to give or to
+run, and its interval holds what is known.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from ...core.graded import Notice, less_sure
-from ...core.number import student
+from ...core.number import Number, student
 from ...flight.stages.pipeline import Pipeline
 from ...planning.terms import TYPICAL
-from ..draws import SAMPLING
+from ...planning.unknowns import SIGMAS
+from ..draws import SAMPLING, tied_root
+from ..draws import ErrorSource as Column
 from ..joint import JointAnswer
-from ..shares import LEFT_OUT, BudgetPart, BudgetRow, BudgetTotal, Prices
-from .source import Flights, FractionResults, in_order
-from .total import Parts, in_ensemble, total_of
+from ..shares import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal, Prices
+from .source import INPUTS, Flights, FractionResults, budget_sources, in_order
 
 NOTICEABLE = 0.05  # of the error of a fraction's shares, that twice as many replicates of the slab take off
 ONLY_STEPS = "of the tracker's steps alone: where 95 % of the granules land with finer ones"
+BOUNDS = (LEFT_OUT, NOT_COMPUTED)
+WEIGHS = 1.0 / 3.0  # of a total: a bound larger than that must be computed, or the row says so
+Parts = Mapping[str, Mapping[str, Sequence[BudgetPart]]]  # by fraction and bin
 
 
 def fly_again(flights: Flights) -> Flights:
@@ -53,8 +64,8 @@ def gain_by_replicates(parts: Parts, groups: int) -> float:
     gains = []
     for places in parts.values():
         every = [one for found in places.values() for one in found]
-        sampled = math.hypot(*(one.error or 0.0 for one in every if one.source == SAMPLING))
-        others = math.hypot(*(one.error or 0.0 for one in every if one.source != SAMPLING))
+        sampled = math.hypot(*(one.size for one in every if one.source == SAMPLING))
+        others = math.hypot(*(one.size for one in every if one.source != SAMPLING))
         now = math.hypot(sampled, others)
         gains.append(1.0 - math.hypot(falls * sampled, others) / now if now else 0.0)
     return sum(gains) / len(gains)
@@ -83,7 +94,7 @@ def make_budget(flights: Flights) -> tuple[JointAnswer, tuple[BudgetRow, ...]]:
         for name, places in parts.items()
         for place, found in places.items()
     ]
-    return joint, (*rows, *(_landing_row(fraction) for fraction in results.values()))
+    return joint, (*rows, *map(_landing_row, results.values()))
 
 
 def _prices(pipeline: Pipeline) -> Prices | None:
@@ -121,15 +132,6 @@ def _landing_row(fraction: FractionResults) -> BudgetRow:
     return BudgetRow(f"landing.{fraction.name}", fraction.pipeline.scene.unit, parts, total)
 
 
-@dataclass(frozen=True)
-class _Sum:
-    """What the small terms of a fraction could change its share in a bin by, together."""
-
-    error: float
-    place: str
-    cure: str
-
-
 def _cure(small: Mapping[str, float]) -> str:
     """What makes the sum of ``small`` errors by term smaller: the largest one computed, or, where several are the least
     that so few granules can show, more of them.
@@ -142,17 +144,67 @@ def _cure(small: Mapping[str, float]) -> str:
 
 def total_notices(rows: Sequence[BudgetRow], target: float) -> list[Notice]:
     """One for each fraction whose small terms, left out one by one, add up to more than the accuracy asked for."""
-    worst: dict[str, _Sum] = {}
+    worst: dict[str, tuple[float, str]] = {}  # by fraction the largest sum, and what there is to say of it
     for row in rows:
-        small = {part.source: part.error or 0.0 for part in row.parts if part.kind == LEFT_OUT}
+        small = {part.source: part.size for part in row.parts if part.kind == LEFT_OUT}
         error = TYPICAL * sum(small.values())
         name, _, place = row.quantity.removeprefix("share.").partition(".")
-        if error > max(target, worst[name].error if name in worst else 0.0):
-            worst[name] = _Sum(error, place, _cure(small))
-    return [
-        less_sure(
-            f"{name}: the terms left out could change its share in {found.place} by {100 * found.error:.2g} points "
-            f"together, more than the {100 * target:.2g} asked for; {found.cure}"
-        )
-        for name, found in worst.items()
-    ]
+        if error > max(target, worst[name][0] if name in worst else 0.0):
+            told = f"{name}: the terms left out could change its share in {place} by {100 * error:.2g} points together"
+            worst[name] = error, f"{told}, more than the {100 * target:.2g} asked for; {_cure(small)}"
+    return [less_sure(text) for _, text in worst.values()]
+
+
+# -- The total of a row ------------------------------------------------------------------------------------------------
+def remedies(names: Iterable[str]) -> list[str]:
+    """What to give or to run where the sizes of these sources' errors are not known, each once."""
+    found = dict.fromkeys(budget_sources[name].if_unknown for name in names if name in budget_sources)
+    return [one for one in found if one]
+
+
+def numerical(parts: Iterable[BudgetPart]) -> float:
+    """Half of the 95 % interval that computing alone is expected to leave (granules, cycles, steps, mesh): of parts as
+    other settings would have them, before any ensemble is there.
+    """
+    computed = (part for part in parts if not part.kind and not _beyond_computing(part.source))
+    return math.hypot(*(part.size for part in computed))
+
+
+def _beyond_computing(name: str) -> bool:
+    """Whether no finer computing makes a source's error smaller."""
+    return name == INPUTS or (name in budget_sources and budget_sources[name].beyond_computing)
+
+
+def in_ensemble(joint: JointAnswer, parts: Parts, results: Mapping[str, FractionResults]) -> JointAnswer:
+    """The ensemble with a column for each source of the ``parts``, of the fractions whose ``results`` are there."""
+    columns: list[Column] = []
+    every = [part for places in parts.values() for found in places.values() for part in found]
+    bounds = {part.source: part.kind in BOUNDS for part in every if part.error is not None and part.source != INPUTS}
+    for name, bounded in bounds.items():
+        source = budget_sources[name] if not bounded and name in budget_sources else None
+        known = () if source is None else source.column([results[one] for one in joint.fractions])
+        if not known:
+            halves = ([_half(name, found) for found in parts[one].values()] for one in joint.fractions)
+            tied = np.stack([tied_root(np.array(one)) for one in halves])
+            known = [Column(name, tied, computing=not bounded and not _beyond_computing(name), bounded=bounded)]
+        columns += known
+    return replace(joint, sources=(*joint.sources, *columns))
+
+
+def _half(name: str, parts: Sequence[BudgetPart]) -> float:
+    """Half of a 95 % interval that a source's parts are worth among others."""
+    return math.hypot(*(one.size * (SIGMAS / math.sqrt(3.0) if one.kind in BOUNDS else 1.0)
+                        for one in parts if one.source == name))  # fmt: skip
+
+
+def total_of(number: Number, parts: Sequence[BudgetPart], seconds: float) -> BudgetTotal:
+    """The total of a row of a share, a ``number`` of the ensemble; ``seconds``: run time of all that it rests on."""
+    error, notes = max(number.value - number.low, number.high - number.value), []
+    missing = [part.source for part in parts if part.error is None]
+    if missing:
+        notes.append(f"not known: {', '.join(missing)}; {'; '.join(remedies(missing))}".rstrip("; "))
+    large = [part.source for part in parts if part.kind in BOUNDS and part.size > WEIGHS * max(error, 1e-12)]
+    if large:
+        notes.append(f"mostly a bound on what is not computed: {', '.join(large)}")
+    end = None if missing else error
+    return BudgetTotal(end, seconds, number.low, number.high, number.numerical, "; ".join(notes))

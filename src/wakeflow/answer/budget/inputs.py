@@ -33,7 +33,6 @@ class UnknownInputs(Source["InputSamples"]):
         return [flown_again(work, STAGE, REPLICATES / COMPARED, more=drawn)]
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> InputSamples | None:
-        del tracked  # the draws are of the tracks in the cache
         return pipeline.draws()
 
     def shares(self, fraction: FractionResults) -> Parts:
@@ -44,8 +43,8 @@ class UnknownInputs(Source["InputSamples"]):
             of = fraction.answer.of_share(fraction.name, [bin_])
             over, effects = fraction.answer.number(of), fraction.answer.effects(of, fraction.name)
             told = ", ".join(f"{key} {one.points}" for key, one in weightiest(effects))
-            note = f"depends most on (points each) {told}" if told else None
-            if note is not None and among is not None:
+            note = f"depends most on (points each) {told}" if told else ""
+            if note and among is not None:
                 note += f"; {among.factor(fraction.name):.2g} times what they move of granules alone"
             low, high = over.low - over.value, over.high - over.value
             found[bin_] = [replace(self.part(max(-low, high), seconds, note), low=low, high=high)]

@@ -81,7 +81,7 @@ class Mesh(Source[Comparison[Grid]]):
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         """The part falls as the square of a cell's edge but for what sampling and the wake's averages make of it."""
-        error = part.error or 0.0
+        error = part.size
         if now.mesh_scale is None or then.mesh_scale is None:
             return error
         granules, sheddings = part.of_granules or 0.0, part.of_sheddings or 0.0

@@ -1,16 +1,19 @@
-"""The source that is the airflow's model: the granules of comparisons in other wakes."""
+"""Sources that are the air's model: other wakes, and what the passes of the granules' force on the air leave open."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from math import hypot
 from typing import TYPE_CHECKING
 
+from ...flight.stages.air_loading import AirLoading
 from ...flight.stages.pipeline import Pipeline
 from ...flight.stages.track_stage import PerturbedRerun
 from ...planning.cost import flown_again
 from ...planning.stages import OWN, AirLabel, StageCost, Workload
+from ...planning.terms import LOADING
 from ...planning.wake import Wake
-from ..shares import PERTURBED_RERUN, BudgetPart
+from ..shares import MEASURED, PERTURBED_RERUN, LoadingEffect
 from .flown_again import Comparison, differences, shares_of
 from .source import FractionResults, Parts, Source, add
 
@@ -58,20 +61,48 @@ class AirflowModel(Source[Comparison[Wake]]):
             return self.unless_known(fraction)
         if fraction.pipeline.plan.airflow.wake is not None:
             return {}
-        return {bin_: [self._farthest(moved, wakes.seconds)] for bin_, moved in _moved(wakes, fraction)}
-
-    def _farthest(self, moved: Mapping[Wake, float], seconds: float) -> BudgetPart:
-        which = max(moved, key=lambda wake: abs(moved[wake]))
-        return self.part(abs(moved[which]), seconds, f"farthest: {which} ({100 * moved[which]:+.2g} points)")
+        found = {}
+        for number, bin_ in enumerate(fraction.shares):
+            which, moved = max(differences(wakes, fraction.name, number), key=lambda one: abs(one[1]))
+            note = f"farthest: {which} ({100 * moved:+.2g} points)"
+            found[bin_] = [self.part(abs(moved), wakes.seconds, note)]
+        return found
 
 
 def _stage(wake: Wake) -> str:
     return f"{wake} wake"
 
 
-def _moved(wakes: Comparison[Wake], fraction: FractionResults) -> Iterator[tuple[str, dict[Wake, float]]]:
-    for number, bin_ in enumerate(fraction.shares):
-        yield bin_, dict(differences(wakes, fraction.name, number))
+def loading_effects(loading: AirLoading, bins: Sequence[str]) -> dict[str, dict[str, LoadingEffect]]:
+    """Of every fraction in every one of the ``bins``, elsewhere included, by their names in order."""
+    last = loading.passes[-1].gathered.shares
+    pairs = {name: zip(shares, last[name], strict=True) for name, shares in loading.first.shares.items()}
+    return {name: {bin_: LoadingEffect(*pair) for bin_, pair in zip(bins, both, strict=True)}
+            for name, both in pairs.items()}  # fmt: skip
+
+
+class PassesOfLoading(Source[None]):
+    """The granules' force on the air: what its last pass changed of a share in the steady airflow, and the part of what
+    it does there that is not known for being gathered from few granules: a share moves with the force.
+    """
+
+    name, how, place = LOADING, MEASURED, 55
+    if_large = "lower feed.rate"
+
+    def shares(self, fraction: FractionResults) -> Parts:
+        loading, found = fraction.pipeline.loading, {}
+        if loading is None:
+            return {}
+        effects = loading_effects(loading, list(fraction.shares))[fraction.name]
+        for number, (bin_, effect) in enumerate(effects.items()):
+            moved, last = effect.loaded - effect.without, loading.last_change(fraction.name, number)
+            told = (
+                f"in the steady airflow the force moves the share by {100 * moved:+.2g} points, its last pass by "
+                f"{100 * last:+.2g}; of the force {100 * loading.sampling:.2g} % are not known"
+            )
+            found[bin_] = [self.part(hypot(last, loading.sampling * moved), note=told)]
+        return found
 
 
 MODEL = add(AirflowModel())
+add(PassesOfLoading())

@@ -21,11 +21,11 @@ class Sampling(Source[None]):
         spent = fraction.flights.tracking
         return {bin_: [self.part(spread.sampling, spent)] for bin_, spread in fraction.spreads.items()}
 
-    def column(self, fractions: Sequence[FractionResults]) -> Column | None:
-        return Column(self.name, fractions[0].flights.sample_errors.sampling, together=True)
+    def column(self, fractions: Sequence[FractionResults]) -> Sequence[Column]:
+        return [Column(self.name, fractions[0].flights.sample_errors.sampling, together=True)]
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
-        return max(sampled(part.error or 0.0, now, then), 0.5 * REPLICATES / landed(then))
+        return max(sampled(part.size, now, then), 0.5 * REPLICATES / landed(then))
 
 
 class AirflowStatistics(Source[None]):
@@ -43,11 +43,11 @@ class AirflowStatistics(Source[None]):
         note = f"from {clusters} " + ("shedding cycles" if cycles > 1 else "states of the airflow")
         return {bin_: [self.part(spread.airflow, note=note)] for bin_, spread in fraction.spreads.items()}
 
-    def column(self, fractions: Sequence[FractionResults]) -> Column | None:
-        return Column(self.name, fractions[0].flights.sample_errors.airflow, together=True)
+    def column(self, fractions: Sequence[FractionResults]) -> Sequence[Column]:
+        return [Column(self.name, fractions[0].flights.sample_errors.airflow, together=True)]
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
-        return (part.error or 0.0) * averaged(now, then)
+        return part.size * averaged(now, then)
 
 
 add(Sampling())

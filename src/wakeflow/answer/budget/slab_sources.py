@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from ...core.errors import known
 from ...core.number import student
 from ...flight.stages.slab_stage import CollisionRerun, SlabFound
 from ...planning.cost import slab_again
@@ -48,7 +47,6 @@ class _SlabAgain(Source[tuple[SlabFound, ...]]):
         return (cost for name in self.flown for cost in slab_again(work, name, self.part_of_slab))
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> tuple[SlabFound, ...] | None:
-        del tracked
         again = pipeline.crowd(self.companion)
         return None if again is None else (again,)
 
@@ -57,7 +55,7 @@ class _SlabAgain(Source[tuple[SlabFound, ...]]):
         seconds = sum(map(fraction.pipeline.spent, self.flown[: len(ends)]))
         return {place: [self.part(abs(moved), seconds, note)] for place, (moved, note) in found.items()}
 
-    def _compared(self, fraction: FractionResults) -> dict[str, tuple[float, str | None]]:
+    def _compared(self, fraction: FractionResults) -> dict[str, tuple[float, str]]:
         """What the change is of the fraction's share in every bin, beyond chance, and what was compared in words."""
         found, slab = fraction.flights.of(self), fraction.flights.crowd
         if found is None or slab is None:
@@ -80,7 +78,7 @@ class _SlabAgain(Source[tuple[SlabFound, ...]]):
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         """A difference of replicates that go apart: sampling in all but the name."""
-        return sampled(part.error or 0.0, now, then)
+        return sampled(part.size, now, then)
 
 
 class SlabStep(_SlabAgain):
@@ -102,24 +100,26 @@ class _BetweenGranules(_SlabAgain):
     below: ClassVar[CollisionRerun]
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> tuple[SlabFound, ...] | None:
-        del tracked
         scene, own = pipeline.scene, pipeline.crowd()
         value = getattr(scene.collisions, self.number)
         half = half_of(scene, f"collisions.{self.number}", "collisions", value)
         if own is None or not half:
             return None
-        above: dict[str, Any] = {self.number: half}
-        below: dict[str, Any] = {self.number: -half}
-        upper = known(pipeline.crowd(replace(self.companion, **above)))
-        if value + half <= self.most and not shows(upper, own, len(scene.bin)):
-            return (upper,)
-        return upper, known(pipeline.crowd(replace(self.below, **below)))
+        upper = self._at(pipeline, self.companion, half)
+        if value + half <= self.most and not any(shows(one, own, len(scene.bin)) for one in upper):
+            return upper
+        return upper + self._at(pipeline, self.below, -half)
+
+    def _at(self, pipeline: Pipeline, rerun: CollisionRerun, change: float) -> tuple[SlabFound, ...]:
+        changes: dict[str, Any] = {self.number: change}
+        found = pipeline.crowd(replace(rerun, **changes))
+        return () if found is None else (found,)
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         """Of the end that always flies."""
         return slab_again(work, self.companion.name, self.part_of_slab)
 
-    def column(self, fractions: Sequence[FractionResults]) -> Column | None:
+    def column(self, fractions: Sequence[FractionResults]) -> Sequence[Column]:
         return signed_column(
             self.name, [{place: moved for place, (moved, _) in self._compared(one).items()} for one in fractions]
         )
@@ -130,8 +130,7 @@ class _BetweenGranules(_SlabAgain):
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         """No setting makes a number of the scene better known."""
-        del now, then
-        return part.error or 0.0
+        return part.size
 
 
 class BetweenGranulesRestitution(_BetweenGranules):
@@ -177,13 +176,13 @@ def shows(changed: SlabFound, own: SlabFound, bins: int) -> bool:
     return False
 
 
-def beyond_chance(changed: np.ndarray, own: np.ndarray, *, paired: bool, part: float = 1.0) -> tuple[float, str | None]:
+def beyond_chance(changed: np.ndarray, own: np.ndarray, *, paired: bool, part: float = 1.0) -> tuple[float, str]:
     """Of the difference of two means, of which a ``part`` is the error, what is beyond chance, with its sign, and what
     was compared in words; the whole difference where too few replicates show no chance.
     """
     apart = float(changed.mean() - own.mean())
     if min(len(changed), len(own)) < 2:
-        return part * apart, None
+        return part * apart, ""
     if paired:
         which, variance = f"between the same {len(own)} replicates", (changed - own).var(ddof=1) / len(own)
     else:

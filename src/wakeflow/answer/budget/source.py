@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
-from ...air.kinds.airflow_table import Airflow
 from ...core.lazy import cached_property
 from ...core.registry import Registry
 from ...flight.stages.landings import Landings
@@ -24,15 +23,14 @@ from ...planning.dependence import Dependence, dependence
 from ...planning.stages import StageCost, Workload
 from ...planning.unknowns import SIGMAS
 from ..draws import ErrorSource as Column
-from ..ensemble import changed, joint_answer, responses
 from ..joint import Bins, JointAnswer
 from ..provenance import RefinedSettings
-from ..shares import UNKNOWN, BudgetPart
+from ..separation import changed, joint_answer, responses
+from ..shares import UNKNOWN, BudgetPart, How
 from ..spread import SampleErrors, Spread, sample_errors, share_spreads
 from .flown_again import AmongOthers, compared
 
 if TYPE_CHECKING:
-    from ...flight.stages.input_samples import InputSamples
     from ...flight.stages.landings import Tracked
     from ...flight.stages.slab_stage import SlabFound
 
@@ -55,7 +53,7 @@ class Source(Generic[Flown]):
     """
 
     name: ClassVar[str]
-    how: ClassVar[str]
+    how: ClassVar[How]
     place: ClassVar[int]
     beyond_computing: ClassVar[bool] = False
     if_unknown: ClassVar[str] = ""
@@ -63,7 +61,6 @@ class Source(Generic[Flown]):
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         """Each stage in which this source flies granules again, with what it is expected to take."""
-        del work  # for subclasses
         return ()
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Flown | None:
@@ -71,48 +68,42 @@ class Source(Generic[Flown]):
 
         It is called once a run, through :meth:`Flights.of`.
         """
-        del pipeline, tracked  # for subclasses
         return None
 
     def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
         """Of what :meth:`fly` asks ``pipeline`` for, the stages that need not wait for the answer's own airflow:
         another core makes them meanwhile, and ``fly`` finds them in the cache.
         """
-        del pipeline  # for subclasses
         return ()
 
     def shares(self, fraction: FractionResults) -> Parts:
         """Parts of the error of the fraction's share in every bin, by the bin's name; absolute errors."""
-        del fraction  # for subclasses
         return {}
 
-    def column(self, fractions: Sequence[FractionResults]) -> Column | None:
-        """This source in the joint answer, where it knows how the errors of shares go together; None where it does not:
+    def column(self, fractions: Sequence[FractionResults]) -> Sequence[Column]:
+        """This source in the joint answer, where it knows how the errors of shares go together; none where it does not:
         what one bin of a fraction has too much, its others then lack.
         """
-        del fractions  # for subclasses
-        return None
+        return ()
 
     def landing(self, fraction: FractionResults) -> Sequence[BudgetPart]:
         """Parts of the error of where the fraction's granules land, in body widths."""
-        del fraction  # for subclasses
         return ()
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         """What the error of a ``part`` that was found with the settings ``now`` would be with those of ``then``: as it
         is, where no setting changes it.
         """
-        del now, then  # for subclasses
-        return part.error or 0.0
+        return part.size
 
-    def part(self, error: float | None, seconds: float = 0.0, note: str | None = None) -> BudgetPart:
+    def part(self, error: float | None, seconds: float = 0.0, note: str = "") -> BudgetPart:
         """A part of the budget in this source's name."""
         return BudgetPart(self.name, error, seconds, self.how, note=note)
 
     def unless_known(self, fraction: FractionResults) -> Parts:
         """A part of unknown size, where nothing was flown to know it, unless the kind of airflow knows it."""
         unknown = self.name in fraction.pipeline.air.unknown
-        return fraction.everywhere(BudgetPart(self.name, None, 0.0, UNKNOWN)) if unknown else {}
+        return {one: [BudgetPart(self.name, None, 0.0, UNKNOWN)] for one in fraction.shares if unknown}
 
 
 @dataclass(frozen=True)
@@ -141,9 +132,8 @@ class Flights:
     @cached_property
     def among(self) -> AmongOthers | None:
         """How landings among other granules lie beside those of granules alone; None where each flies alone."""
-        return (
-            None if self.crowd is None else AmongOthers(self.pipeline.scene, self.tracked.landings, self.crowd.landings)
-        )
+        scene, crowd = self.pipeline.scene, self.crowd
+        return None if crowd is None else AmongOthers(scene, self.tracked.landings, crowd.landings)
 
     @cached_property
     def ties(self) -> Dependence | None:
@@ -154,26 +144,17 @@ class Flights:
     @cached_property
     def ensemble(self) -> JointAnswer:
         """The joint answer with what the unknown inputs change, and with no other source of error."""
-        draws: InputSamples | None = self._made.get(INPUTS)
+        scene, draws = self.pipeline.scene, self._made.get(INPUTS)
         if draws is not None and CHANGED not in self._made:
-            self._made[CHANGED] = changed(
-                self.pipeline.scene, draws.unknowns, self.ties, responses(self.pipeline.scene, draws)
-            )
-        factors = None if self.among is None else {name: self.among.factor(name) for name in self.landings}
+            self._made[CHANGED] = changed(scene, draws.unknowns, self.ties, responses(scene, draws))
+        factors = {} if self.among is None else {name: self.among.factor(name) for name in self.landings}
         salt = self.pipeline.tracks_key if self.crowd is None else f"{self.pipeline.collisions_key}"
-        return joint_answer(
-            self.pipeline.scene, self.landings, inputs=self._made.get(CHANGED), factors=factors, salt=salt
-        )
+        return joint_answer(scene, self.landings, inputs=self._made.get(CHANGED), factors=factors, salt=salt)
 
     @property
     def landings(self) -> Mapping[str, Landings]:
         """The answer's: of granules that meet where they do, else of each alone."""
         return self.tracked.landings if self.crowd is None else self.crowd.landings
-
-    @cached_property
-    def airflow(self) -> Airflow:
-        """What is known of the airflow."""
-        return self.pipeline.airflow
 
     @property
     def tracking(self) -> float:
@@ -213,23 +194,17 @@ class FractionResults:
         found = share_spreads(self.landings, len(self.shares) - 1, self.pipeline.scene.images)
         return dict(zip(self.shares, found, strict=True))
 
-    def everywhere(self, part: BudgetPart) -> dict[str, list[BudgetPart]]:
-        """The same part for every bin."""
-        return {place: [part] for place in self.shares}
-
 
 budget_sources: Registry[Source[Any]] = Registry("source of the budget")
 
 
-def signed_column(name: str, changes: Sequence[Mapping[str, float]], *, computing: bool = False) -> Column | None:
+def signed_column(name: str, changes: Sequence[Mapping[str, float]]) -> Sequence[Column]:
     """A number of the world, the same one in every run, by what it ``changes`` of every fraction's share in every bin
     at the upper end of its 95 % interval.
     """
-    if not any(changes):
-        return None
-    bins = next(len(one) for one in changes if one)
-    halves = [list(one.values()) if one else [0.0] * bins for one in changes]
-    return Column(name, np.array(halves)[..., None] / SIGMAS, computing=computing, shared=True)
+    bins = max(map(len, changes))
+    halves = [list(one.values()) or [0.0] * bins for one in changes]
+    return [Column(name, np.array(halves)[..., None] / SIGMAS, computing=False, shared=True)] if bins else ()
 
 
 def add(source: Source[Flown]) -> Source[Flown]:
@@ -244,7 +219,7 @@ def in_order() -> list[Source[Any]]:
 
 def source_of(part: BudgetPart) -> Source[Any] | None:
     """The source that a part is of; None of a term that is left out."""
-    return budget_sources[part.source] if part.kind is None and part.source in budget_sources else None
+    return budget_sources[part.source] if not part.kind and part.source in budget_sources else None
 
 
 # -- What an error would be with other settings ------------------------------------------------------------------------

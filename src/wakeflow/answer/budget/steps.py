@@ -1,20 +1,29 @@
-"""The source that is the tracker's steps."""
+"""Sources that are steps in time: the tracker's, and the intervals over which the air's noise is held.
+
+Other intervals with other numbers would differ by chance. So the same granules fly in intervals twice as long, with the
+sum of two numbers in place of each: along the same Brownian path. The scheme is of first order at least, so that the
+answer's own intervals err by no more than the difference.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from math import hypot, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...flight.stages.landings import Landings
 from ...flight.stages.pipeline import Pipeline
 from ...flight.stages.track_stage import PerturbedRerun
+from ...laws.forces import forces
 from ...planning.cost import flown_again
-from ...planning.plan import COMPARED, REPLICATES
+from ...planning.plan import COMPARED, REPLICATES, FractionPlan
 from ...planning.stages import StageCost, Workload
 from ..provenance import RefinedSettings
 from ..shares import PERTURBED_RERUN, BudgetPart
-from .source import FractionResults, Parts, Source, add
+from .source import RATE, FractionResults, Parts, Source, add
 
 if TYPE_CHECKING:
     from ...flight.stages.landings import Tracked
@@ -24,8 +33,8 @@ FINER = 0.01  # tolerance of the companion run over the scene's: a tenth may giv
 SLOWER = 3.0  # times as long: flights at a hundredth of the tolerance; measured on the shipped rhombus, 2.4 to 3.8
 STEP_RATE = 1.0  # of the share that finer steps put into or out of a bin, with the tolerance
 LANDED_WITHIN = 95  # percentile over the granules of how far a companion run moves a landing
-
-
+LONGER = PerturbedRerun("longer noise", noises=2)
+CHEAPER = 0.55  # of a flight's time; measured on the shipped rhombus, steady, granules alone
 JEFFREYS = 0.5  # added to those that changed their bin, and to those that did not
 
 
@@ -47,35 +56,71 @@ class Integration(Source["Tracked"]):
         return [flown_again(work, FINER_STEPS, SLOWER)]
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Tracked:
-        del tracked  # the answer's landings are compared fraction by fraction
         return pipeline.tracks(PerturbedRerun(FINER_STEPS, tolerance=FINER * pipeline.scene.numerics.tolerance))
 
     def shares(self, fraction: FractionResults) -> Parts:
         """Mean of the share of granules that the finer steps put into a bin or take out of it (:func:`mean_share`)."""
-        own, fine = fraction.compared.bin, self._finer(fraction).landings[fraction.name].bin
+        own, fine = fraction.compared.bin, self._finer(fraction).bin
         numbers = [*range(len(fraction.shares) - 1), -1]  # elsewhere last
         changed = [float(np.sum((own == number) != (fine == number))) for number in numbers]
         errors = [mean_share(count, len(own)) for count in changed]
         return {place: [self._part(fraction, error)] for place, error in zip(fraction.shares, errors, strict=True)}
 
     def landing(self, fraction: FractionResults) -> Sequence[BudgetPart]:
-        moved = fraction.compared.position - self._finer(fraction).landings[fraction.name].position
+        moved = fraction.compared.position - self._finer(fraction).position
         shift = np.linalg.norm(moved, axis=1) / fraction.pipeline.scene.width
         return [self._part(fraction, float(np.percentile(shift, LANDED_WITHIN)))]
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         fewer = (then.tolerance / now.tolerance) ** STEP_RATE
         flown, again = (COMPARED / REPLICATES * settings.granules for settings in (now, then))
-        found = max(0.0, (part.error or 0.0) * (flown + 1.0) - JEFFREYS)
+        found = max(0.0, part.size * (flown + 1.0) - JEFFREYS)
         return mean_share(found / flown * fewer * again, again)
 
-    def _finer(self, fraction: FractionResults) -> Tracked:
+    def _finer(self, fraction: FractionResults) -> Landings:
         flown = fraction.flights.of(self)
         assert flown is not None
-        return flown
+        return flown.landings[fraction.name]
 
     def _part(self, fraction: FractionResults, error: float) -> BudgetPart:
         return self.part(error, fraction.pipeline.spent(FINER_STEPS))
 
 
+class Noise(Source["Tracked"]):
+    """The intervals of the air's noise: the same granules in intervals twice as long."""
+
+    name, how, place = "noise", PERTURBED_RERUN, 25
+
+    def costs(self, work: Workload) -> Iterable[StageCost]:
+        return [] if work.scene.air is None else [flown_again(work, LONGER.name, CHEAPER)]
+
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Tracked | None:
+        return pipeline.tracks(LONGER) if any(map(_random, pipeline.plan.fractions.values())) else None
+
+    def shares(self, fraction: FractionResults) -> Parts:
+        flown = fraction.flights.of(self)
+        if flown is None or not _random(fraction.pipeline.plan.fractions[fraction.name]):
+            return {}
+        scene, own, other = fraction.pipeline.scene, fraction.compared, flown.landings[fraction.name]
+        moved = (one.counts(len(scene.bin), scene.images).mean(axis=0) for one in (own, other))
+        found, seconds = {}, fraction.pipeline.spent(LONGER.name)
+        for i, (place, here, there) in enumerate(zip(fraction.shares, *moved, strict=True)):
+            number = i if i < len(scene.bin) else -1  # elsewhere last
+            changed = float(np.sum((own.bin == number) != (other.bin == number)))
+            chance = sqrt(mean_share(changed, len(own.bin)) / len(own.bin))
+            found[place] = [replace(self.part(hypot(there - here, chance), seconds), of_granules=chance)]
+        return found
+
+    def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
+        """What chance leaves of the difference falls with the granules."""
+        error, chance = part.size, part.of_granules or 0.0
+        return hypot(sqrt(max(0.0, error**2 - chance**2)), chance * (now.granules / then.granules) ** RATE)
+
+
+def _random(how: FractionPlan) -> bool:
+    """Whether a fraction's granules are moved by chance."""
+    return any(forces[name].random for name in how.forces)
+
+
 add(Integration())
+NOISE = add(Noise())

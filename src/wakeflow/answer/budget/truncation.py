@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...flight.stages.landings import Landings
 from ...planning.lock_in import vibration_of_scene
 from ...planning.plan import Plan
-from ...planning.terms import COLLISIONS, VIBRATION, LeftOut
+from ...planning.terms import COLLISIONS, VIBRATION
 from ...planning.unknowns import Unknown
 from ...scene import RESERVED_BIN, Scene
 from ..shares import CALIBRATED, LEFT_OUT, NOT_COMPUTED, BudgetPart, InputPart
@@ -44,10 +44,9 @@ class LeftOutTerms(Source[None]):
         speed = next((one for one in (() if draws is None else draws.unknowns) if one.key == AIR_SPEED), None)
         for place, parts in found.items():
             if any(part.source == VIBRATION for part in parts):
-                effect = None
-                if speed is not None:
-                    effects = answer.effects(answer.of_share(fraction.name, [place]), fraction.name)
-                    effect = effects.get(AIR_SPEED, NO_EFFECT)
+                of = answer.of_share(fraction.name, [place])
+                effects = {} if speed is None else answer.effects(of, fraction.name)
+                effect = effects.get(AIR_SPEED, NO_EFFECT)
                 found[place] = [swung(pipeline.scene, pipeline.plan, part, effect, speed) for part in parts]
         return found
 
@@ -59,11 +58,11 @@ def truncation_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> 
     bound, as for granules spread over one channel width.
     """
     asked = scene.feed.rate is not None  # without one the question is that of single granules
-    rows = [row for row in plan.left_out if row.fraction == name and np.isfinite(row.bound)]
-    rows = [row for row in rows if asked or row.name != COLLISIONS]
+    rows = [row for row in plan.left_out if row.fraction == name and (asked or row.name != COLLISIONS)]
     ends = free_ends(scene)
     parts: dict[str, list[BudgetPart]] = {place: [] for place in [*scene.bin, RESERVED_BIN]}
-    if not rows or not len(landing.bin):
+    bounds = [(row, row.bound) for row in rows if np.isfinite(row.bound)]
+    if not bounds or not len(landing.bin):
         return parts
     limit = plan.fractions[name].limit
     distance = {point: np.linalg.norm(landing.position - point, axis=1) / scene.width for point in points_of(ends)}
@@ -74,23 +73,18 @@ def truncation_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> 
         away = np.concatenate([_nearest([distance[point] for point in ends[one]], landing) for one in pair])
         inside = np.concatenate([landing.bin == number[one] for one in pair])
         weight = 0.5 * np.tile(np.ones(len(landing.bin)) if landing.weight is None else landing.weight, 2)
-        for row in rows:
-            error = most_crossing(away, inside, row.bound, weight)
-            kind = LEFT_OUT if row.bound <= limit else NOT_COMPUTED
+        for row, bound in bounds:
+            error, kind = most_crossing(away, inside, bound, weight), LEFT_OUT if bound <= limit else NOT_COMPUTED
             if kind == NOT_COMPUTED and not scene.body:  # it may turn back a granule on its way to either end
-                error = max(error, min(1.0, row.bound))
-            found.append(_part(row, error, kind, scene.unit))
+                error = max(error, min(1.0, bound))
+            note = f"all that lands within {bound:.2g} {scene.unit} of the bin's ends on one side of them"
+            found.append(BudgetPart(row.name, error, 0.0, CALIBRATED, kind, note=note))
     return parts
 
 
 def _nearest(distances: Sequence[Array], landing: Landings) -> Array:
     """The distance (n,) to the nearest of some ends; infinite where there are none."""
     return np.asarray(np.min([np.full(len(landing.bin), np.inf), *distances], axis=0))
-
-
-def _part(row: LeftOut, error: float, kind: str, unit: str) -> BudgetPart:
-    note = f"all that lands within {row.bound:.2g} {unit} of the bin's ends on one side of them"
-    return BudgetPart(row.name, error, 0.0, CALIBRATED, kind, note=note)
 
 
 def swung(scene: Scene, plan: Plan, part: BudgetPart, effect: InputPart | None, speed: Unknown | None) -> BudgetPart:
@@ -116,11 +110,11 @@ def swung(scene: Scene, plan: Plan, part: BudgetPart, effect: InputPart | None, 
         ways.append((effect.half * motion.bound * speed.value / speed.high, f"{faster}; {motion.why}"))
     if not ways:
         return part
-    error, note = min([*ways, (part.error or 0.0, part.note or "")])
+    error, note = min([*ways, (part.size, part.note)])
     return replace(part, error=error, kind=LEFT_OUT, note=note)
 
 
-def most_crossing(distance: Array, inside: NDArray[np.bool_], shift: float, weight: Array | None = None) -> float:
+def most_crossing(distance: Array, inside: NDArray[np.bool_], shift: float, weight: Array | float = 1.0) -> float:
     """The most by which a landing ``shift`` (body widths) could change the share of a bin, from whose ends granules
     land at a ``distance`` (n,), those that are ``inside`` (n,) among them.
 
@@ -128,7 +122,7 @@ def most_crossing(distance: Array, inside: NDArray[np.bool_], shift: float, weig
     larger; where none lands so near, of the share as near as the first that does, over how many times farther off that
     is. ``weight`` (n,) of each granule, by default 1.
     """
-    each = np.ones(len(distance)) if weight is None else weight
+    each = np.broadcast_to(weight, distance.shape)
     near, total = distance <= shift, round(float(each.sum()))
     if not near.any():
         return upper_limit(0, total) * max(0.0, shift) / float(distance.min(initial=np.inf))

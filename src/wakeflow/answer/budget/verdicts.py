@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ...core.errors import known
 from ...core.number import Number
 from ...scene import Scene
 from ..measurements import measured_words, purchases
 from ..result import Result
-from ..shares import MET, NOT_MET, OPEN, Verdict
-from .total import remedies
+from ..shares import OPEN, Standing, Verdict
+from .budget import remedies
 
 
 def verdicts_of(result: Result) -> Iterator[Verdict]:
@@ -22,16 +21,16 @@ def verdicts_of(result: Result) -> Iterator[Verdict]:
         kind, of = name.split(".")
         value = separation.loss[of] if kind == "loss" else separation.dirt[of]
         verdict = judged(result, value, most)
-        yield Verdict(name, most, value, verdict, _deciding(result, name, value, most) if verdict == OPEN else "")
+        yield Verdict(name, most, value, verdict, _deciding(result, name, value, most) if verdict is OPEN else "")
 
 
-def judged(result: Result, value: Number | None, most: float) -> str:
+def judged(result: Result, value: Number | None, most: float) -> Standing:
     """Whether a ``value`` of a ``result`` is known to be at most so much: met, not met or open. An answer that is void
     says nothing, and one whose interval lacks something at most what exceeds the limit is known to be too little.
     """
     if value is None or result.void or result.lacking:
         return OPEN
-    return MET if value.high <= most else NOT_MET if value.low > most else OPEN
+    return Standing.of(value.low, value.high, most)
 
 
 def _deciding(result: Result, name: str, value: Number | None, most: float) -> str:
@@ -48,8 +47,9 @@ def _deciding(result: Result, name: str, value: Number | None, most: float) -> s
     if value.numerical is not None and value.value - value.numerical <= most < value.value + value.numerical:
         return f"finer computing, which alone leaves +- {100 * value.numerical:.2g} points (--target-error)"
     own = result.joint.own
-    bought = purchases(result, name, value, own.effects(known(own.of_name(name))))
-    enough = [one for one in bought if one.number.high <= most or one.number.low > most]
-    if enough:
-        return f"measuring {measured_words(enough[0])}"
+    of = own.of_name(name)
+    bought = [] if of is None else purchases(result, name, value, own.effects(of))
+    for one in bought:
+        if Standing.of(one.number.low, one.number.high, most) is not OPEN:
+            return f"measuring {measured_words(one)}"
     return f"no measurement alone; first {measured_words(bought[0])}" if bought else "no single measurement"

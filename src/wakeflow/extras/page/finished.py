@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from ...answer.budget.verdicts import judged
-from ...answer.moved import StoredLandings
+from ...answer.dividers import StoredLandings
 from ...answer.result import FILE, VOID, Result
 from ...answer.result_table import difference_of
 from ...answer.shares import Separation

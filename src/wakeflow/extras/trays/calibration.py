@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 
 from ...answer.budget.agreement import Agreement, of_tray, weights_in
 from ...answer.budget.source import INPUTS
-from ...answer.joint import JointAnswer, Of
+from ...answer.joint import JointAnswer, Of, effects_in
 from ...answer.result import Calibration, Result, key_in
-from ...answer.shares import BudgetPart, BudgetRow, BudgetTotal, InputSummary, Separation
-from ...answer.unknown_inputs import effects_in
+from ...answer.shares import PERTURBED_RERUN, BudgetPart, BudgetRow, BudgetTotal, InputSummary, Separation
 from ...core import sums
 from ...core.errors import SceneError, known
 from ...core.files import atomic_write, made_folder, path_of, write_json
@@ -238,7 +237,7 @@ def _posterior(before: Result, agreed: Matched, measured: Measured, source: str)
     parts, of_targets = effects_in(own)
     after = replace(
         landings, separation=separation, inputs=summary, measure_next=parts, of_targets=of_targets,
-        without_collisions=None, bracket=None, air_loading=None, three_dimensions=None,
+        without_collisions=None, bracket=None, air_loading={}, three_dimensions={},
         budget=tuple(_rows(separation)), joint=update.after.record(),
     )  # fmt: skip
     key = content_key("calibrated", before.key, repr(measured), update.discrepancy, agreed.conflict)
@@ -271,7 +270,7 @@ def _rows(separation: Separation) -> Iterator[BudgetRow]:
     for name, places in separation.fractions.items():
         for place, one in places.items():
             low, high, half = one.low - one.value, one.high - one.value, max(one.high - one.value, one.value - one.low)
-            part = BudgetPart(INPUTS, half, 0.0, "companion", low=low, high=high, note=f"after {MEASURED_SHARES}")
+            part = BudgetPart(INPUTS, half, 0.0, PERTURBED_RERUN, low=low, high=high, note=f"after {MEASURED_SHARES}")
             total = BudgetTotal(half, 0.0, one.low, one.high, one.numerical)
             yield BudgetRow(f"share.{name}.{place}", None, (part,), total)
 

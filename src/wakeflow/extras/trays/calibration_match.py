@@ -13,9 +13,9 @@ from ...answer.budget.agreement import DISAGREES, Agreement
 from ...answer.budget.budget import fly_again, make_budget
 from ...answer.budget.inputs import UNKNOWN
 from ...answer.budget.source import Flights
-from ...answer.ensemble import acting, responses
 from ...answer.joint import JointAnswer
 from ...answer.result import Request, Result
+from ...answer.separation import acting, responses
 from ...core.errors import SceneError, known
 from ...core.quantities import say
 from ...planning.stage_cache import Listener

@@ -20,10 +20,10 @@ from ...answer.budget.agreement import RARE, Agreement, agreement_of, inverse_of
 from ...answer.budget.budget import make_budget
 from ...answer.budget.inputs import UNKNOWN
 from ...answer.budget.source import Flights
-from ...answer.draws import less_at_ends
-from ...answer.ensemble import change_of, responses
-from ...answer.joint import DRAWS, LACK, JointAnswer, bounded, column, quantiles, tied_root
+from ...answer.draws import DRAWS, LACK, column, less_at_ends, tied_root
+from ...answer.joint import JointAnswer, bounded
 from ...answer.response import Response
+from ...answer.separation import change_of, responses
 from ...core.errors import known
 from ...core.lazy import cached_property
 from ...core.number import Number
@@ -63,7 +63,7 @@ class Updated:
     def known(self, place: int) -> Number:
         """What is known of an input after it."""
         one, z = self.unknowns[place], self.z[:, place]
-        ends = (z.mean(), *quantiles(z, (0.025, 0.975)))
+        ends = (z.mean(), *np.quantile(z, (0.025, 0.975)))
         return Number(*(float(np.clip(one.at(x), *unknown_kinds[one.kind].span)) for x in ends))
 
 
@@ -275,5 +275,5 @@ def left_by(joint: JointAnswer, wanted: Array, weights: Array, noise: Array, key
 
 def half_of(values: Array) -> float:
     """Half of the middle 95 % of draws (DRAWS,)."""
-    low, high = quantiles(values, (0.025, 0.975))
+    low, high = np.quantile(values, (0.025, 0.975))
     return 0.5 * float(high - low)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...answer.budget.agreement import Agreement, agreement_in, measured_in
-from ...answer.moves import InputMove, drawn_moves, grouped, least_sure
+from ...answer.measurements import InputMove, drawn_moves, grouped, least_sure
 from ...answer.shares import SHARE_UNIT
 from ...core.number import Number
 from ..canvas import BLUE, COLOURS, INK, VERMILION, foremost, new_figure, save

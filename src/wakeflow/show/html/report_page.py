@@ -147,7 +147,7 @@ def _cut(curve: PartitionCurve) -> tuple[str, ...]:
     if cut is not None:
         sharp = rows.number(None if curve.ep is None else scale * curve.ep)
         told = [f"{rows.measured_text(cut, scale)} {unit}", sharp, rows.number(curve.imperfection)]
-    return (" or ".join(curve.product), curve.by, *told, curve.why or "")
+    return (" or ".join(curve.product), curve.by, *told, curve.why)
 
 
 def _made_of(row: BudgetRow) -> str:
@@ -161,7 +161,7 @@ def _made_of(row: BudgetRow) -> str:
 def _how(part: BudgetPart) -> str:
     """How a source's error is known, and what is behind it."""
     how = HOW.get(part.how, part.how)
-    return how if part.note is None else f"{how}: {part.note}"
+    return f"{how}: {part.note}" if part.note else how
 
 
 def _agreement(result: Result) -> Agreement | None:
@@ -177,7 +177,7 @@ def _inputs(result: Result) -> list[tuple[str, ...]]:
     if landings is None or not landings.inputs:
         return []
     moves: dict[str, list[tuple[float, str]]] = {key: [] for key in landings.inputs}
-    for name, places in (landings.measure_next or {}).items():
+    for name, places in landings.measure_next.items():
         for place, effects in places.items():
             for key, effect in effects.items():
                 moves[key].append((-effect.half, f"{name} in {place} {100 * effect.half:.2g}"))
