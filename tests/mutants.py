@@ -37,28 +37,28 @@ MUTANTS = [
            "test_edges_of_a_no_slip_wall_have_p_itself_and_all_others_p_less_2k_over_3"),
     Mutant("quantile of the interval", "stdtrit(degrees, 0.975)", "stdtrit(degrees, 0.6)",
            "test_intervals_cover_the_mean_about_nineteen_times_in_twenty"),
-    Mutant("elsewhere counts as the last bin", "np.where(landing.bin >= 0, landing.bin, bins)",
-           "np.where(landing.bin >= 0, landing.bin, bins - 1)", "test_shares_purity_recovery_throughput"),
-    Mutant("kg/h of kg/s by 60", "HOUR * scene.feed.mass_flow", "60.0 * scene.feed.mass_flow",
+    Mutant("elsewhere counts as the last bin", "np.where(self.bin >= 0, self.bin, bins)",
+           "np.where(self.bin >= 0, self.bin, bins - 1)", "test_shares_purity_recovery_throughput"),
+    Mutant("kg/h of kg/s by 60", "{place: HOUR * joint.flow * mass for", "{place: 60.0 * joint.flow * mass for",
            "test_shares_purity_recovery_throughput"),
-    Mutant("bins not weighted by mass", "inside = sum(mass[name] * tally.share", "inside = sum(tally.share",
-           "test_shares_purity_recovery_throughput"),
+    Mutant("bins not weighted by mass", "float((joint.mass * self.value[:, i]).sum())",
+           "float(self.value[:, i].mean())", "test_shares_purity_recovery_throughput"),
     Mutant("phases not weighted by W / V0", "flow = closing * np.cos(b) * flow",
            "flow = np.asarray(fall_speed) * np.cos(b) * flow", "test_a_harmonic_stream_has_the_closed_means"),
-    Mutant("one seed for all replicates", "_points(name, size, seed, replicate, dimensions)",
-           "_points(name, size, seed, 0, dimensions)", "test_replicates_are_equal_in_size_and_independent"),
-    Mutant("the field's key forgets the strength", "key, steady[0], theta, strength,", "key, steady[0], theta,",
+    Mutant("one seed for all replicates", "zlib.crc32(name.encode()), replicate, *apart])",
+           "zlib.crc32(name.encode()), 0, *apart])", "test_replicates_are_equal_in_size_and_independent"),
+    Mutant("the field's key forgets the strength", "self.steady.key, *numbers,", "self.steady.key, numbers[0],",
            "test_the_answer_flies_between_the_ends_and_every_number_is_in_the_key"),
-    Mutant("damaged stages are used", "return all(_digest(folder / name) == digest", "return all(bool(digest)",
+    Mutant("damaged stages are used", "digest_of(folder / name) == digest for", "bool(digest) for",
            "test_a_damaged_stage_is_made_again"),
-    Mutant("the newest stages are cleaned first", "key=lambda one: one.used)", "key=lambda one: -one.used)",
+    Mutant("the newest stages are cleaned first", "(one.finished, one.used))", "(one.finished, -one.used))",
            "test_the_oldest_go_until_little_enough_is_left"),
     Mutant("half a domain mirrored without its sign", "half[..., off, :] * (-1.0, 1.0)", "half[..., off, :]",
            "test_a_mirrored_field_is_its_own_mirror_image"),
     Mutant("Strouhal number by the period", 'parts["strouhal"] = _inverse(length)', 'parts["strouhal"] = length',
            "test_a_periodic_wake_needs_six_periods_and_says_so_small_an_interval_as_was_resolved"),
-    Mutant("errors of a share simply added", "math.sqrt(sum(_half(part) ** 2 for part in parts if",
-           "(sum(_half(part) for part in parts if", "test_independent_parts_add_up_in_squares"),
+    Mutant("errors of a share simply added", "math.hypot(*(part.size for part in computed))",
+           "math.fsum(part.size for part in computed)", "test_the_numerical_part_is_neither_inputs_nor_bounds"),
     Mutant("Cunningham's slip makes drag larger", "return 1.0 + knudsen *", "return 1.0 - knudsen *",
            "test_slip_correction_of_air"),
     Mutant("theta from the wrong end", "return (x - self.steady) / (", "return (self.resolved - x) / (",
@@ -87,8 +87,7 @@ def main() -> None:
 
 def outcome(mutant: Mutant, copy: Path) -> str:
     """What becomes of one in the ``copy``, which is left as it was."""
-    holds = [path for path in copy.rglob("*.py") if mutant.old in path.read_text()]
-    tests = found(mutant.tests)
+    holds, tests = places(mutant, copy), found(mutant.tests)
     if len(holds) != 1 or not tests:
         return "not found"
     text = holds[0].read_text()
@@ -100,6 +99,11 @@ def outcome(mutant: Mutant, copy: Path) -> str:
     finally:
         holds[0].write_text(text)
     return {0: "SURVIVED", 1: "killed"}.get(done.returncode, done.stdout[-400:])
+
+
+def places(mutant: Mutant, folder: Path) -> list[Path]:
+    """The modules below ``folder`` that hold the text which it replaces."""
+    return [path for path in folder.rglob("*.py") if mutant.old in path.read_text()]
 
 
 def found(names: str) -> list[str]:

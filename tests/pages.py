@@ -3,7 +3,7 @@
 import re
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
@@ -23,6 +23,7 @@ PAGES = [
     *sorted(DOCS.glob("*.md")),
 ]
 FENCED = re.compile(r"^```([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+COMMAND = re.compile(r"(?:^|\.venv/bin/)wakeflow (?=[a-z-])")
 EXAMPLE = "example_of_a_page"  # the module that a block of Python is
 
 
@@ -40,6 +41,23 @@ def blocks(page: Path) -> Iterator[Block]:
     for part in re.split(r"^#+ (?=[^\n]*\n)", f"\n{page.read_text()}", flags=re.MULTILINE):
         for info, body in FENCED.findall(part):
             yield Block(page, part.partition("\n")[0], info, body)
+
+
+def spans(text: str) -> list[str]:
+    """Code between backticks in the running text."""
+    found = re.findall(r"`([^`]+)`", re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL))
+    return [" ".join(span.split()) for span in found]
+
+
+def shell_lines(page: Path) -> list[str]:
+    """Lines of shell blocks, without comments."""
+    fenced = [line for block in blocks(page) if block.info == "sh" for line in block.body.splitlines()]
+    return [re.sub(r"\s+#.*|\s{3,}.*", "", line).strip() for line in fenced]
+
+
+def commands_in(lines: Iterable[str]) -> list[str]:
+    """Every ``wakeflow ...`` among lines, without its first word."""
+    return [COMMAND.sub("", line) for line in lines if COMMAND.match(line)]
 
 
 def parse_command(command: str, of: App = app) -> None:

@@ -1,10 +1,16 @@
 #!/bin/sh
-# Sets up and runs linters, types and tests: sh tests/run.sh [options of pytest]; --slow adds the long validation,
-# --all the test files that have not changed, nor anything that they read, since they passed (tests/unchanged.py)
+# Sets up and runs linters, types and the tests of tests/unit: sh tests/run.sh [options of pytest]. A file that has not
+# changed, nor anything that it reads, since it passed is left out (tests/unchanged.py). --all runs every file, and
+# tests/proofs and tests/reliability; --slow does the same and adds the long validation
 set -eu
 root=$(cd "$(dirname "$0")/.." && pwd)
-slow=
-for option; do if [ "$option" = --slow ]; then slow=--slow; fi; done
+slow= folders=
+for option; do
+    case $option in
+        --slow) slow=--slow folders=tests ;;
+        --all) folders=tests ;;
+    esac
+done
 sh "$root/cases/setup.sh" test $slow
 cd "$root"
 bin=$root/.venv/bin
@@ -23,4 +29,4 @@ done
 "$bin/python" tests/measure.py --hold
 for child in $compiling; do wait "$child"; done
 compiling=
-exec "$bin/python" -m pytest -n 2 --dist worksteal --durations=15 "$@"
+exec "$bin/python" -m pytest -n 2 --dist worksteal --durations=15 "$@" $folders

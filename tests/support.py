@@ -50,7 +50,7 @@ WIDTH = 0.05  # m, of the bodies below
 RHOMBUS = shapes["rhombus"](width=WIDTH, slope_angle=np.pi / 4)
 FLOOR = np.array([[-1.0, -0.2], [1.0, -0.2], [1.0, 0.0], [-1.0, 0.0]])  # m, a body whose top is y = 0
 
-# Runs of the slab itself and of air that feels granules are in tests/pipeline/test_dense_feeds.py
+# Runs of the slab itself and of air that feels granules are in tests/unit/flight/test_dense_feeds.py
 ALONE = {"collisions": False, "air-loading": False}
 
 Flow = Callable[[np.ndarray], np.ndarray]

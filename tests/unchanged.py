@@ -22,7 +22,7 @@ from wakeflow.core.store import content_key, digest_files
 
 ROOT = Path(__file__).parents[1]
 TESTS = ROOT / "tests"
-HOMES = (TESTS, TESTS / "reliability", ROOT / "cases")  # pythonpath of pyproject.toml
+HOMES = (TESTS, TESTS / "unit", TESTS / "reliability", ROOT / "cases")  # pythonpath of pyproject.toml
 # What runs more of the package than it imports: other programs, the command line and its extras, fixtures that do
 PACKAGE = re.compile(r"\bsubprocess\b|sys\.executable|Popen|wakeflow\.cli|\bsmall_run\b|\brunning\b|\bbrowser\b")
 # What looks at folders, documents, or other tests too, or makes code of text

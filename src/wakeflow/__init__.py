@@ -50,8 +50,8 @@ if TYPE_CHECKING:
     from .scene import Scene
     from .show.views import Result
 
-# The rooms in the order in which a run uses them: each imports only those before it (tests/test_architecture.py). The
-# folders of air and of flight are rooms themselves
+# The rooms in the order in which a run uses them: each imports only those before it (tests/unit/test_architecture.py).
+# The folders of air and of flight are rooms themselves
 LAYERS = (
     "core",
     "laws",

@@ -20,8 +20,8 @@ from wakeflow.laws.best_estimate import wakes
 from wakeflow.laws.collision import impact_models
 from wakeflow.laws.material import default_margins, materials
 
-# tests/laws/test_collision.py, tests/foam/test_robustness.py, tests/foam/test_three_dimensions.py,
-# tests/planning/test_plan_gate.py, tests/planning/test_collisions.py
+# tests/unit/laws/test_collision.py, tests/unit/air/test_robustness.py, tests/unit/air/test_three_dimensions.py,
+# tests/unit/planning/test_plan_gate.py, tests/unit/planning/test_collisions.py
 ELSEWHERE = {"crowding", "gates", "printed_form", "robustness", "three_dimensions"}
 SLOW = (pytest.mark.slow, pytest.mark.openfoam)  # half a minute; tested in sweeps, pipeline, foam
 VARIANTS = ["the program's own", "pressure: one level of cells at a time"]
@@ -143,7 +143,7 @@ def test_the_cylinder_of_impaction() -> None:
 @pytest.mark.slow
 @pytest.mark.openfoam
 def test_air_loading() -> None:
-    """The scene "air_loading" of tests/pipeline/test_dense_feeds.py, whose airflow is in the cache."""
+    """The scene "air_loading" of tests/unit/flight/test_dense_feeds.py, whose airflow is in the cache."""
     passes, answers = laws.tables(loaded_scene(), force={"basset-history": False})
     assert [row["number"] for row in passes] == list(range(len(passes)))
     assert passes[0]["force"] == 0.0

@@ -115,7 +115,7 @@ def moved_by_air(flight: FlightScales) -> float:
 Array = NDArray[np.float64]
 DEAR = 3.0  # weight of a term's run time against what it moves, when small terms are chosen
 NOTHING = 0.05  # of the limit: a term whose bound stays below it is left out, whatever else is; chosen
-TYPICAL = 0.5  # mean shift over the bound, which holds for 95 % of the granules: at most this (tests/planning)
+TYPICAL = 0.5  # mean shift over the bound, which holds for 95 % of the granules: at most this (tests/unit/planning)
 MAX_SIDES = 2  # a curtain falls on the left and the right of a body's top
 AIR = "air"  # left out as a whole: in a vacuum, and at rung none
 SWITCHED_OFF = "switched off by --force"

@@ -313,7 +313,7 @@ def saved(path: Path) -> list[Path]:
 
 # -- The colours of fractions ------------------------------------------------------------------------------------------
 # Okabe & Ito (2008), "Color Universal Design", without its yellow, too pale for a line, and with a grey and a brown.
-# tests/report/test_figures.py measures how far apart they are seen, with any kind of colour vision.
+# tests/unit/show/test_figures.py measures how far apart they are seen, with any kind of colour vision.
 AMBER, BLUE, VERMILION, GREY = "#E69F00", "#0072B2", "#D55E00", "#555555"
 GREEN, SKY, PINK, BROWN, BLACK = "#009E73", "#56B4E9", "#CC79A7", "#6B3D00", "#000000"
 COLOURS = (BLUE, VERMILION, GREEN, AMBER, GREY, PINK, SKY, BROWN, BLACK)

@@ -33,7 +33,7 @@ from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 
 FINER = 0.01
-CHAIN = "flights to a hundredth of the tolerance; closed forms hold these in tests/tracking"
+CHAIN = "flights to a hundredth of the tolerance; closed forms hold these in tests/unit/flight"
 
 
 def _off_the_finer(scene: Scene, result: Result) -> float:

@@ -28,10 +28,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from air.test_statistics import STEPS, TRUTH, record
 from numpy.typing import NDArray
 
 import wakeflow as wf
-from foam.test_statistics import STEPS, TRUTH, record
 from support import shipped
 from wakeflow.air.foam.case import FlowSpec, MeshMotion
 from wakeflow.air.foam.force_history import CD, CL, read_table, upward_crossings

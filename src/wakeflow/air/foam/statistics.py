@@ -19,7 +19,7 @@ from ...core.number import Number, student
 from .force_history import upward_crossings
 
 Array = NDArray[np.float64]
-# Chosen by trials on records of known statistics (tests/foam/test_statistics.py) where no source is given.
+# Chosen by trials on records of known statistics (tests/unit/air/test_statistics.py) where no source is given.
 MIN_PERIODS = 6  # whole periods after the start-up
 PIECES = 32  # of a wake without a rhythm
 BATCHES = 8  # parts that a drift is looked for in, at most about twice as many

@@ -27,7 +27,7 @@ from ..gas import MEAN_FREE_PATH, TEMPERATURE
 
 # -- The scales of a granule's flight ----------------------------------------------------------------------------------
 # All chosen: round numbers with which the bounds hold for 95 % of the granules of cases/rhombus.toml, and are at most
-# 30 times what these move (tests/planning/test_plan_gate.py)
+# 30 times what these move (tests/unit/planning/test_plan_gate.py)
 REACH = 3.0  # body widths: distance along which the body's own pressure and velocity field acts
 TURNED_BESIDE = (
     3.4  # rad: integral of |curl u| over time for a granule thrown out of the wake, or past its edge; 3.3 met

@@ -28,9 +28,9 @@ from .force import SIDEWAYS, AirProperties, Array, Bound, FlightScales, Force, G
 
 SLOWEST = 0.1  # of the typical slip: what the slip seldom falls below; chosen, and tried along recorded tracks
 NODES = 2001  # of the quadrature in time^(1/4): error below 1e-4
-# By what flights with and without the force exceed the estimate, in the shipped rhombus' steady wake (tests/planning):
-# dust that follows the air into the wake 9 times (95 % of it), chaff and wheat beside it 1.15. In a wake that sheds the
-# estimate itself is some six times as large
+# By what flights with and without the force exceed the estimate, in the shipped rhombus' steady wake
+# (tests/unit/planning): dust that follows the air into the wake 9 times (95 % of it), chaff and wheat beside it 1.15.
+# In a wake that sheds the estimate itself is some six times as large
 IN_WAKE, SHEDDING, BESIDE_WAKE, FOLLOWS = 12.0, 2.0, 1.4, 1.0
 COUNT = 7
 MEMORIES = np.geomspace(1e-2, 3e2, COUNT)  # tau_i over the granule's own time

@@ -1,6 +1,6 @@
 """The package's rules: rooms in the order of a run, heavy libraries have one importer, one name is one thing.
 
-That a stage's key covers all the code that computes it is held by tests/core/test_store.py.
+That a stage's key covers all the code that computes it is held by tests/unit/core/test_store.py.
 """
 
 import ast

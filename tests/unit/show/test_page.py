@@ -197,7 +197,7 @@ def test_what_the_page_says_of_proofs_stands_in_the_validation() -> None:
 
 def test_the_commit_is_that_of_the_folder_itself(tmp_path: Path) -> None:
     assert commit_of(tmp_path) is None
-    root = Path(__file__).parents[2]
+    root = Path(__file__).parents[3]
     found = commit_of(root)
     assert found is None or re.fullmatch(r"[0-9a-f]{40}\+?", found)
 

@@ -1,4 +1,4 @@
-"""The last part of docs/results.md, made from the types of result.json: ``python tests/answer/result_page.py``."""
+"""The last part of docs/results.md, made from the types of result.json: ``python tests/unit/answer/result_page.py``."""
 
 import re
 import types
@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from wakeflow.answer.result import Result
 from wakeflow.core.record import columns
 
-PAGE = Path(__file__).parents[2] / "docs" / "results.md"
+PAGE = Path(__file__).parents[3] / "docs" / "results.md"
 HEAD = "| key | type | unit | meaning |\n|---|---|---|---|\n"
 PLAIN = {int: "integer", float: "number", str: "text", bool: "true or false", Any: "anything"}
 

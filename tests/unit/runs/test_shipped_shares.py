@@ -1,6 +1,6 @@
 """Where the granules of every shipped scene land, on a coarse mesh: the shares of shipped_shares.toml, one table.
 
-``python tests/runs/test_shipped_shares.py`` writes the table anew. A commit that changes it says why.
+``python tests/unit/runs/test_shipped_shares.py`` writes the table anew. A commit that changes it says why.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def test_granules_of_a_shipped_scene_land_where_they_did(name: str) -> None:
 
 def main() -> None:
     """Write the table."""
-    lines = ["# Written by tests/runs/test_shipped_shares.py: share of each fraction in each bin that it reaches"]
+    lines = ["# Written by tests/unit/runs/test_shipped_shares.py: share of each fraction in each bin that it reaches"]
     for name in SCENES:
         for fraction, places in shares(name).items():
             row = ", ".join(f"{place} = {share}" for place, share in places.items())

@@ -349,7 +349,7 @@ def test_the_table_holds_what_the_result_holds(folder: Path) -> None:
 def test_half_the_uncertainty_moves_a_share_half_as_far(folder: Path, tmp_path: Path) -> None:
     settings = {"feed.count": 512, "uncertainty.fraction.hard.restitution": 0.1}
     wide = wf.run(
-        wf.Scene.load(Path(__file__).parents[2] / "cases" / "vacuum.toml", settings),
+        wf.Scene.load(Path(__file__).parents[3] / "cases" / "vacuum.toml", settings),
         tmp_path,
         rung="none",
         report=False,
@@ -480,7 +480,7 @@ def test_a_key_that_is_given_twice_is_refused_before_anything_is_run(over: Any, 
 
 
 def test_a_run_in_which_nothing_is_unknown_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    scene = Path(__file__).parents[2] / "cases" / "vacuum.toml"
+    scene = Path(__file__).parents[3] / "cases" / "vacuum.toml"
     keys = [f"fraction.{name}.{key}" for name in ("soft", "hard") for key in ("restitution", "friction", "size")]
     keys += ["feed.width", "feed.position", "feed.height"]
     exact = [part for key in keys for part in ("--set", f"uncertainty.{key}=0")]

@@ -13,7 +13,7 @@ import pytest
 
 import architecture_page
 import wakeflow
-from pages import PAGES, blocks, parse_command
+from pages import PAGES, commands_in, parse_command, shell_lines, spans
 from readability import prose, reading_ease
 from support import ROOT
 from wakeflow.laws.forces import forces
@@ -25,7 +25,6 @@ TOP = {"src", "tests", "cases", "docs", "meshes", *wakeflow.LAYERS}  # a path be
 EASE, WORDS = 73.0, 15.0  # of every page: Flesch's reading ease at least, words a sentence at most
 PRODUCED = ("runs/", "figures/", "cases/template/turbulence-models/")  # what a run writes, or an example would add
 SUFFIXES = (".py", ".toml", ".sh", ".j2", ".liggghts")
-COMMAND = re.compile(r"(?:^|\.venv/bin/)wakeflow (?=[a-z-])")
 
 # What a reader whose first language is not English stumbles over, and what to write instead
 BANNED_IN_SOURCES = {
@@ -47,21 +46,9 @@ BANNED = BANNED_IN_SOURCES | {
 page = pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
 
 
-def _spans(text: str) -> list[str]:
-    """Code between backticks in the running text."""
-    found = re.findall(r"`([^`]+)`", re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL))
-    return [" ".join(span.split()) for span in found]
-
-
-def _shell(page: Path) -> list[str]:
-    """Lines of shell blocks, without comments."""
-    fenced = [line for block in blocks(page) if block.info == "sh" for line in block.body.splitlines()]
-    return [re.sub(r"\s+#.*|\s{3,}.*", "", line).strip() for line in fenced]
-
-
 def _words(page: Path) -> set[str]:
     """Words of code, spans and shell lines, that may be paths."""
-    lines = (*_spans(page.read_text()), *_shell(page))
+    lines = (*spans(page.read_text()), *shell_lines(page))
     words = {word.strip("(),;:") for line in lines for word in line.split()}
     placeholder = re.compile(r"[*<>{}=\"']|NAME|STAGE|KEY")
     return {word.removesuffix("/") for word in words if not placeholder.search(word)}
@@ -120,10 +107,9 @@ def _anchors(file: Path) -> set[str]:
 
 @page
 def test_commands_in_the_text_parse(page: Path) -> None:
-    """Those of fenced blocks: tests/test_examples.py."""
-    for span in _spans(page.read_text()):
-        if COMMAND.match(span):
-            parse_command(COMMAND.sub("", span))
+    """Those of fenced blocks: tests/unit/test_examples.py."""
+    for command in commands_in(spans(page.read_text())):
+        parse_command(command)
 
 
 @page

@@ -31,7 +31,7 @@ from wakeflow.answer.shares import InputPart, InputSummary
 from wakeflow.planning.unknowns import SIGMAS, unknown_kinds
 from wakeflow.show.words import measured_words
 
-PAGE = Path(__file__).parents[2] / "docs" / "uncertainty.md"
+PAGE = Path(__file__).parents[3] / "docs" / "uncertainty.md"
 RESTITUTION = "fraction.wheat.restitution"
 KNOWN = {
     RESTITUTION: InputSummary(0.5, 0.4, 0.6, unit="1", why="default"),

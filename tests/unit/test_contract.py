@@ -1,7 +1,7 @@
 """What other programs and people call: commands, options, scene keys and public names. None may be lost.
 
-contract.txt lists them, a line each. New ones are added by ``python tests/test_contract.py``; a line goes only together
-with an entry in CHANGELOG.md.
+contract.txt lists them, a line each. New ones are added by ``python tests/unit/test_contract.py``; a line goes only
+together with an entry in CHANGELOG.md.
 """
 
 import inspect
@@ -14,8 +14,8 @@ from typing import Any
 import wakeflow
 
 LIST = Path(__file__).with_name("contract.txt")
-PAGE = Path(__file__).parents[1] / "docs" / "commands.md"
-GENERATED = "<!-- written by python tests/test_contract.py from here on -->\n"
+PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
+GENERATED = "<!-- written by python tests/unit/test_contract.py from here on -->\n"
 
 
 def commands() -> Iterator[str]:

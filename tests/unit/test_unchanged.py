@@ -18,13 +18,14 @@ def _read(file: str) -> set[str]:
 
 
 def test_a_test_reads_what_it_imports_and_what_that_runs() -> None:
-    read = _read("laws/test_gas.py")
-    assert {"tests/laws/test_gas.py", "tests/conftest.py", "src/wakeflow/laws/gas.py", "cases/rhombus.toml"} <= read
+    read = _read("unit/laws/test_gas.py")
+    assert {"tests/unit/laws/test_gas.py", "tests/conftest.py"} <= read
+    assert {"src/wakeflow/laws/gas.py", "cases/rhombus.toml"} <= read
     assert "src/wakeflow/laws/materials.toml" in read
     assert not [path for path in read if path.startswith(("src/wakeflow/extras/page", "docs/"))]
 
 
-@pytest.mark.parametrize("file", ["test_docs.py", "test_architecture.py", "answer/test_result.py"])
+@pytest.mark.parametrize("file", ["unit/test_docs.py", "unit/test_architecture.py", "unit/answer/test_result.py"])
 def test_a_test_that_looks_at_all_reads_all(file: str) -> None:
     every = {path.relative_to(ROOT).as_posix() for path in (ROOT / "src" / "wakeflow").rglob("*.py")}
     assert every | {"docs/model.md", "README.md", "pyproject.toml"} <= _read(file)

@@ -159,7 +159,7 @@ from wakeflow.flight.driver import _rules
 from wakeflow.flight.kernel import layout as at
 from wakeflow.flight.kernel.strides import _end
 from wakeflow.flight.pack_surroundings import pack_air, pack_lines, pack_walls
-from tracking.test_strides import air
+from flight.test_strides import air
 
 field, h, radius = air("steady"), 1e-3, 2e-5
 bodies = [Body(np.array([[0.5, 0.4], [0.4, 0.5], [0.3, 0.4], [0.4, 0.3]]))]

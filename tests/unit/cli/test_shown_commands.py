@@ -8,19 +8,19 @@ from typing import Any
 
 import pytest
 
+from pages import PAGES, commands_in, shell_lines, spans
 from support import CASES
-from test_docs import PAGES, _commands
 from wakeflow.cli import app, main
 from wakeflow.core.files import scene_templates
 
-FINISHED = "reads a finished run of minutes: tests/test_tutorial.py, tests/report and tests/batch run it on small ones"
+FINISHED = "reads a finished run of minutes: test_tutorial.py, show and many of tests/unit run it on small ones"
 LEFT_OUT = {  # the first words of a command, and why it is not tried here
     "animate": FINISHED, "bins": FINISHED, "compare": FINISHED, "view": FINISHED, "report": FINISHED,
     "sensitivity runs/": FINISHED, "run cases/rhombus.toml --set air.speed=5.5 --near runs/rhombus": FINISHED,
     "verify": "minutes to hours: tests/proofs proves each problem, --slow the long ones",
-    "doctor": "tries programs: tests/test_doctor.py",
-    "--install-completion": "tests/test_cli.py installs it for every shell",
-    "sweep cases/sweep-air-speed.toml --scheduler": "asks for a cluster: tests/batch/test_on_a_cluster.py",
+    "doctor": "tries programs: tests/unit/cli/test_doctor.py",
+    "--install-completion": "tests/unit/cli/test_cli.py installs it for every shell",
+    "sweep cases/sweep-air-speed.toml --scheduler": "asks for a cluster: tests/unit/many/test_on_a_cluster.py",
 }  # fmt: skip
 STANDS_FOR = {"SCENE": "cases/funnel.toml", "NAME": "wheat", "FILE": "mine.toml"}
 EXAMPLE = re.compile(r"[a-z][\w.*-]*=(?:'[^']*'|[^\s;:)']*[^\s,.;:)'])|'\d[^']*'|\d[\d.]*(?:%|GB)")
@@ -38,7 +38,9 @@ class _Begins(BaseException):
 
 
 def _of_pages() -> Iterator[str]:
-    for command in sorted({one for page in PAGES for one in _commands(page.read_text())}):
+    for command in sorted(
+        {one for page in PAGES for one in commands_in((*shell_lines(page), *spans(page.read_text())))}
+    ):
         whole = any(not word.startswith("-") for word in shlex.split(command)[1:])  # not an option that prose names
         if whole and not any(command.startswith(start) for start in LEFT_OUT):
             yield command
@@ -82,5 +84,5 @@ def test_a_command_that_is_shown_is_taken(
 
 def test_what_is_not_tried_is_shown() -> None:
     """A reason is given for what there is."""
-    shown = [one for page in PAGES for one in _commands(page.read_text())]
+    shown = [one for page in PAGES for one in commands_in((*shell_lines(page), *spans(page.read_text())))]
     assert [start for start in LEFT_OUT if not any(one.startswith(start) for one in shown)] == []

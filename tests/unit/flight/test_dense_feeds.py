@@ -330,7 +330,7 @@ def test_a_single_pass_is_under_the_force_of_granules_alone_and_all_that_it_move
 
 @pytest.mark.openfoam
 def test_the_bound_holds_and_is_not_idle(loaded: wf.Result) -> None:
-    """As tests/planning/test_plan_gate.py has it of the other terms, without random forces."""
+    """As tests/unit/planning/test_plan_gate.py has it of the other terms, without random forces."""
     asked, pipeline = loaded_scene(), loaded_pipeline()
     plan, bare = pipeline.plan, pipeline.loading.steady.field
     calm = plan.with_forces(("drag", "gravity", "buoyancy", "pressure-gradient"))

@@ -179,7 +179,8 @@ def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
 
 @example("A turbulence model")
 def _(cases: Path, folder: Path, names: dict[str, Any]) -> None:
-    assert turbulence_models["realizableKE"].turbulent  # tests/foam/test_turbulence_models.py solves an airflow with it
+    # tests/unit/air/test_turbulence_models.py solves an airflow with it
+    assert turbulence_models["realizableKE"].turbulent
 
 
 @example("A source of the budget")

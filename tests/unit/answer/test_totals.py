@@ -40,7 +40,7 @@ def test_both_sides_of_a_symmetric_machine_have_one_interval(still: wf.Result) -
 
 def test_no_search_recommends_a_void_answer(tmp_path: Path) -> None:
     """All designs of the finest level are void: none is handed out, and the reason is told."""
-    (tmp_path / "rhombus.toml").write_text((Path(__file__).parents[2] / "cases" / "rhombus.toml").read_text())
+    (tmp_path / "rhombus.toml").write_text((Path(__file__).parents[3] / "cases" / "rhombus.toml").read_text())
     file = tmp_path / "search.toml"
     file.write_text(
         '[search]\nscene = "rhombus.toml"\nmaximise = "recovery.wheat"\nbudget = "5 s"\nat_a_time = 2\n'

@@ -166,7 +166,7 @@ def test_a_result_of_another_version_is_refused_by_one_line(schema: object, smal
 
 
 def test_the_page_says_what_the_types_hold() -> None:
-    """Brought up to date by: python tests/answer/result_page.py."""
+    """Brought up to date by: python tests/unit/answer/result_page.py."""
     assert PAGE.read_text() == page()
 
 

@@ -19,7 +19,7 @@ from wakeflow.show.words import headline, holds
 
 pytestmark = [pytest.mark.slow, pytest.mark.browser]
 
-CASES = Path(__file__).parents[2] / "cases"
+CASES = Path(__file__).parents[3] / "cases"
 WIDTHS = {"desk": 1280, "telephone": 360}
 A4 = (595, 842)  # points
 READABLE = 9.0  # points of type on the first sheet
