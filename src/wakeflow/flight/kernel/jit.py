@@ -106,7 +106,7 @@ def compiled(function: Any) -> Any:
 
 def called(function: Any) -> Any:
     """A helper that stays a call: it is rarely run, as what walls do is, or has several callers. A kernel that takes in
-    everything takes three times as long to optimise, and flies no faster.
+    everything takes twice as long to optimise.
     """
     return numba.njit(forceinline=False, **HELPER)(function)
 

@@ -27,7 +27,7 @@ STARTS = 20.0  # s added to both: a run of seconds tells how long programs take 
 MAX_SECONDS = 1e8  # three years: no stage took them
 COMPILED = "compile-seconds.json"  # by kernel: seconds of its last compilation on this machine, of whatever version
 # Kernels: the module of each, and the seconds that its compilation takes where none is known; measured on a core
-KERNELS = {"tracker": ("wakeflow.flight.kernel.loop", 40.0), "slab": ("wakeflow.flight.collisions.slab", 25.0)}
+KERNELS = {"tracker": ("wakeflow.flight.kernel.loop", 45.0), "slab": ("wakeflow.flight.collisions.slab", 27.0)}
 COMPILING = 7.8e8  # bytes: a run that compiles in its own process, one kernel after the other
 # Bytes of the other processes that compile the tracker and the slab's kernel while OpenFOAM runs
 IN_CHILDREN = 6.7e8, 5.5e8
