@@ -27,7 +27,7 @@ LOTS = 64  # of draws among which one is looked for that keeps an order
 
 def acting(unknowns: Sequence[Unknown], fraction: str) -> list[int]:
     """The places of the unknowns that act on a fraction."""
-    return [i for i, one in enumerate(unknowns) if one.fraction in (None, fraction)]
+    return [i for i, one in enumerate(unknowns) if one.fraction in ("", fraction)]
 
 
 def responses(scene: Scene, draws: InputSamples, cells: LandingCells | None = None) -> dict[str, Response]:

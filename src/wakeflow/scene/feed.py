@@ -216,6 +216,13 @@ class Funnel(Weighed):
     )
     seed: Annotated[int, Field(ge=0)] = 0
 
+    @field_validator("material")
+    @classmethod
+    def _of_the_list(cls, value: str) -> str:
+        """Before the numbers that are the material's by default."""
+        _ = materials[value]
+        return value
+
     @model_validator(mode="after")
     def _consistent(self) -> Funnel:
         if not self.low <= self.high:

@@ -54,7 +54,8 @@ def share_of(text: str) -> float:
     try:
         return float(f"{quantity(text, '1', '5 %'):.15g}")  # 95 % is 0.95 exactly
     except ValueError as problem:
-        raise ValueError(f"{text!r}: {problem}") from None
+        cure = str(problem) if "," in text else "needs a share such as 0.05 or 5%"
+        raise ValueError(f"{text!r}: {cure}") from None
 
 
 def share_in(value: object, name: str) -> float:
