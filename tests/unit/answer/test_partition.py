@@ -252,7 +252,7 @@ def test_damaged_landings_are_said_with_their_cure(run: wf.Result, tmp_path: Pat
     [
         ({"fraction": "weat"}, "did you mean 'wheat'"),
         ({"purity": 1.0}, "above 0 and below 1"),
-        ({"purity": "most"}, "purity = 'most': needs a number"),
+        ({"purity": "most"}, "purity = 'most': needs a share"),
         ({"purity": None}, "purity = None: a number such as 0.01"),
         ({"stretches": 0}, "at least 1"),
         ({"stretches": 51}, "at most 50"),

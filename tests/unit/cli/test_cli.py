@@ -72,7 +72,7 @@ def test_plan_prints_for_people(
         (["run", "{cases}/rhombus.toml", "elsewhere"], "Unused Tokens: ['elsewhere']"),
         (["run", "{cases}/rhombus.toml", "--set", "air.speed=1,5 m/s"], "a decimal point is written"),
         (["run", "{cases}/rhombus.toml", "--set", "fraction.wheet.density=1300"], "did you mean 'wheat'?"),
-        (["run", "{cases}/rhombus.toml", "--target-error", "five"], "'five': needs a number or a string such as '5 %'"),
+        (["run", "{cases}/rhombus.toml", "--target-error", "five"], "'five': needs a share such as 0.05 or 5%"),
         (["run", "{cases}/rhombus.toml", "--target-error", "0,5 %"], "thousands without a mark: '0.5 %'"),
         (["run", "{cases}/rhombus.toml", "--force", "gravitation=off"], "unknown term"),
         (["run", "{cases}/rhombus.toml", "--force", "chaf.lift=on"], "no fraction 'chaf'"),

@@ -131,7 +131,7 @@ def test_realisations_of_an_airflow_are_flown_in_turn_and_stand_in_the_budget(rh
         if row.quantity.startswith("share.chaff."):
             parts = {part.source: part for part in row.parts}
             assert parts["airflow-statistics"].note == "from 4 states of the airflow"
-            errors = [part.error or 0.0 for part in row.parts if part.kind is None and part.source != "inputs"]
+            errors = [part.error or 0.0 for part in row.parts if not part.kind and part.source != "inputs"]
             place = row.quantity.removeprefix("share.chaff.")
             share, alone = result.share("chaff", place), steady.own.share("chaff", place)
             assert row.total.numerical == share.numerical

@@ -261,7 +261,7 @@ def test_the_plan_prints_and_writes_a_bound_for_every_fraction(
 
 @pytest.mark.parametrize("error", ["one", True, None.__class__, [0.01]])
 def test_an_accuracy_that_is_no_number_is_refused(error: Any, draft: Scene) -> None:
-    with pytest.raises(SceneError, match=r"target_error = .*(a number such as 0.01|needs a number)"):
+    with pytest.raises(SceneError, match=r"target_error = .*(a number such as 0.01|needs a share)"):
         make_plan(draft, target_error=error)
 
 

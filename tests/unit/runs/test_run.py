@@ -335,7 +335,7 @@ def test_files_that_no_run_wrote_are_not_replaced(tmp_path: Path) -> None:
         ({"out": "/proc/x"}, "/proc/x: cannot be made"),
         ({"near": 7}, "near = 7: needs a path, not int"),
         ({"force": ["lift"]}, "name each term and its state"),
-        ({"target_error": "one"}, "target_error = 'one': needs a number"),
+        ({"target_error": "one"}, "target_error = 'one': needs a share"),
     ],
 )
 @pytest.mark.parametrize("start", [wf.run, wf.sweep])

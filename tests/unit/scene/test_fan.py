@@ -173,8 +173,9 @@ def prism(changes: dict[str, Any] | None = None) -> Scene:
 
 def blown_by(scene: Scene, loss: float = LOSS) -> Computed:
     plan = wf.plan(scene, rung="draft")
-    made = Computed(scene, plan, Planner(scene), loss=loss)
-    found = _blown(cast("Pipeline", made), "draft")
+    planner = Planner(scene)
+    made = Computed(scene, plan, planner, loss=loss)
+    found = _blown(cast("Pipeline", made), planner, "draft")
     assert isinstance(found, Computed)
     return found
 
