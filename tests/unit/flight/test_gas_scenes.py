@@ -61,7 +61,8 @@ def test_plan_and_granules_slip_in_the_scenes_own_gas(changes: dict[str, Any], a
     plan = make_plan(scene)
     how = plan.fractions["dust"]
     expected = slips * float(terminal_velocity(1e-6, 2500.0, air.density, air.viscosity, law=how.drag))
-    assert UniformFall.of(scene, dust, how.drag, how.drag_scale, 1e-6).granule.settling == pytest.approx(expected, rel=1e-3)
+    fall = UniformFall.of(scene, dust, how.drag, how.drag_scale, 1e-6)
+    assert fall.granule.settling == pytest.approx(expected, rel=1e-3)
     assert how.terminal_velocity == pytest.approx(expected, rel=1e-3)
     grains = granules_of(scene, "dust", how, np.full(2, 1e-6))
     np.testing.assert_allclose(grains.drag_scale, 1.0 / slips, rtol=1e-12)
