@@ -68,23 +68,11 @@ def contract() -> list[str]:
 
 
 def signature(name: str, thing: Any) -> str:
-    """How it is called, in lines that a page holds."""
+    """How it is called, in lines that a page holds: parameters and defaults, whose types help() says."""
     shown = inspect.signature(thing)
-    plain = shown.replace(
-        parameters=[one.replace(annotation=_plain(one.annotation)) for one in shown.parameters.values()],
-        return_annotation=_plain(shown.return_annotation),
-    )
+    bare = [one.replace(annotation=one.empty) for one in shown.parameters.values()]
+    plain = shown.replace(parameters=bare, return_annotation=shown.empty)
     return fill(f"{name}{plain}", 118, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
-
-
-class _Text(str):
-    """An annotation that is shown as it is written."""
-
-    __repr__ = str.__str__
-
-
-def _plain(annotation: Any) -> Any:
-    return _Text(annotation) if isinstance(annotation, str) else annotation
 
 
 def signatures() -> str:
