@@ -21,6 +21,11 @@ COMPATIBLE = re.compile(
     r"\b(MIT|BSD|0BSD|ISC|Apache|PSF|Python|MPL|Mozilla|Zlib|HPND|CC0|Unlicense|LGPL|GPL-3|GPLv3|GPLv2\+|PIL|Boost|WTFPL|"
     r"GPL-2.0-or-later|GPL|GNU)\b", re.I,
 )  # fmt: skip
+SAME = (  # what distributions call the same licence
+    (r"Apache Software License|Apache 2\.0", "Apache-2.0"), (r"BSD License", "BSD"), (r"DFSG approved; ", ""),
+    (r"MIT License", "MIT"), (r"ISC License \(ISCL\)", "ISC"), (r"Mozilla Public License 2\.0 \(MPL 2\.0\)", "MPL-2.0"),
+    (r"Python Software Foundation License", "PSF-2.0"),
+)  # fmt: skip
 HEAD = "# Written by tests/dependencies.py on Python {python}: the versions that the tests passed with.\n"
 
 
@@ -54,7 +59,10 @@ def licence_of(made: Distribution) -> str:
     about = made.metadata
     classified = [one.rpartition(":: ")[2] for one in about.get_all("Classifier") or () if one.startswith("License ::")]
     said = about.get("License-Expression") or "; ".join(classified) or (about.get("License") or "").strip()
-    return said.splitlines()[0][:60] if said else "not said"
+    said = said.splitlines()[0][:60] if said else "not said"
+    for names, name in SAME:
+        said = re.sub(names, name, said)
+    return said
 
 
 def lock_text(packages: dict[str, Distribution]) -> str:
