@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,9 @@ from .pack_surroundings import eddy_life, pack_air, pack_lines, pack_walls
 from .tracks import Tracks
 
 Array = NDArray[np.float64]
-BLOCK = 512  # granules handed to a thread at a time
+BLOCK = 512  # granules handed to a thread at a time, at least
+MAX_BLOCK = 2048  # at most: an interruption waits for them
+PARTS = 4  # blocks that each thread gets, where they are longer: some take longer than others
 RECORD_POINTS = 1024  # points kept of a recorded track
 NOISE_STEP = 0.1  # an interval of noise, of an eddy's lifetime and the granule's response time
 EDDIES = 20.0  # lifetimes that a granule held by friction waits before it counts as resting
@@ -119,43 +122,39 @@ def _check(
         raise SceneError(f"noises = {noises}: 1 or 2")
 
 
-def _fly_block(flight: Packed, found: Tracks, low: int) -> int:
+def _fly_block(flight: Packed, found: Tracks, rows: NDArray[np.int64]) -> int:
     """One block, packed here so that what the kernel needs of a granule exists for few of them at a time; returns how
     many granules it holds.
     """
-    part = slice(low, min(low + BLOCK, len(flight.grains)))
-    some = to_frame(flight.grains[part], flight.swing)
-    floats, ints = pack_state(some, low, flight.field, flight.air, flight.solids, flight.reach)
+    some = to_frame(flight.grains[rows], flight.swing)
+    floats, ints = pack_state(some, rows, flight.field, flight.air, flight.solids, flight.reach)
     constants = pack_granules(some, flight.field, flight.forces, flight.gravity)
     room = np.zeros((len(some), flight.points, at.RECORD))
     scratch = (np.zeros(at.PATH), np.zeros(at.AFFINE), np.zeros(at.CONSTRAINT))
-    tables = flight.tables, flight.table_of[part]
-    order = np.argsort(floats[:, at.X], kind="stable")  # neighbours look at the same nodes, which then are in the cache
-    fly_block(floats, ints, constants, *tables, order, flight.air, flight.walls, flight.rules, room, *scratch)
-    found.keep(part, floats, ints)
-    ends = from_frame(found.position[part], found.velocity[part], found.time[part], flight.swing)
-    found.position[part], found.velocity[part] = ends
+    tables = flight.tables, flight.table_of[rows]
+    fly_block(floats, ints, constants, *tables, flight.air, flight.walls, flight.rules, room, *scratch)
+    found.keep(rows, floats, ints)
+    ends = from_frame(found.position[rows], found.velocity[rows], found.time[rows], flight.swing)
+    found.position[rows], found.velocity[rows] = ends
     if found.recorded:
-        for table in room:
+        for row, table, kept in zip(rows, room, ints[:, at.KEPT], strict=True):
             table[:, 1:3], table[:, 3:5] = from_frame(table[:, 1:3], table[:, 3:5], table[:, 0], flight.swing)
-        found.recorded[part] = [room[i, : ints[i, at.KEPT]].copy() for i in range(len(some))]
+            found.recorded[row] = table[:kept].copy()
     return len(some)
 
 
 def _fly_all(flight: Packed, found: Tracks, workers: int | None, progress: Callable[[int, int], object] | None) -> None:
     """All blocks, on ``workers`` threads; a single block in this one, since few granules fly faster than a thread
-    starts.
+    starts. Neighbours fly one after the other: they look at the same nodes, which then are in the cache.
     """
-    done, count = 0, len(flight.grains)
-    if 0 < count <= BLOCK:
-        _fly_block(flight, found, 0)
-        if progress is not None:
-            progress(count, count)
-        return
-    pool = ThreadPoolExecutor(max_workers=workers or cores())
+    done, count, workers = 0, len(flight.grains), workers or cores()
+    size = BLOCK if found.recorded else int(np.clip(count // (PARTS * workers), BLOCK, MAX_BLOCK))
+    order = np.argsort(flight.grains.position[:, 0], kind="stable")
+    blocks = [order[low : low + size] for low in range(0, count, size)]
+    pool = ThreadPoolExecutor(max_workers=workers)
     try:
-        for future in as_completed([pool.submit(_fly_block, flight, found, low) for low in range(0, count, BLOCK)]):
-            done += future.result()
+        for flown in (pool.map if len(blocks) > 1 else map)(partial(_fly_block, flight, found), blocks):
+            done += flown
             if progress is not None:
                 progress(done, count)
     finally:  # an interruption waits for the blocks that fly now, not for those that are still queued

@@ -149,10 +149,10 @@ PAIRS = 1024  # granules whose distances from all covered edges are in memory at
 
 
 def pack_state(
-    grains: Granules, first: int, field: FlowField | None, air: PackedAir, bodies: Sequence[Body], reach: float
+    grains: Granules, streams: Index, field: FlowField | None, air: PackedAir, bodies: Sequence[Body], reach: float
 ) -> tuple[Array, Index]:
-    """State arrays at birth of granules numbered from ``first``; one in the room a vibrating body has left begins at
-    the boundary edge it is next to.
+    """State arrays at birth of granules with these ``streams`` (n,) of random numbers; one in the room a vibrating body
+    has left begins at the boundary edge it is next to.
     """
     floats = np.zeros((len(grains), at.FLOATS))
     floats[:, at.X], floats[:, at.Y] = grains.position.T
@@ -162,7 +162,7 @@ def pack_state(
     ints = np.zeros((len(grains), at.INTS), dtype=np.int64)
     ints[:, [at.FATE, at.LINE, at.FEATURE, at.GAP, at.TRI]] = -1
     ints[:, at.FATE] = at.FLYING
-    ints[:, at.STREAM] = first + np.arange(len(grains))
+    ints[:, at.STREAM] = streams
     if field is not None and len(grains):
         ints[:, at.TRI] = field.locate(grains.position)
         outside = np.flatnonzero(ints[:, at.TRI] < 0)

@@ -157,6 +157,7 @@ import numpy as np
 from wakeflow.flight import Body
 from wakeflow.flight.driver import _rules
 from wakeflow.flight.kernel import layout as at
+from wakeflow.flight.kernel.dense_output import phis
 from wakeflow.flight.kernel.strides import _end
 from wakeflow.flight.pack_surroundings import pack_air, pack_lines, pack_walls
 from flight.test_strides import air
@@ -172,7 +173,8 @@ for gap in (1e-16, 1e-12, 1e-6, 1e-4):
     place = np.array([0.45, 0.45]) + (radius + gap) * np.sqrt(0.5)
     path[[at.START_X, at.START_Y]], path[[at.START_VX, at.START_VY]] = place, -np.sqrt(0.5)
     ints[at.GAP] = -1
-    s, _, end = _end(path, h, int(field.locate(place)[0]), state, ints, packed, grain, walls, rules, gap, h)
+    ends, tri = phis(-path[at.RATE] * h), int(field.locate(place)[0])
+    s, _, end = _end(path, h, ends, tri, state, ints, packed, grain, walls, rules, gap, h)
     print(s, ints[at.PATIENCE], *end[:2])
 """
 

@@ -118,9 +118,8 @@ class _Run:
         slots = self.pool.free(len(rows))
         crowd = self.pool.rows
         some = slab.grains[rows]
-        floats, ints = pack_state(to_frame(some, slab.swing), 0, slab.field, slab.air, slab.solids, slab.reach)
+        floats, ints = pack_state(to_frame(some, slab.swing), rows, slab.field, slab.air, slab.solids, slab.reach)
         floats[:, [at.X, at.Y]], floats[:, [at.VX, at.VY]] = some.position, some.velocity
-        ints[:, at.STREAM] = rows
         inside = ints[:, at.GAP] >= 0
         ints[inside, at.TRI] = slab.air.covered[ints[inside, at.GAP], at.COVER_TRI] if inside.any() else 0
         crowd.states[slots], crowd.counts[slots] = floats, ints

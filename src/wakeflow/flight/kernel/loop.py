@@ -266,12 +266,10 @@ def _one_step(state, ints, path, affine, hold, air, grain, table, walls, rules, 
 
 
 @entry
-def fly_block(states, counts, grains, tables, table_of, order, air, walls, rules, records, path, affine, hold):
-    """Track a block of granules in this order, each from birth to its fate; path, affine and hold are the block's
-    scratch.
-    """
+def fly_block(states, counts, grains, tables, table_of, air, walls, rules, records, path, affine, hold):
+    """Track a block of granules, each from birth to its fate; path, affine and hold are the block's scratch."""
     timed = (air.times.shape[0] > 1 or air.smooth[at.KNOT_RATE] != 0.0) and air.corners.shape[0] > 0
-    for i in order:
+    for i in range(states.shape[0]):
         state, ints, grain, table, record = states[i], counts[i], grains[i], tables[table_of[i]], records[i]
         begin_track(state, ints, affine, hold, air, grain, walls, timed)
         store_point(state, ints, record, 0)
@@ -286,10 +284,7 @@ def fly_block(states, counts, grains, tables, table_of, order, air, walls, rules
                 if meshed and hop(state, ints, air, walls, rules):
                     continue
                 drawn, vx, vy = record.shape[0] > 0, state[at.VX], state[at.VY]
-                if (
-                    meshed
-                    and multi_cell_step(path, state, ints, hold, affine, air, grain, table, walls, rules, drawn) > 0
-                ):
+                if meshed and multi_cell_step(path, state, ints, hold, affine, air, grain, table, walls, rules, drawn):
                     state[at.GAIN_X] += state[at.VX] - vx
                     state[at.GAIN_Y] += state[at.VY] - vy
                     store_point(state, ints, record, 0)

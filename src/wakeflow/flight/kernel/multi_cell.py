@@ -19,29 +19,28 @@ MAX_CONFINED = 3  # steps after a stride that was refused are confined, 1, 2, 4 
 
 @compiled
 def multi_cell_step(path, state, ints, hold, affine, air, grain, table, walls, rules, drawn):
-    """Strides over several triangles where that is worth it. Returns the steps taken, 0 for none.
+    """Strides over several triangles where that is worth it. Returns whether there was one.
 
     Not in contact: what is past has no value there. After a stride that was refused for its error 1, 2, 4, 8 steps are
     confined before the next is tried.
     """
     if rules.march == 0 or hold[at.KIND] != at.FREE or grain[at.STOKES] == 0.0:
-        return 0
+        return False
     if grain[at.FORGET] != 0.0 and ints[at.STEPS] == 0:  # its memories begin
-        return 0
+        return False
     if ints[at.PATIENCE] > 0:
         ints[at.PATIENCE] -= 1
-        return 0
+        return False
     cell = cell_size(air.geometry, ints[at.TRI]) / math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2)
     least, most = MIN_STRIDE * cell, (DRAWN_STRIDE if drawn else MAX_STRIDE) * cell
     h, refused, slope = stride(path, cell, least, most, state, ints, hold, affine, air, grain, table, walls, rules)
     if h > 0.0:
         ints[at.FRESH] = ints[at.HOPS] = ints[at.STUCK] = ints[at.STRIDES_REFUSED] = 0
-        steps = 1
+        ints[at.STEPS] += 1
         if grain[at.NOISE] != 0.0 and not drawn:
-            steps += onward(path, h, slope, state, ints, hold, affine, air, grain, table, walls, rules)
-        ints[at.STEPS] += steps
-        return steps
+            ints[at.STEPS] += onward(path, h, slope, state, ints, hold, affine, air, grain, table, walls, rules)
+        return True
     if refused:
         ints[at.PATIENCE] = 2 ** ints[at.STRIDES_REFUSED]
         ints[at.STRIDES_REFUSED] = min(ints[at.STRIDES_REFUSED] + 1, MAX_CONFINED)
-    return 0
+    return False

@@ -150,19 +150,25 @@ def _left(path, s, geometry, tri, code, x, y):
     if beyond >= -OVER:
         return s
     before = barycentric(geometry, tri, edge, path[at.START_X], path[at.START_Y])
-    return s * (before + AIMED) / (before - beyond) if before > 0.0 else 0.5 * s
+    if before <= 0.0:
+        return 0.5 * s
+    bx, by = geometry[tri, at.B0X + 2 * edge], geometry[tri, at.B0Y + 2 * edge]
+    aim, turn = before + AIMED, s * (bx * path[at.START_VX] + by * path[at.START_VY])  # a parabola from both ends
+    return 2.0 * s * aim / (math.sqrt(turn * turn + 4.0 * aim * (before + turn - beyond)) - turn)
 
 
 @compiled
-def _stages(path, h, start, state, ints, hold, affine, air, grain, table):
-    """Look at the force in the middle of a stride h (s), at its end, at 1/4 and at 3/4."""
+def _stages(path, h, ends, start, state, ints, hold, affine, air, grain, table):
+    """Look at the force in the middle of a stride h (s), at its end, where the phi functions are ``ends``, at 1/4 and
+    at 3/4.
+    """
     tri = half_way = last = ints[at.TRI]
     fast, rate, curl = start.speed, path[at.RATE], 7.0 / 90.0 * start.curl  # of the vorticity by Boole's rule
     past = bent = relaxed = ox = oy = nx = ny = hx = hy = gx = gy = 0.0
     path[at.N1X] = path[at.N1Y] = path[at.N2X] = path[at.N2Y] = 0.0
     for stage in range(1, 5):
         s = h * (0.5 * stage if stage < 3 else 0.5 * stage - 1.25)
-        p = phis(-rate * s)
+        p = ends if stage == 2 else phis(-rate * s)
         x, y, vx, vy = along_phis(path, s, p)
         tri, code = find(air, tri if stage < 3 else half_way, x, y)
         left = _left(path, s, air.geometry, tri, code, x, y)
@@ -221,10 +227,11 @@ def _flight_left(state, grain, rules, speed):
 
 # -- A stride that is judged -------------------------------------------------------------------------------------------
 @compiled
-def _error(path, h, found, horizon, grain):
-    """What a stride h (s) may displace (m): by its defects, by a velocity's transient, and by the history force."""
+def _error(path, h, p, found, horizon, grain):
+    """What a stride h (s) with the phi functions ``p`` at its end may displace (m): by its defects, by a velocity's
+    transient, and by the history force.
+    """
     rate = path[at.RATE]
-    p = phis(-rate * h)
     carry = carried(p, rate, h, horizon)
     error = h * displaced(found.ox, found.oy, found.mx, found.my, carry, rate, h)
     error += found.relaxed * (rate * h / (rate * h + TRANSIENT)) ** 3
@@ -266,12 +273,12 @@ def _on_edge(path, h, geometry, tri):
 
 
 @compiled
-def _end(path, h, tri, state, ints, air, grain, walls, rules, free, way):
-    """Where a stride h (s) ends: its time, triangle, place and velocity. That is on the mesh's edge where it goes
-    beyond it, and short of a wall or a line that is met before; a time that is not above zero: nowhere. There is
-    ``free`` room (m) where it begins.
+def _end(path, h, p, tri, state, ints, air, grain, walls, rules, free, way):
+    """Where a stride h (s), with the phi functions ``p`` there, ends: its time, triangle, place and velocity. That is
+    on the mesh's edge where it goes beyond it, and short of a wall or a line that is met before; a time that is not
+    above zero: nowhere. There is ``free`` room (m) where it begins.
     """
-    end, s = along(path, h), h
+    end, s = along_phis(path, h, p), h
     tri, code = find(air, tri, end[0], end[1])
     if code == OPEN:
         s = _on_edge(path, h, air.geometry, tri)
@@ -292,13 +299,13 @@ def _end(path, h, tri, state, ints, air, grain, walls, rules, free, way):
 
 
 @compiled
-def _land(path, h, clock, found, state, ints, hold, air, grain, walls, rules, free, way):
+def _land(path, h, p, clock, found, state, ints, hold, air, grain, walls, rules, free, way):
     """Make good the mean defect of the force, and arrive at the end of a stride h (s). Returns when; a time that is not
     above zero: the granule has not moved.
     """
     path[at.N0X] += BOOLE * (found.ox + found.mx)
     path[at.N0Y] += BOOLE * (found.oy + found.my)
-    s, tri, end = _end(path, h, found.tri, state, ints, air, grain, walls, rules, free, way)
+    s, tri, end = _end(path, h, p, found.tri, state, ints, air, grain, walls, rules, free, way)
     if s > 0.0:
         _arrive(path, s, clock, tri, end, found.curl, state, ints, hold, grain)
     return s
@@ -334,21 +341,22 @@ def stride(path, cell, least, most, state, ints, hold, affine, air, grain, table
     look = look_at(ints, affine, air, grain, ints[at.TRI], state[at.X], state[at.Y], t0)
     start = _begin(path, look, state, ints, hold, air, grain, table)
     for _ in range(TRIES):
-        found = _stages(path, h, start, state, ints, hold, affine, air, grain, table)
+        p = phis(-path[at.RATE] * h)
+        found = _stages(path, h, p, start, state, ints, hold, affine, air, grain, table)
         if found.left < h:
             h = found.left
             if h < least:
                 break
             continue
         way = AROUND * h * found.fast
-        error = _error(path, h, found, horizon, grain)
+        error = _error(path, h, p, found, horizon, grain)
         allowed = STRIDE_SHARE * rules.allowance * math.sqrt(rules.extent * way)
         if error <= allowed:
-            longer = h * min(GROWTH, 0.8 * math.sqrt(allowed / error)) if error > 0.0 else GROWTH * h
+            longer = h * min(GROWTH, 0.8 * math.sqrt(math.sqrt(allowed / error))) if error > 0.0 else GROWTH * h
             state[at.H_STRIDE] = max(longer, known) if h < asked and not refused else longer
-            h = _land(path, h, clock, found, state, ints, hold, air, grain, walls, rules, free, way)
+            h = _land(path, h, p, clock, found, state, ints, hold, air, grain, walls, rules, free, way)
             return max(h, 0.0), False, (found.gx, found.gy)
-        h *= max(0.1, 0.7 * math.sqrt(allowed / error)) if math.isfinite(error) else 0.1
+        h *= max(0.1, 0.7 * math.sqrt(math.sqrt(allowed / error))) if math.isfinite(error) else 0.1
         refused, known = True, h
         if h < least:
             break
@@ -427,7 +435,7 @@ def onward(path, before, slope, state, ints, hold, affine, air, grain, table, wa
         way = AROUND * h * max(start.speed, math.sqrt(last[2] * last[2] + last[3] * last[3]))
         if free <= way:
             free = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], AHEAD * way)
-        s, tri, last = _end(path, h, tri, state, ints, air, grain, walls, rules, free, way)
+        s, tri, last = _end(path, h, p, tri, state, ints, air, grain, walls, rules, free, way)
         if s != h:
             return taken
         free, before = free - way, h
