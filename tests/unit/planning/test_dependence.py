@@ -9,7 +9,7 @@ import pytest
 import wakeflow as wf
 from support import ALONE, shipped
 from wakeflow.core.errors import SceneError
-from wakeflow.flight.stages.input_samples import DrawStage, Ensemble
+from wakeflow.flight.stages.input_samples import DrawStage, Ensemble, Joined
 from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.laws.size import normal_points
 from wakeflow.planning.dependence import Dependence, dependence
@@ -43,8 +43,8 @@ def _columns(found: Dependence, *keys: str) -> list[int]:
     return [known.index(key) for key in keys]
 
 
-def _stage(scene: wf.Scene, ensemble: Ensemble | None = None) -> DrawStage:
-    return DrawStage(Pipeline(scene, make_plan(scene))._track_stage, ensemble)
+def _stage(scene: wf.Scene, joined: Joined = Dependence.joined) -> DrawStage:
+    return DrawStage(Pipeline(scene, make_plan(scene))._track_stage, joined)
 
 
 def _untied_design(stage: DrawStage, shared: Sequence[bool]) -> np.ndarray:
@@ -170,7 +170,8 @@ def test_flown_draws_keep_to_their_orders(ensemble: bool) -> None:
     }
     scene = shipped("rhombus", {**FEW, WHEAT: 0.5, CHAFF: 0.5, **order})
     found = _dependence(scene)
-    some = Ensemble(np.full(len(found.unknowns), 0.1), 0.25 * np.eye(len(found.unknowns))) if ensemble else None
+    near = Ensemble(np.full(len(found.unknowns), 0.1), 0.25 * np.eye(len(found.unknowns)))
+    some = near.joined if ensemble else Dependence.joined
     stage = _stage(scene, some)
     assert stage.design.shape == (INPUT_SAMPLES, len(found.unknowns))
     assert found.kept(stage.design).all()
@@ -179,8 +180,7 @@ def test_flown_draws_keep_to_their_orders(ensemble: bool) -> None:
     if not ensemble:  # as two independent normal numbers of which the one happens to be larger
         middle, spread = 0.5642, 0.4669  # 1 / sqrt(pi), and the correlation (1 - v) / (1 + v) with v = 1 - 2 / pi
         pair = stage.design[:, [chaff, wheat]]
-        half = (found.unknowns[chaff].high, found.unknowns[wheat].high)
-        assert half[0] == half[1]
+        assert found.unknowns[chaff].high == found.unknowns[wheat].high
         np.testing.assert_allclose(pair.mean(axis=0), [-middle, middle], atol=0.15)
         assert np.corrcoef(pair, rowvar=False)[0, 1] == pytest.approx(spread, abs=0.2)
     assert len(np.unique(stage.design[:, found.of_air], axis=0)) == INPUT_SAMPLES // SAME_AIR
@@ -214,4 +214,4 @@ def test_orders_that_hardly_any_draw_keeps_are_one_line() -> None:
     place = [one.key for one in unknowns(scene, make_plan(scene))].index(HARD)
     away[place] = -1e9
     with pytest.raises(SceneError, match="hardly any draw keeps to these orders"):
-        _ = _stage(scene.replace({SOFT: 0.5, HARD: 0.5}), Ensemble(away, 1e-9 * np.eye(count))).design
+        _ = _stage(scene.replace({SOFT: 0.5, HARD: 0.5}), Ensemble(away, 1e-9 * np.eye(count)).joined).design

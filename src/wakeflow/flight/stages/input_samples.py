@@ -7,7 +7,7 @@ so that what it moves is seen between the same granules: its error is that of th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -42,6 +42,7 @@ CODE = "flight.stages.input_samples", "air.field.combined"  # what computes it
 
 
 Array = NDArray[np.float64]
+Joined = Callable[[Dependence, Array], Array]
 MOST_POINTS = 2**14  # of which INPUT_SAMPLES keep to the orders of a scene, or hardly any do
 
 
@@ -76,19 +77,19 @@ class Ensemble:
     mean: Array
     spread: Array
 
-    def at(self, z: Array, shared: NDArray[np.bool_]) -> Array:
-        """Independent standard normal numbers ``z`` (R, K) as draws of this: those of the air, ``shared`` by several
-        draws, go with each other alone, so that they stay shared.
-        """
-        return np.clip(self.mean + correlated(z, self.spread, shared), -FARTHEST, FARTHEST)
+    def joined(self, ties: Dependence, xi: Array) -> Array:
+        """Independent standard normal numbers ``xi`` (N, K) as draws of this, in place of :meth:`Dependence.joined`."""
+        return np.clip(self.mean + correlated(xi, self.spread, ties.of_air), -FARTHEST, FARTHEST)
 
 
 @dataclass
 class DrawStage:
-    """The draws of one scene, flown as the ``tracks`` are; of what was known at first, or of an ``ensemble``."""
+    """The draws of one scene, flown as the ``tracks`` are. ``joined`` makes them of independent standard normal
+    numbers: as the scene ties them, or as an ``Ensemble`` does.
+    """
 
     tracks: TrackStage
-    ensemble: Ensemble | None = None
+    joined: Joined = Dependence.joined
 
     @cached_property
     def unknowns(self) -> list[Unknown]:
@@ -122,19 +123,15 @@ class DrawStage:
         next. A point that does not is left out, so that those that are taken fill what is left evenly.
         """
         if not ties.orders:
-            return self._tied(own + np.repeat(air, SAME_AIR, axis=0), ties)
-        air = air[ties.among(ties.of_air).kept(self._tied(air, ties))]
+            return self.joined(ties, own + np.repeat(air, SAME_AIR, axis=0))
+        air = air[ties.among(ties.of_air).kept(self.joined(ties, air))]
         found: list[Array] = []
         for point in own:
             if len(found) == min(INPUT_SAMPLES, SAME_AIR * len(air)):
                 break
-            z = self._tied((point + air[len(found) // SAME_AIR])[None], ties)
+            z = self.joined(ties, (point + air[len(found) // SAME_AIR])[None])
             found += list(z[ties.kept(z)])
         return np.array(found)
-
-    def _tied(self, xi: Array, ties: Dependence) -> Array:
-        """Independent standard normal numbers (N, K) as the scene ties them, or as the ensemble does."""
-        return ties.joined(xi) if self.ensemble is None else self.ensemble.at(xi, ties.of_air)
 
     def fly(self) -> InputSamples | None:
         """The draws, from the cache or flown; None where everything is known exactly."""

@@ -17,6 +17,7 @@ from ...core.errors import known
 from ...core.lazy import cached_property
 from ...core.store import Store, cache_root
 from ...core.tables import Columns
+from ...planning.dependence import Dependence
 from ...planning.feed_funnel import ENGINE, FunnelSummary, bead_engines
 from ...planning.make import Planner
 from ...planning.plan import Plan
@@ -28,7 +29,7 @@ from .air_loading import AirLoading
 from .airs import Airs
 from .compilation import Compilation
 from .film_stage import Film, FilmStage
-from .input_samples import DrawStage, Ensemble, InputSamples
+from .input_samples import DrawStage, InputSamples, Joined
 from .slab_stage import CollisionRerun, CollisionStage, SlabFound
 from .track_stage import PerturbedRerun, TrackStage
 
@@ -171,13 +172,11 @@ class Pipeline:
         """What draws and flies what nobody knows exactly."""
         return DrawStage(self._track_stage)
 
-    def draws_of(self, ensemble: Ensemble) -> InputSamples | None:
-        """The same under draws of what is known of the unknowns once something was measured."""
-        return DrawStage(self._track_stage, ensemble).fly()
-
-    def draws(self) -> InputSamples | None:
-        """Part of the granules under many draws of what nobody knows exactly; None where all is known."""
-        return self.draw_stage.fly()
+    def draws(self, joined: Joined = Dependence.joined) -> InputSamples | None:
+        """Part of the granules under many draws of what nobody knows exactly, ``joined`` as the scene says or as an
+        ``Ensemble`` does; None where all is known.
+        """
+        return DrawStage(self._track_stage, joined).fly()
 
     @cached_property
     def _collision_stage(self) -> CollisionStage:
