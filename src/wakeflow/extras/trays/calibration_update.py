@@ -115,7 +115,7 @@ def updated(flights: Flights, measured: Measured, discrepancy: float = DISCREPAN
     while rounds < MOST_ROUNDS and not stands:
         z = model.inputs(found)
         mean, spread = z.mean(axis=0), np.atleast_2d(np.cov(z.T))
-        more = known(flights.pipeline.draws_of(Ensemble(mean, _wide_enough(spread))))
+        more = known(flights.pipeline.draws(Ensemble(mean, _wide_enough(spread))))
         flown = _joined(model.flown, more)
         model = replace(model, flown=flown, how=responses(flights.pipeline.scene, flown, joint.cells))
         found, rounds = tempered(model.likelihood(measured), start), rounds + 1
