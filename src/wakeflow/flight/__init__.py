@@ -11,8 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ..core.lazy import loaded
-from .bodies import Body, Motion
-from .collisions.collision_settings import Collisions
+from .bodies import Body, Collisions, Motion
 from .granules import Granules
 from .tracks import ClockStep, Fate, Tracks
 

@@ -16,14 +16,22 @@ from ..core.arrays import number
 from ..core.errors import SceneError
 from ..core.process import check_workers, cores
 from ..laws.constants import GRAVITY
-from .bodies import Body, Motion
-from .collisions.collision_settings import Collisions
-from .frame import from_frame, mesh_motion_of, to_frame
+from .bodies import Body, Collisions, Motion
 from .granules import Granules
 from .kernel import layout as at
 from .kernel.layout import PackedAir, Rules, Walls
 from .kernel.loop import fly_block
-from .pack import Packed, check_forces, pack_granules, pack_state, pack_tables
+from .pack import (
+    AT_REST,
+    Packed,
+    check_forces,
+    from_frame,
+    mesh_motion_of,
+    pack_granules,
+    pack_state,
+    pack_tables,
+    to_frame,
+)
 from .pack_surroundings import eddy_life, pack_air, pack_lines, pack_walls
 from .tracks import Tracks
 
@@ -84,11 +92,12 @@ def track(
     unknown force or drag law, a force that needs what the field has not, or arguments out of range.
     """
     check_forces(forces, field)
+    check_workers(workers)
     until, tolerance = number("until", until, "s"), number("tolerance", tolerance)
     solids = [body if isinstance(body, Body) else Body(body, motion=motion) for body in bodies]
     across = float(np.ptp(solids[0].outline[:, 0])) if solids else 1.0
     length = across if length is None else number("length", length, "m")
-    _check(record, length, tolerance, until, seed, noises, workers)
+    _check(record, length, tolerance, until, seed, noises)
     swing, reach, points = mesh_motion_of(field), REACH * length, RECORD_POINTS if record is True else int(record)
     walls = pack_walls(solids, pack_lines(lines), swing, grains.restitution)
     air = pack_air(field, solids, reach, forces)
@@ -98,17 +107,15 @@ def track(
     found = Tracks.empty(len(grains), recorded=bool(record))
     if not len(grains):
         pack_granules(grains, field, forces, gravity)  # for what it raises
+    tell = progress or (lambda *_: None)
     if collisions is not None:
-        return _fly_colliding(flight, found, collisions, seed, progress)
-    _fly_all(flight, found, workers, progress)
+        return _fly_colliding(flight, found, collisions, seed, tell)
+    _fly_all(flight, found, workers or cores(), tell)
     return found
 
 
-def _check(
-    record: bool | int, length: float, tolerance: float, until: float, seed: int, noises: int, workers: int | None
-) -> None:
+def _check(record: bool | int, length: float, tolerance: float, until: float, seed: int, noises: int) -> None:
     """Raise SceneError for numbers that are out of range."""
-    check_workers(workers)
     if record is not True and not (record == 0 or 16 <= record <= MAX_STEPS):
         raise SceneError(f"record = {record}: True, or 16 to {MAX_STEPS} points")
     for name, value in (("length", length), ("tolerance", tolerance)):
@@ -127,7 +134,7 @@ def _fly_block(flight: Packed, found: Tracks, rows: NDArray[np.int64]) -> int:
     many granules it holds.
     """
     some = to_frame(flight.grains[rows], flight.swing)
-    floats, ints = pack_state(some, rows, flight.field, flight.air, flight.solids, flight.reach)
+    floats, ints = pack_state(flight, some, rows)
     constants = pack_granules(some, flight.field, flight.forces, flight.gravity)
     room = np.zeros((len(some), flight.points, at.RECORD))
     scratch = (np.zeros(at.PATH), np.zeros(at.AFFINE), np.zeros(at.CONSTRAINT))
@@ -143,11 +150,11 @@ def _fly_block(flight: Packed, found: Tracks, rows: NDArray[np.int64]) -> int:
     return len(some)
 
 
-def _fly_all(flight: Packed, found: Tracks, workers: int | None, progress: Callable[[int, int], object] | None) -> None:
+def _fly_all(flight: Packed, found: Tracks, workers: int, progress: Callable[[int, int], object]) -> None:
     """All blocks, on ``workers`` threads; a single block in this one, since few granules fly faster than a thread
     starts. Neighbours fly one after the other: they look at the same nodes, which then are in the cache.
     """
-    done, count, workers = 0, len(flight.grains), workers or cores()
+    done, count = 0, len(flight.grains)
     size = BLOCK if found.recorded else int(np.clip(count // (PARTS * workers), BLOCK, MAX_BLOCK))
     order = np.argsort(flight.grains.position[:, 0], kind="stable")
     blocks = [order[low : low + size] for low in range(0, count, size)]
@@ -155,18 +162,13 @@ def _fly_all(flight: Packed, found: Tracks, workers: int | None, progress: Calla
     try:
         for flown in (pool.map if len(blocks) > 1 else map)(partial(_fly_block, flight, found), blocks):
             done += flown
-            if progress is not None:
-                progress(done, count)
+            progress(done, count)
     finally:  # an interruption waits for the blocks that fly now, not for those that are still queued
         pool.shutdown(cancel_futures=True)
 
 
 def _fly_colliding(
-    flight: Packed,
-    found: Tracks,
-    collisions: Collisions,
-    seed: int,
-    progress: Callable[[int, int], object] | None,
+    flight: Packed, found: Tracks, collisions: Collisions, seed: int, progress: Callable[[int, int], object]
 ) -> Tracks:
     """The same granules as a crowd, in the lab; far finer flights of a sample, each granule alone, judge its step."""
     from .collisions.slab_driver import Slab, fly_colliding
@@ -178,10 +180,10 @@ def _fly_colliding(
             rules=flight.rules._replace(**finer),
         )  # fmt: skip
         tracks = Tracks.empty(len(rows))
-        _fly_all(some, tracks, None, None)
+        _fly_all(some, tracks, cores(), lambda *_: None)
         return tracks
 
-    walls = pack_walls(flight.solids, (flight.walls.lines, flight.walls.line_ids), None, flight.grains.restitution)
+    walls = pack_walls(flight.solids, (flight.walls.lines, flight.walls.line_ids), AT_REST, flight.grains.restitution)
     slab = Slab(**vars(flight) | {"walls": walls, "collisions": collisions})
     return fly_colliding(slab, found, alone, seed, progress)
 

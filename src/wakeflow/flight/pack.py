@@ -1,9 +1,11 @@
-"""What is constant of a granule for the kernel, and its state at birth."""
+"""What is constant of a granule for the kernel, and its state at birth; the frame of a mesh that swings."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +39,7 @@ class Packed:
     forces: Sequence[str]
     gravity: Sequence[float]
     solids: Sequence[Body]
-    swing: MeshOscillation | None  # how the mesh moves, in whose frame granules fly
+    swing: MeshOscillation  # how the mesh moves, in whose frame granules fly
     reach: float  # m, how near to a body the mesh's edge counts as covered by it
     points: int  # kept of a path, 0: none
     walls: Walls
@@ -148,9 +150,7 @@ def _tables_of(law: str, sphericity: Array) -> tuple[Array, Index]:
 PAIRS = 1024  # granules whose distances from all covered edges are in memory at a time
 
 
-def pack_state(
-    grains: Granules, streams: Index, field: FlowField | None, air: PackedAir, bodies: Sequence[Body], reach: float
-) -> tuple[Array, Index]:
+def pack_state(flight: Packed, grains: Granules, streams: Index) -> tuple[Array, Index]:
     """State arrays at birth of granules with these ``streams`` (n,) of random numbers; one in the room a vibrating body
     has left begins at the boundary edge it is next to.
     """
@@ -163,18 +163,18 @@ def pack_state(
     ints[:, [at.FATE, at.LINE, at.FEATURE, at.GAP, at.TRI]] = -1
     ints[:, at.FATE] = at.FLYING
     ints[:, at.STREAM] = streams
-    if field is not None and len(grains):
-        ints[:, at.TRI] = field.locate(grains.position)
+    if flight.field is not None and len(grains):
+        ints[:, at.TRI] = flight.field.locate(grains.position)
         outside = np.flatnonzero(ints[:, at.TRI] < 0)
-        if len(outside) and len(air.covered):
-            ints[outside, at.GAP] = _nearest_covered(grains.position[outside], field, air, bodies, reach)
+        if len(outside) and len(flight.air.covered):
+            ints[outside, at.GAP] = _nearest_covered(flight, flight.field, grains.position[outside])
     return floats, ints
 
 
-def _nearest_covered(x: Array, field: FlowField, air: PackedAir, bodies: Sequence[Body], reach: float) -> Index:
+def _nearest_covered(flight: Packed, field: FlowField, x: Array) -> Index:
     """Covered edge next to each point outside the mesh, -1 where none is as near as its body may have moved."""
-    swing = max((float(np.hypot(*body.reach)) for body in bodies), default=0.0)
-    triangle, edge = air.covered[:, at.COVER_TRI], air.covered[:, at.COVER_EDGE]
+    swing = max((float(np.hypot(*body.reach)) for body in flight.solids), default=0.0)
+    triangle, edge = flight.air.covered[:, at.COVER_TRI], flight.air.covered[:, at.COVER_EDGE]
     a = field.points[field.triangles[triangle, (edge + 1) % 3]]
     along = field.points[field.triangles[triangle, (edge + 2) % 3]] - a
     found = np.full(len(x), -1, dtype=np.int64)
@@ -183,6 +183,73 @@ def _nearest_covered(x: Array, field: FlowField, air: PackedAir, bodies: Sequenc
         w = np.clip(np.einsum("nci,ci->nc", offset, along) / np.einsum("ci,ci->c", along, along), 0.0, 1.0)
         distance = np.linalg.norm(offset - w[..., None] * along, axis=2)
         best = distance.argmin(axis=1)
-        near = distance[np.arange(len(best)), best] <= swing + reach
+        near = distance[np.arange(len(best)), best] <= swing + flight.reach
         found[low : low + PAIRS] = np.where(near, best, -1)
     return found
+
+
+# -- The frame of a mesh that swings -----------------------------------------------------------------------------------
+# Granules fly in it, so that the mesh and the body it moves with stand still. With the mesh displaced by d, y = x - d
+# and w = v - d' obey the same equation with the air's velocity u(y, t) - d' and gravity g - d'': slips, drag and Du/Dt
+# are what they are in the lab, and nothing is approximated. Bodies and bins that rest in the lab move by -d.
+SAME = 1e-9  # relative difference of frequencies and phases that counts as none
+MINUTE = 1e-9  # of an amplitude: relative motion below it is round-off
+AT_REST = MeshOscillation(0.0, 0.0, 0.0, 0.0)
+
+
+def mesh_motion_of(field: FlowField | None) -> MeshOscillation:
+    """How the field's mesh moves."""
+    swing = AT_REST if field is None or field.motion is None else field.motion
+    return AT_REST if swing.x == 0.0 and swing.y == 0.0 else swing
+
+
+def relative(body: Body, swing: MeshOscillation) -> list[float]:
+    """Amplitude (x, y), angular frequency and phase of a body's motion seen from the mesh; zeros for none.
+
+    Of one that rocks: its largest displacement. Of samples: the largest displacement, the pace of their fastest change,
+    and the phase as a time (s). Raises SceneError for a body that vibrates otherwise than the mesh: about a pivot, with
+    another frequency or phase, or by samples.
+    """
+    own, motion = [0.0] * 4, body.motion
+    if motion is not None and motion.moves:
+        amplitude = np.asarray(motion.amplitude) if motion.pivot is None else body.reach
+        own = [*amplitude.tolist(), motion.pace, float(motion.phase)]
+        if motion.record is not None:
+            own[3] *= motion.record.period / (2 * math.pi)
+    if swing == AT_REST:
+        return own
+    if motion is not None and motion.moves and motion.pivot is not None:
+        raise SceneError(
+            "bodies: one rocks about a pivot, the field's mesh vibrates; they must agree, or the body rest"
+        )
+    if motion is not None and motion.record is not None:
+        raise SceneError("bodies: one moves by samples, the field's mesh vibrates; they must agree, or the body rest")
+    if own[2] != 0.0:
+        lag = (own[3] - swing.phase + math.pi) % (2 * math.pi) - math.pi
+        if abs(own[2] - swing.omega) > SAME * swing.omega or abs(lag) > SAME:
+            raise SceneError(
+                f"bodies: one vibrates at {own[2] / (2 * math.pi):g} Hz, phase {own[3]:g}, the field's mesh at "
+                f"{swing.omega / (2 * math.pi):g} Hz, phase {swing.phase:g}: they must agree, or the body rest"
+            )
+    x, y = own[0] - swing.x, own[1] - swing.y
+    if math.hypot(x, y) <= MINUTE * math.hypot(swing.x, swing.y):
+        return [0.0] * 4
+    return [x, y, swing.omega, swing.phase]
+
+
+def to_frame(grains: Granules, swing: MeshOscillation) -> Granules:
+    """Granules at birth as seen from the mesh."""
+    if swing == AT_REST:
+        return grains
+    t, pace = grains.time, swing.velocity(grains.time)
+    came = None if grains.arrival is None else grains.arrival - pace
+    return grains.replace(
+        position=grains.position - swing.displacement(t), velocity=grains.velocity - pace, arrival=came
+    )
+
+
+def from_frame(position: Any, velocity: Any, time: Any, swing: MeshOscillation) -> tuple[Array, Array]:
+    """Positions and velocities (n, 2) at times (n,) back in the lab."""
+    if swing == AT_REST:
+        return position, velocity
+    return position + swing.displacement(time), velocity + swing.velocity(time)

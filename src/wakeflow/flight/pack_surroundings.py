@@ -17,14 +17,13 @@ from ..core.arrays import numbers
 from ..core.errors import SceneError, known
 from ..core.geometry import distance_to_edges
 from ..laws.forces import forces as all_forces
-from ..laws.forces.force import Needs
 from ..laws.restitution import Restitution, restitution_table
 from ..laws.turbulence import lifetime
 from .bodies import Body
-from .frame import mesh_motion_of, relative
 from .kernel import layout as at
 from .kernel.layout import PackedAir, Walls
 from .near_walls import LONGEST_LIFE, eddies, hold_off
+from .pack import AT_REST, mesh_motion_of, relative
 
 # -- From bodies and lines to the plain arrays of the kernel -----------------------------------------------------------
 Array = NDArray[np.float64]
@@ -35,7 +34,7 @@ BOXED = 1e-9  # of a part's coordinates: its box is larger by that, so that roun
 
 
 def pack_walls(
-    bodies: Sequence[Body], lines: tuple[Array, Index], swing: MeshOscillation | None = None, restitution: Any = None
+    bodies: Sequence[Body], lines: tuple[Array, Index], swing: MeshOscillation = AT_REST, restitution: Any = None
 ) -> Walls:
     """Edges, convex corners and motions of all bodies, one after the other; motions as seen from a mesh that swings;
     the granules' ``restitution`` where it is a law.
@@ -45,7 +44,7 @@ def pack_walls(
         _add(tables, number, body, swing)
     width = max((len(row) for row in tables.bodies), default=at.SAMPLES)
     rows = [row + [0.0] * (width - len(row)) for row in tables.bodies]
-    frame = [0.0] * 4 + relative(None, swing)
+    frame = [0.0] * 4 + ([0.0 - swing.x, 0.0 - swing.y, swing.omega, swing.phase] if swing != AT_REST else [0.0] * 4)
     return Walls(
         rows_of_floats(tables.edges, 7), rows_of_ints(tables.edge_links, 3),
         rows_of_floats(tables.vertices, 2), rows_of_ints(tables.vertex_links, 3),
@@ -67,7 +66,7 @@ class _Tables(NamedTuple):
     parts: list[list[float]]
 
 
-def _add(tables: _Tables, number: int, body: Body, swing: MeshOscillation | None) -> None:
+def _add(tables: _Tables, number: int, body: Body, swing: MeshOscillation) -> None:
     """Add the rows of one body."""
     outline = _straightened(body)
     start, end = (outline[:-1], outline[1:]) if body.open else (outline, np.roll(outline, -1, axis=0))
@@ -204,7 +203,7 @@ class _Kept:
 
     lock: Lock = field(default_factory=Lock)
     air: dict[tuple[object, ...], PackedAir] = field(default_factory=dict)
-    values: dict[tuple[bool, bool], tuple[Array, Array, Array]] = field(default_factory=dict)
+    values: dict[_Needs, tuple[Array, Array, Array]] = field(default_factory=dict)
 
 
 _KEPT: WeakKeyDictionary[FlowField, _Kept] = WeakKeyDictionary()
@@ -235,10 +234,9 @@ def _kept(field: FlowField) -> _Kept:
 def _packed(field: FlowField, kept: _Kept, bodies: Sequence[Body], reach: float, forces: Sequence[str]) -> PackedAir:
     first = field.points[field.triangles[:, 0]]
     geometry = np.concatenate([first, field.gradients.reshape(-1, 6)], axis=1)
-    swing = mesh_motion_of(field)
     needs = _needs(forces)
     if needs not in kept.values:
-        kept.values[needs] = _interpolant(field, forces, swing)
+        kept.values[needs] = _interpolant(field, needs)
     values, smooth, even = kept.values[needs]
     neighbours = field.neighbours.copy()
     covered = _covered(field, neighbours, bodies, reach)
@@ -253,7 +251,7 @@ def _packed(field: FlowField, kept: _Kept, bodies: Sequence[Body], reach: float,
         covered,
         smooth,
         *_places(field, neighbours),
-        np.array(swing or (0.0,) * 4, dtype=np.float64),
+        np.array(mesh_motion_of(field), dtype=np.float64),
         even,
     )
 
@@ -273,46 +271,53 @@ def _places(field: FlowField, neighbours: Index) -> tuple[Index, Array]:
     return nearest, np.array([*corner, *(1.0 / pitch), side])
 
 
-def _needs(forces: Sequence[str]) -> tuple[bool, bool]:
-    """Whether a field with pressure and one with turbulence is needed."""
-    return _needed("pressure", forces), _needed("turbulence", forces)
+class _Needs(NamedTuple):
+    """Which fields the forces need beside the air's velocity."""
+
+    pressure: bool
+    turbulence: bool
+
+    @property
+    def width(self) -> int:
+        """How many quantities: velocity, pressure gradient, deviation and lifetime of the eddies."""
+        return 6 if self.turbulence else (4 if self.pressure else 2)
 
 
-def _needed(need: Needs, forces: Sequence[str]) -> bool:
-    """Whether one of the forces needs a field with pressure or turbulence."""
-    return any(all_forces[name].needs == need for name in forces)
-
-
-def _width(forces: Sequence[str]) -> int:
-    """How many quantities of the air are needed: velocity, pressure gradient, deviation and lifetime of the eddies."""
-    return 6 if _needed("turbulence", forces) else (4 if _needed("pressure", forces) else 2)
+def _needs(forces: Sequence[str]) -> _Needs:
+    """What a field must have for the ``forces``."""
+    return _Needs(*(any(all_forces[name].needs == need for name in forces) for need in _Needs._fields))
 
 
 def eddy_life(field: FlowField) -> float:
     """Lifetime (s) of the eddies in a turbulent ``field``: the median over the nodes, at the mean of k and of its
     dissipation, or of the first snapshot's.
     """
-    k, dissipation = (known(part) for part in (field.k, field.dissipation))
-    lives = lifetime(*(np.maximum(part if field.times is None else part[0], 0.0) for part in (k, dissipation)))
+    lives = lifetime(*(np.maximum(part if field.times is None else part[0], 0.0) for part in _turbulence(field)))
     return float(np.median(np.minimum(lives, LONGEST_LIFE)))
 
 
-def _interpolant(field: FlowField, forces: Sequence[str], swing: MeshOscillation | None) -> tuple[Array, Array, Array]:
+def _turbulence(field: FlowField) -> tuple[Array, Array]:
+    """The arrays k and dissipation of a turbulent ``field``."""
+    return known(field.k), known(field.dissipation)
+
+
+def _interpolant(field: FlowField, needs: _Needs) -> tuple[Array, Array, Array]:
     """Values at the nodes, the knots in time, and how even the eddies are; those of a mirror image are the original's
     but for their signs.
     """
     original = None if field.original is None else field.original()
     if original is not None:
-        there = _kept(original).values.get(_needs(forces)) or _interpolant(original, forces, mesh_motion_of(original))
+        there = _kept(original).values.get(needs) or _interpolant(original, needs)
         values = there[0].copy()
         for turned in TURNED[: values.shape[-1] // 2]:
             np.negative(values[..., turned], out=values[..., turned])
         return values, *there[1:]
-    if swing is None and field.coefficients is None:
-        values, smooth = _values(field, forces), np.zeros(3)
+    swing = mesh_motion_of(field)
+    if swing == AT_REST and field.coefficients is None:
+        values, smooth = _values(field, needs), np.zeros(3)
     else:
-        values, smooth = _smooth(field, forces, swing)
-    if not _needed("turbulence", forces):
+        values, smooth = _smooth(field, needs, swing)
+    if not needs.turbulence:
         return values, smooth, np.zeros(0)
     nodes = values if smooth[1] == 0.0 else np.swapaxes(values, 0, 1)
     return values, smooth, evenness(field, nodes[..., at.NODE_RMS], nodes[..., at.NODE_LIFE])
@@ -353,20 +358,20 @@ def evenness(field: FlowField, rms: Array, life: Array) -> Array:
     return np.ascontiguousarray(dijkstra(graph, indices=count)[:count])
 
 
-def _values(field: FlowField, forces: Sequence[str]) -> Array:
+def _values(field: FlowField, needs: _Needs) -> Array:
     """Nodal values (T, N, 2 to 6) of a steady field or of snapshots."""
     lead = field.velocity.shape[:-1]
-    values = np.zeros((*lead, _width(forces)))
+    values = np.zeros((*lead, needs.width))
     values[..., :2] = field.velocity
     hold_off(field, values[..., :2])
-    if _needed("pressure", forces):
+    if needs.pressure:
         values[..., 2:4] = field.pressure_gradient
-    if _needed("turbulence", forces):
-        values[..., 4], values[..., 5] = eddies(field, known(field.k), known(field.dissipation))
+    if needs.turbulence:
+        values[..., 4], values[..., 5] = eddies(field, *_turbulence(field))
     return values if field.times is not None else values[None]
 
 
-def _smooth(field: FlowField, forces: Sequence[str], swing: MeshOscillation | None) -> tuple[Array, Array]:
+def _smooth(field: FlowField, needs: _Needs, swing: MeshOscillation) -> tuple[Array, Array]:
     """Spline coefficients by nodes (N, knots + 3, 2 to 6), the last knot's first, and the knots: first, per s, number.
 
     A steady field on a mesh that swings is one whose knots are all alike. Deviation and lifetime of the eddies, which
@@ -374,18 +379,17 @@ def _smooth(field: FlowField, forces: Sequence[str], swing: MeshOscillation | No
     second-order accurate).
     """
     if field.times is None:
-        assert swing is not None
-        same = np.repeat(_values(field, forces), 7, axis=0)
+        same = np.repeat(_values(field, needs), 7, axis=0)
         return np.ascontiguousarray(np.swapaxes(same, 0, 1)), np.array([0.0, 4 * swing.omega / (2 * np.pi), 4.0])
     if field.coefficients is None:
         raise SceneError("a field of snapshots on a moving mesh must be compressed first: field.compressed()")
     knots, count = len(field.times), len(field.points)
     around = np.arange(-1, knots + 2) % knots
     shares = field.coefficients[around]
-    values, each = np.empty((count, len(around), _width(forces))), max(1, PRODUCTS // (2 * shares.size))
-    vectors = [field.velocity, *([field.pressure_gradient] if _needed("pressure", forces) else [])]
+    values, each = np.empty((count, len(around), needs.width)), max(1, PRODUCTS // (2 * shares.size))
+    vectors = [field.velocity, *([field.pressure_gradient] if needs.pressure else [])]
     stirred: tuple[Array, ...] = ()
-    if _needed("turbulence", forces):
+    if needs.turbulence:
         stirred = eddies(field, field.at_knots("k"), field.at_knots("dissipation"))
     for low in range(0, count, each):
         part = slice(low, low + each)

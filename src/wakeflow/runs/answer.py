@@ -28,6 +28,7 @@ from ..core import sums
 from ..core.graded import gravest_first
 from ..core.process import background, cores
 from ..core.tables import save_arrays
+from ..flight.feed.impact_loads import impact_loads
 from ..flight.stages.pipeline import Pipeline
 from ..planning.feed_funnel import FunnelSummary
 from ..scene import Scene
@@ -61,9 +62,10 @@ class OneRun:
                 flown = fly_again(Flights(self.pipeline, tracked, self.pipeline.crowd()))
         if tracked is not None and airflow is not None:
             airflow = self._flown(airflow)
-        flights = None if tracked is None else self._flights(tracked)
+        scene, plan, flights = self.pipeline.scene, self.pipeline.plan, None
+        if tracked is not None:
+            flights = FlightResults(tracked.fates, tracked.injected, impact_loads(scene, plan))
         landings, joint = (None, None) if flown is None else self._landings(flown)
-        scene, plan = self.pipeline.scene, self.pipeline.plan
         slab = None if landings is None else landings.slab
         told = notices(scene, self.pipeline, airflow, self.poured, tracked, slab)
         small = total_notices(() if landings is None else landings.budget, plan.target_error)
@@ -128,7 +130,7 @@ class OneRun:
         flies = until not in ("mesh", "airflow") or (until == "airflow" and pipeline.plan.airflow.loaded)
         if flies and not pipeline.air.at_once:
             pipeline.compile_in_background()
-        mesh = pipeline.mesh_quality
+        mesh = pipeline.air.mesh_quality
         if until == "mesh":
             return mesh, None
         airflow = pipeline.airflow
@@ -141,9 +143,6 @@ class OneRun:
     def _flown(self, airflow: Airflow) -> Airflow:
         """The airflow with what is known of the field that granules fly in."""
         return replace(airflow, divergence=self.pipeline.divergence, truncation=self.pipeline.air.truncation)
-
-    def _flights(self, tracked: Tracked) -> FlightResults:
-        return FlightResults(tracked.fates, tracked.injected, self.pipeline.impact_loads)
 
     def _landings(self, flights: Flights) -> tuple[LandingResults, JointAnswer]:
         scene = self.pipeline.scene

@@ -64,7 +64,7 @@ def stages_of(
     one_at_a_time = thread_safe(listener)
     beside = None if request.near is None else _neighbour(Path(request.near), before, one_at_a_time)
     pipeline = Pipeline(
-        plan.airflow.flown(scene), plan, one_at_a_time, workers, planner=planner, label=AirLabel(bool(before)),
+        plan.airflow.flown(scene), plan, one_at_a_time, workers, label=AirLabel(bool(before)),
         seconds=StageTimes() if beside is None else beside.seconds, near=None if beside is None else beside.airs,
     )  # fmt: skip
     poured = pipeline.funnel
@@ -72,7 +72,7 @@ def stages_of(
         fed = _fed(scene, poured)
         planner = planner.at(fed)  # the bounds on loading follow the rate
         plan = planner.plan(rung)
-        pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan, planner=planner)
+        pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan)
     fan = None if pipeline.scene.air is None else pipeline.scene.air.fan
     if fan is not None and plan.airflow.stepping is not None and request.until not in ("funnel", "mesh"):
         pipeline = _blown(pipeline, planner, rung)
@@ -96,7 +96,7 @@ def _blown(pipeline: Pipeline, planner: Planner, rung: str | None) -> Pipeline:
             blown = scene.replace({CHANNEL: air.numbers.loss(scene, loaded=loaded)})
             planner = planner.at(blown)
             plan = planner.plan(rung)
-            pipeline = replace(pipeline, scene=plan.airflow.flown(blown), plan=plan, planner=planner)
+            pipeline = replace(pipeline, scene=plan.airflow.flown(blown), plan=plan)
     return pipeline
 
 

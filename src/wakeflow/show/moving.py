@@ -32,14 +32,12 @@ def body_displacement(scene: Scene, time: Array, place: Array | tuple[float, flo
     """Where the bodies are off the middle of their vibration, (n, 2) m at times (n,) s; of bodies that rock, what is at
     the ``place`` (n, 2) m then.
     """
-    motion = motion_of(scene)
-    return np.zeros((len(time), 2)) if motion is None else motion.at(time, place)[0]
+    return motion_of(scene).at(time, place)[0]
 
 
 def seen_from_body(scene: Scene, time: Array, position: Array) -> Array:
     """Where (n, 2) m what is at ``position`` (n, 2) m at times (n,) s lies about a body in the middle of its motion."""
-    motion = motion_of(scene)
-    return position if motion is None else position + motion.opposite.at(time, position)[0]
+    return position + motion_of(scene).opposite.at(time, position)[0]
 
 
 def along(cubics: Array, part: Array, span: Array) -> tuple[Array, Array]:

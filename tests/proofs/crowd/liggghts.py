@@ -182,7 +182,7 @@ def _busy() -> float:
 
 def _settings(machine: Machine, grains: Granules, soft: SoftSpheres, dt: float) -> dict[str, float | int | str]:
     channel, motion = machine.scene.channel, motion_of(machine.scene)
-    half, along = channel.width / 2, (0.0, 0.0) if motion is None else tuple(map(float, motion.amplitude))
+    half, along = channel.width / 2, tuple(map(float, motion.amplitude))
     return {
         "left": -half - 0.01, "right": half + 0.01, "wall_left": -half, "wall_right": half,
         "low": channel.bottom - ROOM, "high": channel.top + 0.05, "floor": channel.bottom, "depth": machine.depth,
@@ -191,7 +191,7 @@ def _settings(machine: Machine, grains: Granules, soft: SoftSpheres, dt: float) 
         "f": machine.friction, "fw": float(grains.friction[0]),
         "g": GRAVITY, "dt": dt, "skin": 0.25 * float(grains.diameter.max()),
         "amplitude": math.hypot(*along), "along_x": along[0], "along_y": along[1],
-        "period": 1.0 if motion is None else 1.0 / motion.frequency,
+        "period": 1.0 / (motion.frequency or 1.0),
         "chunk": round(CHUNK / dt), "shot": round(SHOT / dt), "turns": math.ceil(EMPTY / CHUNK),
     }  # fmt: skip
 

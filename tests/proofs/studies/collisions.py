@@ -103,8 +103,8 @@ def moved(scene: wf.Scene, draws: Sequence[int]) -> Iterator[tuple[str, Moved, f
 def _flown_drawn(pipeline: Pipeline, number: int, made: Variation, airs: Realisations) -> Mapping[str, Landings]:
     """Landings of granules that meet, from some replicates under draw ``number``: ``made``, in its ``airs``."""
     stage, name = pipeline._collision_stage, f"slab-draw-{number}"
-    flight = stage.flight(name, stage.crowd.depth, stage.fly().clock.step)
-    flight = replace(flight, scene=made.fed(pipeline.scene), airs=airs, variation=made)
+    flown = {"scene": made.fed(pipeline.scene), "airs": airs, "variation": made}
+    flight = replace(stage.flight(name), step=stage.fly().clock.step, **flown)
     key = content_key(
         stage.key,
         "draw",

@@ -83,8 +83,7 @@ def benchmark_case(
     plan = make_plan(changed, force={"air-loading": False})
     feed = feedstock(changed, plan, fraction, None)
     grains = feed.granules
-    motion = motion_of(changed)
-    moved = np.where(feed.injected[:, None], motion.at(grains.time)[0], 0.0) if motion is not None else 0.0
+    moved = np.where(feed.injected[:, None], motion_of(changed).at(grains.time)[0], 0.0)
     grains = as_spheres(grains).replace(
         position=grains.position - moved,  # from the body at rest, with the velocity that the moving one gave
         time=_phases(field, len(grains)),

@@ -5,6 +5,7 @@ import math
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,11 @@ from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.core.errors import SceneError
 from wakeflow.core.store import Store, content_key
+from wakeflow.flight.stages import airs
 from wakeflow.flight.stages.airs import ROUGH
 from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.planning import make
 from wakeflow.planning.airflow_choice import choose_airflow
 from wakeflow.planning.cost import typical_cells
-from wakeflow.planning.make import Planner
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.terms import LOADING
 from wakeflow.runs.planned import make_plan
@@ -98,7 +98,7 @@ def test_a_new_rung_is_a_record(rhombus: Scene, tmp_path: Path) -> None:
     assert typical_cells(rhombus, coarse.airflow) == typical_cells(rhombus, draft.airflow) / 4
     wide, fine = (Pipeline(rhombus, plan, store=Store(tmp_path)) for plan in (coarse, draft))
     assert wide.mesh_spec.h_body == pytest.approx(2 * fine.mesh_spec.h_body)
-    assert wide.mesh_quality.cells < 0.5 * fine.mesh_quality.cells
+    assert wide.air.mesh_quality.cells < 0.5 * fine.air.mesh_quality.cells
     with pytest.raises(SceneError, match="known: auto, none, draft, standard, reference, 3d, coarse"):
         choose_airflow(rhombus, "coarce", 0.01)
 
@@ -174,7 +174,7 @@ def test_what_needs_no_solver_tells_what_it_leaves_unknown(
     assert plan.airflow.kind == kind
     assert pipeline.air.at_once
     assert pipeline.air.unknown == unknown
-    assert pipeline.mesh_quality is None
+    assert pipeline.air.mesh_quality is None
     with pytest.raises(SceneError, match="neither mesh nor OpenFOAM case"):
         _ = pipeline.solution
 
@@ -191,20 +191,19 @@ def test_a_vacuum_has_no_airflow(cases: Path) -> None:
 def test_every_grid_starts_from_one_draft_that_is_planned_once(rhombus: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = rhombus.replace({"air.speed": 0.03})  # Re 100
     planned: list[str | None] = []
-    own = make.make_plan
+    own = airs.make_plan
 
     def counted(scene: Scene, *, rung: str | None = None, **options: Any) -> Plan:
         planned.append(rung)
         return own(scene, rung=rung, **options)
 
-    monkeypatch.setattr(make, "make_plan", counted)
-    planner = Planner(scene, OFF)
-    pipeline = Pipeline(scene, planner.plan("reference"), planner=planner)
+    monkeypatch.setattr(airs, "make_plan", counted)
+    pipeline = Pipeline(scene, make_plan(scene, rung="reference", force=OFF))
     steady, resolved = pipeline.airs.steady, pipeline.airs.resolved
     assert [air.plan.airflow.stepping for air in (*steady, *resolved)] == 3 * ["steady"] + 3 * ["time-resolved"]
     assert all(air.bare.start is pipeline.airs.early for air in resolved)
     assert pipeline.airs.early.bare.start is pipeline.airs.bare_steady[2]
-    assert planned == ["reference", "draft"]
+    assert planned == ["draft"]
 
 
 def test_a_wake_in_time_starts_from_the_neighbours_or_the_next_coarser_one(rhombus: Scene) -> None:
@@ -230,5 +229,5 @@ def test_wakes_that_feel_the_granules_start_from_one_on_the_coarsest_grid(rhombu
     assert (early.grid, early.bare.made_as) == (1, "early-airflow")
     assert early.plan.airflow.accuracy == ROUGH > own.plan.airflow.accuracy
     assert early.bare.start is own.airs.bare_steady[1]
-    assert fine.force is coarse.force is own.loading
-    assert early.force is not own.loading
+    vars(own.loading).update(_way=SimpleNamespace(force="last"), first=SimpleNamespace(force="known first"))
+    assert (fine.force(), coarse.force(), early.force()) == ("last", "last", "known first")

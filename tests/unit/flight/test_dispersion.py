@@ -15,7 +15,7 @@ from wakeflow.air.field import FlowField
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import Boxes
 from wakeflow.flight import Body, Collisions, Fate, Granules, Tracks, driver, track
-from wakeflow.flight.force_on_air import force_on_the_air
+from wakeflow.flight.stages.gathered_force import force_on_the_air
 from wakeflow.laws.turbulence import LIFETIME
 
 HEIGHT = 1.0

@@ -325,6 +325,6 @@ def test_how_often_places_at_birth_are_drawn_anew_hardly_depends_on_the_seed(mon
             depth=0.06 * rng.random(2000), fraction=np.zeros(2000, dtype=np.int64),
         )  # fmt: skip
         drawn.append(0)
-        streams._apart(rng, grains, 1, 0.06)
+        streams._apart(rng, grains, 1, 0.06, 9.81)
     assert min(drawn[1:]) > 100
     assert max(drawn) <= 1.5 * np.median(drawn[1:])

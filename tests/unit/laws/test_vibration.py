@@ -146,7 +146,7 @@ def test_nothing_enters_a_body_shaken_by_noise_and_nothing_is_lost() -> None:
 
 def test_a_field_that_swings_refuses_samples() -> None:
     from wakeflow.air.field import MeshOscillation
-    from wakeflow.flight.frame import relative
+    from wakeflow.flight.pack import relative
 
     with pytest.raises(SceneError, match="by samples"):
         relative(Body(FLOOR, motion=Motion.sampled(*of_a_sine(9))), MeshOscillation(0.0, 1e-3, 100.0, 0.0))

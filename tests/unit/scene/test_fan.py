@@ -152,7 +152,6 @@ class Computed:
 
     scene: Scene
     plan: Any = None
-    planner: Any = None
     solved: list[float] = field(default_factory=list)
     loss: float = LOSS
 
@@ -174,7 +173,7 @@ def prism(changes: dict[str, Any] | None = None) -> Scene:
 def blown_by(scene: Scene, loss: float = LOSS) -> Computed:
     plan = wf.plan(scene, rung="draft")
     planner = Planner(scene)
-    made = Computed(scene, plan, planner, loss=loss)
+    made = Computed(scene, plan, loss=loss)
     found = _blown(cast("Pipeline", made), planner, "draft")
     assert isinstance(found, Computed)
     return found

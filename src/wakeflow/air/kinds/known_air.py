@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...core.errors import SceneError, known
+from ...core.geometry import ForceDensity
 from ...core.record import save
 from ...core.store import content_key, digest_files
 from ...planning.stage_cache import code_of
@@ -14,7 +16,6 @@ from ..mesh.spec import MeshReport
 from .airflow_kinds import CaseAir, FlownAir, airflow_kinds
 from .airflow_table import Airflow
 from .realisations import Realisations
-from .solved_air import ForceOnAir
 
 if TYPE_CHECKING:
     from ..field import FlowField
@@ -69,9 +70,9 @@ class AnalyticAir(FlownAir):
 
 
 class JetAir(AnalyticAir):
-    """The air at rest ``bare`` with the jet in it that the ``force`` of granules drives."""
+    """The air at rest ``bare`` with the jet in it that the ``force`` of granules drives, gathered when it is called."""
 
-    def __init__(self, bare: FlownAir, force: ForceOnAir) -> None:
+    def __init__(self, bare: FlownAir, force: Callable[[], ForceDensity]) -> None:
         super().__init__(bare.scene, bare.plan, bare.cache)
         self.bare, self.force = bare, force
 
@@ -79,17 +80,17 @@ class JetAir(AnalyticAir):
     def key(self) -> str:
         feed = self.scene.feed
         curtain = self.scene.level, feed.position, feed.width, repr(feed.profile)
-        return content_key("jet", self.bare.key, curtain, self.force.force.digest, code_of("air.kinds.analytic"))
+        return content_key("jet", self.bare.key, curtain, self.force().digest, code_of("air.kinds.analytic"))
 
     def make_field(self) -> FlowField:
         from .analytic import jet_field
 
-        return jet_field(self.scene, self.force.force)
+        return jet_field(self.scene, self.force())
 
     def make_numbers(self) -> Airflow:
         from .analytic import jet_of
 
-        flux = jet_of(self.scene, self.force.force).flux
+        flux = jet_of(self.scene, self.force()).flux
         return replace(super().make_numbers(), verdict="driven", flow_rate=float(flux[-1]))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar
 
 from ...core.errors import known
 from ...core.files import atomic_write, case_template
@@ -162,22 +162,14 @@ def _publish(file: Path, key: str) -> None:
 
 
 # -- Solved under the granules' force ----------------------------------------------------------------------------------
-class ForceOnAir(Protocol):
-    """What the granules of a scene exert on its airflow."""
-
-    @property
-    def force(self) -> ForceDensity:
-        """Under which the airflow is made."""
-
-
 class LoadedAir(MadeOf):
-    """The airflow ``bare`` as it is under the ``force`` of granules."""
+    """The airflow ``bare`` as it is under the ``force`` of granules, which is gathered when it is called."""
 
     bare: SolvedAir
 
-    def __init__(self, bare: SolvedAir, force: ForceOnAir) -> None:
+    def __init__(self, bare: SolvedAir, force: Callable[[], ForceDensity]) -> None:
         super().__init__(bare)
         self.force = force
 
     def make_solution(self) -> tuple[str, Path]:
-        return self.bare.solved(self.force.force)  # another core solves the start while that is gathered
+        return self.bare.solved(self.force())  # another core solves the start while that is gathered

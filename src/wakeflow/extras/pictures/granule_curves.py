@@ -68,7 +68,7 @@ def _curves(view: View, picture: Curves, name: str, paths: list[Path2D]) -> Iter
         origin = np.zeros(2)
         if picture.origin == "separation":
             origin = path.position[first]
-            met = 0.0 if motion is None else float(motion.at(start, origin)[1][1])
+            met = float(motion.at(start, origin)[1][1])
         if picture.drop is not None:
             found = path.falls_to(origin[1] - picture.drop, first)
             if found is not None:

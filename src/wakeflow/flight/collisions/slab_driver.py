@@ -8,7 +8,7 @@ step of the next trial is known, and an error that does not fall with the step i
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 from ...core.errors import SceneError
 from ...laws.forces import forces as all_forces
 from ...laws.forces.lift_forces import SPIN_LIFT
-from ..frame import to_frame
+from ..bodies import Collisions
 from ..granules import Granules
 from ..kernel import layout as at
 from ..kernel.layout import PackedAir
-from ..pack import Packed, pack_granules, pack_state
+from ..pack import Packed, pack_granules, pack_state, to_frame
 from ..tracks import ClockStep, CollisionFlight, Tracks
 from . import slab_layout as of
-from .collision_settings import Collisions
 from .neighbours import AHEAD
 from .slab import march_slab
 from .slab_layout import Cells, Colliding, Laws, Nodes, Room
@@ -52,48 +51,27 @@ def places_across(grains: Granules, collisions: Collisions, seed: int) -> Array:
     return np.random.default_rng([seed, 13]).random(len(grains)) * collisions.depth
 
 
-@dataclass
-class _Pool:
-    """Slots of granules that fly or are about to, and who is in them; grows as they become more."""
-
-    points: int
-    rows: Colliding = field(init=False)
-    who: Index = field(init=False)  # (S,) index of the granule in a slot, -1: free
-
-    def __post_init__(self) -> None:
-        self.rows, self.who = self._empty(0), np.zeros(0, dtype=np.int64)
-
-    def _empty(self, count: int) -> Colliding:
-        return Colliding(
-            np.zeros((count, at.FLOATS)), np.zeros((count, at.INTS), dtype=np.int64), np.zeros((count, at.CONSTANTS)),
-            np.zeros(count, dtype=np.int64), np.zeros((count, of.OWN)), np.zeros((count, of.TALLY), dtype=np.int64),
-            np.zeros((count, self.points, at.RECORD)), np.zeros(count, dtype=np.int64), np.zeros(0, dtype=np.int64),
-        )  # fmt: skip
-
-    def free(self, count: int) -> Index:
-        """So many free slots, in order."""
-        open_ = np.flatnonzero(self.who < 0)
-        if len(open_) < count:
-            size = max(2 * len(self.who), len(self.who) + count)
-            more = self._empty(size - len(self.who))
-            longer = [np.concatenate([old, new]) for old, new in zip(self.rows[:-1], more[:-1], strict=True)]
-            self.rows = Colliding._make([*longer, self.rows.waiting])
-            self.who = np.concatenate([self.who, np.full(size - len(self.who), -1)])
-            open_ = np.flatnonzero(self.who < 0)
-        return open_[:count]
+def _slots(count: int, points: int) -> Colliding:
+    """So many empty slots, with room for as many points of a path in each."""
+    return Colliding(
+        np.zeros((count, at.FLOATS)), np.zeros((count, at.INTS), dtype=np.int64), np.zeros((count, at.CONSTANTS)),
+        np.zeros(count, dtype=np.int64), np.zeros((count, of.OWN)), np.zeros((count, of.TALLY), dtype=np.int64),
+        np.zeros((count, points, at.RECORD)), np.zeros(count, dtype=np.int64), np.zeros(0, dtype=np.int64),
+    )  # fmt: skip
 
 
 class _Run:
-    """One run of the slab."""
+    """One run of the slab: ``crowd`` holds the granules that fly or are about to, in slots, which become more as they
+    do; ``who`` (S,): the index of the granule in a slot, -1: free.
+    """
 
     def __init__(self, slab: Slab, step: float, seed: int) -> None:
         self.slab, self.step = slab, step
         self.across = places_across(slab.grains, slab.collisions, seed)
         self.order = np.argsort(slab.grains.time, kind="stable")
         self.fed = 0  # granules packed so far
-        self.pool = _Pool(slab.points)
-        laws = slab.collisions.tables(slab.grains)
-        self.laws = Laws(*laws, slab.tables)
+        self.crowd, self.who = _slots(0, slab.points), np.zeros(0, dtype=np.int64)
+        self.laws = Laws(*slab.collisions.tables(slab.grains), slab.tables)
         self.tracer = np.isin(slab.grains.fraction, np.asarray(slab.collisions.tracers, dtype=np.int64))
         air = slab.air
         self.timed = len(air.corners) > 0 and (len(air.times) > 1 or air.smooth[at.KNOT_RATE] != 0.0)
@@ -111,14 +89,23 @@ class _Run:
         self.cells = _cells(0)
         self.standing: list[tuple[float, int, int]] = []  # time, lying still, born
 
+    def _free(self, count: int) -> Index:
+        """So many free slots, in order."""
+        if np.count_nonzero(self.who < 0) < count:
+            more = max(len(self.who), count)
+            rows = zip(self.crowd[:-1], _slots(more, self.slab.points)[:-1], strict=True)
+            self.crowd = Colliding._make([*map(np.concatenate, rows), self.crowd.waiting])
+            self.who = np.concatenate([self.who, np.full(more, -1)])
+        return np.flatnonzero(self.who < 0)[:count]
+
     def feed(self) -> float:
         """Pack the next batch; returns until when (s) the slab may march with it."""
         slab, rows = self.slab, self.order[self.fed : self.fed + BATCH]
         self.fed += len(rows)
-        slots = self.pool.free(len(rows))
-        crowd = self.pool.rows
+        slots = self._free(len(rows))
+        crowd = self.crowd
         some = slab.grains[rows]
-        floats, ints = pack_state(to_frame(some, slab.swing), rows, slab.field, slab.air, slab.solids, slab.reach)
+        floats, ints = pack_state(slab, to_frame(some, slab.swing), rows)
         floats[:, [at.X, at.Y]], floats[:, [at.VX, at.VY]] = some.position, some.velocity
         inside = ints[:, at.GAP] >= 0
         ints[inside, at.TRI] = slab.air.covered[ints[inside, at.GAP], at.COVER_TRI] if inside.any() else 0
@@ -130,9 +117,9 @@ class _Run:
         crowd.own[slots, of.LIGHT] = 1.0 / (PI_6 * some.density * some.diameter**3)
         crowd.tally[slots, of.FRACTION], crowd.tally[slots, of.TRACER] = some.fraction, self.tracer[rows]
         crowd.tally[slots, of.PARTNER] = -1
-        self.pool.who[slots] = rows
+        self.who[slots] = rows
         unborn = crowd.waiting[self.counts[of.BORN] :]
-        self.pool.rows = crowd._replace(waiting=np.concatenate([unborn, slots]))
+        self.crowd = crowd._replace(waiting=np.concatenate([unborn, slots]))
         self.counts[of.BORN] = 0
         self.clock[of.PULL] = max(self.clock[of.PULL], _pull(crowd.grains[slots]))
         if len(self.cells.next) < len(crowd.living):
@@ -157,37 +144,27 @@ class _Run:
         slab = self.slab
         steps = max(1, CALL // max(1, int(self.counts[of.LIVING])))
         return bool(march_slab(
-            self.pool.rows, self.laws, slab.air, self.nodes, slab.walls, slab.rules, self.clock, self.room,
+            self.crowd, self.laws, slab.air, self.nodes, slab.walls, slab.rules, self.clock, self.room,
             self.cells, self.counts, stop, steps, self.timed, self.fed == len(self.order),
         ))  # fmt: skip
 
     def harvest(self, found: Tracks, *, all_of_them: bool = False) -> int:
         """Take those that ended out of their slots; returns how many."""
-        crowd, who = self.pool.rows, self.pool.who
-        taken = who >= 0
-        if all_of_them:
-            self._end(taken)
+        crowd, taken = self.crowd, self.who >= 0
+        if all_of_them:  # those that have not ended are at rest, or still in the air
+            rest, flying = self.slab.rules.rest, taken & (crowd.counts[:, at.FATE] == at.FLYING)
+            lies = flying & (crowd.states[:, at.HELD] > rest)
+            crowd.counts[flying, at.FATE] = at.AIRBORNE
+            crowd.counts[lies, at.FATE] = at.RESTING
+            crowd.states[lies, at.T] -= crowd.states[lies, at.HELD] - rest
         slots = np.flatnonzero(taken & (crowd.counts[:, at.FATE] != at.FLYING))
-        self._write(found, slots, who[slots])
-        who[slots] = -1
-        return len(slots)
-
-    def _end(self, taken: NDArray[np.bool_]) -> None:
-        """Give those that have not ended a fate: at rest, or still in the air."""
-        crowd, rest = self.pool.rows, self.slab.rules.rest
-        flying = taken & (crowd.counts[:, at.FATE] == at.FLYING)
-        lies = flying & (crowd.states[:, at.HELD] > rest)
-        crowd.counts[flying, at.FATE] = at.AIRBORNE
-        crowd.counts[lies, at.FATE] = at.RESTING
-        crowd.states[lies, at.T] -= crowd.states[lies, at.HELD] - rest
-
-    def _write(self, found: Tracks, slots: Index, rows: Index) -> None:
-        crowd = self.pool.rows
+        rows, self.who[slots] = self.who[slots], -1
         found.keep(rows, crowd.states[slots], crowd.counts[slots])
         found.meetings[rows] = crowd.tally[slots, of.MEETINGS]
         if found.recorded:
             for slot, row in zip(slots, rows, strict=True):
                 found.recorded[row] = crowd.records[slot, : crowd.counts[slot, at.KEPT]].copy()
+        return len(slots)
 
 
 def _nodes(air: PackedAir, *, timed: bool, rates: bool) -> Nodes:
@@ -218,7 +195,7 @@ def _cells(slots: int) -> Cells:
 
 
 def fly_slab(
-    slab: Slab, found: Tracks, step: float, seed: int, progress: Callable[[int, int], object] | None = None
+    slab: Slab, found: Tracks, step: float, seed: int, progress: Callable[[int, int], object] = lambda *_: None
 ) -> dict[str, Any]:
     """Let the crowd fly with a clock of ``step`` (s), filling ``found``; returns the numbers of its steps and how many
     lay still over the time of the feed.
@@ -228,23 +205,21 @@ def fly_slab(
         raise SceneError(f"collisions: step = {step:g} s must be positive")
     born_last = min(float(slab.grains.time.max()), slab.rules.until)
     looks = iter(np.linspace(run.clock[of.NOW], born_last, SAMPLES).tolist())
-    look: float | None = next(looks)
+    look = next(looks)
     while True:
         stop, over = run.feed(), False
         while not over:
-            over = run.march(stop if look is None else min(stop, look)) and (look is None or stop <= look)
+            over = run.march(min(stop, look)) and stop <= look
             done += run.harvest(found)
-            if progress is not None:
-                progress(done, len(slab.grains))
-            born = run.fed - len(run.pool.rows.waiting) + int(run.counts[of.BORN])
-            while look is not None and run.clock[of.NOW] >= look:
+            progress(done, len(slab.grains))
+            born = run.fed - len(run.crowd.waiting) + int(run.counts[of.BORN])
+            while run.clock[of.NOW] >= look:
                 run.standing.append((look, int(run.counts[of.LEANING]), born))
-                look = next(looks, None)
+                look = next(looks, np.inf)
         if run.fed == len(run.order):
             break
     done += run.harvest(found, all_of_them=True)
-    if progress is not None:
-        progress(done, len(slab.grains))
+    progress(done, len(slab.grains))
     return {"flown": int(run.counts[of.FLOWN]), "steps": int(run.counts[of.STEPS]), "standing": run.standing}
 
 
@@ -266,7 +241,7 @@ def fly_colliding(
     found: Tracks,
     alone: Callable[[Index, Sequence[str]], Tracks],
     seed: int,
-    progress: Callable[[int, int], object] | None,
+    progress: Callable[[int, int], object],
 ) -> Tracks:
     """Let the crowd fly; ``alone(rows, forces)`` flies some of its granules by themselves."""
     slab.collisions.tables(slab.grains)

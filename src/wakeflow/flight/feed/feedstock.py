@@ -35,7 +35,7 @@ from ...scene import Scene, Speeds, Vibration
 from ...scene.variation import GranuleVariation
 from .. import Granules
 from ..granules import toss_of
-from .birth import PLACED, TRAITS, blows_of, samples, traits_of, varied_granules
+from .birth import EVERY, PLACED, TRAITS, blows_of, samples, traits_of, varied_granules
 from .first_contact import first_contact, motion_by, motion_of
 
 Array = NDArray[np.float64]
@@ -90,9 +90,8 @@ def arrival(scene: Scene, plan: FractionPlan, grains: Granules, drop: Array, spe
     if scene.air is None:
         return np.sqrt(speed**2 + 2 * scene.gravity * np.maximum(drop, 0.0))
     reach = max((float(np.ptp(scene.outline[:, 1])) if scene.body else 0.0) + scene.release[0], scene.width) + 1.0
-    reach *= 2.0 ** max(
-        0.0, np.ceil(np.log2((float(drop.max(initial=0.0)) + 0.5) / reach))
-    )  # the same for any part of the granules
+    higher = np.ceil(np.log2((float(drop.max(initial=0.0)) + 0.5) / reach))
+    reach *= 2.0 ** max(0.0, higher)  # the same for any part of the granules
     flow = scene.air.speed if scene.air.rises else -scene.air.speed
     if not scene.plumb.upright:
         flow = 0.0  # what it falls before it comes into the channel is outside, where the air rests
@@ -156,9 +155,9 @@ def _dead_point(vibration: Vibration) -> float:
     return float(halved(lambda time: motion.at(time)[1] @ along < 0.0, *bracket, HALVINGS)[1])
 
 
-def _lying(scene: Scene, outline: Array, x: Array, radius: Array) -> Array:
+def _lying(scene: Scene, x: Array, radius: Array) -> Array:
     """Centres (n, 2) m of granules that lie on the body at its lower dead point, where all is at rest in the lab."""
-    lying = np.stack([x, contact_points(outline, x, radius)[0]], axis=1)
+    lying = np.stack([x, contact_points(scene.outline, x, radius)[0]], axis=1)
     vibration = scene.vibration
     return lying if vibration is None else lying + motion_by(vibration).at(_dead_point(vibration), lying)[0]
 
@@ -178,18 +177,18 @@ def granules_of(
         scale = drag_factor_for_terminal_velocity(diameter, properties.density, settling, *air, law, fraction.roundness)
         scale = scale * slip_correction(diameter)
     scale = scale / slip_correction(diameter, MEAN_FREE_PATH if scene.air is None else scene.air.mean_free_path)
-    own = dict.fromkeys(("restitution", "friction"))
+    restitution = friction = None
     if traits is not None:
-        own = {"restitution": fraction.coefficients("restitution", traits[:, 0])}
-        own["friction"] = fraction.coefficients("friction", traits[:, 1])
+        restitution = fraction.coefficients("restitution", traits[:, 0])
+        friction = fraction.coefficients("friction", traits[:, 1])
     return Granules(
         position=origin,
         velocity=origin,
         diameter=diameter,
         density=properties.density,
         sphericity=fraction.roundness,
-        restitution=properties.restitution if own["restitution"] is None else own["restitution"],
-        friction=properties.friction if own["friction"] is None else own["friction"],
+        restitution=properties.restitution if restitution is None else restitution,
+        friction=properties.friction if friction is None else friction,
         drag_scale=scale,
         inertia=fraction.inertia,
         scatter=properties.rebound_scatter,
@@ -227,7 +226,7 @@ def feedstock(
     field_period: float | None,
     replicates: Sequence[int] = range(REPLICATES),
     variation: GranuleVariation = AS_GIVEN,
-    part: range | None = None,
+    part: slice = EVERY,
 ) -> Feedstock:
     """The granules of one fraction as they enter the field; ``field_period`` (s) of a time-resolved airflow.
 
@@ -238,41 +237,36 @@ def feedstock(
     grains = varied_granules(born, variation).replace(time=_times(scene, points[:, 2:], field_period))
     blows = partial(blows_of, name, scene.feed.count, scene.feed.seed, replicates, part)
     curtain = Curtain(scene, plan.fractions[name], grains, scene.feed.places(points[:, 0]), traits[:, 3], blows)
-    granules, met = entrance_of(curtain)(curtain)
+    granules, met = entered(curtain)
     return Feedstock(hung(scene, granules), met, replicate)
 
 
-def entrance_of(curtain: Curtain) -> Callable[[Curtain], Entered]:
-    """How a curtain comes into the field: one of four ways."""
-    if not curtain.scene.body:
-        return past_no_body
-    if curtain.scene.feed.start == "resting":
-        return from_rest
-    return struck if curtain.plan.mode == "injected" else released_above
+def entered(curtain: Curtain) -> Entered:
+    """How a curtain comes into the field, in one of four ways: into a channel without a body at the feed's level, lying
+    on the body at its lower dead point, from the first impact, or above the body, which the tracker lets them meet.
+    """
+    scene, grains = curtain.scene, curtain.grains
+    if not scene.body:
+        grains = entering(scene, grains, curtain.x, curtain.chance)
+    elif scene.feed.start == "resting":
+        grains = grains.replace(position=_lying(scene, curtain.x, grains.diameter / 2))
+    elif curtain.plan.mode == "injected":
+        return struck(curtain)
+    else:
+        grains = released_above(curtain)
+    return grains, np.zeros(len(grains), dtype=bool)
 
 
-def past_no_body(curtain: Curtain) -> Entered:
-    """Into a channel without a body, at the feed's level."""
-    return entering(curtain.scene, curtain.grains, curtain.x, curtain.chance), np.zeros(len(curtain.x), dtype=bool)
-
-
-def from_rest(curtain: Curtain) -> Entered:
-    """Lying on the body at its lower dead point."""
-    lying = _lying(curtain.scene, curtain.scene.outline, curtain.x, curtain.grains.diameter / 2)
-    return curtain.grains.replace(position=lying), np.zeros(len(lying), dtype=bool)
-
-
-def released_above(curtain: Curtain) -> Entered:
-    """Above the body, which the tracker lets them meet."""
+def released_above(curtain: Curtain) -> Granules:
+    """Above the body."""
     fall = fall_start(curtain.scene, 0.5 * curtain.grains.diameter)
     position, velocity = released(curtain.scene, curtain.plan, curtain.grains, curtain.x, *fall)
-    granules = curtain.grains.replace(position=position, velocity=velocity, arrival=velocity)
-    return granules, np.zeros(len(position), dtype=bool)
+    return curtain.grains.replace(position=position, velocity=velocity, arrival=velocity)
 
 
 def struck(curtain: Curtain) -> Entered:
     """From their first impact, those that meet the body; the others from above it."""
-    scene, plan, x, (grains, _) = curtain.scene, curtain.plan, curtain.x, released_above(curtain)
+    scene, plan, x, grains = curtain.scene, curtain.plan, curtain.x, released_above(curtain)
     level, speed = fall_start(scene, 0.5 * grains.diameter)
     height, normal = contact_points(scene.outline, x, grains.diameter / 2)
     meets = np.isfinite(height)
@@ -294,7 +288,7 @@ def struck(curtain: Curtain) -> Entered:
 
 
 def _born(
-    scene: Scene, plan: FractionPlan, name: str, replicates: Sequence[int], part: range | None
+    scene: Scene, plan: FractionPlan, name: str, replicates: Sequence[int], part: slice
 ) -> tuple[Array, Array, NDArray[np.int64], Granules]:
     """Random numbers (n, 4 or more) of where and when granules come and of what each has of its own (n, TRAITS), the
     replicate (n,) of each, and the granules, at rest at the origin.

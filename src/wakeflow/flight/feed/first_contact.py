@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ...core.geometry import halved_all
 from ...scene import Scene, Vibration
@@ -22,9 +22,9 @@ PIECE = 0.4  # rad of the vibration looked at in one piece, as the tracker does
 HALVINGS, ROUGHLY = 60, 12  # of a bracket: for a contact; for a dip, whose depth is missed by their square only
 
 
-def motion_of(scene: Scene) -> Motion | None:
-    """How the bodies of a scene move; None at rest."""
-    return None if scene.vibration is None else motion_by(scene.vibration)
+def motion_of(scene: Scene) -> Motion:
+    """How the bodies of a scene move."""
+    return Motion((0.0, 0.0), 0.0) if scene.vibration is None else motion_by(scene.vibration)
 
 
 def motion_by(vibration: Vibration) -> Motion:
@@ -75,10 +75,10 @@ def first_contact(
     fall_speed: Array,
     normal: Array,
     passing: Array,
-    motion: Motion | None,
+    motion: Motion,
     pull: Array | float = 0.0,
     halvings: int = HALVINGS,
-    place: Array | None = None,
+    place: ArrayLike = (0.0, 0.0),
 ) -> tuple[Array, Array]:
     """When granules first meet a slope that follows ``motion``, (n,) s, and the wall's velocity then, (n, 2) m/s.
 
@@ -88,9 +88,9 @@ def first_contact(
     Of a body that rocks: as the ``place`` (n, 2) m moves at which each would touch it at rest, to first order in its
     angle.
     """
-    if motion is None or not motion.moves or not len(passing):
+    if not motion.moves or not len(passing):
         return passing.copy(), np.zeros((len(passing), 2))
-    place = np.zeros((len(passing), 2)) if place is None else place
+    place = np.broadcast_to(np.asarray(place, dtype=float), (len(passing), 2))
     grows = np.broadcast_to(np.asarray(pull, dtype=float), passing.shape)
     gap = _Gap(fall_speed, grows, normal, passing, motion, place)
     low, last = gap.window()

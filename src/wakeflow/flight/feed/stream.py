@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 from ... import flight as tracking
 from ...air.field import FlowField
 from ...core.errors import known
-from ...laws.constants import GRAVITY
 from ...laws.flake import section
 from ...laws.restitution import Restitution, restitution_at
 from ...planning.collisions import MASS_LEVELS, CollisionPlan, number_rates
-from ...planning.plan import Plan
+from ...planning.plan import FractionPlan, Plan
 from ...scene import Scene
 from ...scene.variation import AS_GIVEN, GranuleVariation, Variation
 from .. import Granules
@@ -71,93 +70,110 @@ def slab_stream(
     ``operation`` (s) that counts, and as long again as the start-up, until what counts has landed among others; its
     granules as a ``variation`` has them. Of a ``part`` of the depth those that come there in the whole slab.
     """
-    crowd = known(plan.crowd)
     rng = np.random.default_rng([scene.feed.seed, zlib.crc32(b"slab"), replicate])
-    whole = operation + 2.0 * start_up
-    parts = []
-    for number, name in enumerate(scene.fraction):
-        given = scene, plan, field, name, number, variation.of(name), rng, whole, depth
-        parts += [_fed(*given, tracers=tracers) for tracers in (False, True)]
+    source = _Source(scene, plan, known(plan.crowd), field, rng, operation + 2.0 * start_up, depth)
+    given = [(number, name, variation.of(name)) for number, name in enumerate(scene.fraction)]
+    parts = [source.fed(*one, tracers=tracers) for one in given for tracers in (False, True)]
     order = np.argsort(np.concatenate([part.granules.time for part in parts]), kind="stable")
     granules = _joined([part.granules for part in parts])[order]
     fraction, mass = (np.concatenate([getattr(part, key) for part in parts])[order] for key in ("fraction", "mass"))
-    tracers = tuple(len(scene.fraction) + i for i, name in enumerate(scene.fraction) if crowd.tracers[name] > 0.0)
+    tracers = tuple(
+        len(scene.fraction) + i for i, name in enumerate(scene.fraction) if source.crowd.tracers[name] > 0.0
+    )
     granules = granules.replace(depth=depth * rng.random(len(granules)))
     granules = _apart(rng, granules, len(scene.fraction), depth, scene.gravity)
     if part < 1.0:  # which has other neighbours across its ends
         kept = np.flatnonzero(granules.depth < part * depth)
-        granules, fraction, mass = (
-            _apart(rng, granules[kept], len(scene.fraction), part * depth, scene.gravity),
-            fraction[kept],
-            mass[kept],
-        )
+        granules = _apart(rng, granules[kept], len(scene.fraction), part * depth, scene.gravity)
+        fraction, mass = fraction[kept], mass[kept]
     since = granules.time
     granules = hung(scene, granules.replace(time=begin + since))
     counted = (since >= start_up) & (since < start_up + operation)
     return SlabFeed(granules, fraction, mass, counted, tracers)
 
 
-def _fed(
-    scene: Scene, plan: Plan, field: FlowField | None, name: str, number: int, variation: GranuleVariation,
-    rng: np.random.Generator, whole: float, depth: float, *, tracers: bool,
-) -> SlabFeed:  # fmt: skip
-    """The real granules, or the tracers, of one fraction over ``whole`` (s); times from 0, unsorted."""
-    fraction, crowd = scene.fraction[name], known(plan.crowd)
-    time, p = (
-        _tracers(crowd, name, rng, whole) if tracers else _singles(scene, crowd, name, variation, rng, whole, depth)
-    )
-    drawn = rng.permutation(len(p))[:FALLS] if len(p) > FALLS else np.arange(len(p))
-    diameter = fraction.diameters(p[drawn])
-    traits = rng.random((len(drawn), 3))
-    settling = fraction.settling(traits[:, 2])
-    grains = varied_granules(
-        granules_of(scene, name, plan.fractions[name], diameter, settling, traits[:, :2]), variation
-    )
-    x = scene.feed.places(rng.random(len(drawn)))
-    grains = _born(scene, plan, field, name, grains, x, int(rng.integers(2**62)))
-    if len(p) > FALLS:
-        grains = grains[rng.integers(FALLS, size=len(p))]
-    diameter = grains.diameter
-    grains = grains.replace(time=time, fraction=number + (len(scene.fraction) if tracers else 0))
-    if isinstance(grains.restitution, Restitution):
-        grains = grains.replace(restitution=restitution_at(grains.restitution, np.abs(grains.velocity[:, 1])))
-    mass = np.pi / 6.0 * grains.density * diameter**3
-    if tracers and len(p):
-        mass = np.full(len(p), crowd.tracers[name] * _mass_flow(scene, name, depth) * whole / len(p))
-    index = np.full(len(p), number)
-    return SlabFeed(grains, index, mass, np.zeros(len(p), dtype=bool), ())
+@dataclass(frozen=True)
+class _Source:
+    """Where the granules of a slab of ``depth`` (m) come from over the ``whole`` time (s) that it is fed."""
 
+    scene: Scene
+    plan: Plan
+    crowd: CollisionPlan
+    field: FlowField | None
+    rng: np.random.Generator
+    whole: float
+    depth: float
 
-def _mass_flow(scene: Scene, name: str, depth: float) -> float:
-    """Of a fraction into a slab of ``depth`` (m), kg/s."""
-    return scene.feed.mass_flow * scene.mass_shares()[name] * depth / scene.feed.depth
+    def fed(self, number: int, name: str, variation: GranuleVariation, *, tracers: bool) -> SlabFeed:
+        """The real granules, or the tracers, of one fraction; times from 0, unsorted."""
+        scene, rng, fraction = self.scene, self.rng, self.scene.fraction[name]
+        time, p = self._tracers(name) if tracers else self._singles(name, variation)
+        drawn = rng.permutation(len(p))[:FALLS] if len(p) > FALLS else np.arange(len(p))
+        diameter = fraction.diameters(p[drawn])
+        traits = rng.random((len(drawn), 3))
+        settling, how = fraction.settling(traits[:, 2]), self.plan.fractions[name]
+        grains = varied_granules(granules_of(scene, name, how, diameter, settling, traits[:, :2]), variation)
+        x = scene.feed.places(rng.random(len(drawn)))
+        grains = self._born(how, grains, x, int(rng.integers(2**62)))
+        if len(p) > FALLS:
+            grains = grains[rng.integers(FALLS, size=len(p))]
+        diameter = grains.diameter
+        grains = grains.replace(time=time, fraction=number + (len(scene.fraction) if tracers else 0))
+        if isinstance(grains.restitution, Restitution):
+            grains = grains.replace(restitution=restitution_at(grains.restitution, np.abs(grains.velocity[:, 1])))
+        mass = np.pi / 6.0 * grains.density * diameter**3
+        if tracers and len(p):
+            flow = scene.feed.mass_flow * scene.mass_shares()[name] * self.depth / scene.feed.depth  # kg/s
+            mass = np.full(len(p), self.crowd.tracers[name] * flow * self.whole / len(p))
+        return SlabFeed(grains, np.full(len(p), number), mass, np.zeros(len(p), dtype=bool), ())
 
+    def _singles(self, name: str, variation: GranuleVariation) -> tuple[Array, Array]:
+        """Times (s) and mass quantiles of the granules that are simulated one by one: a Poisson process, of larger
+        granules a slower one, since the mass that is fed is given.
+        """
+        rates = number_rates(self.scene, name) * self.depth / self.scene.feed.depth / variation.size**3
+        rates[: round(self.crowd.tracers[name] * MASS_LEVELS)] = 0.0
+        total = float(rates.sum())
+        if total == 0.0:
+            return np.zeros(0), np.zeros(0)
+        time = self.whole * self.rng.random(self.rng.poisson(total * self.whole))
+        level = self.rng.choice(MASS_LEVELS, len(time), p=rates / total)
+        return time, (level + self.rng.random(len(time))) / MASS_LEVELS
 
-def _singles(
-    scene: Scene, crowd: CollisionPlan, name: str, variation: GranuleVariation, rng: np.random.Generator, whole: float,
-    depth: float,
-) -> tuple[Array, Array]:  # fmt: skip
-    """Times (s) and mass quantiles of the granules that are simulated one by one: a Poisson process, of larger granules
-    a slower one, since the mass that is fed is given.
-    """
-    rates = number_rates(scene, name) * depth / scene.feed.depth / variation.size**3
-    rates[: round(crowd.tracers[name] * MASS_LEVELS)] = 0.0
-    total = float(rates.sum())
-    if total == 0.0:
-        return np.zeros(0), np.zeros(0)
-    time = whole * rng.random(rng.poisson(total * whole))
-    level = rng.choice(MASS_LEVELS, len(time), p=rates / total)
-    return time, (level + rng.random(len(time))) / MASS_LEVELS
+    def _tracers(self, name: str) -> tuple[Array, Array]:
+        """Times (s) and mass quantiles of tracers, so many that those that count are as many as the plan says."""
+        crowd, fine = self.crowd, self.crowd.tracers[name]
+        if fine == 0.0:
+            return np.zeros(0), np.zeros(0)
+        count = round(crowd.count / crowd.replicates * self.whole / crowd.operation)
+        time = self.whole * (np.arange(count) + self.rng.random(count)) / count
+        return time, fine * self.rng.random(count)
 
-
-def _tracers(crowd: CollisionPlan, name: str, rng: np.random.Generator, whole: float) -> tuple[Array, Array]:
-    """Times (s) and mass quantiles of tracers, so many that those that count are as many as the plan says."""
-    fine = crowd.tracers[name]
-    if fine == 0.0:
-        return np.zeros(0), np.zeros(0)
-    count = round(crowd.count / crowd.replicates * whole / crowd.operation)
-    time = whole * (np.arange(count) + rng.random(count)) / count
-    return time, fine * rng.random(count)
+    def _born(self, how: FractionPlan, grains: Granules, x: Array, seed: int) -> Granules:
+        """Granules where the slab begins, as they come there alone from where the feed does."""
+        scene, field = self.scene, self.field
+        if not scene.body:
+            chance = np.random.default_rng(seed).random(len(x)) if scene.feed.scatter > 0.0 else x
+            return entering(scene, grains, x, chance)
+        plumb = scene.plumb
+        level, speed = fall_start(scene, 0.5 * grains.diameter)
+        start = slab_top(scene, grains, x)
+        if field is None or not len(x):
+            falls = -np.sqrt(speed**2 + 2.0 * scene.gravity * (level - start))
+            velocity = np.stack([np.zeros(len(x)), falls], axis=1)
+            return grains.replace(position=np.stack([x, start], axis=1), velocity=velocity)
+        position, velocity = released(scene, how, grains, x, level, speed)
+        low = float(start.min())
+        line = plumb.placed(np.array([(-scene.channel.width, low), (scene.channel.width, low)]))
+        whole = np.linspace(0.0, field.period or 0.0, len(x), endpoint=False)
+        found = tracking.track(
+            field, hung(scene, grains.replace(position=position, velocity=velocity, time=whole)), until=LONGEST,
+            tolerance=TOLERANCE, length=scene.width, drag=how.drag, forces=how.forces, lines=(line,), seed=seed,
+            gravity=scene.plumb.gravity,
+        )  # fmt: skip
+        comes = (found.line == 0)[:, None]  # upward air does not let others come so far: they begin where the feed does
+        fallen, speeds = plumb.seen(found.position), plumb.hung(found.velocity)
+        return grains.replace(position=np.where(comes, fallen, position), velocity=np.where(comes, speeds, velocity))
 
 
 def slab_top(scene: Scene, grains: Granules, x: Array) -> Array:
@@ -168,45 +184,14 @@ def slab_top(scene: Scene, grains: Granules, x: Array) -> Array:
     return np.minimum(level - FALLEN * (level - scene.level), highest(scene, grains, x))
 
 
-def _born(
-    scene: Scene, plan: Plan, field: FlowField | None, name: str, grains: Granules, x: Array, seed: int
-) -> Granules:
-    """Granules where the slab begins, as they come there alone from where the feed does."""
-    if not scene.body:
-        chance = np.random.default_rng(seed).random(len(x)) if scene.feed.scatter > 0.0 else x
-        return entering(scene, grains, x, chance)
-    plumb = scene.plumb
-    level, speed = fall_start(scene, 0.5 * grains.diameter)
-    start = slab_top(scene, grains, x)
-    if field is None or not len(x):
-        falls = -np.sqrt(speed**2 + 2.0 * scene.gravity * (level - start))
-        velocity = np.stack([np.zeros(len(x)), falls], axis=1)
-        return grains.replace(position=np.stack([x, start], axis=1), velocity=velocity)
-    how = plan.fractions[name]
-    position, velocity = released(scene, how, grains, x, level, speed)
-    low = float(start.min())
-    line = plumb.placed(np.array([(-scene.channel.width, low), (scene.channel.width, low)]))
-    whole = np.linspace(0.0, field.period or 0.0, len(x), endpoint=False)
-    found = tracking.track(
-        field, hung(scene, grains.replace(position=position, velocity=velocity, time=whole)), until=LONGEST,
-        tolerance=TOLERANCE, length=scene.width, drag=how.drag, forces=how.forces, lines=(line,), seed=seed,
-        gravity=scene.plumb.gravity,
-    )  # fmt: skip
-    comes = (found.line == 0)[:, None]  # upward air does not let others come so far: they begin where the feed does
-    fallen, speeds = plumb.seen(found.position), plumb.hung(found.velocity)
-    return grains.replace(position=np.where(comes, fallen, position), velocity=np.where(comes, speeds, velocity))
-
-
-def _apart(
-    rng: np.random.Generator, grains: Granules, tracers: int, depth: float, gravity: float = GRAVITY
-) -> Granules:
+def _apart(rng: np.random.Generator, grains: Granules, tracers: int, depth: float, gravity: float) -> Granules:
     """The granules of a slab of ``depth`` (m) where no two overlap when they are born, ``tracers`` (those of so high a
     fraction) with any. The later one of a pair that would is given another place, as often as it takes.
     """
     solid = np.flatnonzero(grains.fraction < tracers)
     if len(solid) < 2:
         return grains
-    x, z = grains.position[:, 0].copy(), known(grains.depth).copy()
+    x, z = grains.position[:, 0].copy(), grains.depth.copy()
     width = grains.diameter[solid] * section(grains.shape[solid], grains.flake[solid])[1]
     speed = np.maximum(np.abs(grains.velocity[solid, 1]), np.sqrt(gravity * width))
     ahead = float(speed.min()) * grains.time[solid]  # way that separates those born later, at least

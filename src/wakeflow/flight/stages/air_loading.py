@@ -28,11 +28,12 @@ from ...air.kinds.airflow_table import AirLoadingSummary
 from ...air.kinds.analytic import jet_of
 from ...air.kinds.case_field import case_field
 from ...air.kinds.known_air import JetAir
-from ...air.kinds.solved_air import LoadedAir, SolvedAir, SteadyAir
+from ...air.kinds.solved_air import SolvedAir, SteadyAir
 from ...core.geometry import ForceDensity
 from ...core.lazy import cached_property
 from ...core.record import JsonTable
 from ...core.store import content_key
+from ...planning.collisions import CollisionPlan
 from ...planning.plan import GATHERED, PASSING, Plan, gathered
 from ...planning.stage_cache import StageCache, code_of, version_of
 from ...scene import Scene
@@ -68,23 +69,6 @@ class Pass:
         return off / max(whole, 1e-300)
 
 
-@dataclass(frozen=True)
-class _Early:
-    """The force of granules on the air that does not feel them."""
-
-    loading: AirLoading
-
-    @property
-    def force(self) -> ForceDensity:
-        return self.loading.first.force
-
-
-class _Exerted(NamedTuple):
-    """A force that is there."""
-
-    force: ForceDensity
-
-
 class _Way(NamedTuple):
     """The ``passes`` before the last, what granules gathered ``before`` it and the air that it has to ``start`` from,
     its ``force``, and what gathered that ``among`` others.
@@ -103,7 +87,7 @@ class AirLoading(ABC):
 
     steady: FlownAir
     compilation: Compilation
-    workers: int | None = None
+    workers: int
     scene: Scene = field(init=False, repr=False)
     plan: Plan = field(init=False, repr=False)  # of the steady airflow
     cache: StageCache = field(init=False, repr=False)
@@ -136,9 +120,14 @@ class AirLoading(ABC):
         return self.scene.numerics.loading_passes
 
     @property
-    def met(self) -> bool:
-        """Whether the force of the last pass is that of granules that meet."""
-        return self.plan.crowd is not None and self.scene.numerics.loading_passes > 1
+    def crowd(self) -> CollisionPlan | None:
+        """The slab that gives the force of the last pass; None where that is the force of granules alone."""
+        return self.plan.crowd if self.scene.numerics.loading_passes > 1 else None
+
+    @property
+    def _fed(self) -> int:
+        """Granules of a fraction at most whose force is gathered in a pass, each alone."""
+        return GATHERED if self.crowd is None else PASSING
 
     @cached_property
     def passes(self) -> tuple[Pass, ...]:
@@ -151,15 +140,10 @@ class AirLoading(ABC):
         """The force that the answer's air is solved under; known before the steady airflow under it."""
         return self._way.force
 
-    @property
-    def early(self) -> _Early:
-        """The force as it is known first, gathered when it is asked for."""
-        return _Early(self)
-
     @cached_property
     def first(self) -> Gathered:
         """What granules exert on the air that does not feel them."""
-        return self._alone(self.start, PASSING if self.met else GATHERED)
+        return self._alone(self.start, self._fed)
 
     def _summary(self, given: float, **further: Any) -> AirLoadingSummary:
         """What the passes found; ``given``: force (N/m, y) on the air of the last one."""
@@ -191,14 +175,14 @@ class AirLoading(ABC):
         made: list[Pass] = []
         before, start, force = self.first, self.start, self.first.force
         share, lacked = 1.0, force.density  # the whole way from no force
-        while len(made) < self.most - (not self.met) and not (made and self.settled(made[-1])):
+        while len(made) < self.most - (self.crowd is None) and not (made and self.settled(made[-1])):
             one = self._pass(force, start, before, last=False)
             made.append(one)
             lacking = one.gathered.force.density - force.density
             share, lacked = relaxed(share, lacked, lacking), lacking
             before, start, force = one.gathered, one.air, force.towards(one.gathered.force, share)
             self.cache.tell("air-loading", f"pass {len(made)}: shares moved by up to {100 * one.change:.2g} points")
-        among = self._among_others(made[-1]) if self.met else None
+        among = None if self.crowd is None else self._among_others(made[-1], self.crowd)
         return _Way(tuple(made), before, start, force if among is None else among.force, among)
 
     def _pass(
@@ -208,28 +192,26 @@ class AirLoading(ABC):
         gathered that force there instead of them. The ``last`` one settles.
         """
         air = self.under(force, start, last=last)
-        after = self._alone(air, PASSING if self.met else GATHERED)
+        after = self._alone(air, self._fed)
         source, other = (after, 0.0) if among is None else (among, among.force.total - before.force.total)
         return Pass(force, air, after, _farthest(before, after), source, after.force.total + other)
 
     def _alone(self, air: FlownAir, most: int) -> Gathered:
         """What granules that fly alone, at ``most`` so many of a fraction, exert on an air."""
-        bins, count = (
-            [(name, repr(bin_)) for name, bin_ in self.scene.bin.items()],
-            gathered(self.scene.feed.count, most),
-        )
+        bins = [(name, repr(bin_)) for name, bin_ in self.scene.bin.items()]
+        count = gathered(self.scene.feed.count, most)
         made = content_key("momentum", air.key, exerted_by(self.scene, self.plan), bins, count, code_of(GATHERING))
         return self._gathered("momentum", made, lambda part: self._gatherer("momentum", air).alone(count, part))
 
-    def _among_others(self, last: Pass) -> Gathered:
+    def _among_others(self, last: Pass, crowd: CollisionPlan) -> Gathered:
         """What granules that meet in the slab exert on the air of the ``last`` pass, and more of them above it."""
         alone = self._alone(last.air, GATHERED)
-        stage, start_up = "slab-momentum", steady_after(self.plan, alone.late.__getitem__)
+        stage, start_up = "slab-momentum", steady_after(crowd, alone.late.__getitem__)
         made = content_key(stage, last.air.key, exerted_by(self.scene, self.plan), start_up, code_of(GATHERING))
 
         def work(part: Path) -> None:
             self.compilation.finish_slab(self.cache)
-            self._gatherer(stage, last.air).among_others(start_up, alone.before, part)
+            self._gatherer(stage, last.air).among_others(crowd, start_up, alone.before, part)
 
         return self._gathered(stage, made, work)
 
@@ -294,7 +276,7 @@ class JetLoading(AirLoading):
 
     def under(self, force: ForceDensity, before: FlownAir, *, last: bool) -> FlownAir:
         del before, last  # no solver starts from it
-        return JetAir(self.steady, _Exerted(force))
+        return JetAir(self.steady, lambda: force)
 
     @property
     def most(self) -> int:
@@ -325,15 +307,19 @@ class PassAir(MadeOf):
         return case_field(self.case, self.measured.field_time, self.scene.airstream.density, half=self.half)
 
 
-class LoadedSteadyAir(LoadedAir):
+class LoadedSteadyAir(MadeOf):
     """A steady airflow under the force: that of the last pass, on another grid solved on from the one without."""
 
-    force: CaseLoading
+    bare: SolvedAir
+
+    def __init__(self, bare: SolvedAir, loading: CaseLoading) -> None:
+        super().__init__(bare)
+        self.loading = loading
 
     def make_solution(self) -> tuple[str, Path]:
         _ = self.bare.solution  # another core gathers the force meanwhile
-        last = self.force.passes[-1]
-        same = self.grid == self.force.steady.grid
+        last = self.loading.passes[-1]
+        same = self.grid == self.loading.steady.grid
         return last.air.in_case.solution if same else self.bare.solved_on(last.force, self.bare)
 
 

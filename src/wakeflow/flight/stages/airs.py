@@ -13,9 +13,9 @@ from ...air.kinds.airflow_kinds import CaseAir, FlownAir
 from ...air.kinds.blended_air import BlendedAir
 from ...air.kinds.every_kind import airflow_kinds
 from ...air.kinds.known_air import JetAir
-from ...air.kinds.solved_air import LoadedAir, SpanAir, SteadyAir, TimeResolvedAir
+from ...air.kinds.solved_air import LoadedAir, SolvedAir, SpanAir, SteadyAir, TimeResolvedAir
 from ...core.lazy import cached_property
-from ...planning.make import Planner
+from ...planning.make import make_plan
 from ...planning.plan import Plan
 from ...planning.stage_cache import StageCache
 from ...scene import Scene
@@ -32,10 +32,9 @@ class Airs:
     scene: Scene
     plan: Plan
     cache: StageCache
-    planner: Planner
     near: Airs | None
     compilation: Compilation
-    workers: int | None
+    workers: int
 
     @property
     def in_time(self) -> bool:
@@ -45,12 +44,11 @@ class Airs:
     @cached_property
     def answers(self) -> tuple[FlownAir, ...]:
         """Those that the plan wants, a grid each, the answer's first."""
-        how = self.plan.airflow
+        how, loading = self.plan.airflow, self.loading
         if how.stepping is None:
-            return (JetAir(self._bare, self.loading) if isinstance(self.loading, JetLoading) else self._bare,)
+            return (self._bare if loading is None else JetAir(self._bare, lambda: loading.force),)
         if how.span is not None:
-            deep = SpanAir(self.scene, self.plan, self.cache, start=self.steady[0])
-            return (deep if self.loading is None else LoadedAir(deep, self.loading),)
+            return (self._felt(SpanAir(self.scene, self.plan, self.cache, start=self.steady[0])),)
         if not self.in_time:
             return self.steady
         ends = zip(self.steady, self.resolved, strict=True)
@@ -61,6 +59,11 @@ class Airs:
         """The air that nobody solves, of its kind."""
         return airflow_kinds[self.plan.airflow.kind](self.scene, self.plan, self.cache)
 
+    def _felt(self, bare: SolvedAir) -> CaseAir:
+        """The air as it feels the granules, where the plan has it so."""
+        loading = self.loading
+        return bare if loading is None else LoadedAir(bare, lambda: loading.force)
+
     # -- steady --------------------------------------------------------------------------------------------------------
 
     @cached_property
@@ -68,7 +71,7 @@ class Airs:
         """The plan where it is steady, else that of the steady airflow beside it."""
         if not self.in_time:
             return self.plan
-        plan = self.planner.at(self.scene).plan("draft")
+        plan = make_plan(self.scene, rung="draft", force=self.plan.force, target_error=self.plan.target_error)
         return replace(plan, airflow=plan.airflow.feeling(self.scene, loaded=self.plan.airflow.loaded))
 
     @cached_property
@@ -112,8 +115,7 @@ class Airs:
         near, made = () if self.near is None else self.near.resolved, list[CaseAir]()
         for grid, cache in reversed([*enumerate(self._caches())]):
             start = _like(near, grid) or self.early or (made[-1] if made else self.steady[grid])
-            bare = TimeResolvedAir(self.scene, self.plan, cache, grid, start=start)
-            made.append(bare if self.loading is None else LoadedAir(bare, self.loading))
+            made.append(self._felt(TimeResolvedAir(self.scene, self.plan, cache, grid, start=start)))
         return tuple(reversed(made))
 
     @cached_property
@@ -122,12 +124,13 @@ class Airs:
         alone: its averages may be rough. None where the air feels no granules.
         """
         coarsest = len(self.plan.airflow.scales) - 1
-        if self.loading is None or not self.in_time or not coarsest:
+        loading = self.loading
+        if loading is None or not self.in_time or not coarsest:
             return None
         rough = replace(self.plan, airflow=replace(self.plan.airflow, accuracy=ROUGH))
         start, cache = self.bare_steady[coarsest], self._caches()[coarsest]
         bare = TimeResolvedAir(self.scene, rough, cache, coarsest, start=start, made_as="early-airflow")
-        return LoadedAir(bare, self.loading.early)
+        return LoadedAir(bare, lambda: loading.first.force)
 
     def solve_start(self) -> None:
         """Solve what the answer's airflow starts from, as far as it need not wait for the last force."""

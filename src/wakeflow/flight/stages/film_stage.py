@@ -8,27 +8,29 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core.errors import known
 from ...core.files import write_json
 from ...core.lazy import cached_property
 from ...core.store import content_key
 from ...core.tables import Columns
-from ...planning.collisions import number_rates
+from ...planning.collisions import CollisionPlan, number_rates
 from ...planning.plan import REPLICATES, Plan
-from ...planning.stage_cache import StageCache, code_of
+from ...planning.stage_cache import code_of
 from ...scene import Scene
+from .. import Granules, Tracks
+from ..feed.feedstock import feedstock
+from .gathered_force import resolved
+from .landings import load_recorded_tracks, paths_of, save_recorded_tracks
+from .slab_stage import SlabFlight, late_in, steady_after
 
 if TYPE_CHECKING:
-    from ...air.kinds.realisations import Realisations
-    from .. import Granules, Tracks
-    from .landings import Landings
+    from .track_stage import TrackStage
 
 CODE = "flight.stages.film_stage", "flight.stages.slab_stage", "flight.stages.gathered_force"  # what computes it
 
@@ -60,44 +62,42 @@ class Film:
 
 @dataclass(frozen=True)
 class FilmStage:
-    """Films of one scene under one plan in its ``airs``, through which its granules flew to their ``landings``;
-    ``upstream``: everything that those depend on.
-    """
+    """Films of the scene, the plan and the airflow in which the ``tracks`` of all granules have flown."""
 
-    scene: Scene
-    plan: Plan
-    cache: StageCache
-    airs: Realisations
-    upstream: str
-    landings: Mapping[str, Landings]
-    workers: int | None = None
+    tracks: TrackStage
+
+    @property
+    def scene(self) -> Scene:
+        """The machine and its feed."""
+        return self.tracks.scene
+
+    @property
+    def plan(self) -> Plan:
+        """How the granules are flown."""
+        return self.tracks.plan
 
     @cached_property
     def start_up(self) -> float:
         """Seconds until the machine is as full as it stays: a long flight."""
-        from .slab_stage import late_in, steady_after
-
-        if self.plan.crowd is not None:
-            return steady_after(self.plan, late_in(self.landings))
-        return max(float(np.quantile(self.landings[name].time, LATE)) for name in self.scene.fraction)
+        landings, crowd = self.tracks.fly().landings, self.plan.crowd
+        if crowd is not None:
+            return steady_after(crowd, late_in(landings))
+        return max(float(np.quantile(landings[name].time, LATE)) for name in self.scene.fraction)
 
     def fly(self, span: float | None = None) -> Film:
         """``span`` (s) of the machine's time, by default as long as the slowest granules fly."""
-        from .landings import load_recorded_tracks
-
         lasting = self.start_up if span is None else span
         rate = self.scene.feed.mass_flow, self.scene.feed.depth, self.scene.mass_shares()
         crowd = None if self.plan.crowd is None else (repr(self.plan.crowd), repr(self.scene.collisions))
-        key = content_key("film", self.upstream, lasting, rate, crowd, code_of(*CODE))
-        folder = self.cache.make("film", key, partial(self._work, lasting))
+        key = content_key("film", self.tracks.key, lasting, rate, crowd, code_of(*CODE))
+        folder = self.tracks.cache.make("film", key, partial(self._work, lasting))
         told = json.loads((folder / FILE).read_text())
         paths = {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in self.scene.fraction}
         return Film(**told, paths=paths)
 
     def _work(self, span: float, folder: Path) -> None:
-        from .landings import paths_of, save_recorded_tracks
-
-        film, flown = self._slab(span) if self.plan.crowd is not None else self._alone(span)
+        crowd = self.plan.crowd
+        film, flown = self._alone(span) if crowd is None else self._slab(span, crowd)
         for name, tracks, grains in flown:
             paths = paths_of(tracks, grains, len(self.scene.bin))
             shown = [one for one in paths if one["time"][0] < film.begin + span and one["time"][-1] > film.begin]
@@ -106,16 +106,14 @@ class FilmStage:
 
     # -- granules that meet --------------------------------------------------------------------------------------------
 
-    def _slab(self, span: float) -> tuple[Film, Iterator[tuple[str, Tracks, Granules]]]:
-        from .slab_stage import SlabFlight
-
-        crowd = known(self.plan.crowd)
+    def _slab(self, span: float, crowd: CollisionPlan) -> tuple[Film, Iterator[tuple[str, Tracks, Granules]]]:
         depth = crowd.depth * max(THINNEST, min(1.0, IN_VIEW / max(sum(crowd.in_flight.values()), 1.0)))
-        tell = partial(self.cache.tell, "film")
+        tell = partial(self.tracks.cache.tell, "film")
         tell(f"granules meet in a slab of {1e3 * depth:.3g} mm")
         flight = SlabFlight(
-            self.scene, self.plan, self.airs, depth, self.start_up, span, TOLERANCE, None, self.workers, tell
-        )
+            self.scene, self.plan, self.tracks.airs, depth, self.start_up, span, TOLERANCE,
+            workers=self.tracks.workers, tell=tell,
+        )  # fmt: skip
         stream, tracks = flight.record(POINTS)
         begin = float(stream.granules.time.min()) + self.start_up
         fed = self.start_up + span + self.start_up
@@ -145,21 +143,17 @@ class FilmStage:
 
     def _released(self, name: str, count: int, whole: float) -> tuple[str, Tracks, Granules]:
         """``count`` granules of the feed, released at any moment of ``whole`` (s)."""
-        from ..feed.feedstock import feedstock
-        from .fraction_flights import Flight
-        from .gathered_force import resolved
-
         resting = self.scene.feed.start == "resting"
         plan = self.plan if resting else resolved(self.plan)
-        flight = Flight(self.scene, plan, self.airs, TOLERANCE, self.workers)
-        feed = feedstock(self.scene, plan, name, self.airs.period, range(1)).granules
+        flight = replace(self.tracks.flight(self.scene, self.tracks.airs), plan=plan, tolerance=TOLERANCE)
+        feed = feedstock(self.scene, plan, name, self.tracks.airs.period, range(1)).granules
         rng = np.random.default_rng([self.scene.feed.seed, STREAM, list(self.scene.fraction).index(name)])
         own = rng.permutation(np.arange(count) % len(feed))
         when, vibration = whole * np.sort(rng.random(count)), self.scene.vibration
         if resting and vibration is not None:  # one that lies on the body must begin at the phase that put it there
             when = when + (feed.time[own] - when) % vibration.period
         grains = feed[own].replace(time=when)
-        self.cache.tell("film", f"{name}: {count} granules")
+        self.tracks.cache.tell("film", f"{name}: {count} granules")
         return name, flight.fly(name, grains, record=POINTS, stream=STREAM), grains
 
     def _rate(self, name: str, depth: float) -> float:

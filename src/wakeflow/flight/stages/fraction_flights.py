@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -16,6 +16,7 @@ from ... import flight as tracking
 from ...air.kinds.realisations import Realisations
 from ...core.errors import SceneError
 from ...core.geometry import wall_edge
+from ...core.process import cores
 from ...core.tables import Columns
 from ...planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
 from ...scene import Scene
@@ -45,7 +46,7 @@ class Flight:
     plan: Plan
     airs: Realisations
     tolerance: float
-    workers: int | None = None
+    workers: int = field(default_factory=cores)
     tell: Callable[[str], None] = lambda _: None
     replicates: int = REPLICATES  # the first of them; all, but for a comparison
     noises: int = 1  # as of ``track``
@@ -82,7 +83,8 @@ class Flight:
             own = range(number, self.replicates, airs)
             for replicates, part in product((own[i : i + step] for i in range(0, len(own), step)), parts):
                 self.tell(f"{name}: injecting {done} of {count}")
-                feed = feedstock(self.scene, self.plan, name, self.airs.period, replicates, part=part)
+                rows = slice(part.start, part.stop)
+                feed = feedstock(self.scene, self.plan, name, self.airs.period, replicates, part=rows)
                 stream = replicates[0] + STREAMS * REPLICATES * parts.index(part)
                 yield flight._drawn(name, feed, chosen, replicates, part, stream)
                 told = len(feed.replicate) < count
@@ -96,7 +98,8 @@ class Flight:
     def landings(self, name: str) -> Landings:
         """Where all granules of a fraction land, in air that does not vary."""
         feed = feedstock(self.scene, self.plan, name, None)
-        parts = landing_columns(feed, self.fly(name, feed.granules), len(self.scene.bin))
+        cycle = self.airs.cycle_of(feed.granules.time)
+        parts = landing_columns(feed, self.fly(name, feed.granules), len(self.scene.bin), 0, cycle)
         parts.pop("injected")
         return Landings(**parts)
 
@@ -118,9 +121,8 @@ class Flight:
         """Keep ``count`` tracks of each fraction in ``names``; with ``body_speed`` (m/s, upward) the first of them is
         that of the granule, among all that are fed, that met the body at the speed nearest to it.
         """
-        size = replicate_size(self.scene.feed.count)
         for name in names:
-            parts = range(min(REPLICATES, -(-count // size))) if body_speed is None else range(REPLICATES)
+            parts = range(min(REPLICATES, -(-count // self._size))) if body_speed is None else range(REPLICATES)
             self.tell(f"{name}: {count} tracks for a picture")
             feed = feedstock(self.scene, self.plan, name, self.airs.period, parts)
             chosen = np.linspace(0, len(feed.replicate) - 1, min(count, len(feed.replicate))).astype(int)
@@ -140,15 +142,15 @@ class Flight:
         """
         alone = range(replicate, replicate + 1, len(self.airs))
         flight = replace(self, airs=Realisations(self.airs.make(replicate % len(self.airs))))
-        feed = feedstock(self.scene, self.plan, name, self.airs.period, alone, variation, part)
+        rows = slice(part.start, part.stop)
+        feed = feedstock(self.scene, self.plan, name, self.airs.period, alone, variation, rows)
         second = _second_half(feed, self._size, alone, part.start)
         tracks = flight._fly_halves(name, feed.granules, second, replicate)
         return tracks.position, tracks.ends(len(self.scene.bin))[0].astype(np.int16)
 
     def _meeting(self, name: str, feed: Feedstock, body_speed: float) -> int:
         """The injected granule that met the body at the upward speed (m/s) nearest to the one given."""
-        motion = motion_of(self.scene)
-        rising = 0.0 if motion is None else motion.at(feed.granules.time)[1][:, 1]
+        rising = motion_of(self.scene).at(feed.granules.time)[1][:, 1]
         met = np.where(feed.injected, rising, np.inf)
         if not feed.injected.any():
             raise SceneError(
@@ -293,9 +295,7 @@ def end_lines(scene: Scene) -> list[Array]:
     return [one.line(scene) if one.keeps_part is None else nowhere for one in scene.bin.values()] + borders
 
 
-def landing_columns(
-    feed: Feedstock, tracks: Tracks, bins: int, realisation: int = 0, cycle: NDArray[np.uint16] | None = None
-) -> Columns:
+def landing_columns(feed: Feedstock, tracks: Tracks, bins: int, realisation: int, cycle: NDArray[np.uint16]) -> Columns:
     """What is kept of a landing, 40 bytes a granule; ``cycle`` (n,) of the shedding at its release."""
     bin_, fate = tracks.ends(bins)
     return {
@@ -308,6 +308,6 @@ def landing_columns(
         "impacts": (tracks.impacts + feed.injected).astype(np.int32),  # the tracker did not see these' first impact
         "injected": feed.injected,
         "realisation": np.full(len(feed.replicate), realisation, dtype=np.uint8),
-        "cycle": np.zeros(len(feed.replicate), dtype=np.uint16) if cycle is None else cycle,
+        "cycle": cycle,
         "drag": feed.granules.drag_scale.astype(np.float32),
     }

@@ -1,9 +1,22 @@
-"""The granules' force on the air of a steady field: of granules that fly alone, and of those that meet in the slab."""
+"""The granules' force on the air of a steady field: of granules that fly alone, and of those that meet in the slab.
+
+In steady operation a mass flow M of granules that pass along a track exerts on the air, between two of its points,
+
+    F = -M (dv - g' dt),   g' = g (1 - rho_air / rho) with buoyancy, else g,
+
+with dv the velocity that all but walls and other granules gave it in between and dt the time that it took: the
+track-length estimate of particle-source-in-cell (Crowe, Sharma & Stock 1977, J. Fluids Eng. 99, 325). The tracker keeps
+that velocity with every point of a path, impacts and collisions left out, so that the forces of all boxes add up to
+what the granules lost to the air, to round-off, however coarse the boxes are. All forces of the air count, not drag
+alone.
+
+Range: granules that fill little of the volume; the force of a whole step lies on the straight line between its ends.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -13,26 +26,29 @@ from numpy.typing import NDArray
 
 from ...air.field import FlowField
 from ...air.kinds.realisations import Realisations
-from ...core.errors import known
+from ...core.errors import SceneError
 from ...core.files import write_json
 from ...core.geometry import Boxes, ForceDensity
 from ...core.number import student
 from ...core.tables import save_arrays
+from ...laws.constants import GRAVITY
+from ...planning.collisions import CollisionPlan
 from ...planning.plan import COMPARED, REPLICATES, Plan, gathered
 from ...scene import Scene
 from ...scene.plumb import Plumb
 from .. import Granules, Tracks
 from ..feed.feedstock import feedstock
 from ..feed.stream import SlabFeed, slab_top
-from ..force_on_air import force_on_the_air
 from .fraction_flights import Flight
 from .slab_stage import LATE, SlabFlight
 
 Array = NDArray[np.float64]
-POINTS = 512  # kept of a track
+POINTS, RECORDED = 512, 128  # kept of a track: alone, and in the slab
 ACROSS = 16  # boxes across the first body, or the channel where none is
 ALONG = 64  # boxes along a channel without a body at least: granules' force varies along their fall
 STREAM = 4 * REPLICATES  # of the random forces, apart from those of other calls
+TOGETHER = 128  # tracks that are laid into the boxes at a time
+PIECES = 4  # a track is laid into the boxes in pieces of at most this part of a box's edge; chosen
 TOLERANCE = 3e-3  # of a landing place, body widths: a twentieth of a box
 
 
@@ -106,7 +122,7 @@ class Gatherer:
     scene: Scene
     plan: Plan
     air: FlowField
-    workers: int | None
+    workers: int
     tell: Callable[[str], None]
 
     @property
@@ -136,19 +152,19 @@ class Gatherer:
             late[name] = float(np.quantile(tracks.time - feed.granules.time, LATE))
         self._both_images(density, losses, before, shares, late).save(folder)
 
-    def among_others(self, start_up: float, before: ForceDensity, folder: Path) -> None:
-        """Of the granules that meet in COMPARED replicates of the slab, which is steady after the ``start_up`` (s) and
-        counts for as long, beside what they exert on their way there (``before``); kept in ``folder``.
+    def among_others(self, slab: CollisionPlan, start_up: float, before: ForceDensity, folder: Path) -> None:
+        """Of the granules that meet in COMPARED replicates of the ``slab``, which is steady after the ``start_up`` (s)
+        and counts for as long, beside what they exert on their way there (``before``); kept in ``folder``.
 
         Of each fraction the force is that of the granules fed over their mass, times the mass flow of the feed: how
         many come by chance does not matter.
         """
-        crowd = replace(
-            known(self.plan.crowd), replicates=COMPARED, operation=start_up, count=gathered(self.scene.feed.count)
-        )
+        count = gathered(self.scene.feed.count)
+        crowd = replace(slab, replicates=COMPARED, operation=start_up, count=count)
         plan, airs = replace(resolved(self.plan), crowd=crowd), Realisations(self.air)
         flight = SlabFlight(
             self.scene, plan, airs, crowd.depth, start_up, start_up, TOLERANCE, None, self.workers, self.tell,
+            recorded=RECORDED,
             also=lambda number, feed, tracks: save_arrays(folder / f"given-{number}.npz", self._given(feed, tracks)),
         )  # fmt: skip
         flight.fly_all(folder, COMPARED)
@@ -219,3 +235,55 @@ def _lost(
     lift = air_density / grains.density if "buoyancy" in forces else 0.0
     fallen = np.stack([pull * (1.0 - lift) * lasted for pull in gravity], axis=1)
     return np.asarray(fallen - gain)
+
+
+# -- The force along tracks --------------------------------------------------------------------------------------------
+def force_on_the_air(
+    tracks: Tracks,
+    grains: Granules,
+    mass_flow: float | Array,
+    boxes: Boxes,
+    *,
+    air_density: float = 0.0,
+    forces: Sequence[str] = ("drag", "gravity"),
+    gravity: Sequence[float] = (0.0, -GRAVITY),
+) -> ForceDensity:
+    """What ``tracks`` of ``grains``, kept with their paths, exert on the air when a ``mass_flow`` (kg/s per metre
+    across the plane) comes along all of them together, each granule standing for the same part of it; or along each
+    its own (n,).
+
+    ``air_density`` (kg/m3) and ``forces`` as flown, for the buoyancy. What lies outside the ``boxes`` goes to those on
+    their edge. Raises SceneError where no paths were kept.
+    """
+    if len(tracks.recorded) < len(grains):
+        raise SceneError("force_on_the_air: no paths were kept; call track(..., record=True)")
+    lift = air_density / grains.density if "buoyancy" in forces else np.zeros(len(grains))
+    weight = (1.0 - lift)[:, None] * np.asarray(gravity, dtype=float)
+    count = boxes.rows * boxes.columns
+    found = np.zeros((count, 2))
+    flow = mass_flow if isinstance(mass_flow, np.ndarray) else np.full(len(grains), mass_flow / max(len(grains), 1))
+    for low in range(0, len(grains), TOGETHER):
+        some = slice(low, low + TOGETHER)
+        place, given = _laid(tracks.recorded[some], weight[some], flow[some], boxes)
+        for axis in (0, 1):
+            found[:, axis] -= np.bincount(place, given[:, axis], count)
+    return ForceDensity(boxes, found.reshape(boxes.rows, boxes.columns, 2) / boxes.pitch**2)
+
+
+def _laid(paths: Sequence[Array], pull: Array, flow: Array, boxes: Boxes) -> tuple[NDArray[np.int64], Array]:
+    """Boxes (k,) along ``paths``, and what the air gave the granules in each (k, 2), N/m: ``flow`` (n,) kg/s a metre of
+    each times the velocity.
+    """
+    lengths = np.array([len(path) for path in paths])
+    points = np.concatenate(paths)
+    owner = np.repeat(np.arange(len(paths)), np.maximum(lengths - 1, 0))
+    begins = np.delete(np.arange(len(points)), np.cumsum(lengths) - 1)
+    start = points[begins]
+    change = points[begins + 1] - start
+    given = (change[:, 5:7] - change[:, :1] * pull[owner]) * flow[owner, None]
+    way = np.hypot(change[:, 1], change[:, 2])
+    pieces = np.maximum(1, np.ceil(PIECES * way / boxes.pitch).astype(np.int64))
+    step = np.repeat(np.arange(len(pieces)), pieces)
+    number = np.arange(len(step)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    along = ((number + 0.5) / pieces[step])[:, None]
+    return boxes.holding(start[step, 1:3] + along * change[step, 1:3]), (given / pieces[:, None])[step]

@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import SceneError, known
+from ...core.errors import SceneError
 from ...core.lazy import cached_property
-from ...core.process import cores
 from ...core.store import content_key
 from ...core.tables import AnyArray, Columns, save_arrays
 from ...laws.size import normal_points
@@ -32,7 +31,6 @@ from ...scene.variation import AirVariation, Variation
 from .landings import BLOCKS, block_of
 
 if TYPE_CHECKING:
-    from ...air.field import FlowField
     from ...air.kinds.realisations import Realisations
     from ...scene import Scene
     from .landings import Tracked
@@ -155,7 +153,7 @@ class DrawStage:
     def _fly_all(self, tracked: Tracked, folder: Path) -> None:
         """All draws, those of one air by one thread: granules of a draw are too few for several."""
         found: dict[str, list[AnyArray]] = {}
-        pool = ThreadPoolExecutor(self.tracks.workers or cores())
+        pool = ThreadPoolExecutor(self.tracks.workers)
         try:
             jobs = [pool.submit(self._fly_in_one_air, first, tracked) for first in range(0, INPUT_SAMPLES, SAME_AIR)]
             for number, job in enumerate(jobs):
@@ -205,18 +203,13 @@ class DrawStage:
         from .track_stage import PerturbedRerun
 
         found = self.tracks.airs
-        if air.theta is not None or air.strength is not None:
-            wake = known(self.tracks.plan.airflow.wake)
+        wake = self.tracks.plan.airflow.wake
+        if wake is not None and (air.theta is not None or air.strength is not None):
             theta = wake.theta.value if air.theta is None else air.theta
             strength = wake.strength.value if air.strength is None else air.strength
             found = self.tracks.realised(PerturbedRerun("draws", wake=(theta, strength)))
-
         entering = _entering(self.tracks.scene)
-
-        def change(field: FlowField) -> FlowField:
-            return varied(field, air.speed, air.energy, air.lifetime, entering=entering)
-
-        return found.mapped(change)
+        return found.mapped(lambda field: varied(field, air.speed, air.energy, air.lifetime, entering=entering))
 
 
 def _entering(scene: Scene) -> float:

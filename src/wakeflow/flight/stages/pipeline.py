@@ -13,29 +13,27 @@ from typing import TYPE_CHECKING
 
 from ...air.kinds.airflow_kinds import FlownAir
 from ...air.kinds.airflow_table import Airflow, FieldDivergence
-from ...core.errors import known
 from ...core.lazy import cached_property
+from ...core.process import cores
 from ...core.store import Store, cache_root
 from ...core.tables import Columns
 from ...planning.dependence import Dependence
 from ...planning.feed_funnel import ENGINE, FunnelSummary, bead_engines
-from ...planning.make import Planner
 from ...planning.plan import Plan
 from ...planning.stage_cache import Listener, StageCache, StageTimes, null_listener
 from ...planning.stages import OWN, AirLabel, StageKey
 from ...scene import Scene
-from ..feed.impact_loads import ImpactSummary, impact_loads
 from .air_loading import AirLoading
 from .airs import Airs
 from .compilation import Compilation
 from .film_stage import Film, FilmStage
 from .input_samples import DrawStage, InputSamples, Joined
-from .slab_stage import CollisionRerun, CollisionStage, SlabFound
-from .track_stage import PerturbedRerun, TrackStage
+from .slab_stage import AS_PLANNED, CollisionRerun, CollisionStage, SlabFound
+from .track_stage import ANSWER, PerturbedRerun, TrackStage
 
 if TYPE_CHECKING:
     from ...air.field import FlowField
-    from ...air.mesh import MeshReport, MeshSpec
+    from ...air.mesh import MeshSpec
     from ...scene import Picture
     from .landings import Tracked
 
@@ -44,9 +42,8 @@ if TYPE_CHECKING:
 class Pipeline:
     """The stages of one scene under one plan; each is made at most once and comes from the cache where it can.
 
-    ``label`` tells the stages of another airflow of the same scene apart in ``seconds`` and to the listener.
-    ``planner`` made ``plan`` and plans the scene at other rungs; by default it is one with the plan's own options. From
-    the airs ``near`` it those of this scene are solved on, on whatever meshes those are.
+    ``label`` tells the stages of another airflow of the same scene apart in ``seconds`` and to the listener. From the
+    airs ``near`` it those of this scene are solved on, on whatever meshes those are.
     """
 
     scene: Scene
@@ -56,13 +53,8 @@ class Pipeline:
     store: Store = field(default_factory=lambda: Store(cache_root()))
     seconds: StageTimes = field(default_factory=StageTimes)
     label: AirLabel = OWN
-    planner: Planner | None = None
     compilation: Compilation = field(default_factory=Compilation, repr=False)
     near: Airs | None = field(default=None, repr=False)
-
-    def __post_init__(self) -> None:
-        if self.planner is None:
-            self.planner = Planner(self.scene, self.plan.force, self.plan.target_error)
 
     @property
     def cache(self) -> StageCache:
@@ -82,18 +74,12 @@ class Pipeline:
             return None
         return bead_engines[ENGINE].compute(self.scene.funnel, self.cache.make, partial(self.cache.tell, "funnel"))
 
-    @property
-    def impact_loads(self) -> ImpactSummary | None:
-        """What the falling stream does to the first body; None where there is none, or another may be met before it."""
-        return impact_loads(self.scene, self.plan)
-
     # -- airflow -------------------------------------------------------------------------------------------------------
 
     @cached_property
     def airs(self) -> Airs:
         """Every air of the scene under its plan."""
-        planner = known(self.planner)
-        return Airs(self.scene, self.plan, self.cache, planner, self.near, self.compilation, self.workers)
+        return Airs(self.scene, self.plan, self.cache, self.near, self.compilation, self.workers or cores())
 
     @cached_property
     def air(self) -> FlownAir:
@@ -120,11 +106,6 @@ class Pipeline:
     def mesh_spec(self) -> MeshSpec:
         """What the plan wants meshed. Raises SceneError for an airflow without a mesh."""
         return self.air.in_case.mesh_spec
-
-    @property
-    def mesh_quality(self) -> MeshReport | None:
-        """Counts and quality of the mesh; None without one."""
-        return self.air.mesh_quality
 
     @property
     def solution(self) -> tuple[str, Path]:
@@ -156,14 +137,14 @@ class Pipeline:
 
     @cached_property
     def _track_stage(self) -> TrackStage:
-        return TrackStage(self.scene, self.plan, self.cache, self.air, self.compilation, self.workers)
+        return TrackStage(self.scene, self.plan, self.cache, self.air, self.compilation, self.workers or cores())
 
     @property
     def tracks_key(self) -> str:
         """Everything the tracks depend on."""
         return self._track_stage.key
 
-    def tracks(self, rerun: PerturbedRerun | None = None) -> Tracked:
+    def tracks(self, rerun: PerturbedRerun = ANSWER) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
         return self._track_stage.fly(rerun)
 
@@ -179,19 +160,19 @@ class Pipeline:
         return DrawStage(self._track_stage, joined).fly()
 
     @cached_property
-    def _collision_stage(self) -> CollisionStage:
-        return CollisionStage(self._track_stage)
+    def _collision_stage(self) -> CollisionStage | None:
+        return None if self.plan.crowd is None else CollisionStage(self._track_stage, self.plan.crowd)
 
     @property
-    def collisions_key(self) -> str | None:
-        """Everything the slab depends on; None where the plan has none."""
-        return None if self.plan.crowd is None else self._collision_stage.key
+    def collisions_key(self) -> str:
+        """Everything the slab depends on; empty where the plan has none."""
+        return "" if self._collision_stage is None else self._collision_stage.key
 
-    def crowd(self, rerun: CollisionRerun | None = None, beside: SlabFound | None = None) -> SlabFound | None:
+    def crowd(self, rerun: CollisionRerun = AS_PLANNED, beside: SlabFound | None = None) -> SlabFound | None:
         """The landings of granules that meet each other, of more replicates than ``beside``, of some under a
         ``companion``'s change; None where the plan has no slab.
         """
-        if self.plan.crowd is None:
+        if self._collision_stage is None:
             return None
         self.compilation.finish_slab(self.cache)
         return self._collision_stage.fly(rerun, beside)
@@ -203,8 +184,7 @@ class Pipeline:
     def film(self, span: float | None = None) -> Film:
         """The granules that are in the machine over ``span`` (s), on one clock: flown for a film."""
         self.compilation.finish_slab(self.cache)
-        known = self._track_stage.airs, self.tracks_key, self.tracks().landings, self.workers
-        return FilmStage(self.scene, self.plan, self.cache, *known).fly(span)
+        return FilmStage(self._track_stage).fly(span)
 
     def compile_in_background(self) -> None:
         """Have the tracker compiled by another process while this one waits for OpenFOAM."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, as_completed, wait
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from ... import flight as tracking
 from ...air.field import FlowField
 from ...air.kinds.realisations import Realisations
-from ...core.errors import SceneError, known
+from ...core.errors import SceneError
 from ...core.lazy import cached_property
 from ...core.process import cores
 from ...core.store import content_key
-from ...core.tables import Columns, save_arrays
+from ...core.tables import save_arrays
 from ...laws.forces import forces
 from ...planning.collisions import CollisionPlan
 from ...planning.plan import Plan
@@ -40,9 +40,7 @@ CODE = "flight.stages.slab_stage", "flight.stages.landings"  # what computes it
 
 # -- The stage of the slab ---------------------------------------------------------------------------------------------
 MIN_REPLICATES = 2  # replicates of a companion
-STEP_ERROR_PART = (
-    0.3  # of the accuracy asked for: landing error that a step of the slab may make, body widths (docs/model.md)
-)
+STEP_ERROR_PART = 0.3  # of the accuracy asked for: landing error (body widths) of a step of the slab (docs/model.md)
 SHARE_OF_SHIFT = 0.5  # share that changes its bin, about, over the mean shift of all landings (body widths)
 
 
@@ -85,21 +83,22 @@ class SlabFound:
     folder: Path
 
 
+AS_PLANNED = CollisionRerun("slab")  # with nothing changed, in the replicates that the answer needs
+
+
 @dataclass
 class CollisionStage:
-    """The slab of one scene under one plan through one airflow, in which its ``tracks`` have flown alone before."""
+    """The slab of one scene under one plan, which says of it what is in ``crowd``, through one airflow, in which its
+    ``tracks`` have flown alone before.
+    """
 
     tracks: TrackStage
-
-    @property
-    def crowd(self) -> CollisionPlan:
-        """What the plan says of the slab. The plan must have one."""
-        return known(self.tracks.plan.crowd)
+    crowd: CollisionPlan
 
     @cached_property
     def start_up(self) -> float:
         """Seconds until the slab is steady."""
-        return steady_after(self.tracks.plan, late_in(self.tracks.fly().landings))
+        return steady_after(self.crowd, late_in(self.tracks.fly().landings))
 
     @property
     def tolerance(self) -> float:
@@ -114,12 +113,12 @@ class CollisionStage:
         flown = crowd.tracers, crowd.operation, crowd.count, crowd.replicates
         return content_key("crowd", self.tracks.key, self.tolerance, *fed, *flown, code_of(*CODE))
 
-    def flight(self, name: str, depth: float, step: float | None) -> SlabFlight:
-        """What flies a slab of ``depth`` (m) under the ``name`` of a stage."""
+    def flight(self, name: str) -> SlabFlight:
+        """What flies the slab under the ``name`` of a stage."""
         stage = self.tracks
         return SlabFlight(
-            stage.scene, stage.plan, stage.airs, depth, self.start_up, self.crowd.operation, self.tolerance, step,
-            stage.workers, partial(stage.cache.tell, name),
+            stage.scene, stage.plan, stage.airs, self.crowd.depth, self.start_up, self.crowd.operation, self.tolerance,
+            workers=stage.workers, tell=partial(stage.cache.tell, name),
         )  # fmt: skip
 
     @property
@@ -127,16 +126,13 @@ class CollisionStage:
         """Replicates that fly in any case: all, where each flies in an airflow of its own."""
         return self.crowd.fewest if len(self.tracks.airs) == 1 else self.crowd.replicates
 
-    def fly(self, rerun: CollisionRerun | None = None, beside: SlabFound | None = None) -> SlabFound:
+    def fly(self, change: CollisionRerun = AS_PLANNED, beside: SlabFound | None = None) -> SlabFound:
         """The fewest replicates of the slab, or more ``beside`` those; under a ``companion``'s change some of them."""
-        change = rerun or CollisionRerun("slab")
-        if rerun is not None:
+        flight = replace(self.flight(change.name), scene=change.applied(self.tracks.scene), part=change.depth)
+        replicates = self.fewest if beside is None else self.crowd.after(beside.replicates)
+        if change != AS_PLANNED:
             replicates = max(MIN_REPLICATES, self.crowd.replicates // 4)
-        else:
-            replicates = self.fewest if beside is None else self.crowd.after(beside.replicates)
-        step = None if rerun is None else change.step * self.fly().clock.step
-        flight = self.flight(change.name, self.crowd.depth, step)
-        flight = replace(flight, scene=change.applied(flight.scene), part=change.depth)
+            flight = replace(flight, step=change.step * self.fly().clock.step)
         changed = change.step, change.depth, change.restitution, change.friction
         key = content_key(self.key, flight.depth, replicates, *changed)
         work, begun = partial(flight.fly_all, replicates=replicates), None if beside is None else beside.folder
@@ -145,7 +141,6 @@ class CollisionStage:
 
 
 # -- The slab flown ----------------------------------------------------------------------------------------------------
-RECORDED = 128  # points of a track
 LATE = 0.99  # share of a fraction's granules that have landed when its flight counts as over
 SEVERAL = 3.0  # flights of a granule that landed late, within which one that met others does
 
@@ -156,7 +151,7 @@ class SlabFlight:
     ``operation`` (s) that count, in a whole number of the airflow's periods; ``tolerance`` (body widths) for the step
     of its clock, or the ``step`` (s) itself, which ``measured`` hears where it had to be found; ``tell`` hears of
     progress; granules are as the ``variation`` has them. A replicate is one thread's work: ``workers`` fly at a time.
-    ``also`` gets each replicate's number, its feed and its tracks with RECORDED points of each.
+    ``also`` gets each replicate's number, its feed and its tracks with as many points as are ``recorded`` of each.
     """
 
     scene: Scene
@@ -167,19 +162,20 @@ class SlabFlight:
     operation: float
     tolerance: float
     step: float | None = None
-    workers: int | None = None
+    workers: int = field(default_factory=cores)
     tell: Callable[[str], None] = lambda _: None
     part: float = 1.0
-    measured: Callable[[tracking.ClockStep], object] | None = None
+    measured: Callable[[tracking.ClockStep], object] = lambda _: None
     variation: Variation = AS_GIVEN
-    also: Callable[[int, SlabFeed, tracking.Tracks], object] | None = None
+    also: Callable[[int, SlabFeed, tracking.Tracks], object] = lambda *_: None
+    recorded: int = 0
 
     def fly_all(self, folder: Path, replicates: int) -> None:
         """Fly the first ``replicates`` and keep the landings of each in ``folder``; those that are there already are
         left alone. Where no ``step`` is given the first finds that of the others, which wait for no more than that.
         """
         left = [number for number in range(replicates) if not _file(folder, number).exists()]
-        pool = ThreadPoolExecutor(self.workers or cores())
+        pool = ThreadPoolExecutor(self.workers)
         try:
             jobs: list[Future[None]] = []
             step = self.step
@@ -207,17 +203,11 @@ class SlabFlight:
         return job, clock.result().step
 
     def keep(self, number: int, folder: Path) -> None:
-        """Fly one replicate and keep its landings in ``folder``, unless they are there already."""
-        path = _file(folder, number)
-        if path.exists():
-            return
-        self.tell(f"replicate {number + 1}")
-        save_arrays(path, self._fly(number))
-
-    def _fly(self, number: int) -> Columns:
-        """The landings of one replicate. Where an airflow's mirror image is as likely, every second one flies in it,
-        and the two of a pair count as one: between an airflow and its image there is no sampling error to find.
+        """Fly one replicate and keep its landings in ``folder``. Where an airflow's mirror image is as likely, every
+        second one flies in it, and the two of a pair count as one: between an airflow and its image there is no
+        sampling error to find.
         """
+        self.tell(f"replicate {number + 1}")
         mirrored = self.plan.airflow.mirrored and self.airs.field is not None
         pair, image = (number // 2, number % 2 == 1) if mirrored else (number, False)
         realisation = pair % len(self.airs)
@@ -227,14 +217,13 @@ class SlabFlight:
         period = self.airs.period
         operation = self.operation if period is None else period * math.ceil(self.operation / period)
         stream = self._stream(field, number, operation)
-        tracks = self._track(field, stream, number, record=0 if self.also is None else RECORDED)
-        if self.also is not None:
-            self.also(number, stream, tracks)
+        tracks = self._track(field, stream, number, self.recorded)
+        self.also(number, stream, tracks)
         kept = np.flatnonzero(stream.counted)
         feed = Feedstock(stream.granules[kept], np.zeros(len(kept), dtype=bool), np.full(len(kept), pair))
         cycle = self.airs.cycle_of(feed.granules.time)
-        return {
-            **landing_columns(feed, tracks.some(kept), len(self.scene.bin), realisation, cycle),
+        columns = landing_columns(feed, tracks.some(kept), len(self.scene.bin), realisation, cycle)
+        further = {
             "clock": np.array(tracks.crowd.clock),
             "jammed": np.array(tracks.crowd.jammed),
             "flown": np.array(tracks.crowd.flown),
@@ -242,6 +231,7 @@ class SlabFlight:
             "weight": stream.mass[kept],
             "meetings": tracks.meetings[kept].astype(np.int32),
         }
+        save_arrays(_file(folder, number), columns | further)
 
     def found(self, folder: Path, replicates: int) -> SlabFound:
         """What :meth:`fly_all` kept in a folder."""
@@ -252,14 +242,10 @@ class SlabFlight:
         step, error, asked, trials = parts[0]["clock"].tolist()
         clock = tracking.ClockStep(step, error, asked, int(trials))
         jammed, flown = (sum(int(part[key]) for part in parts) for key in ("jammed", "flown"))
-        parts = [
-            {key: part[key] for key in part if key not in ("clock", "jammed", "flown", "injected")} for part in parts
-        ]
-        columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
-        fraction = columns.pop("fraction")
-        columns["replicate"] = _grouped(
-            fraction, columns["replicate"], columns["realisation"], len(self.scene.fraction)
-        )
+        kept = [key for key in parts[0] if key not in ("clock", "jammed", "flown", "injected")]
+        columns = {key: np.concatenate([part[key] for part in parts]) for key in kept}
+        fraction, many = columns.pop("fraction"), len(self.scene.fraction)
+        columns["replicate"] = _grouped(fraction, columns["replicate"], columns["realisation"], many)
         landed = {}
         for number, name in enumerate(self.scene.fraction):
             own: dict[str, Any] = {key: values[fraction == number] for key, values in columns.items()}
@@ -278,7 +264,7 @@ class SlabFlight:
         its tracks with ``points`` kept of each.
         """
         stream = self._stream(self.airs.field, 0, self.operation)
-        return stream, self._track(self.airs.field, stream, 0, record=points)
+        return stream, self._track(self.airs.field, stream, 0, points)
 
     def _stream(self, field: FlowField | None, number: int, operation: float) -> SlabFeed:
         """What a replicate is fed with, over so much ``operation`` (s)."""
@@ -293,7 +279,7 @@ class SlabFlight:
         cycle = self.airs.period or (0.0 if vibration is None else vibration.period)
         return cycle * float(np.random.default_rng([self.scene.feed.seed, number]).random())
 
-    def _track(self, field: FlowField | None, stream: SlabFeed, number: int, *, record: int = 0) -> tracking.Tracks:
+    def _track(self, field: FlowField | None, stream: SlabFeed, number: int, record: int) -> tracking.Tracks:
         scene, rebound = self.scene, self.scene.collisions
         height = scene.channel.top - scene.channel.bottom
         speed = slowest_pace(scene, self.plan, self.plan.fractions)
@@ -330,11 +316,10 @@ def late_in(landings: Mapping[str, Landings]) -> Callable[[str], float]:
     return lambda name: float(np.quantile(landings[name].time, LATE))
 
 
-def steady_after(plan: Plan, late: Callable[[str], float]) -> float:
+def steady_after(crowd: CollisionPlan, late: Callable[[str], float]) -> float:
     """Seconds until a slab is steady: the longest flight, alone, of the granules that are simulated one by one, which
     is as ``late`` says.
     """
-    crowd = known(plan.crowd)
     real = [name for name, fine in crowd.tracers.items() if fine < 1.0] or list(crowd.tracers)
     return max(late(name) for name in real)
 

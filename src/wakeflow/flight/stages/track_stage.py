@@ -31,7 +31,7 @@ class PerturbedRerun:
 
     ``name`` among the stages; ``tolerance`` (body widths) instead of the scene's; ``wake``: theta and strength of the
     wake instead of the answer's own, as in ``field.blended_wake``; ``noises``: intervals of noise that last as one;
-    ``replicates``: the first of them, that fly.
+    ``replicates``: the first of them, that fly; ``drawn``: tracks for pictures are kept.
     """
 
     name: str
@@ -39,6 +39,10 @@ class PerturbedRerun:
     wake: tuple[float, float] | None = None
     noises: int = 1
     replicates: int = COMPARED
+    drawn: bool = False
+
+
+ANSWER = PerturbedRerun("tracks", replicates=REPLICATES, drawn=True)  # all of them, with nothing changed
 
 
 def unweighed(scene: Scene) -> dict[str, object]:
@@ -61,7 +65,7 @@ class TrackStage:
     cache: StageCache
     air: FlownAir
     compilation: Compilation
-    workers: int | None = None
+    workers: int
 
     @cached_property
     def key(self) -> str:
@@ -76,35 +80,29 @@ class TrackStage:
         flown = mirrored, len(airs), airs.cycles
         return content_key("tracks", tables, order, *flown, repr(how), self.air.key, code_of(*CODE), versions)
 
-    def fly(self, rerun: PerturbedRerun | None = None) -> Tracked:
+    def fly(self, change: PerturbedRerun = ANSWER) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
-        from .fraction_flights import Flight
         from .landings import load_tracked
 
-        change = rerun or PerturbedRerun("tracks", replicates=REPLICATES)
-        tolerance = change.tolerance or self.scene.numerics.tolerance
-        key = content_key(self.key, tolerance, change.wake, change.noises, change.replicates)
-        tell = partial(self.cache.tell, change.name)
-        airs = self.realised(change)
-        flight = Flight(
-            self.scene, self.plan, airs, tolerance, self.workers, tell, change.replicates, change.noises
+        flight = replace(
+            self.flight(self.scene, self.realised(change)), tell=partial(self.cache.tell, change.name),
+            tolerance=change.tolerance or self.scene.numerics.tolerance, replicates=change.replicates,
+            noises=change.noises,
         )  # fmt: skip
+        key = content_key(self.key, flight.tolerance, change.wake, change.noises, change.replicates)
         self.finish_compiling(change.name, key)
-        folder = self.cache.make(change.name, key, partial(flight.fly_all, drawn=rerun is None))
+        folder = self.cache.make(change.name, key, partial(flight.fly_all, drawn=change.drawn))
         return load_tracked(folder, self.scene)
 
     def shown(self, picture: Picture) -> dict[str, list[Columns]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
-        from .fraction_flights import Flight
         from .landings import load_recorded_tracks
 
         names, flown = picture.chosen(list(self.scene.fraction)), picture.flown
-        tolerance = self.scene.numerics.tolerance
         if not flown[0]:
             return {}
-        key = content_key(self.key, tolerance, names, flown)
-        tell = partial(self.cache.tell, "shown")
-        flight = Flight(self.scene, self.plan, self.airs, tolerance, self.workers, tell)
+        flight = replace(self.flight(self.scene, self.airs), tell=partial(self.cache.tell, "shown"))
+        key = content_key(self.key, flight.tolerance, names, flown)
         folder = self.cache.make("shown", key, lambda part: flight.fly_pictured(part, names, *flown))
         return {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in names}
 
