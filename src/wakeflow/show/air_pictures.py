@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..air.field.derived import stream_function
+from ..air.field.flow import stream_function
 from ..core.errors import known
 from ..core.geometry import distance_to
 from .canvas import MM, PlotGrid, Window, inside_window, triangulation
@@ -206,7 +206,7 @@ class VorticityShades:
     """The vorticity of a ``field`` on ``size`` (across, up) dots of a ``window``, the upper left first."""
 
     def __init__(self, field: FlowField, window: Window, size: tuple[int, ...]) -> None:
-        from ..air.field.derived import vorticity
+        from ..air.field.flow import vorticity
 
         self.field, self.size = field, size
         x = window[0] + (np.arange(size[0]) + 0.5) / size[0] * (window[1] - window[0])

@@ -23,11 +23,10 @@ from wakeflow.air.foam.airflow import solve_airflow
 from wakeflow.air.foam.case import FlowSpec, MeshMotion, set_patch_types, write_case, write_parameters
 from wakeflow.air.foam.force_history import Tail, kind_of, upward_crossings
 from wakeflow.air.foam.polymesh import read_polymesh
-from wakeflow.air.foam.prepare import prepare_case
 from wakeflow.air.foam.programs import call
 from wakeflow.air.foam.read import CaseFields, read_flow, time_folders
 from wakeflow.air.foam.solver import drop_after, last_state, states
-from wakeflow.air.foam.start import start_from
+from wakeflow.air.foam.start import prepare_case, start_from
 from wakeflow.air.foam.statistics import cycles
 from wakeflow.air.foam.steady import run_steady
 from wakeflow.air.foam.suction import suction_zone

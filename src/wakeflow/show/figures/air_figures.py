@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...air.field.derived import vorticity
+from ...air.field.flow import vorticity
 from ...core.errors import known
 from ...core.geometry import along
 from ...laws.momentum import momentum_pressure

@@ -32,14 +32,12 @@ from ....core.tables import save_arrays
 from ....laws.span import CADENCE, Span
 from ..airflow_result import CheckMesh, SpanResult
 from ..case import FlowSpec, SpanSpec, axis_points, write_case, write_parameters
-from ..failure import AirflowFailure, disk_trouble_named
 from ..momentum_source import write_source
-from ..prepare import prepare_case
-from ..programs import call
+from ..programs import AirflowFailure, call, disk_trouble_named
 from ..read import CaseFields, time_folders
 from ..sanity import check_airflow
 from ..solver import PHASE, drop_after, last_state, purge, run_segment, segment_ends
-from ..start import first_step, start_in_time, write_internal
+from ..start import first_step, prepare_case, start_in_time, write_internal
 from ..time_resolved import watch_over
 from ..watch import ProgressListener
 from .span_measure import measure_span
