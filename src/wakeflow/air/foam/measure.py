@@ -106,14 +106,7 @@ def _range(values: Array) -> Number:
 
 
 # -- What an airflow amounts to in numbers -----------------------------------------------------------------------------
-def measure(
-    spec: FlowSpec,
-    folder: Path,
-    verdict: str,
-    *,
-    residuals: dict[str, float] | None = None,
-    mesh: CheckMesh | None = None,
-) -> CaseResult:
+def measure(spec: FlowSpec, folder: Path, verdict: str, *, residuals: dict[str, float], mesh: CheckMesh) -> CaseResult:
     """Measure the solved case ``folder``: the latest time of a steady airflow, the loop of a time-resolved one.
 
     ``verdict``, ``residuals`` and the quality of the ``mesh`` are passed on into the result. Raises
@@ -136,8 +129,8 @@ def measure(
         period=loop["period"] if loop else None,
         motion=motion_in(loop),
         loop_mismatch=loop["mismatch"] if loop else None,
-        residuals=residuals or {},
-        mesh=mesh or CheckMesh(),
+        residuals=residuals,
+        mesh=mesh,
         statistics=history.statistics,
         notes=tuple(history.notes),
         cd_of=drag_of_each(spec, folder, loop["begin"] if loop else since),
