@@ -253,7 +253,7 @@ class TestShedding:
     def test_the_mean_is_the_mean_of_the_loop_and_single_times_can_be_asked_for(self, shedding: Solved) -> None:
         every, mean = read_flow(shedding.case, "all"), read_flow(shedding.case, "mean")
         np.testing.assert_allclose(mean["velocity"], every["velocity"].mean(axis=0), atol=1e-12)
-        assert mean["times"] is None
+        assert "times" not in mean
         third = json.loads((shedding.case / "loop.json").read_text())["times"][2]
         np.testing.assert_allclose(read_flow(shedding.case, float(third))["pressure"], every["pressure"][2])
         with pytest.raises(FoamError, match="no time 99"):
@@ -540,7 +540,7 @@ class TestReading:
         beside = (flow["points"][:, 0] > 0.15 - 1e-9) & (np.abs(flow["points"][:, 1]) < 0.2)
         speed = np.linalg.norm(flow["velocity"][beside], axis=1)
         assert (speed == 0).all() if walls == "no-slip" else (speed > 1).all()
-        assert (flow["k"] is None) == (turbulence == "laminar")
+        assert ("k" not in flow) == (turbulence == "laminar")
 
     def test_ascii_and_binary_meshes_read_the_same(self, rhombus_flow: Solved, tmp_path: Path) -> None:
         write_case(rhombus_flow.spec, tmp_path)

@@ -79,7 +79,7 @@ FIRST_STEP = 0.2  # of a corner cell that the incoming air crosses in the first 
 def start_in_time(spec: FlowSpec, folder: Path, source: Path | None) -> None:
     """Begin a time-resolved run from case ``source`` or a uniform flow, pushed (:func:`perturb`) unless it sheds."""
     start_from(spec, folder, source)
-    if source is None or loop_of(source) is None:
+    if source is None or not loop_of(source):
         perturb(spec, folder)
 
 
