@@ -396,7 +396,7 @@ def _smooth(field: FlowField, forces: Sequence[str], swing: MeshOscillation | No
         for place, scalar in enumerate(stirred, 4):
             values[part, :, place] = scalar[around, part].T
     hold_off(field, np.swapaxes(values, 0, 1)[..., :2])
-    return values, np.array([field.times[0], knots / known(field.period), knots])
+    return values, np.array([field.times[0], knots / field.time_axis.period, knots])
 
 
 def _covered(field: FlowField, neighbours: Index, bodies: Sequence[Body], reach: float) -> Index:

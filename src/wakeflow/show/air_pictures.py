@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..air.field.flow import stream_function
-from ..core.errors import known
 from ..core.geometry import distance_to
 from .canvas import MM, PlotGrid, Window, inside_window, triangulation
 
@@ -50,10 +49,10 @@ def as_flown(mean: FlowField, scene: Scene) -> FlowField:
 
 def moments_of(field: FlowField, count: int) -> Array:
     """``count`` times (s) evenly over the loop of a field in time, its end left out; without a loop over its record."""
-    times = known(field.times)
-    if field.period is None:
+    times, period = field.time_axis.times, field.time_axis.period
+    if not field.time_axis.repeats:
         return np.linspace(times[0], times[-1], count)
-    return np.asarray(times[0] + np.arange(count) / count * field.period)
+    return np.asarray(times[0] + np.arange(count) / count * period)
 
 
 def at_moments(field: FlowField, count: int) -> tuple[Array, Iterator[FlowField]]:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...core import sums
 from ...core.arrays import number, numbers
-from ...core.errors import SceneError, known
+from ...core.errors import SceneError
 from ...core.lazy import cached_property
 from ...core.tables import load_arrays, save_arrays
 from ...laws.gas import MEAN_FREE_PATH, PRESSURE, TEMPERATURE
@@ -151,7 +151,9 @@ class FlowField(Triangles):
     @cached_property
     def time_axis(self) -> TimeAxis:
         """The field's functions of time."""
-        return TimeAxis(self.times, self.period, self.coefficients)
+        times = np.zeros(0) if self.times is None else self.times
+        period = np.inf if self.period is None else self.period
+        return TimeAxis(times, period, np.zeros((0, 0)) if self.coefficients is None else self.coefficients)
 
     def weights(self, t: float) -> Array:
         """The weight of each snapshot or part (R,) in the field at time ``t`` (s); a lone 1 when steady."""
@@ -212,11 +214,9 @@ class FlowField(Triangles):
         """
         if self.times is None or self.coefficients is not None:
             return self
-        parts, coefficients, lost = compress(
-            self.times, self.period, nodal(self), self.node_area, error=error, knots=knots
-        )
-        assert self.period is not None
-        start = self.times[0] + np.arange(len(coefficients)) * (self.period / len(coefficients))
+        axis = self.time_axis
+        parts, coefficients, lost = compress(axis, nodal(self), self.node_area, error=error, knots=knots)
+        start = axis.times[0] + np.arange(len(coefficients)) * (axis.period / len(coefficients))
         changes: dict[str, Any] = {**parts, "truncation": replace(lost, knots=len(coefficients))}
         return self.with_values(**changes, times=start, coefficients=coefficients)
 
@@ -233,8 +233,8 @@ class FlowField(Triangles):
         k and dissipation, of which a truncation may leave nothing or less where they are small, are kept above a
         twentieth of their means: an eddy's lifetime is their quotient.
         """
-        times, parts = known(self.times), getattr(self, name)
-        drawn = design(times, float(times[0]), known(self.period), len(times)) @ known(self.coefficients)
+        axis, parts = self.time_axis, getattr(self, name)
+        drawn = design(axis.times, float(axis.times[0]), axis.period, len(axis.times)) @ axis.coefficients
         values: Array = np.tensordot(drawn, parts, axes=1)
         return np.maximum(values, MIN_TURBULENCE_RATIO * parts[0]) if name in POSITIVE else values
 
@@ -246,7 +246,7 @@ class FlowField(Triangles):
         """
         across, along = checks.of_shape("amplitude", amplitude, (2,), "m").tolist()
         swing = MeshOscillation(across, along, number("omega", omega, "rad/s"), number("phase", phase, "rad"))
-        swing.check(self.times is not None, self.period)
+        swing.check(self.times is not None, self.time_axis.period)
         return self.with_values(motion=swing)
 
     def mirrored(self, x: float = 0.0) -> FlowField:

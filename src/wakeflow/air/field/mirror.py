@@ -82,13 +82,13 @@ class MeshOscillation(NamedTuple):
         angle = self.omega * np.asarray(t, dtype=float) + self.phase
         return np.asarray(np.cos(angle)[..., None] * np.array([self.x, self.y]) * self.omega)
 
-    def check(self, in_time: bool, period: float | None) -> None:
+    def check(self, in_time: bool, period: float) -> None:
         """Raise SceneError for numbers that are not finite, and for a field in time (``in_time``) whose ``period`` (s)
         is not a whole number of swings.
         """
         if not (np.all(np.isfinite(self)) and self.omega > 0):
             raise SceneError(f"motion: amplitude, omega and phase {tuple(self)} must be finite, and omega positive")
         if in_time:
-            turns = np.inf if period is None else period * self.omega / (2 * np.pi)
+            turns = period * self.omega / (2 * np.pi)
             if not abs(turns - np.round(turns)) <= WHOLE:
                 raise SceneError(f"motion: the field repeats after {turns:.4g} swings of its mesh, not a whole number")

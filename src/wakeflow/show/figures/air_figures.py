@@ -214,7 +214,7 @@ def _first(field: FlowField) -> FlowField:
     """A field in time as it is at its first moment."""
     from dataclasses import replace
 
-    weights = field.weights(float(known(field.times)[0]))
+    weights = field.weights(float(field.time_axis.times[0]))
     still = field.mapped(lambda nodal: np.tensordot(weights, nodal, axes=1))
     return replace(still, times=None, period=None, coefficients=None, truncation=None)
 
