@@ -25,7 +25,7 @@ from ...core.tables import load_arrays, save_arrays
 from ...laws.gas import MEAN_FREE_PATH, PRESSURE, TEMPERATURE
 from ...laws.gas import mean_free_path as path_in_gas
 from . import field_checks as checks
-from .mirror import MeshOscillation, mirrored, reflected
+from .mirror import VECTORS, MeshOscillation, mirrored
 from .modes import TimeAxis, Truncation, compress, design
 from .triangles import Divergence, Triangles, divergence_of, gradient_operators
 
@@ -103,16 +103,29 @@ class FlowField(Triangles):
         parts = None if coefficients is None else checks.coefficients(coefficients, clock, period)
         lead = (len(nodes),) if clock is None else ((clock if parts is None else parts.T).shape[0], len(nodes))
         speed = checks.of_shape("velocity", velocity, (*lead, 2), "m/s")
-        scalars = (("pressure", pressure, "Pa"), ("k", k, "m^2/s^2"), ("dissipation", dissipation, "m^2/s^3"))
-        nodal: dict[str, Any] = {name: checks.optional(name, values, lead, unit) for name, values, unit in scalars}
-        gradient = checks.optional("pressure_gradient", pressure_gradient, (*lead, 2), "Pa/m")
-        if walls is not None and nodal["k"] is not None:
+        given = {
+            "pressure": (pressure, lead, "Pa"),
+            "k": (k, lead, "m^2/s^2"),
+            "dissipation": (dissipation, lead, "m^2/s^3"),
+            "pressure_gradient": (pressure_gradient, (*lead, 2), "Pa/m"),
+        }
+        nodal: dict[str, Any] = {
+            name: checks.of_shape(name, values, shape, unit)
+            for name, (values, shape, unit) in given.items()
+            if values is not None
+        }
+        if walls is not None and "k" in nodal:
             nodal["k"][..., checks.flags("walls", walls, (len(nodes),))] = 0.0
-        lost = None if truncation is None else Truncation.from_array(checks.finite("truncation", truncation))
+        if mean_free_path is None:
+            mean_free_path = MEAN_FREE_PATH if density is None and viscosity is None else 0.0
         field = cls(
-            nodes, cells, speed, times=clock, period=period,
-            given_gradient=gradient, coefficients=parts, truncation=lost, **nodal,
-            **_gas(density, viscosity, temperature, mean_free_path),
+            nodes, cells, speed, times=clock, period=period, coefficients=parts,
+            given_gradient=nodal.pop("pressure_gradient", None),
+            truncation=None if truncation is None else Truncation.from_array(checks.finite("truncation", truncation)),
+            density=checks.positive("density", 1.2 if density is None else density, "kg/m^3"),
+            viscosity=checks.positive("viscosity", 1.8e-5 if viscosity is None else viscosity, "Pa*s"),
+            temperature=checks.positive("temperature", temperature, "K"),
+            mean_free_path=checks.positive("mean_free_path", mean_free_path, "m", or_zero=True), **nodal,
         )  # fmt: skip
         return field if motion is None else field.moving(*checks.motion(motion))
 
@@ -179,14 +192,13 @@ class FlowField(Triangles):
         corner = self.triangles[triangle[inside]]
         shares = self.weights(t)
 
-        def value(nodal: Array | None, shape: tuple[int, ...]) -> Array:
-            result = np.full((len(points), *shape), np.nan)
+        velocity, pressure, gradient = (np.full((len(points), *shape), np.nan) for shape in ((2,), (), (2,)))
+        parts = (self.velocity, self.pressure, self.pressure_gradient)
+        for result, nodal in zip((velocity, pressure, gradient), parts, strict=True):
             if nodal is not None:
                 now = nodal if self.times is None else np.tensordot(shares, nodal, axes=1)
                 result[inside] = np.einsum("nk,nk...->n...", weight, now[corner])
-            return result
-
-        return value(self.velocity, (2,)), value(self.pressure, ()), value(self.pressure_gradient, (2,))
+        return velocity, pressure, gradient
 
     def divergence(self) -> Divergence:
         """Divergence of the interpolated velocity in every triangle, and how large it is against U / h."""
@@ -263,8 +275,10 @@ class FlowField(Triangles):
 
     def reflected(self, x: float = 0.0) -> FlowField:
         """The mirror image of the field about the vertical line at ``x``."""
-        points, triangles, image = reflected(self.points, self.triangles, nodal(self), x)
+        points = (2 * x, 0.0) + self.points * (-1.0, 1.0)
+        image: dict[str, Any] = {n: values * (-1.0, 1.0) for n, values in nodal(self).items() if n in VECTORS}
         motion = None if self.motion is None else self.motion._replace(x=-self.motion.x)
+        triangles = np.ascontiguousarray(self.triangles[:, ::-1])
         return replace(self, points=points, triangles=triangles, motion=motion, **image)
 
     @cached_property
@@ -325,18 +339,6 @@ AGAIN = "it cannot be read as a flow field; the run that wrote it writes it anew
 def nodal(field: FlowField) -> dict[str, Any]:
     """The nodal arrays that a ``field`` has, by name."""
     return {name: values for name in NODAL if (values := getattr(field, name)) is not None}
-
-
-def _gas(density: float | None, viscosity: float | None, temperature: float, path: float | None) -> dict[str, Any]:
-    """What the air is, checked: its density and viscosity by default, and its mean free path where both are."""
-    if path is None:
-        path = MEAN_FREE_PATH if density is None and viscosity is None else 0.0
-    return {
-        "density": checks.positive("density", 1.2 if density is None else density, "kg/m^3"),
-        "viscosity": checks.positive("viscosity", 1.8e-5 if viscosity is None else viscosity, "Pa*s"),
-        "temperature": checks.positive("temperature", temperature, "K"),
-        "mean_free_path": checks.positive("mean_free_path", path, "m", or_zero=True),
-    }
 
 
 # -- What follows from a field's velocity ------------------------------------------------------------------------------

@@ -52,14 +52,6 @@ def mirrored(
     )
 
 
-def reflected(
-    points: Array, triangles: Index, nodal: Mapping[str, Array], x: float
-) -> tuple[Array, Index, dict[str, Any]]:
-    """Points, triangles and nodal arrays by name of the mirror image about the line at ``x`` (m); shapes stay."""
-    turned = {name: values * (-1.0, 1.0) if name in VECTORS else values for name, values in nodal.items()}
-    return (2 * x, 0.0) + points * (-1.0, 1.0), np.ascontiguousarray(triangles[:, ::-1]), turned
-
-
 # -- The motion of a field's whole mesh --------------------------------------------------------------------------------
 WHOLE = 0.01  # vibrations by which a moving field's period may miss a whole number of them. Chosen: 4 degrees of phase
 

@@ -145,16 +145,12 @@ QUARTERS = 4
 FADING = 0.5  # of the first quarter's: three-dimensional motion that falls so far is dying
 
 
-def measure_span(
-    spec: SpanSpec, record: SpanRecord, deep: Path, begin: float | None = None, *, seconds: float = 0.0
-) -> SpanResult:
-    """The airflow of the run in ``deep`` whose snapshots are ``record``, from ``begin`` (s; default: after the
-    start-up) on. ``seconds`` of wall time are passed on.
+def measure_span(spec: SpanSpec, record: SpanRecord, deep: Path, begin: float, *, seconds: float = 0.0) -> SpanResult:
+    """The airflow of the run in ``deep`` whose snapshots are ``record``, from ``begin`` (s) on. ``seconds`` of wall
+    time are passed on.
 
     Raises FoamError for a run that has not come so far.
     """
-    if begin is None:
-        begin = spec.span.start_up * spec.convective_time
     rows = Tail(deep).update()
     late = rows[rows[:, 0] >= begin]
     means = span_means(spec, record, begin)
