@@ -29,8 +29,7 @@ from numpy.typing import NDArray
 from ...core.errors import SceneError
 from ...core.lazy import cached_property
 from .flow import POSITIVE, FlowField, nodal
-from .mirror import MeshOscillation
-from .modes import fit
+from .modes import MeshOscillation, fit
 from .triangles import Triangles
 
 # -- The wake between its two ends -------------------------------------------------------------------------------------

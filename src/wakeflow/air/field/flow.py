@@ -25,9 +25,8 @@ from ...core.tables import load_arrays, save_arrays
 from ...laws.gas import MEAN_FREE_PATH, PRESSURE, TEMPERATURE
 from ...laws.gas import mean_free_path as path_in_gas
 from . import field_checks as checks
-from .mirror import VECTORS, MeshOscillation, mirrored
-from .modes import TimeAxis, Truncation, compress, design
-from .triangles import Divergence, Triangles, divergence_of, gradient_operators
+from .modes import MeshOscillation, TimeAxis, Truncation, compress, design
+from .triangles import VECTORS, Divergence, Triangles, divergence_of, gradient_operators, mirrored
 
 Array = NDArray[np.float64]
 POSITIVE = ("k", "dissipation")

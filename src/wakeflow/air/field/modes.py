@@ -1,4 +1,5 @@
-"""A repeating field as its mean and the modes that matter, with functions of time that are smooth.
+"""A field in time: what it is made of at each time, how its mesh moves, a repeating one as its mean and the modes that
+matter, with functions of time that are smooth.
 
 f(t) = sum over j of c_j B((t - t_0) / h - j), B the centred cubic B-spline (de Boor 2001, A Practical Guide to Splines,
 ch. IX), h the period over the number of knots: twice continuously differentiable, fourth-order accurate in h, and at
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -130,6 +132,40 @@ class TimeAxis:
     def mean_weights(self) -> Array:
         """The time mean of each snapshot's or part's weight (R,); for a field in time."""
         return self.coefficients.mean(axis=0) if self.coefficients.size else self.shares()
+
+
+# -- The motion of a field's whole mesh --------------------------------------------------------------------------------
+WHOLE = 0.01  # vibrations by which a moving field's period may miss a whole number of them. Chosen: 4 degrees of phase
+
+
+class MeshOscillation(NamedTuple):
+    """Harmonic motion of the whole mesh: displacement (x, y) sin(omega t + phase); m, rad/s, rad."""
+
+    x: float
+    y: float
+    omega: float
+    phase: float = 0.0
+
+    def displacement(self, t: ArrayLike) -> Array:
+        """Where the mesh is (.., 2) m at times ``t`` (..,) s, from where its points say."""
+        angle = self.omega * np.asarray(t, dtype=float) + self.phase
+        return np.asarray(np.sin(angle)[..., None] * np.array([self.x, self.y]))
+
+    def velocity(self, t: ArrayLike) -> Array:
+        """How fast the mesh moves (.., 2) m/s."""
+        angle = self.omega * np.asarray(t, dtype=float) + self.phase
+        return np.asarray(np.cos(angle)[..., None] * np.array([self.x, self.y]) * self.omega)
+
+    def check(self, in_time: bool, period: float) -> None:
+        """Raise SceneError for numbers that are not finite, and for a field in time (``in_time``) whose ``period`` (s)
+        is not a whole number of swings.
+        """
+        if not (np.all(np.isfinite(self)) and self.omega > 0):
+            raise SceneError(f"motion: amplitude, omega and phase {tuple(self)} must be finite, and omega positive")
+        if in_time:
+            turns = period * self.omega / (2 * np.pi)
+            if not abs(turns - np.round(turns)) <= WHOLE:
+                raise SceneError(f"motion: the field repeats after {turns:.4g} swings of its mesh, not a whole number")
 
 
 # -- A repeating field as its mean and the modes that matter -----------------------------------------------------------
