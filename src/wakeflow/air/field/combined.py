@@ -127,10 +127,13 @@ def interpolated(mesh: Triangles, nodal: Mapping[str, Array], points: Array) -> 
     A point that lies outside, by round-off or beside the corners of a curved wall, takes the nearest value of the
     triangle that it is least outside of.
     """
+    from scipy.spatial import cKDTree
+
     triangle = mesh.locate(points)
     out = np.flatnonzero(triangle < 0)
     if len(out):
-        near = mesh.centres.query(points[out], k=min(MAX_TRIANGLES_TRIED, len(mesh.triangles)))[1].reshape(len(out), -1)
+        centres = cKDTree(mesh.points[mesh.triangles].mean(axis=1))
+        near = centres.query(points[out], k=min(MAX_TRIANGLES_TRIED, len(mesh.triangles)))[1].reshape(len(out), -1)
         spread = np.repeat(points[out], near.shape[1], axis=0)
         least = mesh.barycentric(near.ravel(), spread).min(axis=1).reshape(near.shape)
         triangle[out] = near[np.arange(len(out)), least.argmax(axis=1)]

@@ -100,7 +100,7 @@ class Triangles:
         return np.stack([-across[..., 1], across[..., 0]], axis=2) / (2 * self.area)[:, None, None]
 
     @of_mesh
-    def centres(self) -> Any:
+    def _centres(self) -> Any:
         """Tree of the triangles' centroids."""
         from scipy.spatial import cKDTree
 
@@ -115,7 +115,7 @@ class Triangles:
         todo = np.flatnonzero(np.all((x >= low - slack) & (x <= high + slack), axis=1))
         if not len(todo):
             return found
-        at = self.centres.query(x[todo])[1].astype(np.int64)
+        at = self._centres.query(x[todo])[1].astype(np.int64)
         for _ in range(len(self.triangles)):
             coordinate = self.barycentric(at, x[todo])
             lowest = coordinate.argmin(axis=1)
@@ -184,7 +184,7 @@ class Triangles:
         side = max(1, int(np.sqrt(PER_TRIANGLE * len(self.triangles))))
         pitch = (top - corner) / side
         row, column = np.divmod(np.arange(side * side), side)
-        nearest = self.centres.query(corner + (np.stack([column, row], axis=1) + 0.5) * pitch)[1]
+        nearest = self._centres.query(corner + (np.stack([column, row], axis=1) + 0.5) * pitch)[1]
         return nearest.astype(np.int64), corner, pitch, side
 
     def barycentric(self, triangle: Index, x: Array) -> Array:
