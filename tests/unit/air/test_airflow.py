@@ -127,7 +127,7 @@ class TestRhombus:
         fields = CaseFields(rhombus_flow.case)
         latest = fields.folder("latest")
         k = fields.field(latest, "k")[0]
-        np.testing.assert_allclose(fields.snapshot(latest).pressure, fields.field(latest, "p")[0] - 2 / 3 * k)
+        np.testing.assert_allclose(fields.snapshot(latest).cells["pressure"], fields.field(latest, "p")[0] - 2 / 3 * k)
         light, heavy = (read_flow(rhombus_flow.case, density=rho) for rho in (1.0, 3.0))
         np.testing.assert_allclose(heavy["pressure"], 3 * light["pressure"])
         mesh = rhombus_flow.spec.mesh

@@ -118,23 +118,27 @@ class Edges(NamedTuple):
         return cls(plane.on("inlet"), plane.on("outlet"), fields.wall & body)
 
 
+def _since(spec: FlowSpec, folder: Path, rows: Array, loop: JsonTable) -> tuple[float | None, Coefficients]:
+    """When the record began (s, or iterations) that an airflow is measured on, and what its history says since then;
+    None of one that came to rest: its end alone counts.
+    """
+    if loop:
+        return loop["begin"], in_time(spec, rows, loop["begin"])
+    if not late_states(folder):
+        return None, at_rest(spec, rows)
+    begin = json.loads((folder / STATES).read_text())["begin"]
+    late = rows[rows[:, 0] > begin]
+    return begin, spanned(late, _unsettled(late[:, 1]))
+
+
 def measure(spec: FlowSpec, folder: Path, verdict: str, *, residuals: dict[str, float], mesh: CheckMesh) -> CaseResult:
     """Measure the solved case ``folder``: the latest time of a steady airflow, the loop of a time-resolved one.
 
     ``verdict``, ``residuals`` and the quality of the ``mesh`` are passed on into the result. Raises
     FoamError for a case without a solved time, or whose values are not finite.
     """
-    loop, states, begin = loop_of(folder), late_states(folder), None
-    rows = Tail(folder).update()
-    if loop:
-        begin = loop["begin"]
-        history = in_time(spec, rows, begin)
-    elif states:
-        begin = json.loads((folder / STATES).read_text())["begin"]
-        late = rows[rows[:, 0] > begin]
-        history = spanned(late, _unsettled(late[:, 1]))
-    else:
-        history = at_rest(spec, rows)
+    loop, states, rows = loop_of(folder), late_states(folder), Tail(folder).update()
+    begin, history = _since(spec, folder, rows, loop)
     fields, names = CaseFields(folder), loop["times"] if loop else states
     times = [fields.folder(name) for name in names or ["latest"]]
     shots = [fields.snapshot(time) for time in times]
