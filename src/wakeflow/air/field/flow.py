@@ -101,30 +101,18 @@ class FlowField(Triangles):
         clock = checks.times(times, period)
         parts = None if coefficients is None else checks.coefficients(coefficients, clock, period)
         lead = (len(nodes),) if clock is None else ((clock if parts is None else parts.T).shape[0], len(nodes))
-        speed = checks.of_shape("velocity", velocity, (*lead, 2), "m/s")
-        given = {
-            "pressure": (pressure, lead, "Pa"),
-            "k": (k, lead, "m^2/s^2"),
-            "dissipation": (dissipation, lead, "m^2/s^3"),
-            "pressure_gradient": (pressure_gradient, (*lead, 2), "Pa/m"),
-        }
-        nodal: dict[str, Any] = {
-            name: checks.of_shape(name, values, shape, unit)
-            for name, (values, shape, unit) in given.items()
-            if values is not None
-        }
+        given = (
+            ("velocity", velocity, (*lead, 2), "m/s"), ("pressure", pressure, lead, "Pa"), ("k", k, lead, "m^2/s^2"),
+            ("dissipation", dissipation, lead, "m^2/s^3"), ("pressure_gradient", pressure_gradient, (*lead, 2), "Pa/m"),
+        )  # fmt: skip
+        nodal: dict[str, Any] = {n: checks.of_shape(n, v, shape, unit) for n, v, shape, unit in given if v is not None}
         if walls is not None and "k" in nodal:
             nodal["k"][..., checks.flags("walls", walls, (len(nodes),))] = 0.0
-        if mean_free_path is None:
-            mean_free_path = MEAN_FREE_PATH if density is None and viscosity is None else 0.0
+        lost = None if truncation is None else Truncation.from_array(checks.finite("truncation", truncation))
         field = cls(
-            nodes, cells, speed, times=clock, period=period, coefficients=parts,
-            given_gradient=nodal.pop("pressure_gradient", None),
-            truncation=None if truncation is None else Truncation.from_array(checks.finite("truncation", truncation)),
-            density=checks.positive("density", 1.2 if density is None else density, "kg/m^3"),
-            viscosity=checks.positive("viscosity", 1.8e-5 if viscosity is None else viscosity, "Pa*s"),
-            temperature=checks.positive("temperature", temperature, "K"),
-            mean_free_path=checks.positive("mean_free_path", mean_free_path, "m", or_zero=True), **nodal,
+            nodes, cells, times=clock, period=period, coefficients=parts, truncation=lost,
+            given_gradient=nodal.pop("pressure_gradient", None), **nodal,
+            **_gas(density, viscosity, temperature, mean_free_path),
         )  # fmt: skip
         return field if motion is None else field.moving(*checks.motion(motion))
 
@@ -338,6 +326,18 @@ AGAIN = "it cannot be read as a flow field; the run that wrote it writes it anew
 def nodal(field: FlowField) -> dict[str, Any]:
     """The nodal arrays that a ``field`` has, by name."""
     return {name: values for name in NODAL if (values := getattr(field, name)) is not None}
+
+
+def _gas(density: float | None, viscosity: float | None, temperature: float, path: float | None) -> dict[str, Any]:
+    """What the air is, checked: its density and viscosity by default, and its mean free path where both are."""
+    if path is None:
+        path = MEAN_FREE_PATH if density is None and viscosity is None else 0.0
+    return {
+        "density": checks.positive("density", 1.2 if density is None else density, "kg/m^3"),
+        "viscosity": checks.positive("viscosity", 1.8e-5 if viscosity is None else viscosity, "Pa*s"),
+        "temperature": checks.positive("temperature", temperature, "K"),
+        "mean_free_path": checks.positive("mean_free_path", path, "m", or_zero=True),
+    }
 
 
 # -- What follows from a field's velocity ------------------------------------------------------------------------------
