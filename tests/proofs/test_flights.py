@@ -13,9 +13,8 @@ from proofs.report import Table
 from proofs.tracker import cloud, flights
 from proofs.tracker.curves import travelling_wave
 from support import rhombus_spec, shipped
-from wakeflow.air.foam.prepare import prepare_case
 from wakeflow.air.foam.solver import run_segment
-from wakeflow.air.foam.start import first_step
+from wakeflow.air.foam.start import first_step, prepare_case
 from wakeflow.air.foam.watch import Watch
 from wakeflow.air.mesh import build_mesh
 from wakeflow.flight import Fate, Tracks

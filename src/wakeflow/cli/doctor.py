@@ -162,9 +162,9 @@ def _mesh(folder: Path) -> str:
 def _solve(folder: Path) -> str:
     """Two iterations and two time steps on the triangle's mesh, with all that a run measures on its way."""
     from ..air.foam.case import FlowSpec
-    from ..air.foam.prepare import prepare_case
     from ..air.foam.programs import openfoam_version
     from ..air.foam.solver import run_segment
+    from ..air.foam.start import prepare_case
     from ..air.foam.watch import Watch
 
     _mesh(folder)

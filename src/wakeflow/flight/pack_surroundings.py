@@ -400,7 +400,7 @@ def _smooth(field: FlowField, needs: _Needs, swing: MeshOscillation) -> tuple[Ar
         for place, scalar in enumerate(stirred, 4):
             values[part, :, place] = scalar[around, part].T
     hold_off(field, np.swapaxes(values, 0, 1)[..., :2])
-    return values, np.array([field.times[0], knots / known(field.period), knots])
+    return values, np.array([field.times[0], knots / field.time_axis.period, knots])
 
 
 def _covered(field: FlowField, neighbours: Index, bodies: Sequence[Body], reach: float) -> Index:

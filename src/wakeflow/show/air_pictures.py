@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..air.field.derived import stream_function
-from ..core.errors import known
+from ..air.field.flow import stream_function
 from ..core.geometry import distance_to
 from .canvas import MM, PlotGrid, Window, inside_window, triangulation
 
@@ -50,10 +49,10 @@ def as_flown(mean: FlowField, scene: Scene) -> FlowField:
 
 def moments_of(field: FlowField, count: int) -> Array:
     """``count`` times (s) evenly over the loop of a field in time, its end left out; without a loop over its record."""
-    times = known(field.times)
-    if field.period is None:
+    times, period = field.time_axis.times, field.time_axis.period
+    if not field.time_axis.repeats:
         return np.linspace(times[0], times[-1], count)
-    return np.asarray(times[0] + np.arange(count) / count * field.period)
+    return np.asarray(times[0] + np.arange(count) / count * period)
 
 
 def at_moments(field: FlowField, count: int) -> tuple[Array, Iterator[FlowField]]:
@@ -206,7 +205,7 @@ class VorticityShades:
     """The vorticity of a ``field`` on ``size`` (across, up) dots of a ``window``, the upper left first."""
 
     def __init__(self, field: FlowField, window: Window, size: tuple[int, ...]) -> None:
-        from ..air.field.derived import vorticity
+        from ..air.field.flow import vorticity
 
         self.field, self.size = field, size
         x = window[0] + (np.arange(size[0]) + 0.5) / size[0] * (window[1] - window[0])

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from proofs.airflow.residence import ResidenceTime, residence_time
 from wakeflow.air.field import FlowField
 from wakeflow.air.field.combined import blended_wake, interpolated
-from wakeflow.air.field.modes import time_shares
 from wakeflow.air.foam.case import read_parameters
 from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.air.kinds.realisations import Realisations
@@ -171,7 +170,7 @@ def variance(field: FlowField) -> NDArray[np.float64]:
     velocity, k = (values if field.coefficients is None else field.at_knots(name) for name, values in (
         ("velocity", field.velocity), ("k", known(field.k)),
     ))  # fmt: skip
-    weights = time_shares(field.times, field.period)
+    weights = field.time_axis.shares()
     moves = velocity - np.tensordot(weights, velocity, axes=1)
     return np.asarray(np.tensordot(weights, moves**2, axes=1) + 2.0 / 3.0 * (weights @ k)[:, None])
 

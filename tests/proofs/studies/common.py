@@ -16,7 +16,7 @@ import numpy as np
 import wakeflow as wf
 from proofs.report import Column, Row, cell
 from wakeflow.air.foam.case import FlowSpec
-from wakeflow.air.foam.prepare import prepare_case
+from wakeflow.air.foam.start import prepare_case
 from wakeflow.answer.separation import separate
 from wakeflow.core.files import write_json
 from wakeflow.flight.stages.compilation import compile_slab, compile_tracker

@@ -21,9 +21,9 @@ from proofs.tracker.rk4 import Ends
 from wakeflow.air.field import FlowField
 from wakeflow.air.foam.case import FlowSpec
 from wakeflow.air.foam.polymesh import FoamMesh, read_polymesh
-from wakeflow.air.foam.prepare import prepare_case
 from wakeflow.air.foam.programs import call
 from wakeflow.air.foam.reconstruction import PlaneMesh
+from wakeflow.air.foam.start import prepare_case
 from wakeflow.air.mesh import MeshSpec, build_mesh
 from wakeflow.core.errors import FoamError
 from wakeflow.core.record import JsonTable

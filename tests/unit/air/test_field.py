@@ -7,7 +7,7 @@ import pytest
 
 from support import field_of, shaken_mesh
 from wakeflow.air.field import FlowField
-from wakeflow.air.field.derived import stream_function, vorticity
+from wakeflow.air.field.flow import stream_function, vorticity
 from wakeflow.core.errors import SceneError
 
 

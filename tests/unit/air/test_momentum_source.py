@@ -14,9 +14,9 @@ from wakeflow.air.foam import airflow
 from wakeflow.air.foam.airflow import solve_airflow
 from wakeflow.air.foam.airflow_result import AirflowResult
 from wakeflow.air.foam.case import FlowSpec
-from wakeflow.air.foam.failure import AirflowFailure, Cause
 from wakeflow.air.foam.momentum_source import SOURCE, cell_forces, write_source
 from wakeflow.air.foam.polymesh import read_polymesh
+from wakeflow.air.foam.programs import AirflowFailure, Cause
 from wakeflow.air.foam.read import time_folders
 from wakeflow.air.foam.sanity import Check, check_airflow
 from wakeflow.air.foam.watch import Progress

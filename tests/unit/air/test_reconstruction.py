@@ -231,11 +231,11 @@ def test_edges_of_a_no_slip_wall_have_p_itself_and_all_others_p_less_2k_over_3(c
     shot, plane = fields.snapshot(fields.folder("latest")), fields.mesh.plane
     beside = plane.centres[plane.owner]  # zero gradient: the value of the cell
     wall, slip, outlet = (plane.on(name) for name in ("bottom", "right", "outlet"))
-    np.testing.assert_allclose(shot.pressure_faces[wall], pressure(beside[wall]))
-    np.testing.assert_allclose(shot.pressure_faces[slip], (pressure(beside) - 2 / 3 * energy(beside))[slip])
+    np.testing.assert_allclose(shot.faces["pressure"][wall], pressure(beside[wall]))
+    np.testing.assert_allclose(shot.faces["pressure"][slip], (pressure(beside) - 2 / 3 * energy(beside))[slip])
     top = plane.midpoints[outlet]
-    np.testing.assert_allclose(shot.pressure_faces[outlet], pressure(top) - 2 / 3 * energy(top))
-    np.testing.assert_allclose(shot.pressure, pressure(plane.centres) - 2 / 3 * energy(plane.centres))
+    np.testing.assert_allclose(shot.faces["pressure"][outlet], pressure(top) - 2 / 3 * energy(top))
+    np.testing.assert_allclose(shot.cells["pressure"], pressure(plane.centres) - 2 / 3 * energy(plane.centres))
 
 
 def test_nodes_on_the_wall_take_p_and_the_wall_function_leaves_no_gradient_in_the_first_cell(case: Path) -> None:

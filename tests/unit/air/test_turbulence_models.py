@@ -124,8 +124,10 @@ def test_a_new_model_is_solved_checked_and_read_back(realizable: TurbulenceModel
     latest = fields.folder("latest")
     shot = fields.snapshot(latest)
     assert fields.model is realizable
-    np.testing.assert_array_equal(shot.dissipation, fields.field(latest, "epsilon")[0])
-    np.testing.assert_allclose(shot.pressure, fields.field(latest, "p")[0] - 2 / 3 * fields.field(latest, "k")[0])
+    np.testing.assert_array_equal(shot.cells["dissipation"], fields.field(latest, "epsilon")[0])
+    np.testing.assert_allclose(
+        shot.cells["pressure"], fields.field(latest, "p")[0] - 2 / 3 * fields.field(latest, "k")[0]
+    )
     flow = read_flow(case)
     at_inlet = flow["points"][:, 1] > spec.mesh.top - 1e-9
     k = 1.5 * (spec.intensity * spec.speed) ** 2

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from .combined import blended_wake, interpolated
 from .flow import FlowField
-from .mirror import MeshOscillation
-from .modes import Truncation
+from .modes import MeshOscillation, Truncation
 from .triangles import Divergence
 
 __all__ = ["Divergence", "FlowField", "MeshOscillation", "Truncation", "blended_wake", "interpolated"]

@@ -26,10 +26,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import SceneError, known
+from ...core.errors import SceneError
 from ...core.lazy import cached_property
 from .flow import POSITIVE, FlowField, nodal
-from .modes import fit, time_shares
+from .modes import MeshOscillation, fit
 from .triangles import Triangles
 
 # -- The wake between its two ends -------------------------------------------------------------------------------------
@@ -63,7 +63,7 @@ class Wakes:
         """Of the velocity of the wake in time (N,) m2/s2."""
         field = self.resolved
         velocity = field.velocity if field.coefficients is None else field.at_knots("velocity")
-        weights = time_shares(known(field.times), field.period)
+        weights = field.time_axis.shares()
         found: Array = np.einsum("t,tnj->n", weights, (velocity - self.mean["velocity"]) ** 2)
         return found
 
@@ -91,7 +91,9 @@ class Wakes:
         else:  # part 0 is the mean, the others have none
             nodes = {name: np.concatenate([mean[name][None], kept[name] * values[1:]]) for name, values in own.items()}
         made = resolved.with_values(**nodes)
-        return made if resolved.motion is None else _swinging(made, still["velocity"], 1.0 - strength)
+        if (motion := resolved.motion) is None:
+            return made
+        return _swinging(made, motion, still["velocity"], 1.0 - strength)
 
     def _dropped(self, theta: float, strength: float) -> Array:
         """Energy (N,) m2/s2 that the blend's mean motion needs and its fluctuation lacks; no more than what it drops.
@@ -168,9 +170,9 @@ def _with_boundary(resolved: FlowField, still: dict[str, Array], mean: Array) ->
     return {**still, "velocity": np.where(fixed[:, None], mean, still["velocity"])}
 
 
-def _swinging(field: FlowField, still: Array, share: float) -> FlowField:
-    """The ``field`` with ``share`` of what the swing of its mesh does to the steady air ``still`` (N, 2) m/s."""
-    motion, times = known(field.motion), known(field.times)
+def _swinging(field: FlowField, motion: MeshOscillation, still: Array, share: float) -> FlowField:
+    """The ``field`` with ``share`` of what the ``motion`` of its mesh does to the steady air ``still`` (N, 2) m/s."""
+    times, period = field.time_axis.times, field.time_axis.period
     along = np.array(motion[:2]) / np.linalg.norm(motion[:2])
     width, height = np.ptp(field.points, axis=0)
     through = float(field.area @ still[field.triangles, 1].mean(axis=1)) / (width * height)  # the same at every height
@@ -178,7 +180,7 @@ def _swinging(field: FlowField, still: Array, share: float) -> FlowField:
     if field.coefficients is None:
         speed = motion.velocity(times) @ along
         return field.with_values(velocity=field.velocity + share * speed[:, None, None] * pushed)
-    count, period = len(times), known(field.period)
+    count = len(times)
     times = times[0] + np.arange(SAMPLES * count) * (period / (SAMPLES * count))
     found = fit(times, (motion.velocity(times) @ along)[:, None], period, count)
     more: dict[str, Any] = {

@@ -58,11 +58,6 @@ def _shaped(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> NDArray[A
     return array
 
 
-def optional(name: str, values: ArrayLike | None, shape: tuple[int, ...], unit: str = "1") -> Array | None:
-    """The same, or None."""
-    return None if values is None else of_shape(name, values, shape, unit)
-
-
 def cells(triangles: ArrayLike, nodes: Array) -> Index:
     """Triangles (M, 3) of numbers of the ``nodes`` (N, 2), each with an area; clockwise ones are turned round."""
     cells = whole("triangles", triangles)

@@ -19,15 +19,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...core import sums
 from ...core.arrays import number, numbers
-from ...core.errors import SceneError, known
+from ...core.errors import SceneError
 from ...core.lazy import cached_property
 from ...core.tables import load_arrays, save_arrays
 from ...laws.gas import MEAN_FREE_PATH, PRESSURE, TEMPERATURE
 from ...laws.gas import mean_free_path as path_in_gas
 from . import field_checks as checks
-from .mirror import MeshOscillation, mirrored, reflected
-from .modes import TimeAxis, Truncation, compress, design
-from .triangles import Divergence, Triangles, divergence_of, gradient_operators
+from .modes import MeshOscillation, TimeAxis, Truncation, compress, design
+from .triangles import VECTORS, Divergence, Triangles, divergence_of, gradient_operators, mirrored
 
 Array = NDArray[np.float64]
 POSITIVE = ("k", "dissipation")
@@ -102,16 +101,17 @@ class FlowField(Triangles):
         clock = checks.times(times, period)
         parts = None if coefficients is None else checks.coefficients(coefficients, clock, period)
         lead = (len(nodes),) if clock is None else ((clock if parts is None else parts.T).shape[0], len(nodes))
-        speed = checks.of_shape("velocity", velocity, (*lead, 2), "m/s")
-        scalars = (("pressure", pressure, "Pa"), ("k", k, "m^2/s^2"), ("dissipation", dissipation, "m^2/s^3"))
-        nodal: dict[str, Any] = {name: checks.optional(name, values, lead, unit) for name, values, unit in scalars}
-        gradient = checks.optional("pressure_gradient", pressure_gradient, (*lead, 2), "Pa/m")
-        if walls is not None and nodal["k"] is not None:
+        given = (
+            ("velocity", velocity, (*lead, 2), "m/s"), ("pressure", pressure, lead, "Pa"), ("k", k, lead, "m^2/s^2"),
+            ("dissipation", dissipation, lead, "m^2/s^3"), ("pressure_gradient", pressure_gradient, (*lead, 2), "Pa/m"),
+        )  # fmt: skip
+        nodal: dict[str, Any] = {n: checks.of_shape(n, v, shape, unit) for n, v, shape, unit in given if v is not None}
+        if walls is not None and "k" in nodal:
             nodal["k"][..., checks.flags("walls", walls, (len(nodes),))] = 0.0
         lost = None if truncation is None else Truncation.from_array(checks.finite("truncation", truncation))
         field = cls(
-            nodes, cells, speed, times=clock, period=period,
-            given_gradient=gradient, coefficients=parts, truncation=lost, **nodal,
+            nodes, cells, times=clock, period=period, coefficients=parts, truncation=lost,
+            given_gradient=nodal.pop("pressure_gradient", None), **nodal,
             **_gas(density, viscosity, temperature, mean_free_path),
         )  # fmt: skip
         return field if motion is None else field.moving(*checks.motion(motion))
@@ -151,7 +151,9 @@ class FlowField(Triangles):
     @cached_property
     def time_axis(self) -> TimeAxis:
         """The field's functions of time."""
-        return TimeAxis(self.times, self.period, self.coefficients)
+        times = np.zeros(0) if self.times is None else self.times
+        period = np.inf if self.period is None else self.period
+        return TimeAxis(times, period, np.zeros((0, 0)) if self.coefficients is None else self.coefficients)
 
     def weights(self, t: float) -> Array:
         """The weight of each snapshot or part (R,) in the field at time ``t`` (s); a lone 1 when steady."""
@@ -177,14 +179,13 @@ class FlowField(Triangles):
         corner = self.triangles[triangle[inside]]
         shares = self.weights(t)
 
-        def value(nodal: Array | None, shape: tuple[int, ...]) -> Array:
-            result = np.full((len(points), *shape), np.nan)
+        velocity, pressure, gradient = (np.full((len(points), *shape), np.nan) for shape in ((2,), (), (2,)))
+        parts = (self.velocity, self.pressure, self.pressure_gradient)
+        for result, nodal in zip((velocity, pressure, gradient), parts, strict=True):
             if nodal is not None:
                 now = nodal if self.times is None else np.tensordot(shares, nodal, axes=1)
                 result[inside] = np.einsum("nk,nk...->n...", weight, now[corner])
-            return result
-
-        return value(self.velocity, (2,)), value(self.pressure, ()), value(self.pressure_gradient, (2,))
+        return velocity, pressure, gradient
 
     def divergence(self) -> Divergence:
         """Divergence of the interpolated velocity in every triangle, and how large it is against U / h."""
@@ -212,11 +213,9 @@ class FlowField(Triangles):
         """
         if self.times is None or self.coefficients is not None:
             return self
-        parts, coefficients, lost = compress(
-            self.times, self.period, nodal(self), self.node_area, error=error, knots=knots
-        )
-        assert self.period is not None
-        start = self.times[0] + np.arange(len(coefficients)) * (self.period / len(coefficients))
+        axis = self.time_axis
+        parts, coefficients, lost = compress(axis, nodal(self), self.node_area, error=error, knots=knots)
+        start = axis.times[0] + np.arange(len(coefficients)) * (axis.period / len(coefficients))
         changes: dict[str, Any] = {**parts, "truncation": replace(lost, knots=len(coefficients))}
         return self.with_values(**changes, times=start, coefficients=coefficients)
 
@@ -233,8 +232,8 @@ class FlowField(Triangles):
         k and dissipation, of which a truncation may leave nothing or less where they are small, are kept above a
         twentieth of their means: an eddy's lifetime is their quotient.
         """
-        times, parts = known(self.times), getattr(self, name)
-        drawn = design(times, float(times[0]), known(self.period), len(times)) @ known(self.coefficients)
+        axis, parts = self.time_axis, getattr(self, name)
+        drawn = design(axis.times, float(axis.times[0]), axis.period, len(axis.times)) @ axis.coefficients
         values: Array = np.tensordot(drawn, parts, axes=1)
         return np.maximum(values, MIN_TURBULENCE_RATIO * parts[0]) if name in POSITIVE else values
 
@@ -246,7 +245,7 @@ class FlowField(Triangles):
         """
         across, along = checks.of_shape("amplitude", amplitude, (2,), "m").tolist()
         swing = MeshOscillation(across, along, number("omega", omega, "rad/s"), number("phase", phase, "rad"))
-        swing.check(self.times is not None, self.period)
+        swing.check(self.times is not None, self.time_axis.period)
         return self.with_values(motion=swing)
 
     def mirrored(self, x: float = 0.0) -> FlowField:
@@ -263,8 +262,10 @@ class FlowField(Triangles):
 
     def reflected(self, x: float = 0.0) -> FlowField:
         """The mirror image of the field about the vertical line at ``x``."""
-        points, triangles, image = reflected(self.points, self.triangles, nodal(self), x)
+        points = (2 * x, 0.0) + self.points * (-1.0, 1.0)
+        image: dict[str, Any] = {n: values * (-1.0, 1.0) for n, values in nodal(self).items() if n in VECTORS}
         motion = None if self.motion is None else self.motion._replace(x=-self.motion.x)
+        triangles = np.ascontiguousarray(self.triangles[:, ::-1])
         return replace(self, points=points, triangles=triangles, motion=motion, **image)
 
     @cached_property
@@ -337,3 +338,38 @@ def _gas(density: float | None, viscosity: float | None, temperature: float, pat
         "temperature": checks.positive("temperature", temperature, "K"),
         "mean_free_path": checks.positive("mean_free_path", path, "m", or_zero=True),
     }
+
+
+# -- What follows from a field's velocity ------------------------------------------------------------------------------
+def vorticity(field: FlowField) -> Array:
+    """dv/dx - du/dy at the nodes (.., N), 1/s: second order up to the boundary; counter-clockwise is positive."""
+    along_x, along_y = gradient_operators(field.points, field.triangles)
+    flat = field.velocity.reshape(-1, len(field.points), 2)
+    turning = (along_x @ flat[..., 1].T - along_y @ flat[..., 0].T).T
+    return np.asarray(turning.reshape(field.velocity.shape[:-1]))
+
+
+def stream_function(field: FlowField) -> Array:
+    """psi at the nodes (N,) of a steady field, m2/s, with u = dpsi/dy and v = -dpsi/dx; zero at the first node.
+
+    Least squares in the triangles, linear finite elements: the one whose lines run nearest to along the velocity, also
+    where that is not quite free of divergence. Between two of its lines flows the difference of their psi.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.linalg import spsolve
+
+    if field.velocity.ndim != 2:
+        raise ValueError("the stream function is of a steady field; take its mean()")
+    corners, area = field.triangles, field.area
+    slopes = field.gradients  # (M, 3, 2)
+    mean = field.velocity[corners].mean(axis=1)
+    wanted = np.stack([-mean[:, 1], mean[:, 0]], axis=1)
+    stiffness = np.einsum("m,mid,mjd->mij", area, slopes, slopes)
+    load = np.einsum("m,mid,md->mi", area, slopes, wanted)
+    rows, columns = (np.broadcast_to(part, stiffness.shape) for part in (corners[:, :, None], corners[:, None, :]))
+    size = len(field.points)
+    matrix = coo_matrix((stiffness.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsc()
+    right = np.bincount(corners.ravel(), load.ravel(), minlength=size)
+    psi = np.zeros(size)
+    psi[1:] = spsolve(matrix[1:, 1:], right[1:])
+    return psi

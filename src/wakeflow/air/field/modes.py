@@ -1,4 +1,5 @@
-"""A repeating field as its mean and the modes that matter, with functions of time that are smooth.
+"""A field in time: what it is made of at each time, how its mesh moves, a repeating one as its mean and the modes that
+matter, with functions of time that are smooth.
 
 f(t) = sum over j of c_j B((t - t_0) / h - j), B the centred cubic B-spline (de Boor 2001, A Practical Guide to Splines,
 ch. IX), h the period over the number of knots: twice continuously differentiable, fourth-order accurate in h, and at
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -54,35 +56,40 @@ def fit(t: Array, values: Array, period: float, knots: int) -> Array:
 
 
 # -- A field's functions of time ---------------------------------------------------------------------------------------
-def time_shares(times: Array, period: float | None) -> Array:
-    """The part of the time that each snapshot represents (T,): trapezoidal rule, round the period if there is one."""
-    step = np.diff(times)
-    share = np.zeros(len(times))
-    share[:-1] += step / 2
-    share[1:] += step / 2
-    if period is not None:
-        gap = times[0] + period - times[-1]
-        share[0] += gap / 2
-        share[-1] += gap / 2
-    return share / share.sum() if share.sum() > 0 else np.full(len(share), 1.0 / len(share))
-
-
 @dataclass(frozen=True, eq=False)
 class TimeAxis:
     """``times`` (T,) s, the ``period`` (s) after which they repeat, and the ``coefficients`` (T, R) of the parts'
-    splines; as in :class:`wakeflow.air.field.FlowField`, None for what it has not.
+    splines; as in :class:`wakeflow.air.field.FlowField`: without times a steady field, of an infinite period what does
+    not repeat, without coefficients snapshots.
     """
 
-    times: Array | None
-    period: float | None
-    coefficients: Array | None
+    times: Array
+    period: float
+    coefficients: Array
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the times come again."""
+        return self.period < np.inf
+
+    def shares(self) -> Array:
+        """The part of the time that each snapshot represents (T,): trapezoidal rule, round the period if there is
+        one.
+        """
+        times, step = self.times, np.diff(self.times)
+        share = np.zeros(len(times))
+        share[:-1] += step / 2
+        share[1:] += step / 2
+        if self.repeats:
+            gap = times[0] + self.period - times[-1]
+            share[0] += gap / 2
+            share[-1] += gap / 2
+        return share / share.sum() if share.sum() > 0 else np.full(len(share), 1.0 / len(share))
 
     def around(self, t: float) -> tuple[int, int, float]:
-        """Indices of the two snapshots around time ``t`` (s) and the weight of the second; (0, 0, 0.0) when steady."""
-        if self.times is None:
-            return 0, 0, 0.0
+        """Indices of the two snapshots around time ``t`` (s) and the weight of the second."""
         times, last = self.times, len(self.times) - 1
-        if self.period is not None:
+        if self.repeats:
             t = times[0] + (t - times[0]) % self.period
             gap = times[0] + self.period - times[last]
             if t >= times[last] and gap > 0:
@@ -93,10 +100,9 @@ class TimeAxis:
 
     def weights(self, t: float) -> Array:
         """The weight of each snapshot or part (R,) at time ``t`` (s); a lone 1 when steady."""
-        if self.times is None:
+        if not len(self.times):
             return np.ones(1)
-        if self.coefficients is not None:
-            assert self.period is not None
+        if self.coefficients.size:
             index, share = around(t, float(self.times[0]), self.period, len(self.times))
             return np.asarray(share @ self.coefficients[index])
         i, j, w = self.around(t)
@@ -107,10 +113,9 @@ class TimeAxis:
 
     def polynomial(self, t: float) -> tuple[float, float, Array]:
         """See ``FlowField.polynomial``."""
-        if self.times is None:
+        if not len(self.times):
             return t, np.inf, np.ones((1, 1))
-        if self.coefficients is not None:
-            assert self.period is not None
+        if self.coefficients.size:
             step = self.period / len(self.times)
             first = np.floor((t - self.times[0]) / step)
             near = (int(first) + np.arange(-1, 3)) % len(self.times)
@@ -120,14 +125,47 @@ class TimeAxis:
         rise = np.zeros(len(self.times))
         if i == j:
             return t, np.inf, np.stack([self.weights(t), rise])
-        step = self.times[j] - self.times[i] + (0.0 if j > i else self.period or 0.0)
+        step = self.times[j] - self.times[i] + (0.0 if j > i else self.period)
         rise[i], rise[j] = -1.0 / step, 1.0 / step
         return t, t + (1.0 - w) * float(step), np.stack([self.weights(t), rise])
 
     def mean_weights(self) -> Array:
         """The time mean of each snapshot's or part's weight (R,); for a field in time."""
-        assert self.times is not None
-        return time_shares(self.times, self.period) if self.coefficients is None else self.coefficients.mean(axis=0)
+        return self.coefficients.mean(axis=0) if self.coefficients.size else self.shares()
+
+
+# -- The motion of a field's whole mesh --------------------------------------------------------------------------------
+WHOLE = 0.01  # vibrations by which a moving field's period may miss a whole number of them. Chosen: 4 degrees of phase
+
+
+class MeshOscillation(NamedTuple):
+    """Harmonic motion of the whole mesh: displacement (x, y) sin(omega t + phase); m, rad/s, rad."""
+
+    x: float
+    y: float
+    omega: float
+    phase: float = 0.0
+
+    def displacement(self, t: ArrayLike) -> Array:
+        """Where the mesh is (.., 2) m at times ``t`` (..,) s, from where its points say."""
+        angle = self.omega * np.asarray(t, dtype=float) + self.phase
+        return np.asarray(np.sin(angle)[..., None] * np.array([self.x, self.y]))
+
+    def velocity(self, t: ArrayLike) -> Array:
+        """How fast the mesh moves (.., 2) m/s."""
+        angle = self.omega * np.asarray(t, dtype=float) + self.phase
+        return np.asarray(np.cos(angle)[..., None] * np.array([self.x, self.y]) * self.omega)
+
+    def check(self, in_time: bool, period: float) -> None:
+        """Raise SceneError for numbers that are not finite, and for a field in time (``in_time``) whose ``period`` (s)
+        is not a whole number of swings.
+        """
+        if not (np.all(np.isfinite(self)) and self.omega > 0):
+            raise SceneError(f"motion: amplitude, omega and phase {tuple(self)} must be finite, and omega positive")
+        if in_time:
+            turns = period * self.omega / (2 * np.pi)
+            if not abs(turns - np.round(turns)) <= WHOLE:
+                raise SceneError(f"motion: the field repeats after {turns:.4g} swings of its mesh, not a whole number")
 
 
 # -- A repeating field as its mean and the modes that matter -----------------------------------------------------------
@@ -156,8 +194,7 @@ class Truncation:
 
 
 def compress(
-    times: Array | None,
-    period: float | None,
+    axis: TimeAxis,
     nodal: Mapping[str, Array],
     node_area: Array,
     *,
@@ -166,19 +203,20 @@ def compress(
 ) -> tuple[dict[str, Array], Array, Truncation]:
     """Nodal parts (R, N, ..) by name, spline coefficients (M, R) of their functions of time, and what was lost.
 
-    ``times`` (T,) s of the snapshots over the ``period`` (s); ``nodal``: arrays (T, N, ..) by name, velocity and
-    pressure among them; ``node_area`` (N,): share of the area that each node represents. Part 0 is the mean over time.
+    ``axis``: of T snapshots over a period; ``nodal``: arrays (T, N, ..) by name, velocity and pressure among them;
+    ``node_area`` (N,): share of the area that each node represents. Part 0 is the mean over time.
     As few modes and, unless ``knots`` says how many, as few knots as keep the rms error of velocity and pressure below
     ``error`` times the rms of their fluctuations. Raises SceneError without a period, with fewer than MIN_KNOTS
     snapshots, and for ``error`` or ``knots`` out of range.
     """
-    if times is None or period is None or len(times) < MIN_KNOTS:
+    times, period = axis.times, axis.period
+    if not axis.repeats or len(times) < MIN_KNOTS:
         raise SceneError(f"compressed: needs at least {MIN_KNOTS} snapshots over a whole period")
     if not 0 < error < 1:
         raise SceneError(f"compressed: error = {error:g}, allowed above 0 and below 1")
     if knots is not None and not MIN_KNOTS <= knots <= len(times):
         raise SceneError(f"compressed: knots = {knots}, allowed {MIN_KNOTS} to {len(times)}, the snapshots")
-    share, area = time_shares(times, period), node_area
+    share, area = axis.shares(), node_area
     mean = {name: np.tensordot(share, values, axes=1) for name, values in nodal.items()}
     grams = [_gram(nodal[n] - mean[n], mean[n], share, area) for n in ("velocity", "pressure") if n in nodal]
     history = _temporal(grams, share, 0.5 * error**2)

@@ -1,7 +1,8 @@
-"""Triangles: a mesh of triangles, its geometry, which triangle holds a point, gradients of nodal values."""
+"""Triangles: a mesh of triangles, its geometry, which triangle holds a point, gradients of nodal values, a mirror."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, TypeVar
@@ -285,3 +286,43 @@ def _fit(
     inside = filled[good]
     rows = np.broadcast_to(centres[good][:, None], inside.shape)[inside]
     return rows, member[good][inside], gradient[inside], good
+
+
+# -- Mirror images about a vertical line -------------------------------------------------------------------------------
+VECTORS = ("velocity", "given_gradient")  # their x component changes sign
+SLACK = 1e-9  # of the mesh's largest extent: how far off the line a node still lies on it
+
+
+def mirrored(
+    points: Array, triangles: Index, nodal: Mapping[str, Array], x: float
+) -> tuple[Array, Index, dict[str, Any]]:
+    """Points (2 N - A, 2) m, triangles (2 M, 3) and nodal arrays by name of the whole, from a half beside the line at
+    ``x`` (m) with A nodes on it, which the halves share: points (N, 2), triangles (M, 3), arrays (.., N) or (.., N, 2).
+
+    Raises SceneError when points lie on both sides, or none on the line.
+    """
+    offset = points[:, 0] - x
+    slack = SLACK * float(np.ptp(points, axis=0).max())
+    axis = np.abs(offset) <= slack
+    if offset.min() < -slack and offset.max() > slack:
+        raise SceneError(f"mirrored: points lie on both sides of x = {x:g} m")
+    if not axis.any():
+        raise SceneError(f"mirrored: no points on the axis x = {x:g} m")
+    count, off = len(points), ~axis
+    image = np.arange(count)
+    image[off] = count + np.arange(off.sum())
+    near = points.copy()
+    near[axis, 0] = x
+
+    def double(name: str, values: Array) -> Array:
+        if name not in VECTORS:
+            return np.concatenate([values, values[..., off]], axis=-1)
+        half = values.copy()
+        half[..., axis, 0] = 0.0
+        return np.concatenate([half, half[..., off, :] * (-1.0, 1.0)], axis=-2)
+
+    return (
+        np.concatenate([near, (2 * x, 0.0) + near[off] * (-1.0, 1.0)]),
+        np.concatenate([triangles, image[triangles[:, ::-1]]]),
+        {name: double(name, values) for name, values in nodal.items()},
+    )

@@ -22,14 +22,13 @@ from ...core.geometry import ForceDensity
 from ...core.record import load, save
 from .airflow_result import Attempt, CaseResult
 from .case import FlowSpec, write_parameters
-from .failure import AirflowFailure, disk_trouble_named
 from .measure import measure
 from .momentum_source import write_source
-from .prepare import CHECKED, prepare_case
+from .programs import AirflowFailure, disk_trouble_named
 from .read import LOOP
 from .sanity import check_airflow, check_finite, is_sane
 from .solver import PHASE, drop_after, ended_early, last_state, run_segment, states
-from .start import first_step, start_in_time
+from .start import CHECKED, first_step, prepare_case, start_in_time
 from .steady import MOST, run_steady
 from .time_resolved import run_time_resolved, watch_over
 from .watch import ProgressListener

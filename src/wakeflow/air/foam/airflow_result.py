@@ -58,9 +58,9 @@ class Attempt:
 class CheckMesh:
     """What OpenFOAM's checkMesh says of the cells."""
 
-    non_orthogonality: float | None = column("deg", "largest non-orthogonality", default=None)
-    mean_non_orthogonality: float | None = column("deg", "mean non-orthogonality", default=None)
-    skewness: float | None = column("1", "largest skewness", default=None)
+    non_orthogonality: float = column("deg", "largest non-orthogonality")
+    mean_non_orthogonality: float = column("deg", "mean non-orthogonality")
+    skewness: float = column("1", "largest skewness")
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ WIGGLE = 0.5  # of the signal's rms: a rise through the mean counts once the sig
 AGAIN = 0.5  # autocorrelation that a periodic signal reaches again after it was negative. Chosen
 
 
-def read_table(case: Path, what: str, columns: tuple[int, ...] | None) -> Array:
-    """Rows (n, 1 + c) of time and ``columns`` (None: all) of ``postProcessing/WHAT/*/*``, each restart replacing what
+def read_table(case: Path, what: str, columns: tuple[int, ...]) -> Array:
+    """Rows (n, 1 + c) of time and ``columns`` (none: all) of ``postProcessing/WHAT/*/*``, each restart replacing what
     it computed again.
     """
     rows = _parsed("", columns)
@@ -33,21 +33,21 @@ def read_table(case: Path, what: str, columns: tuple[int, ...] | None) -> Array:
 
 def read_vectors(case: Path, what: str) -> Array:
     """Rows (n, 1 + 3 c): time and the c vectors that velocity probes wrote; probes outside the mesh are left out."""
-    table = read_table(case, what, None)
+    table = read_table(case, what, ())
     return table[:, (np.abs(table) < ABSENT).all(axis=0)]
 
 
-def _placed(text: str, columns: tuple[int, ...] | None) -> tuple[int, ...] | None:
+def _placed(text: str, columns: tuple[int, ...]) -> tuple[int, ...]:
     """``columns`` with CL where the table's head has Cl: behind the parts of Cd in openfoam.com's later releases."""
     head = re.search(r"^# Time\s.*\sCl\s", text, re.M)
-    return columns and tuple(len(head[0].split()) - 2 if head and one == CL else one for one in columns)
+    return tuple(len(head[0].split()) - 2 if head and one == CL else one for one in columns)
 
 
-def _parsed(text: str, columns: tuple[int, ...] | None) -> Array:
+def _parsed(text: str, columns: tuple[int, ...]) -> Array:
     """Time and ``columns`` of the whole lines of a table, whose vectors are in brackets and comments behind #."""
     lines = re.sub("[()]", " ", text[: text.rfind("\n") + 1]).splitlines()
     words = [row for row in map(str.split, lines) if row and row[0][0] != "#"]
-    chosen = range(len(words[0]) if words else 1) if columns is None else (0, *columns)
+    chosen = (0, *columns) if columns else range(len(words[0]) if words else 1)
     rows = [[float(row[i]) for i in chosen] for row in words if len(row) > max(chosen)]
     return np.array(rows).reshape(-1, len(chosen))
 
@@ -71,7 +71,7 @@ class Tail:
         speed = read_parameters(case).get("inletSpeed")
         self.dynamic = None if speed is None else 0.5 * float(speed) ** 2
         if self.dynamic:
-            self.parts += [HistoryTable(case, "basePressure", None), HistoryTable(case, "inletPressure", (1,))]
+            self.parts += [HistoryTable(case, "basePressure", ()), HistoryTable(case, "inletPressure", (1,))]
 
     def update(self) -> Array:
         """All rows (n, 4) so far."""
@@ -88,7 +88,7 @@ class Tail:
 class HistoryTable:
     """Rows (n, 1 + c) of one function object's output, as of :func:`read_table`, read on from the last look."""
 
-    def __init__(self, case: Path, what: str, columns: tuple[int, ...] | None) -> None:
+    def __init__(self, case: Path, what: str, columns: tuple[int, ...]) -> None:
         self.folder, self.columns = case / "postProcessing" / what, columns
         self.rows = read_table(case, what, columns)
         self.known = {path: path.stat().st_mtime_ns for path in self._files()}

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from ...laws.turbulence import NUT
 from .airflow_result import CaseResult, CheckMesh, MeshMotionSummary, RunStatistics
 from .case import FlowSpec, axis_points
 from .force_history import CD, Tail, read_table, spread
-from .read import LOOP, STATES, CaseFields, Snapshot, late_states, loop_of, nodes_of
+from .read import LOOP, STATES, CaseFields, Snapshot, late_states, loop_of, mean_of, nodes_of
 from .reconstruction import PlaneMesh, triangulate
 from .statistics import evaluate, is_still
 from .steady import WINDOW
@@ -35,9 +36,9 @@ class Coefficients:
     cd: Number
     cl_rms: Number
     cp_base: Number
-    strouhal: Number | None
+    strouhal: Number | None = None
     statistics: RunStatistics | None = None
-    notes: list[str] = field(default_factory=list)
+    notes: tuple[str, ...] = ()
 
 
 def drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str, float]:
@@ -53,34 +54,38 @@ def drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str,
     return found
 
 
-def coefficients_of(spec: FlowSpec, rows: Array, loop: JsonTable | None, since: float | None = None) -> Coefficients:
-    """Steady: means over the last iterations with the range they moved through; those ``since`` an iteration where the
-    airflow did not settle. Time-resolved: means since the end of the start-up; the last values of a wake that came to
+def spanned(rows: Array, *notes: str) -> Coefficients:
+    """Means of ``rows`` (n, 4) with the range that they moved through."""
+    drag, lift, base = (Number(float(part.mean()), float(part.min()), float(part.max())) for part in rows[:, 1:].T)
+    return Coefficients(drag, Number(float(rows[:, 2].std()), 0.0, lift.high - lift.low), base, notes=notes)
+
+
+def at_rest(spec: FlowSpec, rows: Array) -> Coefficients:
+    """Means over the last iterations of a steady run that settled; the last values of a wake in time that came to
     rest.
     """
-    if loop is None:
-        recent = _window(rows) if since is None else rows[rows[:, 0] > since]
-        ended = _range if spec.stepping == "steady" else _last
-        rms = float(recent[:, 2].std())
-        lift = Number(rms, 0.0, float(np.ptp(recent[:, 2])))
-        said = [] if since is None else [_unsettled(recent[:, 1])]
-        return Coefficients(ended(recent[:, 1]), lift, ended(recent[:, 3]), None, notes=said)
+    late = _window(rows)
+    found = spanned(late)
+    if spec.stepping == "steady":
+        return found
+    drag, base = replace(found.cd, value=float(late[-1, 1])), replace(found.cp_base, value=float(late[-1, 3]))
+    return replace(found, cd=drag, cp_base=base)
+
+
+def in_time(spec: FlowSpec, rows: Array, begin: float) -> Coefficients:
+    """Means since the end of the start-up; from ``begin`` (s) on where there are too few periods for that."""
     swings = spec.vibration is not None and is_still(rows, spec.convective_time, swings=True)
     found = None if swings else evaluate(rows, spec.accuracy)
     if found is None:  # an irregular wake that shed less than six times, or one that only swings with the body
-        late = rows[rows[:, 0] >= loop["begin"]]
-        rms = float(late[:, 2].std())
-        wide = Number(rms, 0.0, float(np.ptp(late[:, 2])))
         note = f"the airflow shed too few vortices in {rows[-1, 0]:.3g} s for intervals: they are the ranges it spanned"
-        said = [] if swings else [note]
-        return Coefficients(_range(late[:, 1]), wide, _range(late[:, 3]), None, notes=said)
+        return spanned(rows[rows[:, 0] >= begin], *(() if swings else (note,)))
     number = None if found.frequency is None else found.frequency.times(spec.convective_time)
     made_of = RunStatistics(found.periods, found.begin, spec.accuracy, found.excess)
     note = (
         f"the airflow's intervals are up to {found.excess:.1f} times as wide as asked, from {found.periods} periods, "
         f"after {rows[-1, 0] / spec.convective_time:.0f} widths of travel, where the run was ended"
     )
-    said = [] if found.stands else [note]
+    said = () if found.stands else (note,)
     return Coefficients(found.cd, found.cl_rms, found.cp_base, number, made_of, said)
 
 
@@ -97,70 +102,73 @@ def _window(rows: Array) -> Array:
     return rows[-max(min(WINDOW, len(rows) // 4), 1) :]
 
 
-def _last(values: Array) -> Number:
-    return Number(float(values[-1]), float(values.min()), float(values.max()))
-
-
-def _range(values: Array) -> Number:
-    return Number(float(values.mean()), float(values.min()), float(values.max()))
-
-
 # -- What an airflow amounts to in numbers -----------------------------------------------------------------------------
-def measure(
-    spec: FlowSpec,
-    folder: Path,
-    verdict: str,
-    *,
-    residuals: dict[str, float] | None = None,
-    mesh: CheckMesh | None = None,
-) -> CaseResult:
+class Edges(NamedTuple):
+    """Boundary edges (b,) of a plane case: of the main inlet, of the outlet, of the bodies."""
+
+    inlet: NDArray[np.bool_]
+    outlet: NDArray[np.bool_]
+    body: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, fields: CaseFields) -> Edges:
+        """Those of a case written by this program, by the names of its patches."""
+        plane = fields.mesh.plane
+        body = plane.on(*(name for name in plane.patches if name.startswith("body_")))
+        return cls(plane.on("inlet"), plane.on("outlet"), fields.wall & body)
+
+
+def _since(spec: FlowSpec, folder: Path, rows: Array, loop: JsonTable) -> tuple[float | None, Coefficients]:
+    """When the record began (s, or iterations) that an airflow is measured on, and what its history says since then;
+    None of one that came to rest: its end alone counts.
+    """
+    if loop:
+        return loop["begin"], in_time(spec, rows, loop["begin"])
+    if not late_states(folder):
+        return None, at_rest(spec, rows)
+    begin = json.loads((folder / STATES).read_text())["begin"]
+    late = rows[rows[:, 0] > begin]
+    return begin, spanned(late, _unsettled(late[:, 1]))
+
+
+def measure(spec: FlowSpec, folder: Path, verdict: str, *, residuals: dict[str, float], mesh: CheckMesh) -> CaseResult:
     """Measure the solved case ``folder``: the latest time of a steady airflow, the loop of a time-resolved one.
 
     ``verdict``, ``residuals`` and the quality of the ``mesh`` are passed on into the result. Raises
     FoamError for a case without a solved time, or whose values are not finite.
     """
-    loop, states = loop_of(folder), late_states(folder)
-    rows = Tail(folder).update()
-    since = json.loads((folder / STATES).read_text())["begin"] if states else None
-    history = coefficients_of(spec, rows, loop, since)
+    loop, states, rows = loop_of(folder), late_states(folder), Tail(folder).update()
+    begin, history = _since(spec, folder, rows, loop)
+    fields, names = CaseFields(folder), loop["times"] if loop else states
+    times = [fields.folder(name) for name in names or ["latest"]]
+    shots = [fields.snapshot(time) for time in times]
+    nodes = mean_of(nodes_of(fields, times[0], shots))
+    found, at_rear = plane_numbers(spec, fields, times[-1], shots, nodes, Edges.of(fields))
+    flow_rate, mass_error = _mass_balance(spec, fields, shots)
     return CaseResult(
         stepping=spec.stepping,
         verdict=verdict,
         turbulence=spec.turbulence,
+        cells=len(fields.mesh.plane.cells),
         reynolds=spec.reynolds,
         cd=history.cd,
         cl_rms=history.cl_rms,
         strouhal=history.strouhal,
+        cp_base=_base(history.cp_base, rows, names, at_rear),
+        flow_rate=flow_rate,
+        mass_error=mass_error,
         steps=len(rows),
         field_time="all" if loop else "states" if states else "latest",
-        period=loop["period"] if loop else None,
+        period=loop.get("period"),
         motion=motion_in(loop),
-        loop_mismatch=loop["mismatch"] if loop else None,
-        residuals=residuals or {},
-        mesh=mesh or CheckMesh(),
+        loop_mismatch=loop.get("mismatch"),
+        residuals=residuals,
+        mesh=mesh,
         statistics=history.statistics,
-        notes=tuple(history.notes),
-        cd_of=drag_of_each(spec, folder, loop["begin"] if loop else since),
-        **_from_fields(spec, folder, loop, rows, history.cp_base),
-    )
-
-
-def _from_fields(spec: FlowSpec, folder: Path, loop: JsonTable | None, rows: Array, probed: Number) -> JsonTable:
-    """What the stored fields say, by the names of :class:`CaseResult`; ``probed``: the history's base pressure."""
-    fields = CaseFields(folder)
-    names = loop["times"] if loop else late_states(folder)
-    times = [fields.folder(name) for name in names or ["latest"]]
-    shots = [fields.snapshot(time) for time in times]
-    nodes = nodes_of(fields, times[0], shots).mean()
-    found, at_rear = plane_numbers(spec, fields, times[-1], shots, nodes.pressure, nodes.velocity)
-    flow_rate, mass_error = _mass_balance(spec, fields, shots)
-    return {
-        "cells": len(fields.mesh.plane.cells),
-        "cp_base": _base(probed, rows, names, at_rear),
-        "flow_rate": flow_rate,
-        "mass_error": mass_error,
+        notes=history.notes,
+        cd_of=drag_of_each(spec, folder, begin),
         **found,
-    }
+    )
 
 
 def plane_numbers(
@@ -168,48 +176,41 @@ def plane_numbers(
     fields: CaseFields,
     time: Path,
     shots: Sequence[Snapshot],
-    pressure: Array,
-    velocity: Array,
-    *,
-    ends: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None,
-    body: NDArray[np.bool_] | None = None,
+    mean: Mapping[str, Array],
+    edges: Edges,
 ) -> tuple[JsonTable, float]:
-    """What ``shots`` and their mean at the nodes, kinematic ``pressure`` (n,) and ``velocity`` (n, 2), say of a plane
+    """What ``shots`` and their ``mean`` at the nodes, kinematic pressure (n,) and velocity (n, 2), say of a plane
     airflow by the names of :class:`CaseResult`, and Cp at the rear of the first body.
 
-    Boundary edges (b,) of ``ends``, inlet and outlet, and of the bodies: by the names of patches where not given.
     ``time`` is the folder of the last shot.
     """
     plane = fields.mesh.plane
-    if body is None:
-        body = fields.wall & plane.on(*(name for name in plane.patches if name.startswith("body_")))
-    inlet, outlet = ends or (plane.on("inlet"), plane.on("outlet"))
-    at_inlet, at_outlet = (_mean_pressure(plane, shots, end) for end in (inlet, outlet))
-    cp = (pressure - at_inlet) / (0.5 * spec.speed**2)
+    at_inlet, at_outlet = (_mean_pressure(plane, shots, end) for end in (edges.inlet, edges.outlet))
+    cp = (mean["pressure"] - at_inlet) / (0.5 * spec.speed**2)
     middle, front, rear = axis_points(spec)
-    edges = plane.faces[body]
+    ends = plane.faces[edges.body]
     triangles = triangulate(plane.points, plane.cells)
     at_front, at_rear = (
-        _on_edges(plane.points, edges, cp, np.array([middle, end * spec.along])) for end in (front, rear)
+        _on_edges(plane.points, ends, cp, np.array([middle, end * spec.along])) for end in (front, rear)
     )
     return {
         "cp_front": at_front,
         "p_inlet": spec.density * at_inlet,
         "pressure_drop": spec.density * (at_inlet - at_outlet),
-        "suction": suction_zone(spec, plane.points, triangles, cp, velocity, np.unique(edges)),
-        "y_plus": _y_plus(spec, fields, time, shots[-1], body),
+        "suction": suction_zone(spec, plane.points, triangles, cp, mean["velocity"], np.unique(ends)),
+        "y_plus": _y_plus(spec, fields, time, shots[-1], edges.body),
     }, at_rear
 
 
-def motion_in(loop: dict[str, object] | None) -> MeshMotionSummary | None:
+def motion_in(loop: JsonTable) -> MeshMotionSummary | None:
     """How the mesh moves that a ``loop`` was recorded on; None where it rests."""
-    return None if loop is None or "motion" not in loop else from_json(MeshMotionSummary, loop["motion"], LOOP)
+    return from_json(MeshMotionSummary, loop["motion"], LOOP) if "motion" in loop else None
 
 
 def _mean_pressure(plane: PlaneMesh, shots: Sequence[Snapshot], chosen: NDArray[np.bool_]) -> float:
     """Mean kinematic static pressure (m2/s2) over boundary edges (b,), by length and over the snapshots."""
     weight = plane.lengths[chosen]
-    return float(np.mean([np.average(shot.pressure_faces[chosen], weights=weight) for shot in shots]))
+    return float(np.mean([np.average(shot.faces["pressure"][chosen], weights=weight) for shot in shots]))
 
 
 def _on_edges(points: Array, edges: NDArray[np.intp], values: Array, where: Array) -> float:
@@ -249,7 +250,7 @@ def _mass_balance(spec: FlowSpec, fields: CaseFields, shots: Sequence[Snapshot])
         chosen = plane.on(patch)
         if conserved and fields.has(latest, "phi"):
             return float(fields.boundary_flux(latest, patch).sum()) / fields.mesh.thickness
-        across = (shots[-1].velocity_faces[chosen] * plane.normals[chosen]).sum(axis=1)
+        across = (shots[-1].faces["velocity"][chosen] * plane.normals[chosen]).sum(axis=1)
         return float((across * plane.lengths[chosen]).sum())
 
     inlets = [patch for patch in plane.patches if patch == "inlet" or patch.startswith("inlet_")]
@@ -266,7 +267,7 @@ def _y_plus(
     nu = spec.viscosity / spec.density
     cell, normal = plane.owner[body], plane.normals[body]
     distance = ((plane.midpoints[body] - plane.centres[cell]) * normal).sum(axis=1)
-    velocity = shot.velocity[cell] - shot.velocity_faces[body]
+    velocity = shot.cells["velocity"][cell] - shot.faces["velocity"][body]
     along = velocity - (velocity * normal).sum(axis=1, keepdims=True) * normal
     effective = np.full(len(cell), nu)
     if spec.model.turbulent and fields.has(time, NUT.name):

@@ -84,9 +84,11 @@ def write_source(folder: Path, force: ForceDensity, density: float, deep: Path |
     Into the case ``deep`` instead, where that is the one in ``folder`` extruded: each layer feels the same.
     """
     mesh = read_polymesh(folder).plane
-    cells, area, over = cell_forces(force, mesh), mesh.areas, None
+    cells, area = cell_forces(force, mesh), mesh.areas
+    over = np.arange(len(area))  # the plane cell that each cell of the case is over
     if deep is not None:
-        over, folder = _extruded(folder), deep
+        with np.load(folder / LAYERS) as data:
+            over, folder = data["at"], deep
     sets = folder / "constant" / "polyMesh" / "sets"
     if sets.exists():
         shutil.rmtree(sets)
@@ -95,8 +97,7 @@ def write_source(folder: Path, force: ForceDensity, density: float, deep: Path |
     for axis, letter in ((0, "X"), (1, "Y")):
         for number, (members, value) in enumerate(_levels(cells[:, axis], area)):
             name = f"force{letter}{number}"
-            if over is not None:
-                members = np.flatnonzero(np.isin(over, members))
+            members = np.flatnonzero(np.isin(over, members))
             words = "\n".join(map(str, members))
             with atomic_write(sets / name) as stream:
                 stream.write(_HEADER.format(kind="cellSet", name=name) + f"{len(members)}\n(\n{words}\n)\n")
@@ -110,12 +111,6 @@ def write_source(folder: Path, force: ForceDensity, density: float, deep: Path |
     laid = LaidForce((float(total[0]), float(total[1])), felt, len(entries), force.pressure)
     write_json(folder / SOURCE, asdict(laid))
     return laid
-
-
-def _extruded(folder: Path) -> NDArray[np.int64]:
-    """The plane cell that each cell of the case extruded from ``folder`` is over."""
-    with np.load(folder / LAYERS) as data:
-        return np.asarray(data["at"])
 
 
 def _levels(values: Array, area: Array) -> list[tuple[NDArray[np.int64], float]]:

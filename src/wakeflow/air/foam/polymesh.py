@@ -87,28 +87,23 @@ def _flatten(
     renumber[kept] = np.arange(np.count_nonzero(kept))
     flat = np.ascontiguousarray(points[kept, :2])
     cells, centres = _cells(flat, renumber[corners], ends, back[np.argsort(owner[back])])
-    faces, cell, patch, slots = [], [], [], []
-    names = tuple(name for name, entry in patches.items() if entry.type != "empty" and entry.size)
-    for index, name in enumerate(names):
-        start = patches[name].start
-        for slot in range(patches[name].size):
-            nodes = corners[ends[start + slot] : ends[start + slot + 1]]
-            faces.append(renumber[nodes[~above[nodes]]])
-            cell.append(owner[start + slot])
-            patch.append(index)
-            slots.append(slot)
+    shown = {name: entry for name, entry in patches.items() if entry.type != "empty" and entry.size}
+    sizes = [entry.size for entry in shown.values()]
+    slots = np.concatenate([np.zeros(0, np.intp), *map(np.arange, sizes)])
+    chosen = slots + np.repeat([entry.start for entry in shown.values()], sizes)
+    nodes = [corners[ends[face] : ends[face + 1]] for face in chosen]
     plane = PlaneMesh(
         points=flat,
         cells=cells,
         centres=centres,
-        faces=np.array(faces, dtype=np.intp),
-        owner=np.array(cell, dtype=np.intp),
-        patch=np.array(patch, dtype=np.intp),
-        patches=names,
+        faces=np.array([renumber[each[~above[each]]] for each in nodes], dtype=np.intp),
+        owner=owner[chosen],
+        patch=np.repeat(np.arange(len(sizes)), sizes),
+        patches=tuple(shown),
     )
-    types = {name: patches[name].type for name in names}
-    groups = {name: (*patches[name].groups, patches[name].type) for name in names}
-    return FoamMesh(plane, types, groups, np.array(slots, dtype=np.intp), float(np.ptp(points[:, 2])))
+    types = {name: entry.type for name, entry in shown.items()}
+    groups = {name: (*entry.groups, entry.type) for name, entry in shown.items()}
+    return FoamMesh(plane, types, groups, slots, float(np.ptp(points[:, 2])))
 
 
 def _cells(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, TypedDict
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,21 +45,17 @@ def time_folders(case: Path) -> list[Path]:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """One time of a case: velocity (m, 2) m/s at cells and (b, 2) at boundary edges, kinematic static pressure
-    (m2/s2), k, omega (1/s).
+    """One time of a case by name, at the ``cells`` and on the ``faces``, its boundary edges: velocity (m, 2) and (b, 2)
+    m/s, kinematic static pressure (m2/s2) and, as far as they are stored, k (m2/s2), and its dissipation (m2/s3) at the
+    cells alone.
 
-    ``pressure`` is OpenFOAM's p minus 2k/3, which its linear eddy-viscosity models leave in p. On the edges of no-slip
-    walls it is p itself: k is 0 there. ``k_faces`` holds what OpenFOAM stores, on walls its wall function's value, that
-    of the air beside the wall.
+    The pressure is OpenFOAM's p minus 2k/3, which its linear eddy-viscosity models leave in p. On the edges of no-slip
+    walls it is p itself: k is 0 there. There k is what OpenFOAM stores, its wall function's value, that of the air
+    beside the wall.
     """
 
-    velocity: Array
-    velocity_faces: Array
-    pressure: Array
-    pressure_faces: Array
-    k: Array | None
-    k_faces: Array | None
-    dissipation: Array | None
+    cells: dict[str, Array]
+    faces: dict[str, Array]
 
 
 @contextmanager
@@ -207,15 +203,16 @@ class CaseFields:
         across = (at_faces[sliding] * plane.normals[sliding]).sum(axis=1, keepdims=True)
         at_faces[sliding] -= across * plane.normals[sliding]
         pressure, pressure_faces = self.field(folder, "p" + suffix)
-        k = k_faces = dissipation = None
+        cells, faces = {"velocity": velocity}, {"velocity": at_faces}
         if self.has(folder, "k" + suffix) and self.eddy_viscosity:
             k, k_faces = self.field(folder, "k" + suffix)
             at_rest = self.wall & ~sliding
             pressure, pressure_faces = pressure - 2 / 3 * k, pressure_faces - 2 / 3 * np.where(at_rest, 0.0, k_faces)
+            cells["k"], faces["k"] = k, k_faces
             stored = (law for law in self._dissipations() if self.has(folder, law.field + suffix))
             if law := next(stored, None):
-                dissipation = law.rate(k, self.field(folder, law.field + suffix)[0])
-        return Snapshot(velocity, at_faces, pressure, pressure_faces, k, k_faces, dissipation)
+                cells["dissipation"] = law.rate(k, self.field(folder, law.field + suffix)[0])
+        return Snapshot({**cells, "pressure": pressure}, {**faces, "pressure": pressure_faces})
 
     def slip(self, folder: Path) -> NDArray[np.bool_]:
         """Boundary edges (b,) that the air slides along: symmetry, and patches whose velocity is of type slip."""
@@ -274,24 +271,7 @@ LOOP = "loop.json"  # what a time-resolved airflow keeps: {"period": s, "times":
 STATES = "states.json"  # what a steady airflow that does not settle keeps: {"begin": iteration, "states": [names]}
 
 
-class FlowArrays(TypedDict):
-    """Keyword arguments of ``FlowField.from_arrays``, shapes and units as there; T times, N nodes, M triangles."""
-
-    points: Array
-    triangles: NDArray[np.intp]
-    velocity: Array
-    pressure: Array
-    pressure_gradient: Array | None
-    times: Array | None
-    period: float | None
-    k: Array | None
-    dissipation: Array | None
-    density: float
-    viscosity: float
-    motion: list[float] | None
-
-
-def read_flow(case_dir: Path | str, time: str | float = "latest", density: float = 1.2) -> FlowArrays:
+def read_flow(case_dir: Path | str, time: str | float = "latest", density: float = 1.2) -> dict[str, Any]:
     """Keyword arguments for ``FlowField.from_arrays`` from a one-layer OpenFOAM case.
 
     ``time``: "latest", a time (s), "mean" (OpenFOAM's UMean of the last time, else the mean over the stored times),
@@ -308,35 +288,24 @@ def read_flow(case_dir: Path | str, time: str | float = "latest", density: float
     shots = [fields.snapshot(folder, suffix) for folder in folders]
     nodes = nodes_of(fields, folders[0], shots)
     if time not in ("all", "states") or len(folders) == 1:
-        return flow_arrays(fields, nodes.mean(), density)
-    flow = flow_arrays(fields, nodes, density, np.array([float(path.name) for path in folders]))
+        return flow_arrays(fields, mean_of(nodes), density)
+    clock = np.array([float(path.name) for path in folders])
+    flow = {**flow_arrays(fields, nodes, density), "times": clock - clock[0]}
     if loop:
         flow["period"] = loop["period"]
-        if "motion" in loop:
-            flow["motion"] = [*loop["motion"]["amplitude"], loop["motion"]["omega"], loop["motion"]["phase"]]
+        if motion := loop.get("motion"):
+            flow["motion"] = [*motion["amplitude"], motion["omega"], motion["phase"]]
     return flow
 
 
-def flow_arrays(fields: CaseFields, nodes: _Nodes, density: float, clock: Array | None = None) -> FlowArrays:
-    """The ``nodes`` of a case in air of ``density`` (kg/m3); ``clock`` (T,) s of its snapshots, whose first is at 0."""
+def flow_arrays(fields: CaseFields, nodes: Mapping[str, Array], density: float) -> dict[str, Any]:
+    """The arrays at the ``nodes`` of a case and what is beside them, in air of ``density`` (kg/m3)."""
     points, cells = fields.mesh.plane.points, fields.mesh.plane.cells
-    return FlowArrays(
-        points=points,
-        triangles=triangulate(points, cells),
-        velocity=nodes.velocity,
-        pressure=nodes.pressure * density,
-        pressure_gradient=None,
-        times=None if clock is None else clock - clock[0],
-        period=None,
-        k=nodes.k,
-        dissipation=nodes.dissipation,
-        density=density,
-        viscosity=fields.viscosity() * density,
-        motion=None,
-    )
+    about = {"points": points, "triangles": triangulate(points, cells), "density": density}
+    return {**about, **nodes, "pressure": nodes["pressure"] * density, "viscosity": fields.viscosity() * density}
 
 
-def _folders_of(fields: CaseFields, time: str | float, loop: JsonTable | None) -> tuple[list[Path], str]:
+def _folders_of(fields: CaseFields, time: str | float, loop: JsonTable) -> tuple[list[Path], str]:
     """The time folders that ``time`` means, and what OpenFOAM appends to the names of the fields to read there."""
     if time not in ("mean", "all", "states"):
         return [fields.folder(time)], ""
@@ -353,12 +322,12 @@ def _folders_of(fields: CaseFields, time: str | float, loop: JsonTable | None) -
     return time_folders(fields.case), ""
 
 
-def loop_of(case: Path) -> JsonTable | None:
+def loop_of(case: Path) -> JsonTable:
     """What loop.json says: "period" (s), "periods" in it, "begin" (s), "times" (folder names), and "motion" where the
-    mesh moves: "amplitude" (x, y) m, "omega" (rad/s), "phase" (rad) at the first time; None without a loop.
+    mesh moves: "amplitude" (x, y) m, "omega" (rad/s), "phase" (rad) at the first time; empty without a loop.
     """
     path = case / LOOP
-    return json.loads(path.read_text()) if path.exists() else None
+    return dict(json.loads(path.read_text())) if path.exists() else {}
 
 
 def late_states(case: Path) -> list[str]:
@@ -369,45 +338,32 @@ def late_states(case: Path) -> list[str]:
     return list(json.loads(path.read_text())["states"]) if path.exists() else []
 
 
-class _Nodes(NamedTuple):
-    """Node arrays over t snapshots: velocity (t, n, 2) m/s, kinematic pressure and k (t, n) m2/s2, dissipation of k (t,
-    n) m2/s3; without the first axis their mean.
+def mean_of(nodes: Mapping[str, Array]) -> dict[str, Array]:
+    """The mean over the snapshots of :func:`nodes_of`."""
+    return {name: np.asarray(values.mean(axis=0)) for name, values in nodes.items()}
+
+
+def nodes_of(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> dict[str, Array]:
+    """What the t snapshots hold, at the nodes: velocity (t, n, 2) m/s, kinematic pressure and k (t, n) m2/s2, and the
+    dissipation of k (t, n) m2/s3; ``folder`` tells which boundary values are prescribed.
     """
-
-    velocity: Array
-    pressure: Array
-    k: Array | None
-    dissipation: Array | None
-
-    def mean(self) -> _Nodes:
-        """The mean over the snapshots."""
-        k, dissipation = (None if values is None else values.mean(axis=0) for values in (self.k, self.dissipation))
-        return _Nodes(self.velocity.mean(axis=0), self.pressure.mean(axis=0), k, dissipation)
-
-
-def nodes_of(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> _Nodes:
-    """The snapshots' fields at the nodes; ``folder`` tells which boundary values are prescribed."""
     plane = fields.mesh.plane
     slip = fields.slip(folder)
     wall = fields.wall & ~slip
     nodes = Reconstruction(plane, wall, slip)
     inlet, outlet = _fixed(fields, folder, "U"), _fixed(fields, folder, "p")
-
-    def stack(name: str) -> Array:
-        return np.stack([getattr(shot, name) for shot in shots])
-
-    pressure = nodes.scalar(stack("pressure"), stack("pressure_faces"), outlet)
-    k = dissipation = None
-    if shots[0].k is not None:
+    cells = {name: np.stack([shot.cells[name] for shot in shots]) for name in shots[0].cells}
+    faces = {name: np.stack([shot.faces[name] for shot in shots]) for name in shots[0].faces}
+    found = {"pressure": nodes.scalar(cells["pressure"], faces["pressure"], outlet)}
+    if "k" in cells:
         at_rest = np.unique(plane.faces[wall])
-        pressure[:, at_rest] += 2 / 3 * nodes.scalar(stack("k"), stack("k_faces"), outlet)[:, at_rest]
-        k = nodes.scalar(stack("k"), stack("k_faces"), inlet & ~wall, bounded=True)
-        k[:, at_rest] = 0.0
-    if shots[0].dissipation is not None:
-        no_faces, none = np.zeros((len(shots), len(plane.faces))), np.zeros(len(plane.faces), dtype=bool)
-        dissipation = nodes.scalar(stack("dissipation"), no_faces, none, bounded=True)
-    velocity = nodes.vector(stack("velocity"), stack("velocity_faces"), inlet | wall)
-    return _Nodes(velocity, pressure, k, dissipation)
+        found["pressure"][:, at_rest] += 2 / 3 * nodes.scalar(cells["k"], faces["k"], outlet)[:, at_rest]
+        found["k"] = nodes.scalar(cells["k"], faces["k"], inlet & ~wall, bounded=True)
+        found["k"][:, at_rest] = 0.0
+    if "dissipation" in cells:
+        none = np.zeros(len(plane.faces), dtype=bool)
+        found["dissipation"] = nodes.scalar(cells["dissipation"], np.zeros_like(faces["k"]), none, bounded=True)
+    return {**found, "velocity": nodes.vector(cells["velocity"], faces["velocity"], inlet | wall)}
 
 
 def _fixed(fields: CaseFields, folder: Path, name: str) -> NDArray[np.bool_]:

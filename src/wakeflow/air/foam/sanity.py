@@ -37,8 +37,8 @@ from ...core.files import read_json
 from ...core.geometry import between_walls
 from .airflow_result import CaseResult
 from .case import FlowSpec
-from .failure import AirflowFailure, Cause
 from .momentum_source import SOURCE
+from .programs import AirflowFailure, Cause
 from .read import CaseFields, time_folders
 
 Array = NDArray[np.float64]

@@ -17,8 +17,7 @@ from pathlib import Path
 from ...core.files import write_json
 from ...laws.turbulence import USUAL, turbulence_models
 from .case import read_parameters, write_parameters
-from .failure import AirflowFailure, Cause, disk_is_full
-from .programs import call, gather, scatter
+from .programs import AirflowFailure, Cause, call, disk_is_full, gather, scatter
 from .read import NUMBER, every_time, time_folders
 from .watch import Watch
 

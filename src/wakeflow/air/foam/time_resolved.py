@@ -205,8 +205,8 @@ def _close_loop(spec: FlowSpec, folder: Path, state: dict[str, float], periods: 
         fields = CaseFields(folder)
         clock = np.array([float(path.name) for path in folders])
         velocity = np.stack([fields.field(path, "U")[0] for path in folders])
-        whole = None if spec.vibration is None else spec.vibration.period
-        least = min(periods * state["period"], USABLE * float(clock[-1] - clock[0]) - (whole or 0.0))
+        whole = 0.0 if spec.vibration is None else spec.vibration.period
+        least = min(periods * state["period"], USABLE * float(clock[-1] - clock[0]) - whole)
         first, last, length, mismatch = best_loop(clock, velocity, least, whole)
         table: JsonTable = {"period": length, "periods": round(length / state["period"]), "begin": state["begin"]}
         names = [path.name for path in folders[first:last]]
@@ -244,12 +244,13 @@ def _on_beat(folders: list[Path], begin: float, step: float, vibration: MeshMoti
     return found
 
 
-def best_loop(clock: Array, velocity: Array, least: float, whole: float | None = None) -> tuple[int, int, float, float]:
+def best_loop(clock: Array, velocity: Array, least: float, whole: float = 0.0) -> tuple[int, int, float, float]:
     """The loop among snapshots that closes best: first and last snapshot (which repeats the first), length (s),
     mismatch.
 
     ``clock`` (t,) s, ``velocity`` (t, ...); the loop is at least ``least`` (s) long, less 8 %, since shedding periods
-    vary. ``whole`` (s): length and start, counted from the first snapshot, are multiples of it, a vibration's period.
+    vary. ``whole`` (s), where it is not 0: length and start, counted from the first snapshot, are multiples of it, a
+    vibration's period.
     The mismatch is the rms velocity difference at the join, at the refined length, over the rms fluctuation.
     Raises FoamError when the snapshots do not cover the loop.
     """
@@ -261,7 +262,7 @@ def best_loop(clock: Array, velocity: Array, least: float, whole: float | None =
     lengths = clock[None] - clock[:, None]
     allowed = lengths >= SHORTER * least
     allowed[:, -1] = False  # the parabola needs a snapshot after the last
-    if whole is not None:
+    if whole:
         over = np.abs(lengths - whole * np.round(lengths / whole)) < IN_PHASE * (clock[1] - clock[0])
         allowed &= over & over[0][:, None]  # lengths and starts
     if not allowed.any():
@@ -269,7 +270,7 @@ def best_loop(clock: Array, velocity: Array, least: float, whole: float | None =
     first, last = (int(i) for i in np.unravel_index(np.where(allowed, distance, np.inf).argmin(), distance.shape))
     before, here, after = distance[first, last - 1 : last + 2]
     bend = before - 2 * here + after
-    if whole is not None:
+    if whole:
         length = whole * float(np.round(lengths[first, last] / whole))
         return first, last, length, float(np.sqrt(max(here, 0.0) / max(square.mean(), 1e-300)))
     shift = float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5)) if bend > 0 else 0.0

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +13,11 @@ from ...core.errors import SceneError
 from ...core.foam_text import read_entries
 from ...core.geometry import distance_to, distance_to_edges
 from ...core.number import Number
+from ...core.record import JsonTable
 from ...laws.turbulence import NUT
 from .airflow_result import CaseResult
 from .case import FlowSpec
-from .measure import motion_in, plane_numbers
+from .measure import Edges, motion_in, plane_numbers
 from .read import READ, CaseFields, Snapshot, loop_of, read_flow, time_folders
 from .reconstruction import PlaneMesh
 
@@ -56,19 +56,20 @@ def measure_given(spec: FlowSpec, case: Path, time: str) -> CaseResult:
     _check_channel(spec, plane)
     _check_bodies(spec, plane, wall)
     loop = loop_of(case)
+    cycle = loop if time == "all" else {}
     return CaseResult(
         stepping="given",
         verdict="given",
         **_from_fields(spec, fields, _chosen_times(fields, time, loop), time, wall),
         field_time=time,
-        period=loop["period"] if loop and time == "all" else None,
+        period=cycle.get("period"),
         motion=motion_in(loop),
-        loop_mismatch=loop["mismatch"] if loop and time == "all" else None,
+        loop_mismatch=cycle.get("mismatch"),
         half=half,
     )
 
 
-def _chosen_times(fields: CaseFields, time: str, loop: dict[str, Any] | None) -> list[Path]:
+def _chosen_times(fields: CaseFields, time: str, loop: JsonTable) -> list[Path]:
     """The time folders that "latest", "mean" or "all" means."""
     if time == "latest":
         return [fields.folder("latest")]
@@ -77,7 +78,7 @@ def _chosen_times(fields: CaseFields, time: str, loop: dict[str, Any] | None) ->
 
 def _from_fields(
     spec: FlowSpec, fields: CaseFields, folders: list[Path], time: str, wall: NDArray[np.bool_]
-) -> dict[str, Any]:
+) -> JsonTable:
     """What the stored fields say, None for what they do not. Raises SceneError where the air is not the scene's."""
     plane = fields.mesh.plane
     shots = [fields.snapshot(folder) for folder in folders]
@@ -87,11 +88,9 @@ def _from_fields(
     _check_air(spec, fields, -float(outward[inlet].sum() / plane.lengths[inlet].sum()))
     drag = [_drag(spec, fields, folder, shot, wall) for folder, shot in zip(folders, shots, strict=True)]
     flow = read_flow(fields.case, "latest" if time == "latest" else "mean", density=1.0)
-    found, base = plane_numbers(
-        spec, fields, folders[-1], shots, flow["pressure"], flow["velocity"], ends=(inlet, outlet), body=wall
-    )
+    found, base = plane_numbers(spec, fields, folders[-1], shots, flow, Edges(inlet, outlet, wall))
     return {
-        "turbulence": "laminar" if shots[0].k is None else "given",
+        "turbulence": "given" if "k" in shots[0].cells else "laminar",
         "cells": len(plane.cells),
         "reynolds": spec.reynolds,
         "cd": Number(float(np.mean(drag))),
@@ -151,7 +150,7 @@ def _outward(fields: CaseFields, folders: Sequence[Path], shots: Sequence[Snapsh
     """
     plane, total = fields.mesh.plane, []
     for folder, shot in zip(folders, shots, strict=True):
-        flow = (shot.velocity_faces * plane.normals).sum(axis=1) * plane.lengths
+        flow = (shot.faces["velocity"] * plane.normals).sum(axis=1) * plane.lengths
         flow[fields.wall | fields.symmetry] = 0.0
         for patch in plane.patches if fields.has(folder, "phi") else ():
             chosen = plane.on(patch) & ~(fields.wall | fields.symmetry)
@@ -189,10 +188,10 @@ def _drag(spec: FlowSpec, fields: CaseFields, folder: Path, shot: Snapshot, wall
     plane = fields.mesh.plane
     normal, length, cell = plane.normals[wall], plane.lengths[wall], plane.owner[wall]
     pressure = fields.field(folder, "p")[1][wall]
-    slip = shot.velocity[cell] - shot.velocity_faces[wall]
+    slip = shot.cells["velocity"][cell] - shot.faces["velocity"][wall]
     away = ((plane.midpoints[wall] - plane.centres[cell]) * normal).sum(axis=1)
     effective = np.full(len(cell), spec.viscosity / spec.density)
-    if fields.has(folder, NUT.name) and shot.k is not None:
+    if fields.has(folder, NUT.name) and "k" in shot.cells:
         effective += fields.field(folder, NUT.name)[1][wall]
     force = ((pressure[:, None] * normal + (effective / away)[:, None] * slip) * length[:, None]).sum(axis=0)
     twice = 2.0 if spec.mesh.half else 1.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +13,8 @@ import numpy as np
 from ...core.errors import FoamError
 from ...core.process import tail
 from .case import read_parameters
-from .failure import AirflowFailure, Cause
 from .force_history import CD, HistoryTable
+from .programs import AirflowFailure, Cause
 
 LOOK_EVERY = 0.2  # s of wall time between two looks at the history; chosen: an eye sees no faster
 ABSURD = 1e3  # a drag coefficient that no body has above Re 1; below, drag grows as 1/Re
@@ -32,15 +32,13 @@ class Progress:
 
     stage: str
     time: float
-    cd: float | None = None
-    residuals: dict[str, float] = field(default_factory=dict)
-    left: float | None = None
+    cd: float
+    residuals: dict[str, float]
+    left: float | None
 
     def __str__(self) -> str:
         where = f"iteration {self.time:.0f}" if self.stage == "steady" else f"{self.stage}, t = {self.time:.4g} s"
-        parts = [where]
-        if self.cd is not None:
-            parts.append(f"Cd {self.cd:.3f}")
+        parts = [where, f"Cd {self.cd:.3f}"]
         if "p" in self.residuals:
             parts.append(f"pressure residual {self.residuals['p']:.1e}")
         if self.left is not None:

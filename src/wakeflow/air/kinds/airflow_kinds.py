@@ -276,8 +276,9 @@ def plane_fields(air: CaseAir) -> StoredFields:
     from ..foam.read import loop_of
 
     folder = _made("field", air, write)
-    loop = loop_of(air.case) if air.measured.period is not None else None
-    shown, cycles = folder / "field.npz", 1 if loop is None else max(1, int(loop["periods"]))
+    shown, cycles = folder / "field.npz", 1
+    if air.measured.period is not None:
+        cycles = max(1, int(loop_of(air.case)["periods"]))
     return StoredFields(shown, sorted(folder.glob("state-*.npz")) or [shown], cycles)
 
 

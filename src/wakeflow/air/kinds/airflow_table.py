@@ -74,10 +74,10 @@ class MomentumModel:
 class WakeEnd:
     """What one of the two ends alone has."""
 
-    cd: Number | None = column("1", "drag coefficient of all bodies on the first one's width", default=None)
-    cl_rms: Number | None = column("1", "lift coefficient, root mean square", default=None)
-    cp_base: Number | None = column("1", "base pressure coefficient, behind the first body", default=None)
-    suction: SuctionZone | None = column("", "the suction zone behind the first body", default=None)
+    cd: Number = column("1", "drag coefficient of all bodies on the first one's width")
+    cl_rms: Number = column("1", "lift coefficient, root mean square")
+    cp_base: Number = column("1", "base pressure coefficient, behind the first body")
+    suction: SuctionZone = column("", "the suction zone behind the first body")
 
 
 @dataclass(frozen=True)

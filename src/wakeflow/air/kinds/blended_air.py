@@ -98,7 +98,8 @@ def blended_airflow(
         return (1.0 - theta.value) * low + theta.value * high
 
     p_inlet = linear(steady.p_inlet, resolved.p_inlet)
-    lift = _between(estimate.lift, Number(0.0, 0.0, 0.0), known(resolved.cl_rms))
+    ends = WakeEnds(*(WakeEnd(end.cd, known(end.cl_rms), end.cp_base, end.suction) for end in (steady, resolved)))
+    lift = _between(estimate.lift, Number(0.0, 0.0, 0.0), ends.time_resolved.cl_rms)
     return replace(
         resolved,
         cd=_between(theta, steady.cd, resolved.cd),
@@ -110,7 +111,7 @@ def blended_airflow(
         flow_rate=linear(steady.flow_rate, resolved.flow_rate),
         cd_of={name: linear((steady.cd_of or {})[name], drag) for name, drag in (resolved.cd_of or {}).items()},
         suction=_suction(spec, mean, p_inlet),
-        ends=WakeEnds(*(WakeEnd(end.cd, end.cl_rms, end.cp_base, end.suction) for end in (steady, resolved))),
+        ends=ends,
         wake=estimate,
     )
 

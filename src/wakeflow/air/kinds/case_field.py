@@ -7,7 +7,6 @@ from dataclasses import replace
 from operator import itemgetter
 from pathlib import Path
 
-from ...core.errors import known
 from ..field import FlowField
 from ..field.combined import cross_faded
 from ..foam.case import FlowSpec
@@ -54,4 +53,4 @@ def save_layers(case: Path, folder: Path, spec: FlowSpec, begin: float, flown: S
     for number, layer in enumerate(flown):
         (arrays,) = read_layers(record, [layer], begin, spec.density)
         field = FlowField.from_arrays(**arrays)
-        cross_faded(field, lead_of(spec, known(field.times))).save(layer_file(folder, number))
+        cross_faded(field, lead_of(spec, field.time_axis.times)).save(layer_file(folder, number))

@@ -48,7 +48,7 @@ def plan_mesh(
     width: float,
     top: float,
     bottom: float,
-    names: Sequence[str] | None = None,
+    names: Sequence[str] = (),
     walls: str = "slip",
     direction: Direction = "down",
     rung: str = "draft",
@@ -56,7 +56,7 @@ def plan_mesh(
     inlets: Sequence[SideInlet] = (),
     extend: bool = True,
     half: bool | None = None,
-    strategy: Strategy | None = None,
+    strategy: Strategy = "quads",
 ) -> MeshSpec:
     """Choose cell sizes for a rung, ``scale`` times its table, from the narrowest body's projected width.
 
@@ -82,7 +82,7 @@ def plan_mesh(
         names=tuple(names or map(str, range(len(outlines)))),
         width=width, top=top, bottom=bottom, walls="slip" if walls == "slip" else "no-slip", direction=direction,
         half=(rung == "draft" and symmetric) if half is None else half, inlets=tuple(inlets),
-        strategy=strategy or "quads", fine=(fine[1], fine[0]), **_sizes(rung, scale, outlines, width, walls),
+        strategy=strategy, fine=(fine[1], fine[0]), **_sizes(rung, scale, outlines, width, walls),
     )  # fmt: skip
 
 

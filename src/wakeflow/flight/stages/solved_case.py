@@ -60,8 +60,7 @@ def forces_of(pipeline: Pipeline, airflow: Airflow) -> ForceHistory | None:
     if case is None or len(rows) < 2:
         return None
     kept, told = loop_of(case), airflow.statistics
-    first = None if kept is None else float(kept["times"][0])
-    loop = None if kept is None or first is None else (first, first + float(kept["period"]))
+    loop = (first := float(kept["times"][0]), first + float(kept["period"])) if kept else None
     in_time, start_up = airflow.stepping == "time-resolved", None if told is None else told.start_up
     half = isinstance(pipeline.air, CaseAir) and pipeline.air.half
     lift = np.zeros(len(rows)) if half else rows[:, 2]  # that of the other half takes it away

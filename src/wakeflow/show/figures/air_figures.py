@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...air.field.derived import vorticity
+from ...air.field.flow import vorticity
 from ...core.errors import known
 from ...core.geometry import along
 from ...laws.momentum import momentum_pressure
@@ -214,7 +214,7 @@ def _first(field: FlowField) -> FlowField:
     """A field in time as it is at its first moment."""
     from dataclasses import replace
 
-    weights = field.weights(float(known(field.times)[0]))
+    weights = field.weights(float(field.time_axis.times[0]))
     still = field.mapped(lambda nodal: np.tensordot(weights, nodal, axes=1))
     return replace(still, times=None, period=None, coefficients=None, truncation=None)
 

@@ -203,7 +203,7 @@ def _grid(state: FlowField, scene: Scene, level: float | None) -> Any:
     """A steady field; ``level`` (Pa): the pressure at which Cp is zero, None without any."""
     import pyvista
 
-    from ...air.field.derived import vorticity
+    from ...air.field.flow import vorticity
 
     grid = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: state.triangles}, lifted(state.points))
     values = {"velocity (m/s)": lifted(state.velocity), "vorticity (1/s)": vorticity(state)}

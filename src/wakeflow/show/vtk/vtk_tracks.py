@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import known
 from ...core.tables import Columns
 from ...flight.stages.landings import FATES
 from ..air_pictures import moments_of
@@ -113,8 +112,8 @@ def _moving(velocity: Array) -> Columns:
 
 
 def _loop_time(clock: Array, field: FlowField) -> Array:
-    begin = known(field.times)[0]
-    return np.asarray(begin + (clock - begin) % known(field.period))
+    begin = field.time_axis.times[0]
+    return np.asarray(begin + (clock - begin) % field.time_axis.period)
 
 
 def _at_phase(found: Sequence[_Granule], scene: Scene, time: float, period: float) -> Any:

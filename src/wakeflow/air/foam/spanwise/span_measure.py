@@ -12,8 +12,8 @@ from ....core.errors import FoamError
 from ..airflow_result import AxisProfiles, SpanResult, SpanwiseMotion
 from ..case import SpanSpec, axis_points
 from ..force_history import Tail
-from ..measure import coefficients_of, plane_numbers
-from ..read import nodes_of, time_folders
+from ..measure import Edges, in_time, plane_numbers
+from ..read import mean_of, nodes_of, time_folders
 from ..reconstruction import Reconstruction, triangulate
 from ..suction import AxisCrossings
 from .span_record import K_AT, OMEGA_AT, SpanRecord, apart, des_dissipation, lead_of
@@ -125,7 +125,7 @@ def axis_profile(spec: SpanSpec, record: SpanRecord, means: SpanMeans) -> AxisPr
     """The profiles on the body's axis at PLACES."""
     plane, behind = record.plane.mesh.plane, np.array(PLACES)
     axis = AxisCrossings.of(spec, plane.points, triangulate(plane.points, plane.cells))
-    nodes = nodes_of(record.plane, record.plane.folder("latest"), [record.snapshot(means.mean)]).mean()
+    nodes = nodes_of(record.plane, record.plane.folder("latest"), [record.snapshot(means.mean)])
     free = np.zeros(len(plane.faces), dtype=bool)
     spread = Reconstruction(plane, free, free).scalar(
         np.vstack([means.stresses.T, means.coherent, means.mean[:, K_AT]]),
@@ -133,7 +133,7 @@ def axis_profile(spec: SpanSpec, record: SpanRecord, means: SpanMeans) -> AxisPr
     )  # fmt: skip
     places, speed = behind * spec.mesh.projected_width, spec.speed
     across, along, spanwise, coherent, k = (axis.at(places, row) for row in spread)
-    mean = spec.along * axis.at(places, nodes.velocity[:, 1])
+    mean = spec.along * axis.at(places, nodes["velocity"][0, :, 1])
     rms = (np.sqrt(square) for square in (along, across, coherent, spanwise, 2 / 3 * k))
     return AxisProfiles(tuple(PLACES), *(tuple((row / speed).tolist()) for row in (mean, *rms)))
 
@@ -145,24 +145,20 @@ QUARTERS = 4
 FADING = 0.5  # of the first quarter's: three-dimensional motion that falls so far is dying
 
 
-def measure_span(
-    spec: SpanSpec, record: SpanRecord, deep: Path, begin: float | None = None, *, seconds: float = 0.0
-) -> SpanResult:
-    """The airflow of the run in ``deep`` whose snapshots are ``record``, from ``begin`` (s; default: after the
-    start-up) on. ``seconds`` of wall time are passed on.
+def measure_span(spec: SpanSpec, record: SpanRecord, deep: Path, begin: float, *, seconds: float = 0.0) -> SpanResult:
+    """The airflow of the run in ``deep`` whose snapshots are ``record``, from ``begin`` (s) on. ``seconds`` of wall
+    time are passed on.
 
     Raises FoamError for a run that has not come so far.
     """
-    if begin is None:
-        begin = spec.span.start_up * spec.convective_time
     rows = Tail(deep).update()
     late = rows[rows[:, 0] >= begin]
     means = span_means(spec, record, begin)
     shot = record.snapshot(means.mean)
-    nodes = nodes_of(record.plane, record.plane.folder("latest"), [shot]).mean()
-    in_plane, _ = plane_numbers(spec, record.plane, deep, [shot], nodes.pressure, nodes.velocity)
+    nodes = mean_of(nodes_of(record.plane, record.plane.folder("latest"), [shot]))
+    in_plane, _ = plane_numbers(spec, record.plane, deep, [shot], nodes, Edges.of(record.plane))
     flow_rate, lost = _balance(record, deep)
-    history = coefficients_of(spec, late, {"begin": begin})
+    history = in_time(spec, late, begin)
     step, lead = float(np.diff(means.times).mean()), lead_of(spec, means.times)
     return SpanResult(
         stepping="time-resolved",

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from ....core.files import atomic_write
 from ....core.geometry import area
 from ....core.lazy import cached_property
 from ..case import FlowSpec
-from ..read import NUMBER, CaseFields, FlowArrays, Snapshot, flow_arrays, nodes_of
+from ..read import NUMBER, CaseFields, Snapshot, flow_arrays, nodes_of
 from ..reconstruction import solenoidal, triangulate
 
 Array = NDArray[np.float64]
@@ -136,16 +137,14 @@ class SpanRecord:
         k_faces = at_faces[:, K_AT].copy()
         k_faces[inlet] = k[inlet]
         at_rest = self.plane.wall & ~sliding
-        pressure_faces = np.where(outlet, 0.0, at_faces[:, P_AT]) - 2 / 3 * np.where(at_rest, 0.0, k_faces)
-        return Snapshot(
-            velocity=cells[:, :2],
-            velocity_faces=velocity,
-            pressure=cells[:, P_AT] - 2 / 3 * cells[:, K_AT],
-            pressure_faces=pressure_faces,
-            k=cells[:, K_AT],
-            k_faces=k_faces,
-            dissipation=des_dissipation(cells[:, K_AT], cells[:, OMEGA_AT], self.edge),
-        )
+        pressure = np.where(outlet, 0.0, at_faces[:, P_AT]) - 2 / 3 * np.where(at_rest, 0.0, k_faces)
+        at_cells = {
+            "velocity": cells[:, :2],
+            "pressure": cells[:, P_AT] - 2 / 3 * cells[:, K_AT],
+            "k": cells[:, K_AT],
+            "dissipation": des_dissipation(cells[:, K_AT], cells[:, OMEGA_AT], self.edge),
+        }
+        return Snapshot(at_cells, {"velocity": velocity, "pressure": pressure, "k": k_faces})
 
     @cached_property
     def _edges(self) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
@@ -178,7 +177,7 @@ def lead_of(spec: FlowSpec, times: NDArray[np.float64]) -> int:
     return max(1, min(round(LEAD * spec.convective_time / step), len(times) // 4))
 
 
-def read_layers(record: SpanRecord, layers: Sequence[int], begin: float, density: float) -> list[FlowArrays]:
+def read_layers(record: SpanRecord, layers: Sequence[int], begin: float, density: float) -> list[dict[str, Any]]:
     """Keyword arguments for ``FlowField.from_arrays`` of each of ``layers``: the snapshots from ``begin`` (s) on.
 
     Pressure in Pa for ``density`` (kg/m3), less 2k/3; node values as of a one-layer case; of the velocity in the plane
@@ -191,9 +190,9 @@ def read_layers(record: SpanRecord, layers: Sequence[int], begin: float, density
     triangles = triangulate(plane.points, plane.cells)
     project = solenoidal(plane, triangles, np.unique(plane.faces[record.plane.wall]))
     times = np.array([time for time, _ in chosen])
-    found: list[FlowArrays] = []
+    found = []
     for number in range(len(layers)):
         nodes = nodes_of(record.plane, latest, [record.snapshot(values[number]) for _, values in chosen])
-        flow = flow_arrays(record.plane, nodes, density, times)
-        found.append({**flow, "velocity": project(nodes.velocity)})
+        nodes["velocity"] = project(nodes["velocity"])
+        found.append({**flow_arrays(record.plane, nodes, density), "times": times - times[0]})
     return found

@@ -30,16 +30,14 @@ from ....core.process import tail
 from ....core.record import save
 from ....core.tables import save_arrays
 from ....laws.span import CADENCE, Span
-from ..airflow_result import CheckMesh, SpanResult
+from ..airflow_result import SpanResult
 from ..case import FlowSpec, SpanSpec, axis_points, write_case, write_parameters
-from ..failure import AirflowFailure, disk_trouble_named
 from ..momentum_source import write_source
-from ..prepare import prepare_case
-from ..programs import call
+from ..programs import AirflowFailure, call, disk_trouble_named
 from ..read import CaseFields, time_folders
 from ..sanity import check_airflow
 from ..solver import PHASE, drop_after, last_state, purge, run_segment, segment_ends
-from ..start import first_step, start_in_time, write_internal
+from ..start import first_step, prepare_case, start_in_time, write_internal
 from ..time_resolved import watch_over
 from ..watch import ProgressListener
 from .span_measure import measure_span
@@ -189,30 +187,6 @@ CAREFUL = 0.5  # this one, when a segment fails numerically
 SAME = 1e-6  # cadences
 
 
-def run_span(
-    spec: SpanSpec, msh: Path, folder: Path, start: Path | None, force: ForceDensity | None, listener: ProgressListener
-) -> CheckMesh:
-    """Run the airflow of ``spec`` with its span to the end of its record; goes on from what is there.
-
-    ``start``: any solved plane case that the plane wake starts from; ``force``: on the air, in every layer. Raises
-    MeshError for a mesh that checkMesh refuses, AirflowFailure where a program fails or no Courant number serves.
-    """
-    flat = spec.plane
-    check = prepare_case(flat, msh, folder)
-    deep, phase = folder / SPAN, folder / PHASE
-    if force is not None:
-        write_source(folder, force, spec.density)
-    _plane_wake(flat, folder, start, listener)
-    if not phase.exists():
-        extrude(spec, folder, deep)
-        if force is not None:
-            write_source(folder, force, spec.density, deep)
-        start_span(spec, folder, deep)
-        write_json(phase, {"phase": "span", "courant": COURANT})
-    _record(spec, spec.span, folder, listener)
-    return check
-
-
 def _plane_wake(spec: FlowSpec, folder: Path, start: Path | None, listener: ProgressListener) -> None:
     """The plane wake that every layer starts from, time-resolved for PLANE convective times."""
     end = PLANE * spec.convective_time
@@ -233,14 +207,14 @@ def record_ends(span: Span, scale: float) -> list[float]:
     return [beat * CADENCE * scale for beat in ends]
 
 
-def _record(spec: SpanSpec, span: Span, folder: Path, listener: ProgressListener) -> None:
+def _record(spec: SpanSpec, folder: Path, listener: ProgressListener) -> None:
     """Run segment after segment; where one fails numerically, the last two again with half the Courant number."""
     deep, scale = folder / SPAN, spec.convective_time
-    ends = record_ends(span, scale)
+    ends = record_ends(spec.span, scale)
     watch = watch_over(spec, deep, "three dimensions", listener, ends[-1])
     while True:
         now, state = last_state(deep), json.loads((folder / PHASE).read_text())
-        _pack_new(folder, now, span.start_up * scale)
+        _pack_new(folder, now, spec.span.start_up * scale)
         following = [end for end in ends if end > now * (1 + SAME)]
         if not following:
             return
@@ -290,14 +264,25 @@ def solve_span(
     """Solve the airflow of ``spec``, which has a span, in the case ``folder`` on the plane mesh ``msh``.
 
     ``airflow.json`` there holds the result, ``packed`` the snapshots. Arguments and failures as of
-    :func:`wakeflow.air.foam.solve_airflow`; goes on from what an interrupted call left.
+    :func:`wakeflow.air.foam.solve_airflow`; ``force`` is on the air of every layer. Goes on from what an interrupted
+    call left. Raises AirflowFailure where no Courant number serves, too.
     """
-    begun = time.monotonic()
+    begun, deep, flat = time.monotonic(), folder / SPAN, spec.plane
     with disk_trouble_named(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        mesh = run_span(spec, msh, folder, start, force, listener)
-        record = SpanRecord(folder, CaseFields(folder))
-        result = measure_span(spec, record, folder / SPAN, seconds=time.monotonic() - begun)
+        mesh = prepare_case(flat, msh, folder)
+        if force is not None:
+            write_source(folder, force, spec.density)
+        _plane_wake(flat, folder, start, listener)
+        if not (folder / PHASE).exists():
+            extrude(spec, folder, deep)
+            if force is not None:
+                write_source(folder, force, spec.density, deep)
+            start_span(spec, folder, deep)
+            write_json(folder / PHASE, {"phase": "span", "courant": COURANT})
+        _record(spec, folder, listener)
+        record, begin = SpanRecord(folder, CaseFields(folder)), spec.span.start_up * spec.convective_time
+        result = measure_span(spec, record, deep, begin, seconds=time.monotonic() - begun)
         checks = {check.name: check.used for check in check_airflow(spec, folder, result)}
         result = replace(result, mesh=mesh, checks=checks)
         save(folder / "airflow.json", result)
