@@ -92,12 +92,11 @@ def track(
     unknown force or drag law, a force that needs what the field has not, or arguments out of range.
     """
     check_forces(forces, field)
-    check_workers(workers)
     until, tolerance = number("until", until, "s"), number("tolerance", tolerance)
     solids = [body if isinstance(body, Body) else Body(body, motion=motion) for body in bodies]
     across = float(np.ptp(solids[0].outline[:, 0])) if solids else 1.0
     length = across if length is None else number("length", length, "m")
-    _check(record, length, tolerance, until, seed, noises)
+    _check(record, length, tolerance, until, seed, noises, workers)
     swing, reach, points = mesh_motion_of(field), REACH * length, RECORD_POINTS if record is True else int(record)
     walls = pack_walls(solids, pack_lines(lines), swing, grains.restitution)
     air = pack_air(field, solids, reach, forces)
@@ -110,12 +109,14 @@ def track(
     tell = progress or (lambda *_: None)
     if collisions is not None:
         return _fly_colliding(flight, found, collisions, seed, tell)
-    _fly_all(flight, found, workers or cores(), tell)
-    return found
+    return _fly_all(flight, found, workers or cores(), tell)
 
 
-def _check(record: bool | int, length: float, tolerance: float, until: float, seed: int, noises: int) -> None:
+def _check(
+    record: bool | int, length: float, tolerance: float, until: float, seed: int, noises: int, workers: int | None
+) -> None:
     """Raise SceneError for numbers that are out of range."""
+    check_workers(workers)
     if record is not True and not (record == 0 or 16 <= record <= MAX_STEPS):
         raise SceneError(f"record = {record}: True, or 16 to {MAX_STEPS} points")
     for name, value in (("length", length), ("tolerance", tolerance)):
@@ -150,7 +151,7 @@ def _fly_block(flight: Packed, found: Tracks, rows: NDArray[np.int64]) -> int:
     return len(some)
 
 
-def _fly_all(flight: Packed, found: Tracks, workers: int, progress: Callable[[int, int], object]) -> None:
+def _fly_all(flight: Packed, found: Tracks, workers: int, progress: Callable[[int, int], object]) -> Tracks:
     """All blocks, on ``workers`` threads; a single block in this one, since few granules fly faster than a thread
     starts. Neighbours fly one after the other: they look at the same nodes, which then are in the cache.
     """
@@ -165,6 +166,7 @@ def _fly_all(flight: Packed, found: Tracks, workers: int, progress: Callable[[in
             progress(done, count)
     finally:  # an interruption waits for the blocks that fly now, not for those that are still queued
         pool.shutdown(cancel_futures=True)
+    return found
 
 
 def _fly_colliding(
