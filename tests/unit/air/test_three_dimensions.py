@@ -151,11 +151,10 @@ def test_it_is_solved_under_the_granules_force(rhombus: Scene, monkeypatch: pyte
     air = pipeline.air
     assert isinstance(air, LoadedAir)
     assert isinstance(air.bare, SpanAir)
-    assert air.force is pipeline.loading
     assert air.bare.start is pipeline.airs.steady[0]
     given: list[object] = []
     monkeypatch.setattr(SpanAir, "solved", lambda self, force: given.append(force))
-    monkeypatch.setattr(air, "force", SimpleNamespace(force="what they exert"))
+    vars(pipeline.loading).update(_way=SimpleNamespace(force="what they exert"))
     air.make_solution()
     air.bare.make_solution()
     assert given == ["what they exert", None]

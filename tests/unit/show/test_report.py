@@ -700,7 +700,8 @@ def test_a_share_in_three_dimensions_stands_beside_the_answer(rhombus: Scene) ->
 def test_a_best_estimate_stands_between_its_ends(rhombus: Scene) -> None:
     def end(cd: float, length: float) -> dict[str, Any]:
         zone = {**AIRFLOW["suction"], "length": length}
-        return {"cd": {"value": cd, "low": cd - 0.01, "high": cd + 0.01}, "suction": zone}
+        alike = {name: AIRFLOW[name] for name in ("cl_rms", "cp_base")}
+        return {"cd": {"value": cd, "low": cd - 0.01, "high": cd + 0.01}, "suction": zone, **alike}
 
     share = {"value": 0.5, "low": 0.35, "high": 0.7}
     strength = {"value": 0.6, "low": 0.4, "high": 0.9}
@@ -714,7 +715,7 @@ def test_a_best_estimate_stands_between_its_ends(rhombus: Scene) -> None:
     assert rows[0] == ["quantity", "steady", "best estimate", "time-resolved", "unit"]
     assert rows[1] == [CD, "1 (0.99 to 1.01)", "1.5 (1.49 to 1.51)", "2 (1.99 to 2.01)", ""]
     assert [LENGTH, "100", "200", "300", "mm"] in rows
-    assert not any("lift" in row[0] for row in rows)  # the ends here do not tell it
+    assert any("lift" in row[0] for row in rows)
     plain = Page(html.render(_read(_result(rhombus, AIRFLOW)), {}))
     assert "ends" not in plain.tables
 
