@@ -13,13 +13,15 @@ import ast
 import platform
 import re
 from collections.abc import Iterator
-from functools import lru_cache
+from contextlib import suppress
+from functools import cache, lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
+from .files import atomic_write
 from .lazy import parsed
 from .store import content_key, digest_files
-from .user_folder import kernel_root
+from .user_folder import kernel_root, key_root
 
 NAME = __name__.partition(".")[0]
 PACKAGE = Path(__file__).parent.parent
@@ -28,13 +30,26 @@ EVERY = "iter_modules(__path__)"  # in a package that imports whatever lies in i
 Import = tuple[str, str | None, str, bool]  # module, name wanted of it (None: itself), bound as, whether it runs
 
 
+@cache
+def package_key() -> str:
+    """sha256 (hex) over all files of this package. Read once a process."""
+    return digest_files([PACKAGE])
+
+
 @lru_cache(maxsize=64)
 def code_key(*modules: str) -> str:
     """sha256 (hex) over the sources of ``modules`` (full names), all that they import from this package, and the data
-    files that lie beside these. Read once a process.
+    files that lie beside these. Kept in the user's own folder, since reading all imports takes a second.
     """
+    kept = key_root() / content_key(package_key(), modules)
+    with suppress(OSError):  # not there yet
+        if re.fullmatch("[0-9a-f]{64}", known := kept.read_text(encoding="ascii", errors="replace")):
+            return known
     paths = {path for module in closure(*modules) for path in (_path(module), *_data(_path(module).parent))}
-    return content_key({path.relative_to(PACKAGE).as_posix(): digest_files([path]) for path in paths})
+    key = content_key({path.relative_to(PACKAGE).as_posix(): digest_files([path]) for path in paths})
+    with suppress(OSError), atomic_write(kept) as stream:  # the disk may be full: it is made again next time
+        stream.write(key)
+    return key
 
 
 def closure(*modules: str) -> frozenset[str]:

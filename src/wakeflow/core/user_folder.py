@@ -1,4 +1,4 @@
-"""Folders that are the user's own: of compiled kernels, and of the secret by which the user's own work is known."""
+"""Folders that are the user's own: of compiled kernels, keys of sources, and the secret that knows the user's work."""
 
 from __future__ import annotations
 
@@ -24,6 +24,11 @@ def kernel_root() -> Path:
     root = Path(os.environ.get(KERNELS) or _own_folder("kernels")).absolute()
     os.environ[KERNELS] = str(root)  # for the processes that compile beside this one, if it is a temporary one
     return root
+
+
+def key_root() -> Path:
+    """The folder of the keys of sources: who may write there may pass stages of other sources off as these."""
+    return _own_folder("keys")
 
 
 def own_secret() -> bytes:

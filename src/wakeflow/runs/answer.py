@@ -26,16 +26,27 @@ from ..answer.result import FILE, GRANULES, JOINT, SCHEMA, FlightResults, Reques
 from ..answer.shares import InputSummary, LandingResults, collisions_of
 from ..core import sums
 from ..core.graded import gravest_first
+from ..core.lazy import cached_property
 from ..core.process import background, cores
 from ..core.tables import save_arrays
 from ..flight.feed.impact_loads import impact_loads
 from ..flight.stages.pipeline import Pipeline
 from ..planning.feed_funnel import FunnelSummary
 from ..scene import Scene
-from .folder import COMMAND, answer_key, field_files, report_into, some_granules, versions, written_files
+from .folder import (
+    COMMAND,
+    answer_key,
+    drawn_ahead,
+    report_into,
+    seen_of,
+    some_granules,
+    versions,
+    written_files,
+)
 
 if TYPE_CHECKING:
     from ..flight.stages.landings import Landings, Tracked
+    from ..show import AirAndTracks
 
 
 @dataclass(frozen=True)
@@ -59,7 +70,8 @@ class OneRun:
             mesh, airflow = self._air()
             tracked = None if until in ("funnel", "mesh", "airflow") else self.pipeline.tracks()
             if tracked is not None and until is None:
-                flown = fly_again(Flights(self.pipeline, tracked, self.pipeline.crowd()))
+                with background([self._draw_ahead]):
+                    flown = fly_again(Flights(self.pipeline, tracked, self.pipeline.crowd()))
         if tracked is not None and airflow is not None:
             airflow = self._flown(airflow)
         scene, plan, flights = self.pipeline.scene, self.pipeline.plan, None
@@ -115,12 +127,17 @@ class OneRun:
         solved: list[Callable[[], object]] = [partial(getattr, other, "solution") for other in others]
         if pipeline.plan.airflow.loaded:
             solved.insert(0, spare.airs.solve_start)  # while the force is gathered
-        return solved if until is not None else [*solved, *flights_ahead(spare), self._air_shown]
+        return solved if until is not None else [*solved, *flights_ahead(spare)]
 
-    def _air_shown(self) -> None:
-        """What the report tells and shows of the air alone, as soon as this run's own field is there."""
+    @cached_property
+    def _seen(self) -> AirAndTracks:
+        """What the report shows of the air and the tracks."""
+        return seen_of(self.pipeline, self.pipeline.tracks())
+
+    def _draw_ahead(self) -> None:
+        """Draw what the report shows before there is an answer, while granules fly again."""
         if self.report:
-            field_files(self.pipeline, self.pipeline.airflow)
+            drawn_ahead(self.pipeline, self._seen, pdf=self.pdf)
 
     def _air(self) -> tuple[MeshReport | None, Airflow | None]:
         """The mesh and the airflow; None without air, and where the run stops before them."""
@@ -193,7 +210,7 @@ class OneRun:
             save_arrays(folder / GRANULES, {"names": np.array(list(landings)), **granules})
             wanted = self.request.until is None and self.report
             if wanted and (self.redraw or not stands or not report.is_whole(folder, scene.picture)):
-                report_into(self.pipeline, tracked, landings, granules, result, pdf=self.pdf)
+                report_into(self.pipeline, self._seen, landings, granules, result, pdf=self.pdf)
             return replace(result, pictures=report.pictures_of(folder))
         if self.request.until == "funnel" and self.poured is not None:
             report.draw_discharge(folder / "figures" / "discharge.png", self.poured)

@@ -4,26 +4,26 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..air.kinds.airflow_table import Airflow
 from ..answer.result import FILE, GRANULES, JOINT, Request, Result, key_in
 from ..core import sums
 from ..core.record import to_json
-from ..core.sources import PACKAGE, code_key
-from ..core.store import content_key, digest_files
+from ..core.sources import package_key
+from ..core.store import content_key
 from ..core.tables import Columns
 from ..flight.stages.pipeline import Pipeline
 from ..flight.stages.solved_case import cells_of, forces_of
+from ..planning.stage_cache import code_of, version_of
 from ..scene import Scene
 
 if TYPE_CHECKING:
     from ..flight.stages.landings import Landings, Tracked
-    from ..show import Landed
+    from ..show import AirAndTracks, Landed
 
 
 # -- What answers are made for -----------------------------------------------------------------------------------------
@@ -51,12 +51,7 @@ def answer_key(scene: Scene, request: Request, *more: object) -> str:
     versions and sources.
     """
     order = [list(keyed) for keyed in (scene.body, scene.fraction, scene.bin)]
-    return content_key(scene.tables(), order, to_json(request), *more, versions(), _sources())
-
-
-@cache
-def _sources() -> str:
-    return digest_files([PACKAGE])
+    return content_key(scene.tables(), order, to_json(request), *more, versions(), package_key())
 
 
 # -- What a run leaves in its folder next to result.json ---------------------------------------------------------------
@@ -88,9 +83,37 @@ def written_files(folder: Path) -> list[Path]:
     return [*report_files(folder), *(path for path in own if path.exists())]
 
 
+def seen_of(pipeline: Pipeline, tracked: Tracked) -> AirAndTracks:
+    """What the report shows of the air and the tracks, as soon as they are there."""
+    from ..show import AirAndTracks
+
+    if pipeline.scene.air is None:
+        return AirAndTracks(pipeline.scene, None, None, tracked.drawn, None, None)
+    air, (_, flow) = pipeline.airflow, pipeline.field
+    return AirAndTracks(pipeline.scene, flow, air, tracked.drawn, cells_of(pipeline), forces_of(pipeline, air))
+
+
+def drawn_ahead(pipeline: Pipeline, seen: AirAndTracks, *, pdf: bool) -> list[Path]:
+    """Folders in the cache with what the report shows of the air and of these tracks: the field's files for ParaView,
+    which all runs in this airflow share, and what all runs with these tracks do. ``pdf``: every figure as PDF too.
+    """
+    from ..show import draw_ahead
+    from ..show.vtk import write_field
+
+    scene, found = pipeline.scene, list[Path]()
+    if seen.field is not None:
+        asked = scene.numerics.snapshots, scene.symmetric, version_of("pyvista")
+        key = content_key("vtk", pipeline.field[0], *asked, code_of("show.vtk.vtk_files"))
+        work = partial(write_field, field=seen.field, scene=scene, airflow=seen.airflow)
+        found.append(pipeline.cache.make("vtk", key, work))
+    drawn_by = code_of("show.figures", "show.vtk"), version_of("pyvista"), version_of("matplotlib")
+    key = content_key("drawings", pipeline.tracks_key, scene.tables(), pdf, *drawn_by)
+    return [*found, pipeline.cache.make("drawings", key, partial(draw_ahead, seen=seen, pdf=pdf))]
+
+
 def report_into(
     pipeline: Pipeline,
-    tracked: Tracked,
+    seen: AirAndTracks,
     answer: Mapping[str, Landings],
     granules: Columns,
     result: Result,
@@ -102,35 +125,13 @@ def report_into(
     """
     from ..show import Outcome, write_report
 
+    ahead = drawn_ahead(pipeline, seen, pdf=pdf)
     pipeline.listener("report", "drawing")
-    scene = pipeline.scene
     landings = {name: _landed(landing) for name, landing in answer.items()}
-    flow = None if scene.air is None else pipeline.field[1]
-    shown = {name: pipeline.shown(picture) for name, picture in scene.picture.items()}
-    air = result.airflow
-    cells, history = (None, None) if air is None else (cells_of(pipeline), forces_of(pipeline, air))
-    outcome = Outcome(scene, flow, tracked.drawn, landings, result, shown, granules, cells, history)
-    write_report(result.folder, outcome, field_files(pipeline, air), pdf=pdf)
+    shown = {name: pipeline.shown(picture) for name, picture in pipeline.scene.picture.items()}
+    outcome = Outcome(**vars(seen), landings=landings, result=result, shown=shown, granules=granules)
+    write_report(result.folder, outcome, ahead, pdf=pdf)
     pipeline.listener("report", "done")
-
-
-def field_files(pipeline: Pipeline, airflow: Airflow | None) -> Path | None:
-    """The folder in the cache with the field's files for ParaView, which all runs in this airflow share; None without
-    air.
-    """
-    from ..show.vtk import write_field
-
-    scene = pipeline.scene
-    if scene.air is None:
-        return None
-    upstream, flow = pipeline.field
-    asked = scene.numerics.snapshots, scene.symmetric
-    key = content_key("vtk", upstream, *asked, code_key("wakeflow.show.vtk.vtk_files"), versions()["pyvista"])
-
-    def work(part: Path) -> None:
-        write_field(part, flow, scene, airflow)
-
-    return pipeline.cache.make("vtk", key, work)
 
 
 def _landed(landing: Landings) -> Landed:

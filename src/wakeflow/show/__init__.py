@@ -1,6 +1,6 @@
 """All that a person reads of a run: figures, VTK files, CSV files, one HTML page. It computes no physics.
 
-Comes in: a Result, an Outcome, a table of results. Goes out: files, drawings, words.
+Comes in: a Result, AirAndTracks, an Outcome, a table of results. Goes out: files, drawings, words.
 May call it: ``runs`` and those after it. The only package that imports pyvista, matplotlib and jinja2, each inside the
 function that needs it.
 """
@@ -8,11 +8,12 @@ function that needs it.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .outcome import Landed, Outcome
+from ..core.files import atomic_write, link_or_copy
+from .outcome import AirAndTracks, Landed, Outcome
 
 warnings.filterwarnings("ignore", "IProgress not found")  # pyvista brings a bar for downloads, of which there are none
 
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
     from ..planning.feed_funnel import FunnelSummary
 
 __all__ = [
-    "Landed", "Outcome", "clear_report", "draw_discharge", "films", "is_whole", "pictures_of", "report_files",
-    "write_report",
+    "AirAndTracks", "Landed", "Outcome", "clear_report", "draw_ahead", "draw_discharge", "films", "is_whole",
+    "pictures_of", "report_files", "write_report",
 ]  # fmt: skip
 
 # every finished report has them
@@ -30,10 +31,10 @@ LASTING = ("tracks.vtp", "machine.vtm", "landings.vtp", "separation.csv", "budge
 AT_TIMES = ("impact.csv",)  # where a body is met
 
 
-def write_report(folder: Path | str, outcome: Outcome, field_files: Path | None = None, *, pdf: bool = False) -> Path:
+def write_report(folder: Path | str, outcome: Outcome, ahead: Sequence[Path] = (), *, pdf: bool = False) -> Path:
     """Write figures/ (those of [picture.NAME] too), the files for ParaView, separation.csv, budget.csv and report.html
-    into ``folder``. The field's files are linked from ``field_files``, where they stand already, else written. ``pdf``:
-    every figure as PDF as well.
+    into ``folder``. ``ahead``: the folders with what :func:`draw_ahead` and ``vtk.write_field`` have left; without any
+    it is written here. ``pdf``: every figure as PDF as well.
 
     Every file is whole or absent; what an earlier run left and this one does not write is removed. Returns the path
     of report.html.
@@ -46,19 +47,46 @@ def write_report(folder: Path | str, outcome: Outcome, field_files: Path | None 
 
     folder = Path(folder)
     clear_report(folder, film=False)
+    for source in ahead:
+        _show_too(source, folder)
+    if not ahead:
+        draw_ahead(folder, outcome, pdf=pdf)
+        if outcome.field is not None:
+            vtk.write_field(folder, outcome.field, outcome.scene, outcome.airflow)
     with pdf_too(pdf):
-        draw_figures(folder / "figures", outcome)
+        draw_figures(folder / "figures", outcome, of_answer=True)
         pictures.draw_all(folder / "figures", outcome)
-    if field_files is not None:
-        vtk.link_field(field_files, folder)
-    elif outcome.field is not None:
-        vtk.write_field(folder, outcome.field, outcome.scene, outcome.airflow)
-    vtk.write_machine(folder, outcome.scene)
-    vtk.write_tracks(folder, outcome.tracks, outcome.scene, outcome.field)
-    vtk.write_moving(folder, outcome.tracks, outcome.scene, outcome.field)
     vtk.write_landings(folder, outcome.granules, outcome.scene)
     write_tables(folder, outcome.result)
     return html.write_html(folder, outcome)
+
+
+def draw_ahead(folder: Path, seen: AirAndTracks, *, pdf: bool = False) -> None:
+    """Write into ``folder`` what of a report is there before the answer, but for the field's files: the figures of the
+    machine, the air and the tracks, and machine and tracks for ParaView.
+    """
+    from . import vtk
+    from .canvas import pdf_too
+    from .figures import draw_figures
+
+    with pdf_too(pdf):
+        draw_figures(folder / "figures", seen, of_answer=False)
+    vtk.write_machine(folder, seen.scene)
+    vtk.write_tracks(folder, seen.tracks, seen.scene, seen.field)
+    vtk.write_moving(folder, seen.tracks, seen.scene, seen.field)
+
+
+def _show_too(source: Path, folder: Path) -> None:
+    """Show in ``folder`` what of a report is in ``source``: files for ParaView without copying them where that can be;
+    pictures, which a user may go on drawing in, as copies.
+    """
+    for file in report_files(source):
+        target = folder / file.relative_to(source)
+        if file.parent.name != "figures":
+            link_or_copy(file, target)
+            continue
+        with atomic_write(target, "wb") as stream:
+            stream.write(file.read_bytes())
 
 
 def draw_discharge(path: Path | str, poured: FunnelSummary) -> None:

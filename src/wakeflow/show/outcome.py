@@ -36,29 +36,34 @@ class Landed:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What a run hands to its report.
+class AirAndTracks:
+    """What of a run is there before its answer, for the report to show.
 
-    ``field``: the air that the tracker read, None in a vacuum; ``tracks``: a sample of every fraction's;
-    ``landings``: all of every fraction's; ``result``: the answer; ``shown``: the tracks of each [picture.NAME] by
-    fraction; ``granules``: the columns of granules.npz, of a sample of the landings; ``cells`` and ``history``: mesh
-    and recorded forces of a solved airflow, None of another.
+    ``field``: the air that the tracker read, and ``airflow``, what is known of it, None in a vacuum; ``tracks``: a
+    sample of every fraction's; ``cells`` and ``history``: mesh and recorded forces of a solved airflow, None of
+    another.
     """
 
     scene: Scene
     field: FlowField | None
+    airflow: Airflow | None
     tracks: Mapping[str, Sequence[Track]]
+    cells: PlaneCells | None
+    history: ForceHistory | None
+
+
+@dataclass(frozen=True)
+class Outcome(AirAndTracks):
+    """What a run hands to its report.
+
+    ``landings``: all of every fraction's; ``result``: the answer; ``shown``: the tracks of each [picture.NAME] by
+    fraction; ``granules``: the columns of granules.npz, of a sample of the landings.
+    """
+
     landings: Mapping[str, Landed]
     result: Result
     shown: Mapping[str, Mapping[str, Sequence[Track]]]
     granules: Mapping[str, AnyArray]
-    cells: PlaneCells | None = None
-    history: ForceHistory | None = None
-
-    @property
-    def airflow(self) -> Airflow | None:
-        """What is known of the air; None in a vacuum."""
-        return self.result.airflow
 
 
 @dataclass(frozen=True)
@@ -68,21 +73,22 @@ class Figure:
     ``caption``: what it shows; ``parts(outcome)``: what it shows of a run, empty where the run has nothing of it;
     ``draw(paper, *parts)`` writes the PNG, the SVG and the data, or draws on the axes or in the figure that the paper
     is, and returns the axes, one or an array; ``always``: every finished report has it, so that one without it is drawn
-    again.
+    again; ``of_answer``: it shows the answer, not what is there before (:class:`AirAndTracks`) alone.
     """
 
     caption: str
     draw: Callable[..., Any]
-    parts: Callable[[Outcome], tuple[object, ...]]
-    always: bool = False
+    parts: Callable[[Any], tuple[object, ...]]
+    always: bool
+    of_answer: bool
 
 
 figures: Registry[Figure] = Registry("standard figure")
 
 
 def add_figure(
-    name: str, caption: str, draw: Callable[..., Any], parts: Callable[[Outcome], tuple[object, ...]], *,
-    always: bool = False,
+    name: str, caption: str, draw: Callable[..., Any], parts: Callable[[Any], tuple[object, ...]], *,
+    always: bool = False, of_answer: bool = True,
 ) -> None:  # fmt: skip
     """Register a :class:`Figure`."""
-    figures.add(name, Figure(caption, draw, parts, always))
+    figures.add(name, Figure(caption, draw, parts, always, of_answer))

@@ -382,4 +382,7 @@ def _draw(paper: Paper, scene: Scene) -> Axes:
     return figure.axes[0]
 
 
-add_figure("sketch", "The machine to scale, with its measures.", _draw, lambda outcome: (outcome.scene,), always=True)
+add_figure(
+    "sketch", "The machine to scale, with its measures.", _draw, lambda outcome: (outcome.scene,),
+    always=True, of_answer=False,
+)  # fmt: skip

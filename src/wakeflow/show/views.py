@@ -154,7 +154,9 @@ def outcome_of(result: Result) -> Outcome:
         field = FlowField.load(air)
     granules = {head: values for head, values in kept_granules(folder).items() if head != "names"}
     cells = None if field is None else cells_left(folder / "figures" / "mesh.npz")
-    return Outcome(scene, field, _tracks(tracks), _landings(result, scene), result, {}, granules, cells)
+    return Outcome(
+        scene, field, result.airflow, _tracks(tracks), cells, None, _landings(result, scene), result, {}, granules
+    )
 
 
 def cells_left(file: Path) -> PlaneCells | None:

@@ -19,7 +19,7 @@ makes the slip jump and leaves the memories as they are: what it did is forgotte
 from __future__ import annotations
 
 import math
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 
@@ -103,36 +103,45 @@ def memories_of(
     Levenspiel's law, to which their ``scale`` is calibrated. The granule's own time is t*, or tau_S where that is less
     (slow, fine or light granules): what the air did more than 150 such times ago is forgotten.
     """
+    own, whole, late = _passing(diameter, density, scale, air_density, viscosity, sphericity)
+    return own, whole[:, None] * _weights(late)
+
+
+def _passing(
+    diameter: Array, density: Array, scale: Array, air_density: float, viscosity: float, sphericity: Array | float
+) -> tuple[Array, Array, Array]:
+    """Of granules (n,) their own time (s), what all weights are multiplied by (1/s), and c of :func:`_weights`."""
     kinematic, radius = viscosity / air_density, 0.5 * diameter
-    own = diameter, density, air_density, viscosity
-    fall = partial(terminal_velocity, *own, sphericity=sphericity, drag_scale=scale)
-    ball, other = (np.abs(fall(law=law)) for law in ("brown-lawler", "haider-levenspiel"))
-    speed = np.where(np.asarray(sphericity) < 1.0, other, ball)
+    flat = np.broadcast_to(np.asarray(sphericity) < 1.0, np.shape(diameter))
+    shape, speed = np.broadcast_to(sphericity, np.shape(diameter)), np.zeros(np.shape(diameter))
+    for law, mine in (("brown-lawler", ~flat), ("haider-levenspiel", flat)):
+        given = diameter[mine], density[mine], air_density, viscosity
+        fall = terminal_velocity(*given, law=law, sphericity=shape[mine], drag_scale=scale[mine])
+        speed[mine] = np.abs(fall)
     reynolds = speed * diameter / kinematic
     viscous, stokes = radius**2 / kinematic, relaxation_time(diameter, density, viscosity)
     late = np.sqrt(math.pi / 16.0) * (reynolds / (0.75 + 0.105 * reynolds)) ** 1.5  # of t nu / a^2 in the kernel
     with np.errstate(divide="ignore"):
         turns = (math.pi**0.25 / late) ** (4.0 / 3.0)  # t* nu / a^2; infinite without slip
     own = np.minimum(turns * viscous, stokes)
-    scale = 1.0 / (stokes * np.sqrt(math.pi * own / viscous))
-    return own, scale[:, None] * _weights((own / viscous / turns) ** 0.75)
+    return own, 1.0 / (stokes * np.sqrt(math.pi * own / viscous)), (own / viscous / turns) ** 0.75
 
 
-def _memories(grains: Grains, air: AirProperties) -> tuple[Array, Array]:
-    own = grains.diameter, grains.density, drag_scale(grains, air)
-    return memories_of(*own, air.density, air.viscosity, grains.sphericity)
+def _of(grains: Grains, air: AirProperties) -> tuple[Array, Array, Array, float, float, Array]:
+    return (
+        grains.diameter, grains.density, drag_scale(grains, air), air.density, air.viscosity, grains.sphericity,
+    )  # fmt: skip
 
 
 def _factors(grains: Grains, air: AirProperties) -> Slots:
     """RECALL_0 .. RECALL_6 (1/s): the weight of each memory."""
-    _, weights = _memories(grains, air)
+    _, weights = memories_of(*_of(grains, air))
     return {f"RECALL_{i}": weights[:, i] for i in range(COUNT)}
 
 
 def _constants(grains: Grains, air: AirProperties) -> Slots:
     """FORGET (1/s): one over the granule's own time."""
-    own, _ = _memories(grains, air)
-    return {"FORGET": 1.0 / own}
+    return {"FORGET": 1.0 / _passing(*_of(grains, air))[0]}
 
 
 def _memory(granule: Granule) -> tuple[tuple[float, float], ...]:

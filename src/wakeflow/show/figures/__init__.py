@@ -12,7 +12,7 @@ from pathlib import Path
 
 from .. import sketch  # noqa: F401
 from ..canvas import saved
-from ..outcome import Figure, Outcome, figures
+from ..outcome import AirAndTracks, Figure, figures
 
 __all__ = ["Figure", "captions", "draw_figures", "figure_files", "figures", "lasting_figures"]
 
@@ -20,16 +20,18 @@ for _module in ("air_figures", "flights", "share_figures", "budget_figures", "so
     import_module(f".{_module}", __name__)
 
 
-def draw_figures(folder: Path, outcome: Outcome) -> None:
-    """Draw every figure that the run has something for, as NAME.png and .svg into ``folder``, its data beside it."""
-    for name in figures:
-        if parts := figures[name].parts(outcome):
-            figures[name].draw(folder / f"{name}.png", *parts)
+def draw_figures(folder: Path, outcome: AirAndTracks, *, of_answer: bool) -> None:
+    """Draw every figure ``of_answer``, or of what is there before it, that the run has something for, as NAME.png and
+    .svg into ``folder``, its data beside it.
+    """
+    for name, figure in ((name, figures[name]) for name in figures if figures[name].of_answer == of_answer):
+        if parts := figure.parts(outcome):
+            figure.draw(folder / f"{name}.png", *parts)
 
 
 def figure_files(folder: Path) -> list[Path]:
     """What is in ``folder`` of all that :func:`draw_figures` may write there."""
-    return [file for name in figures for file in saved(folder / f"{name}.png")]
+    return [file for name in figures for file in saved(folder / f"{name}.png") if file.exists()]
 
 
 def lasting_figures() -> Iterator[str]:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ...air.kinds.airflow_table import Airflow
     from ...scene import Scene
     from ..canvas import Paper
-    from ..outcome import Outcome
+    from ..outcome import AirAndTracks
 
     Air = tuple[FlowField, Scene, Airflow] | tuple[()]
 
@@ -219,7 +219,7 @@ def _first(field: FlowField) -> FlowField:
     return replace(still, times=None, period=None, coefficients=None, truncation=None)
 
 
-def air_of(outcome: Outcome) -> Air:
+def air_of(outcome: AirAndTracks) -> Air:
     """The air round the bodies; empty of a run without one that sees them."""
     field, airflow = outcome.field, outcome.airflow
     if field is None or airflow is None or airflow.cd is None or not outcome.scene.body:
@@ -227,13 +227,13 @@ def air_of(outcome: Outcome) -> Air:
     return field, outcome.scene, airflow
 
 
-def air_with_pressure(outcome: Outcome) -> Air:
+def air_with_pressure(outcome: AirAndTracks) -> Air:
     """As :func:`air_of`; empty without pressure too."""
     air = air_of(outcome)
     return air if air and air[0].pressure is not None else ()
 
 
-def _air_at_the_surface(outcome: Outcome) -> Air:
+def _air_at_the_surface(outcome: AirAndTracks) -> Air:
     air = air_with_pressure(outcome)
     if not air:
         return ()
@@ -243,13 +243,13 @@ def _air_at_the_surface(outcome: Outcome) -> Air:
 
 add_figure(
     "pressure", "Pressure coefficient and streamlines. Dashed: the suction zone's border, Cp = −0.5.",
-    draw_pressure, air_with_pressure,
+    draw_pressure, air_with_pressure, of_answer=False,
 )  # fmt: skip
 add_figure(
     "surface", "Pressure along the first body and the paper's momentum model, which knows the front only.",
-    draw_surface, _air_at_the_surface,
+    draw_surface, _air_at_the_surface, of_answer=False,
 )  # fmt: skip
 add_figure(
     "vorticity", "Mean vorticity over air speed and body width; of a wake in time also that of one moment.",
-    draw_vorticity, air_of,
+    draw_vorticity, air_of, of_answer=False,
 )  # fmt: skip

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ...planning.feed_funnel import FunnelSummary
     from ...scene import Scene
     from ..canvas import Paper
-    from ..outcome import Outcome, Track
+    from ..outcome import AirAndTracks, Track
 
 Array = NDArray[np.float64]
 
@@ -226,7 +226,7 @@ def draw_discharge(paper: Paper, poured: FunnelSummary) -> Axes:
     return axes
 
 
-def _tracks(outcome: Outcome) -> tuple[FlowField | None, Scene, dict[str, list[Array]]]:
+def _tracks(outcome: AirAndTracks) -> tuple[FlowField | None, Scene, dict[str, list[Array]]]:
     channel = outcome.scene.channel
     step = (channel.top - channel.bottom) / DRAWN
     paths = {name: [Path2D.of(track) for track in part] for name, part in outcome.tracks.items()}
@@ -234,19 +234,19 @@ def _tracks(outcome: Outcome) -> tuple[FlowField | None, Scene, dict[str, list[A
     return outcome.field, outcome.scene, positions
 
 
-def _air_and_tracks(outcome: Outcome) -> tuple[object, ...]:
+def _air_and_tracks(outcome: AirAndTracks) -> tuple[object, ...]:
     air = air_with_pressure(outcome)
     return (*air, outcome.tracks) if air and any(map(len, outcome.tracks.values())) else ()
 
 
 add_figure(
     "tracks", "Tracks through the channel, as much ink as mass; bins are the bars.",
-    draw_tracks, _tracks, always=True,
+    draw_tracks, _tracks, always=True, of_answer=False,
 )  # fmt: skip
 add_figure(
     "residence",
     "Residence time in the suction zone (Cp < −0.5 in the mean, from the first body on), of the drawn tracks.",
-    draw_residence, _air_and_tracks,
+    draw_residence, _air_and_tracks, of_answer=False,
 )  # fmt: skip
 add_figure(
     "discharge", "The feed funnel: mass left inside over time; dashed: Beverloo's law for a funnel at rest.",

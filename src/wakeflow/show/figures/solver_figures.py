@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ...flight.stages.solved_case import ForceHistory, PlaneCells
     from ...scene import Scene
     from ..canvas import Paper
-    from ..outcome import Outcome
+    from ..outcome import AirAndTracks
 
 DROPPED, KEPT = "#d9dde2", "#f7c873"
 SETTLED = 0.25  # of a record without a start-up: what the picture's height does not follow before that
@@ -110,7 +110,7 @@ def _draw_cells(axes: Axes, cells: PlaneCells, window: Window, line: float) -> N
     axes.add_collection(drawn)
 
 
-def _cells(outcome: Outcome) -> tuple[object, ...]:
+def _cells(outcome: AirAndTracks) -> tuple[object, ...]:
     if outcome.cells is None or outcome.airflow is None or not outcome.scene.body:
         return ()
     return outcome.cells, outcome.scene, outcome.airflow
@@ -118,6 +118,8 @@ def _cells(outcome: Outcome) -> tuple[object, ...]:
 
 add_figure(
     "forces", "Lift and drag as the solver recorded them: what was dropped, what is averaged, what is kept.",
-    draw_forces, lambda outcome: () if outcome.history is None else (outcome.history,),
+    draw_forces, lambda outcome: () if outcome.history is None else (outcome.history,), of_answer=False,
 )  # fmt: skip
-add_figure("mesh", "The cells that the air was solved in; right: at the body's wall.", draw_mesh, _cells)
+add_figure(
+    "mesh", "The cells that the air was solved in; right: at the body's wall.", draw_mesh, _cells, of_answer=False
+)

@@ -4,12 +4,11 @@ Lengths in m, y up, z = 0; units are in the names of the arrays. Binary XML; pla
 Nothing is drawn here, so no OpenGL is needed.
 """
 
-from .vtk_files import clear_pieces, link_field, pieces, write_field, write_machine
+from .vtk_files import clear_pieces, pieces, write_field, write_machine
 from .vtk_tracks import write_landings, write_moving, write_tracks
 
 __all__ = [
-    "FILES", "clear_pieces", "link_field", "pieces", "write_field", "write_landings", "write_machine", "write_moving",
-    "write_tracks",
+    "FILES", "clear_pieces", "pieces", "write_field", "write_landings", "write_machine", "write_moving", "write_tracks",
 ]  # fmt: skip
 
 # what the functions here leave in a run's folder, besides the pieces that the indices among them name

@@ -13,7 +13,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...core.files import atomic_write, link_or_copy
+from ...core.files import atomic_write
 from ..air_pictures import as_flown, at_moments, dynamic_pressure, inlet_pressure
 
 if TYPE_CHECKING:
@@ -184,13 +184,6 @@ def write_field(folder: Path | str, field: FlowField, scene: Scene, airflow: Air
         return steady
     times, states = at_moments(field, scene.numerics.snapshots)
     return save_series(folder / "field.pvd", times, (_grid(state, scene, level) for state in states), ".vtu")
-
-
-def link_field(source: Path, folder: Path) -> None:
-    """Show in ``folder`` what :func:`write_field` has left in ``source``, without copying it where that can be."""
-    for file in [*sorted((source / "field").glob("*.vtu")), source / ITSELF, *(source / name for name in NAMES)]:
-        if file.exists():
-            link_or_copy(file, folder / file.relative_to(source))
 
 
 def _clear(folder: Path) -> None:
