@@ -314,6 +314,25 @@ def test_air_from_below_lifts_a_light_granule_off_a_slope_but_not_a_heavy_one() 
         assert (tracks.position[0, 1] > 0.1) == lifted
 
 
+def test_a_spinning_flake_that_friction_holds_on_a_vibrating_slope_lets_go_once() -> None:
+    """What holds it and what lets it go weigh the same forces: its spin's lift had a part in the first alone, and one
+    flake in some thousand took a million steps of no length.
+    """
+    rng, n = np.random.default_rng(0), 100
+    points = np.array([[x, y] for y in (-0.2, 0.0, 0.2) for x in (-0.2, 0.0, 0.2)])
+    sheared = np.column_stack([20.0 * points[:, 1], np.full(len(points), -1.5)])
+    field = FlowField(points, Delaunay(points).simplices, sheared, density=1.2, viscosity=1.8e-5)
+    flakes = Granules(
+        np.column_stack([rng.uniform(-0.01, 0.01, n), np.full(n, 0.06)]), np.zeros((n, 2)), diameter=1.5e-3,
+        density=1000.0, restitution=0.0, friction=rng.uniform(0.2, 1.5, n), spin=rng.uniform(-600.0, 600.0, n),
+        sphericity=0.4, flake=True, shape=np.tile([3.6, 1.2, 0.12], (n, 1)),
+    )  # fmt: skip
+    shaken = Body(RHOMBUS, motion=Motion((0.0, 2e-3), 12.0))
+    tracks = track(field, flakes, until=1.0, tolerance=1e-3, bodies=[shaken], forces=("drag", "gravity", "magnus"))
+    assert tracks.steps.max() < 10_000
+    assert np.sum(tracks.fate == Fate.STOPPED) == 0
+
+
 def test_a_granule_in_the_room_a_lowered_body_has_left_is_not_lost() -> None:
     motion = Motion((0.0, 4e-3), 20.0, -np.pi / 2)  # at its lowest at t = 0
     start = np.array([[0.010, 0.0125]])  # inside the meshed rhombus, outside the lowered one

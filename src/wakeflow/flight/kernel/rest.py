@@ -136,7 +136,7 @@ def _carried(state, ints, hold, affine, grain, table, walls, dt):
     """Whether it is still held after riding with the wall for dt, and where and how fast it is then."""
     t = state[at.T]
     x, y, wx, wy = carried_along(walls.bodies, ints[at.BODY], state[at.X], state[at.Y], t, t + dt)
-    fx, fy, _, _, _ = free_force(affine, grain, table, x, y, wx, wy, t + dt, 0.0)
+    fx, fy, _, _, _ = free_force(affine, grain, table, x, y, wx, wy, t + dt, state[at.SPIN])
     if ints[at.PAIR] != at.FREE:
         first, second = _presses(hold, fx, fy, x, y, wx, wy, t + dt)
         return first >= 0.0 and second >= 0.0, x, y, wx, wy
