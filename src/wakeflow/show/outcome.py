@@ -79,8 +79,8 @@ class Figure:
     caption: str
     draw: Callable[..., Any]
     parts: Callable[[Any], tuple[object, ...]]
-    always: bool
-    of_answer: bool
+    always: bool = False
+    of_answer: bool = True
 
 
 figures: Registry[Figure] = Registry("standard figure")

@@ -315,15 +315,18 @@ def fly_explicit(
     gravity: Sequence[float] = (0.0, -GRAVITY),
 ) -> Ends:
     """Follow ``grains`` past bodies at rest with steps of ``step`` (s), of each or of all, until each leaves the mesh
-    or the clock shows ``until`` (s); no more are begun after so many ``seconds``. Arguments as those of ``track``.
+    or the clock shows ``until`` (s); no more are begun after so many ``seconds``. Arguments as those of ``track``, and
+    as there neighbours fly one after the other, since they look at the same nodes.
     """
     if field.motion is not None or not set(forces) <= KNOWN_FORCES:
         raise SceneError("the explicit tracker knows drag, gravity and buoyancy, in fields that do not move")
     count, begun = len(grains), time.monotonic()
+    order = np.argsort(grains.position[:, 0], kind="stable")
+    steps, grains = np.broadcast_to(step, count)[order].astype(float), grains[order]
     air = pack_air(field, bodies, 1e-6 * length, tuple(forces))
     walls = pack_walls(bodies, pack_lines(()), restitution=grains.restitution)
     tables, table_of = pack_tables(drag, grains.sphericity, grains.fraction)
-    constants, steps = pack_granules(grains, field, forces, gravity), np.broadcast_to(step, count).astype(float)
+    constants = pack_granules(grains, field, forces, gravity)
     states = np.zeros((count, at.T + 1))
     states[:, [at.X, at.Y]], states[:, [at.VX, at.VY]] = grains.position, grains.velocity
     states[:, at.SPIN] = grains.spin
@@ -341,4 +344,5 @@ def fly_explicit(
 
     with ThreadPoolExecutor(max_workers=cores()) as pool:
         list(pool.map(fly, range(0, count, block)))
+    states, clocks, ints = (np.ascontiguousarray(rows[np.argsort(order)]) for rows in (states, clocks, ints))
     return Ends(states[:, at.X : at.Y + 1].copy(), clocks, ints[:, END] == LANDED, ints[:, STRUCK], ints[:, TAKEN])

@@ -30,7 +30,7 @@ from wakeflow.flight.feed.impact_loads import impact_loads
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 from wakeflow.scene.pictures import STANDARD_FIGURES
-from wakeflow.show import Landed, Outcome, clear_report, html, is_whole, write_report
+from wakeflow.show import Landed, Outcome, clear_report, draw_ahead, html, is_whole, vtk, write_report
 from wakeflow.show import words as tables
 from wakeflow.show.air_pictures import window_round_body
 from wakeflow.show.canvas import FOREMOST, foremost, inside_window, new_axes, save
@@ -195,9 +195,10 @@ def _separation(result: Result) -> Separation:
 
 
 def _outcome(scene: Scene) -> Outcome:
+    result = _read(_result(scene, None if scene.air is None else AIRFLOW))
     return Outcome(
-        scene=scene, field=None if scene.air is None else _field(scene), tracks=_tracks(scene),
-        landings=_landings(scene), result=_read(_result(scene, None if scene.air is None else AIRFLOW)), shown={},
+        scene=scene, field=None if scene.air is None else _field(scene), airflow=result.airflow,
+        tracks=_tracks(scene), cells=None, history=None, landings=_landings(scene), result=result, shown={},
         granules=_granules(),
     )  # fmt: skip
 
@@ -257,6 +258,23 @@ def test_nothing_of_an_earlier_scene_stays(cases: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "figures" / "pressure.png").exists()
     assert (tmp_path / "result.json").exists()
     assert "computed without air" in page.read_text()
+
+
+def test_what_is_drawn_ahead_is_shown_by_every_run(rhombus: Scene, tmp_path: Path) -> None:
+    outcome, (air, seen) = _outcome(rhombus), (tmp_path / name for name in ("air", "seen"))
+    write_report(tmp_path / "whole", outcome)
+    vtk.write_field(air, outcome.field, rhombus, outcome.airflow)
+    draw_ahead(seen, outcome)
+    write_report(tmp_path / "run", outcome, [air, seen])
+    whole, run = (_contents(tmp_path / name) for name in ("whole", "run"))
+    assert whole.keys() == run.keys()
+    assert {name for name in whole if whole[name] != run[name]} <= {"machine.vtm"}
+    assert (tmp_path / "run" / "field.npz").samefile(air / "field.npz")
+    assert not (tmp_path / "run" / "figures" / "tracks.svg").samefile(seen / "figures" / "tracks.svg")
+
+
+def _contents(folder: Path) -> dict[str, bytes]:
+    return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
 def test_a_field_without_pressure_still_gives_tracks(rhombus: Scene, tmp_path: Path) -> None:

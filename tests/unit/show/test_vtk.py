@@ -21,7 +21,7 @@ from wakeflow.core.record import from_json
 from wakeflow.flight import Fate
 from wakeflow.scene import Scene
 from wakeflow.show.canvas import BODY, fraction_colours
-from wakeflow.show.vtk import link_field, write_field, write_landings, write_machine, write_moving, write_tracks
+from wakeflow.show.vtk import write_field, write_landings, write_machine, write_moving, write_tracks
 from wakeflow.show.window import look
 
 LEVEL, PERIOD, FIRST = 3.0, 0.5, 0.25  # Pa, s, s
@@ -142,15 +142,6 @@ def test_the_mesh_stands_where_it_swings_to(rhombus: Scene, tmp_path: Path) -> N
     series = _series(write_field(tmp_path, field, rhombus.replace({"numerics.snapshots": 4}), AIRFLOW))
     ups = [float((meshio.read(file).points[:, 1] - field.points[:, 1]).mean()) for _, file in series]
     assert ups == pytest.approx([0.0, -0.01, 0.0, 0.01], abs=1e-6)  # from half of a swing on
-
-
-def test_another_run_shows_the_same_files(rhombus: Scene, tmp_path: Path) -> None:
-    write_field(tmp_path / "one", _in_time(), rhombus.replace({"numerics.snapshots": 2}), AIRFLOW)
-    link_field(tmp_path / "one", tmp_path / "other")
-    files = sorted(path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*.*"))
-    assert len(files) == 5
-    for file in files:
-        assert (tmp_path / "other" / file).samefile(tmp_path / "one" / file)
 
 
 def _shown(field: FlowField, scene: Scene) -> NDArray[Any]:
