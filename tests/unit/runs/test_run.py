@@ -223,22 +223,13 @@ def test_until_mesh_stops_there(cases: Path, tmp_path: Path) -> None:
     assert "separation" not in table
 
 
-def test_missing_openfoam_is_code_3_with_the_cure(
-    cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setenv("PATH", str(tmp_path))
-    assert main(["run", str(cases / "rhombus.toml"), "--out", str(tmp_path / "out"), "--quiet"]) == 3
-    assert "apt-get install --no-install-recommends openfoam" in capsys.readouterr().err
-    assert not (tmp_path / "out" / "result.json").exists()
-
-
 @pytest.mark.openfoam
 def test_an_interrupted_run_goes_on_and_leaves_no_solver(cases: Path, tmp_path: Path) -> None:
     """Ctrl-C during the airflow: code 130, no result, no child left; the same command finishes from where it was."""
     command = [
         sys.executable, "-m", "wakeflow.cli", "run", str(cases / "rhombus.toml"), "--out", str(tmp_path / "out"),
-        "--rung", "draft", "--set", "feed.count=64", "--until", "airflow", "--set", "numerics.mesh_scale=1.5",
+        "--rung", "draft", "--set", "feed.count=64", "--until", "airflow", "--set", "numerics.mesh_scale=2.0",
+        "--force", "air-loading=off", "--force", "collisions=off",
     ]  # fmt: skip
     cache = tmp_path / "cache"
     env = {**os.environ, "WAKEFLOW_CACHE": str(cache)}
@@ -246,7 +237,7 @@ def test_an_interrupted_run_goes_on_and_leaves_no_solver(cases: Path, tmp_path: 
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs are deaf to Ctrl-C
     child = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
     deadline = time.monotonic() + 120
-    while time.monotonic() < deadline and not list(case.glob("*.part/case/segments.json")):  # the first segment ended
+    while time.monotonic() < deadline and len(list(case.glob("*/case/segments.json"))) < 2:  # first segments ended
         time.sleep(0.1)
     child.send_signal(signal.SIGINT)
     _, errors = child.communicate(timeout=120)
