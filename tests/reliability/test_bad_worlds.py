@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -45,9 +46,7 @@ def started(words: list[str], environment: dict[str, str], before: Callable[[], 
 
 
 @pytest.fixture
-def here(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[[list[str]], tuple[int, str]]:
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
     """Exit code and stderr of a command line in this process, with the cache of ``plain``."""
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "cache"))
 
@@ -76,7 +75,7 @@ def test_an_odd_environment_without_a_home_is_enough(cases: Path, tmp_path: Path
 
 
 def test_a_file_of_limited_size_is_one_line_and_the_same_command_goes_on(
-    cases: Path, tmp_path: Path, plain: dict[str, str], here: Callable[[list[str]], tuple[int, str]]
+    cases: Path, tmp_path: Path, plain: dict[str, str], here: Any
 ) -> None:
     """As a quota, or a disk that is full in the middle of a file."""
 
@@ -203,9 +202,7 @@ def test_a_library_that_finds_no_memory_is_one_line(
     assert said.count("\n") == 1
 
 
-def test_a_clock_that_is_set_back_changes_nothing(
-    cases: Path, tmp_path: Path, here: Callable[[list[str]], tuple[int, str]]
-) -> None:
+def test_a_clock_that_is_set_back_changes_nothing(cases: Path, tmp_path: Path, here: Any) -> None:
     """All that a run left is of tomorrow."""
     words = ["run", str(cases / "vacuum.toml"), *SMALL, "--out", str(tmp_path / "o"), "--quiet"]
     assert here(words) == (0, "")
@@ -221,9 +218,7 @@ def test_a_clock_that_is_set_back_changes_nothing(
 
 
 @pytest.mark.parametrize("name", ["a b", "é ü", "=1+1", "-x", "a'b\"c", "x" * 200, "$(id)", "a%sb", "a\nb"])
-def test_odd_paths_are_written_to(
-    name: str, cases: Path, tmp_path: Path, here: Callable[[list[str]], tuple[int, str]]
-) -> None:
+def test_odd_paths_are_written_to(name: str, cases: Path, tmp_path: Path, here: Any) -> None:
     scene = tmp_path / f"{name}.toml"
     shutil.copy(cases / "vacuum.toml", scene)
     code, said = here(["run", str(scene), *SMALL, "--out", str(tmp_path / name), "--until", "tracks", "--quiet"])
@@ -389,9 +384,8 @@ OTHERS = {
 
 @pytest.mark.parametrize("kind", OTHERS)
 def test_an_openfoam_that_is_none_is_one_line(
-    kind: str, cases: Path, tmp_path: Path, programs: Path, monkeypatch: pytest.MonkeyPatch,
-    here: Callable[[list[str]], tuple[int, str]],
-) -> None:  # fmt: skip
+    kind: str, cases: Path, tmp_path: Path, programs: Path, monkeypatch: pytest.MonkeyPatch, here: Any
+) -> None:
     if (script := OTHERS[kind]) is not None:
         for name in ("simpleFoam", "pimpleFoam", "gmshToFoam", "checkMesh"):
             (programs / name).write_text(f"#!/bin/sh\n{script}\n")
