@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-import zlib
 from collections.abc import Callable
 from functools import partial
 from inspect import signature
@@ -20,8 +19,6 @@ import wakeflow as wf
 from support import ALONE, shipped, working_in
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
-from wakeflow.flight import Fate
-from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.planning.terms import STICKING
 from wakeflow.runs.planned import make_plan
@@ -276,23 +273,6 @@ def test_dust_past_a_body_that_swings_sideways_flies_with_the_air(cases: Path, t
     assert result.table["fates"]["dust"]["stopped"] == 0
 
 
-def flown_by_chance(flight: Flight, folder: Path, *, drawn: bool) -> None:
-    """A slow stage instead of the tracker: landings that any other airflow would change."""
-    del drawn
-    time.sleep(1.0)
-    rng = np.random.default_rng(zlib.crc32(flight.airs.field.velocity.tobytes()))
-    for name in flight.scene.fraction:
-        replicate = np.arange(flight.replicates * 8) // 8
-        count = len(replicate)
-        place = rng.integers(len(flight.scene.bin), size=count)
-        flat = np.zeros(count, dtype=np.int32)
-        columns = dict.fromkeys(("time", "impacts", "realisation", "cycle"), flat)
-        columns |= {"position": rng.normal(size=(count, 2)), "bin": place, "replicate": replicate}
-        columns |= {"diameter": flat + 1e-3, "fate": flat + int(Fate.BINNED)}
-        columns |= {"injected": np.array(0), "fates": np.bincount(columns["fate"], minlength=len(Fate))}
-        np.savez(folder / f"{name}.npz", **columns)
-
-
 def test_files_that_no_run_wrote_are_not_replaced(tmp_path: Path) -> None:
     scene = shipped("vacuum", {"feed.count": 64})
     (tmp_path / "machine").mkdir()
@@ -355,31 +335,24 @@ def test_switches_and_errors_as_the_command_line_has_them_are_kept(tmp_path: Pat
 
 
 @pytest.mark.openfoam
-def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The steady end's airflow is solved beside the answer's; on one core after it."""
-    few = {"feed.count": 64, "numerics.mesh_scale": 4.0, "numerics.averaging": 0.5}
-    scene = shipped("rhombus", {**few, "numerics.rung": "standard"})
-    monkeypatch.setattr(Flight, "fly_all", flown_by_chance)
-    for nothing in ("compilation.Compilation.begin", "compilation.Compilation.finish"):
-        monkeypatch.setattr(f"wakeflow.flight.stages.{nothing}", lambda *_, **__: None)
-    monkeypatch.setattr("wakeflow.runs.answer.OneRun._drawn", lambda _run, result, *_: result)
+def test_a_second_core_works_meanwhile_and_changes_no_air(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The steady end's airflow is solved beside the answer's; on one core after it. That flights ahead change nothing:
+    tests/unit/air/test_same_answer.py, of a run on all cores and of one on one.
+    """
+    scene = shipped("rhombus", {"numerics.mesh_scale": 4.0, "numerics.averaging": 0.5, "numerics.rung": "standard"})
     found, order = {}, {}
     for cores in (1, 2):
-        cache = tmp_path / f"cache-{cores}"
-        monkeypatch.setenv("WAKEFLOW_CACHE", str(cache))
+        monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / f"cache-{cores}"))
         monkeypatch.setattr("os.sched_getaffinity", lambda _, cores=cores: set(range(cores)))
         told: list[str] = []
 
         def hear(stage: str, text: str, told: list[str] = told) -> None:
             told.append(stage + text[:4])
 
-        done = wf.run(scene, tmp_path / f"{cores}", listener=hear, force=ALONE, report=False)
-        case = next((cache / "airflow").glob("*/case/loop.json")).parent
-        measured = json.loads((case / "airflow.json").read_text()) | {"seconds": None}
-        found[cores] = (done.table["separation"], measured)
+        done = wf.run(scene, tmp_path / f"{cores}", until="airflow", listener=hear, force=ALONE)
+        found[cores] = {key: value for key, value in done.table["airflow"].items() if key != "seconds"}
         assert told.index("grid x 1.5 airflowdone") < told.index("airflowdone")  # which starts from it
         order[cores] = told.index("draft airflowdone") < told.index("airflowdone")
-        assert not done.seconds["draft steady wake"].cached
     assert order == {1: False, 2: True}
     assert found[1] == found[2]
 
