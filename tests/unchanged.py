@@ -77,23 +77,27 @@ def _modules_of(file: Path) -> frozenset[Path]:
         if path in seen or not path.exists():
             continue
         seen.add(path)
-        for name in _imported(path):
-            parts = name.split(".")
-            for home in (path.parent, *HOMES):
-                ends = [home.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
-                ahead += [one for end in ends for one in (end.with_suffix(".py"), end / "__init__.py") if one.is_file()]
+        ahead += _imported(path)
     return frozenset(seen)
 
 
-def _imported(path: Path) -> Iterator[str]:
-    """Full names that a module imports, those of the package left out."""
+@cache
+def _imported(path: Path) -> frozenset[Path]:
+    """The modules of the tests that a module imports, and the packages that they lie in."""
+    found: set[Path] = set()
     for node in ast.walk(parsed(path)):
         names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        yield from (name for name in names if name.partition(".")[0] != sources.NAME)
+        for parts in (name.split(".") for name in names):
+            if parts[0] == sources.NAME:
+                continue
+            for home in (path.parent, *HOMES):
+                ends = [home.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
+                found |= {one for end in ends for one in (end.with_suffix(".py"), end / "__init__.py") if one.is_file()}
+    return frozenset(found)
 
 
 @cache
@@ -118,8 +122,13 @@ def _run(wanted: set[Wanted]) -> set[str]:
     while ahead:
         if (one := ahead.pop()) not in seen:
             seen.add(one)
-            ahead += sources._wanted_by(*one)
+            ahead += _wanted_by(*one)
     return {module for module, _ in seen}
+
+
+@cache
+def _wanted_by(module: str, name: str | None) -> tuple[Wanted, ...]:
+    return tuple(sources._wanted_by(module, name))
 
 
 @cache

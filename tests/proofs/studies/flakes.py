@@ -274,12 +274,12 @@ WAYS: dict[str, tuple[dict[str, str], dict[str, bool]]] = {
 PLACES = {"middle": ("middle",), "inner": ("inner-left", "inner-right"), "outer": ("outer-left", "outer-right")}
 
 
-def chaff_alone(*, count: int = 4096) -> list[Row]:
+def chaff_alone(*, count: int = 4096, mesh_scale: float = 1.0) -> list[Row]:
     """Chaff of the shipped rhombus alone in its steady air, which does not feel it: shares in percent."""
 
     def rows() -> Iterator[Row]:
         for way, (changes, force) in WAYS.items():
-            whole = shipped("rhombus", {"feed.count": count, **changes})
+            whole = shipped("rhombus", {"feed.count": count, "numerics.mesh_scale": mesh_scale, **changes})
             scene = with_one_fraction(whole, "chaff", rate=None, depth=None)
             found = separation(piped(scene, "draft", {**ALONE, **force})).fractions["chaff"]
             row: Row = {"chaff as": way}

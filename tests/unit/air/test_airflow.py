@@ -328,7 +328,7 @@ from pathlib import Path
 sys.path.insert(0, {tests!r})
 from support import rhombus_spec
 from wakeflow.air.foam.airflow import solve_airflow
-spec = rhombus_spec(scale=1.0)
+spec = rhombus_spec()
 solve_airflow(spec, Path({msh!r}), Path({case!r}))
 """
 
@@ -337,7 +337,7 @@ class TestInterruption:
     pytestmark = pytest.mark.openfoam
 
     def test_a_killed_run_leaves_no_process_and_goes_on_where_it_was(self, tmp_path: Path) -> None:
-        spec = rhombus_spec(scale=1.0)
+        spec = rhombus_spec()
         build_mesh(spec.mesh, tmp_path)
         case = tmp_path / "case"
         case.mkdir()

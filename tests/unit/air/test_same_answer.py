@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import multiprocessing
 import os
 import signal
 import subprocess
@@ -12,12 +11,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any
 
 import numpy as np
 import pytest
 
-from support import RHOMBUS, ROOT, WIDTH, kept_airflow, rhombus_spec, working_in
+import wakeflow as wf
+from support import CASES, RHOMBUS, ROOT, WIDTH, kept_airflow, rhombus_spec, shipped, working_in
 from wakeflow.air.foam import watch
 from wakeflow.air.foam.airflow import solve_airflow
 from wakeflow.air.foam.case import FlowSpec
@@ -58,12 +59,12 @@ solve_airflow(airflow({stepping!r}), Path({msh!r}), Path({case!r}), start=Path({
 
 
 def killed(command: list[str], folder: Path, delays: list[float], **how: Any) -> int:
-    """Start ``command`` again and again, each time killed after so many seconds with every process that works in or
-    below ``folder``, then let it end. Returns how often it was killed.
+    """Start ``command`` in ``folder`` again and again, each time killed after so many seconds with every process that
+    works there or below, then let it end. Returns how often it was killed.
     """
     count = 0
     for delay in [*delays, None]:
-        with subprocess.Popen(command, start_new_session=True, **how) as process:
+        with subprocess.Popen(command, start_new_session=True, cwd=folder, **how) as process:
             try:
                 assert process.wait(delay) == 0
             except subprocess.TimeoutExpired:
@@ -75,22 +76,31 @@ def killed(command: list[str], folder: Path, delays: list[float], **how: Any) ->
     return count
 
 
-def _turn() -> None:
-    while True:
-        pass
-
-
 @contextmanager
-def loaded_machine() -> Iterator[None]:
-    """Two processes that compute without end."""
-    busy = [multiprocessing.get_context("spawn").Process(target=_turn, daemon=True) for _ in range(2)]
-    for process in busy:
-        process.start()
+def loaded_machine(folder: Path) -> Iterator[None]:
+    """Each process that works in ``folder`` stands still now and then, for others to compute: at random, by itself."""
+
+    over = Event()
+
+    def halt() -> None:
+        chance = np.random.default_rng()
+        while not over.wait(chance.uniform(0.0, 0.2)):
+            halted = [process for process in working_in(folder) if chance.random() < 0.5]
+            for process in halted:
+                with suppress(ProcessLookupError):
+                    os.kill(process, signal.SIGSTOP)
+            over.wait(chance.uniform(0.0, 0.2))
+            for process in halted:
+                with suppress(ProcessLookupError):
+                    os.kill(process, signal.SIGCONT)
+
+    other = Thread(target=halt)
+    other.start()
     try:
         yield
     finally:
-        for process in busy:
-            process.kill()
+        over.set()
+        other.join()
 
 
 def told(case: Path) -> dict[str, Any]:
@@ -110,8 +120,8 @@ def stored(case: Path) -> dict[str, str]:
     ("stepping", "developed"), [("steady", False), ("time-resolved", False), ("time-resolved", True)]
 )
 def test_neither_load_nor_kills_change_an_airflow(stepping: str, developed: bool, tmp_path: Path) -> None:
-    """One run in peace, one killed again and again beside two processes that leave it little of the machine; from
-    rest, or from a wake that is ``developed`` already.
+    """One run in peace, one killed again and again whose processes are left little of the machine; from rest, or from
+    a wake that is ``developed`` already.
     """
     spec, start = airflow(stepping), None
     if developed:
@@ -126,7 +136,8 @@ def test_neither_load_nor_kills_change_an_airflow(stepping: str, developed: bool
         case=str(tmp_path / "disturbed"), start="" if start is None else str(start),
     )  # fmt: skip
     delays = list(1.0 + seconds * np.random.default_rng().uniform(0.1, 0.35, 3))  # a second to start Python
-    with loaded_machine():
+    (tmp_path / "disturbed").mkdir()
+    with loaded_machine(tmp_path / "disturbed"):
         assert killed([sys.executable, "-c", script], tmp_path / "disturbed", delays) >= 2
     assert told(tmp_path / "disturbed") == told(tmp_path / "quiet")
     assert stored(tmp_path / "disturbed") == stored(tmp_path / "quiet")
@@ -143,23 +154,19 @@ SCENE = {  # a coarse mesh, and a short slab
     "changes", [SCENE, pytest.param({}, marks=[pytest.mark.slow, pytest.mark.timeout(7200)])], ids=["small", "shipped"]
 )
 def test_a_run_that_is_killed_lands_its_granules_in_the_same_places(changes: dict[str, Any], tmp_path: Path) -> None:
-    """The whole command, on all cores and on one, in caches of their own; only the compiled kernel is shared."""
+    """In peace on all cores; and as a command on one, with a cache of its own: only the compiled kernel is shared."""
+    quiet = wf.run(shipped("rhombus", changes), tmp_path / "quiet").folder
+    folder = tmp_path / "killed"
+    folder.mkdir()
+    start = "import sys; from wakeflow.cli import main; sys.exit(main(sys.argv[1:]))"
     arguments = [f"--set={key}={value}" for key, value in changes.items()]
-    found = []
-    for name, delays in (("quiet", []), ("killed", [3.0, 6.0, 5.0] if changes else [30.0, 70.0, 50.0, 40.0])):
-        folder = tmp_path / name
-        folder.mkdir()
-        cache = folder / "cache"
-        scene = str(ROOT / "cases" / "rhombus.toml")
-        start = "import sys; from wakeflow.cli import main; sys.exit(main(sys.argv[1:]))"
-        one_core = ["taskset", "-c", "0"] if delays else []
-        command = [*one_core, sys.executable, "-c", start, "run", scene, "--out", str(folder / "out"), *arguments]
-        log = folder / "log"
-        with log.open("w") as sink:
-            environment = {**os.environ, "WAKEFLOW_CACHE": str(cache)}
-            killed(command, folder, delays, cwd=folder, env=environment, stdout=sink, stderr=sink)
-        found.append((folder / "out" / "separation.csv").read_bytes())
-    assert found[0] == found[1]
+    command = ["taskset", "-c", "0", sys.executable, "-c", start, "run", str(CASES / "rhombus.toml"), "--out",
+               str(folder / "out"), *arguments]  # fmt: skip
+    environment = {**os.environ, "WAKEFLOW_CACHE": str(folder / "cache")}
+    with (folder / "log").open("w") as sink:
+        delays = [3.0, 6.0, 5.0] if changes else [30.0, 70.0, 50.0, 40.0]
+        killed(command, folder, delays, env=environment, stdout=sink, stderr=sink)
+    assert (folder / "out" / "separation.csv").read_bytes() == (quiet / "separation.csv").read_bytes()
 
 
 def drags(case: Path, values: np.ndarray) -> None:

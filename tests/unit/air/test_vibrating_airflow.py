@@ -69,8 +69,8 @@ class TestMovingMesh:
         radius = WIDTH / 2 * np.sqrt(np.pi / (corners / 2 * np.sin(2 * np.pi / corners)))  # of the same area
         outline = radius * np.column_stack([np.cos(angle), np.sin(angle)])
         still = 1e-3 * swing.peak_speed
-        spec = flow(outline, swing, scale=0.85, speed=still, viscosity=1.2 * nu)
-        time, drag, lift = forces(spec, tmp_path, 3 * swing.period, swing.period / 96)
+        spec = flow(outline, swing, scale=1.0, speed=still, viscosity=1.2 * nu)
+        time, drag, lift = forces(spec, tmp_path, 2.5 * swing.period, swing.period / 96)
         late = time > 1.5 * swing.period
         force = -drag * 0.5 * still**2 * spec.mesh.projected_width  # along y; drag points down
         area = np.pi * WIDTH**2 / 4
@@ -87,7 +87,7 @@ class TestMovingMesh:
         """The same flow seen from the body: mesh at rest, inlet at U - d', and rho A d'' of displaced air."""
         vibration = MeshMotion(0.1 * WIDTH, 2 * np.pi * 7.5)
         end, step = 0.4, vibration.period / 96
-        moving = replace(flow(RHOMBUS, vibration, scale=1.8), max_courant=1.0)
+        moving = replace(flow(RHOMBUS, vibration, scale=2.2), max_courant=1.0)
 
         def ride(case: Path) -> None:
             path = case / "0" / "U"

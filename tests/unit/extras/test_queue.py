@@ -79,7 +79,7 @@ SEARCH = """[search]
 scene = "vacuum.toml"
 maximise = ["recovery.hard"]
 within = { "fraction.hard.restitution" = [0.4, 0.6] }
-budget = "30 s"
+budget = "5 s"
 """
 
 

@@ -44,7 +44,7 @@ def test_what_falls_onto_the_body_is_in_its_bin(moving: dict[str, Any], tmp_path
 
 def test_granules_that_meet_stay_there_too(tmp_path: Path) -> None:
     scene = machine(**{"feed.rate": "20 kg/hour", "feed.count": 256, "force.collisions": "on"})
-    result = wf.run(scene, tmp_path)
+    result = wf.run(scene, tmp_path, report=False)
     found = result.landings.separation.fractions["drops"]
     assert found["dish"].value == pytest.approx((WIDTH + SIZE) / FED, abs=0.05)  # a few meet on the way
     assert found["floor"].value > 0.5

@@ -507,9 +507,9 @@ def test_the_momentum_of_the_fall_carries_light_grain_into_a_short_leg(aspirator
 
 
 def test_what_hangs_in_the_air_is_counted_elsewhere_and_said(aspirator: Scene, tmp_path: Path) -> None:
-    hanging = aspirator.replace({"fraction.wheat.terminal_velocity": 6.0 * (1.0 + 1e-9), "feed.count": 256})
+    hanging = aspirator.replace({"fraction.wheat.terminal_velocity": 6.0 * (1.0 + 1e-9), "feed.count": 32})
     result = wf.run(hanging, tmp_path, force=CALM, until="tracks")
-    assert result.table["fates"]["wheat"]["airborne"] == 256
+    assert result.table["fates"]["wheat"]["airborne"] == 32
     assert any("they count as elsewhere" in line for line in result.table["warnings"])
     assert any("still in the air" in line for line in result.table["warnings"])
 

@@ -32,7 +32,7 @@ def chute(**changes: Any) -> Scene:
 
 
 def shares(scene: Scene, folder: Path, fraction: str = "ball") -> dict[str, Any]:
-    return dict(wf.run(scene, folder).landings.separation.fractions[fraction])
+    return dict(wf.run(scene, folder, report=False).landings.separation.fractions[fraction])
 
 
 @pytest.mark.parametrize("whose", ["wall", "fraction"])
@@ -87,7 +87,7 @@ def test_the_shipped_scenes_run_and_tell_their_bounds(tmp_path: Path) -> None:
     chain = wf.run(rocking.replace({"numerics.rung": "none", "force.collisions": "off"}), tmp_path / "rocking")
     still = {key: value for key, value in rocking.tables().items() if key != "vibration"}
     at_rest = wf.run(
-        Scene.parse(still).replace({"numerics.rung": "none", "force.collisions": "off"}), out=tmp_path / "r"
+        Scene.parse(still).replace({"numerics.rung": "none", "force.collisions": "off"}), tmp_path / "r", report=False
     )
     assert (
         chain.landings.separation.fractions["wheat"]["far"].value

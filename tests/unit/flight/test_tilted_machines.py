@@ -193,8 +193,9 @@ def test_granules_of_a_slab_come_down_the_turned_curtain() -> None:
 
 def test_a_slab_lands_thin_feeds_where_granules_alone_land(tmp_path: Path) -> None:
     scene = empty({"channel.tilt": 0.9, "feed.rate": 1e-3, "feed.depth": 1.0, "feed.count": 256})
-    alone = wf.run(scene, tmp_path / "alone", force={"collisions": False})
-    among = wf.run(scene, tmp_path / "among", force={"collisions": True})
+    alone, among = (
+        wf.run(scene, tmp_path / str(met), force={"collisions": met}, report=False) for met in (False, True)
+    )
     for place in ("floor", "right", "left"):
         one, other = (result.share("beads", place)[0] for result in (alone, among))
         assert one == pytest.approx(other, abs=0.02)
