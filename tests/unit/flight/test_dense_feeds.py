@@ -497,14 +497,14 @@ def test_both_ends_of_a_number_fly_where_one_is_cut_off() -> None:
     """A restitution of 0.95 has hardly an upper end: what the lower one moves would not be seen."""
     own, flown = crowd(DENSE), list[float]()
 
-    def again(rerun: CollisionRerun | None = None) -> SlabFound:
-        flown.extend([] if rerun is None else [rerun.restitution])
-        return own
+    def again(rerun: CollisionRerun) -> tuple[SlabFound, ...]:
+        flown.append(rerun.restitution)
+        return (own,)
 
     for value, ends in ((0.5, 1), (0.95, 2)):
         asked = pipeline(DENSE).scene.replace({"collisions.restitution": value})
-        found = BetweenGranulesRestitution().fly(SimpleNamespace(scene=asked, crowd=again), None)  # type: ignore[arg-type]
-        assert found is not None
+        piped: Any = SimpleNamespace(scene=asked, crowd=lambda: own, crowd_again=again)
+        found = BetweenGranulesRestitution().fly(piped, None)  # type: ignore[arg-type]
         assert len(found) == ends
         assert [end > 0.0 for end in flown] == [True, False][:ends]
         flown.clear()

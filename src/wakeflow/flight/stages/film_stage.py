@@ -17,7 +17,6 @@ import numpy as np
 
 from ...core.files import write_json
 from ...core.lazy import cached_property
-from ...core.store import content_key
 from ...core.tables import Columns
 from ...planning.collisions import CollisionPlan, number_rates
 from ...planning.plan import REPLICATES, Plan
@@ -89,8 +88,7 @@ class FilmStage:
         lasting = self.start_up if span is None else span
         rate = self.scene.feed.mass_flow, self.scene.feed.depth, self.scene.mass_shares()
         crowd = None if self.plan.crowd is None else (repr(self.plan.crowd), repr(self.scene.collisions))
-        key = content_key("film", self.tracks.key, lasting, rate, crowd, code_of(*CODE))
-        folder = self.tracks.cache.make("film", key, partial(self._work, lasting))
+        folder = self.tracks.make("film", partial(self._work, lasting), lasting, rate, crowd, code_of(*CODE))
         told = json.loads((folder / FILE).read_text())
         paths = {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in self.scene.fraction}
         return Film(**told, paths=paths)

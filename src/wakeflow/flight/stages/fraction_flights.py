@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,9 @@ from .. import Body, Granules, Tracks
 from ..feed.feedstock import Feedstock, feedstock
 from ..feed.first_contact import motion_of
 from .landings import LandingCount, Landings, paths_of, save_recorded_tracks
+
+if TYPE_CHECKING:
+    from ...air.field import FlowField
 
 Array = NDArray[np.float64]
 COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture of its own asks for
@@ -185,40 +189,37 @@ class Flight:
         """Track granules of one fraction through the first realisation, keeping ``record`` points of each; ``stream``
         tells the random forces of calls apart.
         """
-        scene = self.scene
-        height = scene.channel.top - scene.channel.bottom
-        speed = slowest_pace(scene, self.plan, [name])
-        patience = PATIENCE if scene.body else HOVERING
-        until = float(np.max(grains.time, initial=0.0)) + max(5.0, patience * height / speed)
-        return tracking.track(
-            self.airs.field,
-            grains,
-            until=until,
-            tolerance=self.tolerance,
-            length=scene.width,
-            forces=self.plan.fractions[name].forces,
-            drag=self.plan.fractions[name].drag,
-            seed=seed_of(scene.feed.seed, name, stream),
-            noises=self.noises,
-            bodies=bodies_and_walls(scene),
-            lines=end_lines(scene),
-            gravity=scene.plumb.gravity,
-            record=record,
-            workers=self.workers,
+        how, heights = self.plan.fractions[name], PATIENCE if self.scene.body else HOVERING
+        patience = max(5.0, passage(self.scene, self.plan, [name], heights))
+        return track_in(
+            self.scene, self.airs.field, grains, (name, stream), patience, tolerance=self.tolerance, forces=how.forces,
+            drag=how.drag, noises=self.noises, record=record, workers=self.workers,
             progress=None if record else lambda done, total: self.tell(f"{name}: {done} of {total}"),
-        )
+        )  # fmt: skip
 
 
-def slowest_pace(scene: Scene, plan: Plan, fractions: Iterable[str]) -> float:
-    """A speed (m/s) at which the ``fractions`` come through the channel at least about: the air's; in air at rest the
-    slowest terminal velocity, in a vacuum that of a free fall.
+def track_in(
+    scene: Scene, field: FlowField | None, grains: Granules, stream: tuple[str, int], patience: float, **how: Any
+) -> Tracks:
+    """Track granules through the ``field``, past the bodies of a ``scene`` into its bins, until ``patience`` (s) after
+    the last is born. ``stream``: name and number of the random forces' stream; ``how``: as of :func:`wakeflow.track`.
     """
-    fall = float(np.sqrt(scene.gravity * (scene.channel.top - scene.channel.bottom)))
-    if scene.air is None:
-        return fall
-    if not scene.air.still:
-        return scene.air.speed
-    return min(fall, *(max(abs(plan.fractions[name].terminal_velocity or 0.0), SLOWEST) for name in fractions))
+    until = float(np.max(grains.time, initial=0.0)) + patience
+    return tracking.track(
+        field, grains, until=until, length=scene.width, seed=seed_of(scene.feed.seed, *stream),
+        bodies=bodies_and_walls(scene), lines=end_lines(scene), gravity=scene.plumb.gravity, **how,
+    )  # fmt: skip
+
+
+def passage(scene: Scene, plan: Plan, fractions: Iterable[str], heights: float) -> float:
+    """Seconds in which the ``fractions`` come through so many ``heights`` of the channel, at least about: at the air's
+    speed; in air at rest at the slowest terminal velocity, in a vacuum at that of a free fall.
+    """
+    height, air = scene.channel.top - scene.channel.bottom, scene.air
+    speed = float(np.sqrt(scene.gravity * height)) if air is None or air.still else air.speed
+    if air is not None and air.still:
+        speed = min(speed, *(max(abs(plan.fractions[name].terminal_velocity or 0.0), SLOWEST) for name in fractions))
+    return heights * height / speed
 
 
 def seed_of(seed: int, name: str, stream: int) -> int:

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from ...core.errors import SceneError
 from ...core.lazy import cached_property
-from ...core.store import content_key
 from ...core.tables import AnyArray, Columns, save_arrays
 from ...laws.size import normal_points
 from ...laws.turbulence import entering_energy
@@ -138,10 +137,8 @@ class DrawStage:
         stage = self.tracks
         tolerance = stage.scene.numerics.tolerance
         known = [[one.key, one.kind, one.value, one.low, one.high] for one in self.unknowns]
-        key = content_key("draws", stage.key, tolerance, known, self.design.tolist(), code_of(*CODE))
-        tracked = stage.fly()  # whose granules these are
-        stage.finish_compiling("draws", key)
-        folder = stage.cache.make("draws", key, partial(self._fly_all, tracked))
+        work = partial(self._fly_all, stage.fly())  # whose granules these are
+        folder = stage.make("draws", work, tolerance, known, self.design.tolist(), code_of(*CODE))
         with np.load(folder / "draws.npz") as data:
             names = list(stage.scene.fraction)
             varied, own = (
@@ -200,14 +197,13 @@ class DrawStage:
     def air(self, air: AirVariation) -> Realisations:
         """The airflow as a draw has it."""
         from ...air.field.combined import varied
-        from .track_stage import PerturbedRerun
 
         found = self.tracks.airs
         wake = self.tracks.plan.airflow.wake
         if wake is not None and (air.theta is not None or air.strength is not None):
             theta = wake.theta.value if air.theta is None else air.theta
             strength = wake.strength.value if air.strength is None else air.strength
-            found = self.tracks.realised(PerturbedRerun("draws", wake=(theta, strength)))
+            found = self.tracks.realised((theta, strength))
         entering = _entering(self.tracks.scene)
         return found.mapped(lambda field: varied(field, air.speed, air.energy, air.lifetime, entering=entering))
 

@@ -29,7 +29,7 @@ from ...scene import Scene
 from ...scene.variation import AS_GIVEN, Variation
 from ..feed.feedstock import Feedstock
 from ..feed.stream import SlabFeed, slab_stream
-from .fraction_flights import PATIENCE, bodies_and_walls, end_lines, landing_columns, seed_of, slowest_pace
+from .fraction_flights import PATIENCE, landing_columns, passage, track_in
 from .landings import Landings
 
 if TYPE_CHECKING:
@@ -83,9 +83,6 @@ class SlabFound:
     folder: Path
 
 
-AS_PLANNED = CollisionRerun("slab")  # with nothing changed, in the replicates that the answer needs
-
-
 @dataclass
 class CollisionStage:
     """The slab of one scene under one plan, which says of it what is in ``crowd``, through one airflow, in which its
@@ -110,10 +107,10 @@ class CollisionStage:
         """Everything the slab's landings depend on."""
         scene, crowd = self.tracks.scene, self.crowd
         fed = scene.feed.mass_flow, scene.feed.depth, scene.mass_shares(), repr(scene.collisions)
-        flown = crowd.tracers, crowd.operation, crowd.count, crowd.replicates
+        flown = crowd.depth, crowd.tracers, crowd.operation, crowd.count, crowd.replicates
         return content_key("crowd", self.tracks.key, self.tolerance, *fed, *flown, code_of(*CODE))
 
-    def flight(self, name: str) -> SlabFlight:
+    def flight(self, name: str = "slab") -> SlabFlight:
         """What flies the slab under the ``name`` of a stage."""
         stage = self.tracks
         return SlabFlight(
@@ -121,23 +118,27 @@ class CollisionStage:
             workers=stage.workers, tell=partial(stage.cache.tell, name),
         )  # fmt: skip
 
-    @property
-    def fewest(self) -> int:
-        """Replicates that fly in any case: all, where each flies in an airflow of its own."""
-        return self.crowd.fewest if len(self.tracks.airs) == 1 else self.crowd.replicates
+    def fly(self, beside: SlabFound | None = None) -> SlabFound:
+        """As many replicates as fly in any case, all where each has an airflow of its own; or more ``beside`` those."""
+        if beside is not None:
+            return self._kept("slab", self.flight(), self.crowd.after(beside.replicates), begun=beside.folder)
+        alike = len(self.tracks.airs) == 1
+        return self._kept("slab", self.flight(), self.crowd.fewest if alike else self.crowd.replicates)
 
-    def fly(self, change: CollisionRerun = AS_PLANNED, beside: SlabFound | None = None) -> SlabFound:
-        """The fewest replicates of the slab, or more ``beside`` those; under a ``companion``'s change some of them."""
-        flight = replace(self.flight(change.name), scene=change.applied(self.tracks.scene), part=change.depth)
-        replicates = self.fewest if beside is None else self.crowd.after(beside.replicates)
-        if change != AS_PLANNED:
-            replicates = max(MIN_REPLICATES, self.crowd.replicates // 4)
-            flight = replace(flight, step=change.step * self.fly().clock.step)
-        changed = change.step, change.depth, change.restitution, change.friction
-        key = content_key(self.key, flight.depth, replicates, *changed)
-        work, begun = partial(flight.fly_all, replicates=replicates), None if beside is None else beside.folder
-        folder = self.tracks.cache.make(change.name, key, work, begun)
-        return flight.found(folder, replicates)
+    def fly_again(self, change: CollisionRerun) -> SlabFound:
+        """Some of the replicates under a ``change``."""
+        flight = replace(
+            self.flight(change.name), scene=change.applied(self.tracks.scene), part=change.depth,
+            step=change.step * self.fly().clock.step,
+        )  # fmt: skip
+        return self._kept(change.name, flight, max(MIN_REPLICATES, self.crowd.replicates // 4), vars(change))
+
+    def _kept(
+        self, name: str, flight: SlabFlight, replicates: int, *key: object, begun: Path | None = None
+    ) -> SlabFound:
+        work = partial(flight.fly_all, replicates=replicates)
+        self.tracks.compilation.finish_slab(self.tracks.cache)
+        return flight.found(self.tracks.make(name, work, self.key, replicates, *key, begun=begun), replicates)
 
 
 # -- The slab flown ----------------------------------------------------------------------------------------------------
@@ -280,35 +281,18 @@ class SlabFlight:
         return cycle * float(np.random.default_rng([self.scene.feed.seed, number]).random())
 
     def _track(self, field: FlowField | None, stream: SlabFeed, number: int, record: int) -> tracking.Tracks:
-        scene, rebound = self.scene, self.scene.collisions
-        height = scene.channel.top - scene.channel.bottom
-        speed = slowest_pace(scene, self.plan, self.plan.fractions)
-        last = float(np.max(stream.granules.time, initial=0.0))
-        flown = {force for how in self.plan.fractions.values() for force in how.forces}
-        return tracking.track(
-            field,
-            stream.granules,
-            until=last + max(SEVERAL * self.start_up, PATIENCE * height / speed),
-            tolerance=self.tolerance,
-            length=scene.width,
-            forces=[name for name in forces if name in flown],
-            drag=2 * [how.drag for how in self.plan.fractions.values()],  # of the granules, then of the tracers
-            seed=seed_of(scene.feed.seed, "slab", number),
-            bodies=bodies_and_walls(scene),
-            lines=end_lines(scene),
-            gravity=scene.plumb.gravity,
-            workers=1,
-            record=record,
-            collisions=tracking.Collisions(
-                depth=self.part * self.depth,
-                restitution=rebound.restitution,
-                friction=rebound.friction,
-                tracers=stream.tracers,
-                forces=2 * [how.forces for how in self.plan.fractions.values()],
-                step=self.step,
-                measured=self.measured,
-            ),
-        )
+        rebound, every = self.scene.collisions, 2 * list(self.plan.fractions.values())  # granules, then the tracers
+        flown = {force for how in every for force in how.forces}
+        patience = max(SEVERAL * self.start_up, passage(self.scene, self.plan, self.plan.fractions, PATIENCE))
+        collisions = tracking.Collisions(
+            self.part * self.depth, rebound.restitution, rebound.friction, tracers=stream.tracers,
+            forces=[how.forces for how in every], step=self.step, measured=self.measured,
+        )  # fmt: skip
+        return track_in(
+            self.scene, field, stream.granules, ("slab", number), patience, tolerance=self.tolerance, record=record,
+            forces=[name for name in forces if name in flown], drag=[how.drag for how in every], workers=1,
+            collisions=collisions,
+        )  # fmt: skip
 
 
 def late_in(landings: Mapping[str, Landings]) -> Callable[[str], float]:
