@@ -130,7 +130,7 @@ def _check(
         raise SceneError(f"noises = {noises}: 1 or 2")
 
 
-def _fly_block(flight: Packed, found: Tracks, rows: NDArray[np.int64]) -> int:
+def _fly_block(flight: Packed, tracks: Tracks, rows: NDArray[np.int64]) -> int:
     """One block, packed here so that what the kernel needs of a granule exists for few of them at a time; returns how
     many granules it holds.
     """
@@ -141,32 +141,32 @@ def _fly_block(flight: Packed, found: Tracks, rows: NDArray[np.int64]) -> int:
     scratch = (np.zeros(at.PATH), np.zeros(at.AFFINE), np.zeros(at.CONSTRAINT))
     tables = flight.tables, flight.table_of[rows]
     fly_block(floats, ints, constants, *tables, flight.air, flight.walls, flight.rules, room, *scratch)
-    found.keep(rows, floats, ints)
-    ends = from_frame(found.position[rows], found.velocity[rows], found.time[rows], flight.swing)
-    found.position[rows], found.velocity[rows] = ends
-    if found.recorded:
+    tracks.keep(rows, floats, ints)
+    ends = from_frame(tracks.position[rows], tracks.velocity[rows], tracks.time[rows], flight.swing)
+    tracks.position[rows], tracks.velocity[rows] = ends
+    if tracks.recorded:
         for row, table, kept in zip(rows, room, ints[:, at.KEPT], strict=True):
             table[:, 1:3], table[:, 3:5] = from_frame(table[:, 1:3], table[:, 3:5], table[:, 0], flight.swing)
-            found.recorded[row] = table[:kept].copy()
+            tracks.recorded[row] = table[:kept].copy()
     return len(some)
 
 
-def _fly_all(flight: Packed, found: Tracks, workers: int, progress: Callable[[int, int], object]) -> Tracks:
+def _fly_all(flight: Packed, tracks: Tracks, workers: int, progress: Callable[[int, int], object]) -> Tracks:
     """All blocks, on ``workers`` threads; a single block in this one, since few granules fly faster than a thread
     starts. Neighbours fly one after the other: they look at the same nodes, which then are in the cache.
     """
     done, count = 0, len(flight.grains)
-    size = BLOCK if found.recorded else int(np.clip(count // (PARTS * workers), BLOCK, MAX_BLOCK))
+    size = BLOCK if tracks.recorded else int(np.clip(count // (PARTS * workers), BLOCK, MAX_BLOCK))
     order = np.argsort(flight.grains.position[:, 0], kind="stable")
     blocks = [order[low : low + size] for low in range(0, count, size)]
     pool = ThreadPoolExecutor(max_workers=workers)
     try:
-        for flown in (pool.map if len(blocks) > 1 else map)(partial(_fly_block, flight, found), blocks):
+        for flown in (pool.map if len(blocks) > 1 else map)(partial(_fly_block, flight, tracks), blocks):
             done += flown
             progress(done, count)
     finally:  # an interruption waits for the blocks that fly now, not for those that are still queued
         pool.shutdown(cancel_futures=True)
-    return found
+    return tracks
 
 
 def _fly_colliding(

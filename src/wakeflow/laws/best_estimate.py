@@ -274,9 +274,9 @@ DEFICIT, SPREAD = 0.98, 0.57  # of the far wake, times sqrt(Cd D / x) and sqrt(C
 # with b = 0.18 as measured (Schlichting, Boundary-Layer Theory, free turbulent flows: wake behind a single body)
 
 
-def apart(one: Array, other: Array) -> float:
+def apart(outline: Array, other: Array) -> float:
     """How far (m) two outlines are apart sideways; 0 where one is above the other."""
-    return max(0.0, float(other[:, 0].min() - one[:, 0].max()), float(one[:, 0].min() - other[:, 0].max()))
+    return max(0.0, float(other[:, 0].min() - outline[:, 0].max()), float(outline[:, 0].min() - other[:, 0].max()))
 
 
 def slower_behind(front: Array, behind: Array, along: float) -> float:

@@ -28,12 +28,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.number import Number
+from .constants import C_MU
 
 Array = NDArray[np.float64]
 ENTRAINMENT = Number(0.11, 0.075, 0.15)  # of a plume; from a plane jet's to well above the measured 0.13; chosen
 ENERGY = 0.083  # k on the axis over u_m^2
 EDDY_VISCOSITY = 0.0315 * math.sqrt(math.log(2.0))  # over u_m b
-C_MU = 0.09
 
 
 @dataclass(frozen=True)

@@ -186,27 +186,27 @@ def read_material(name: str, table: Mapping[str, Any], where: str) -> Material:
         raise SceneError(f"{at}: {'; '.join(problems)} (wakeflow materials --new shows a whole one)")
     parts = {key: value for key, value in table.items() if isinstance(value, Mapping)}
     _words(at, table)
-    found: dict[str, Any] = {"terminal_velocity": None, "confidence": table["confidence"], "source": table["source"],
+    values: dict[str, Any] = {"terminal_velocity": None, "confidence": table["confidence"], "source": table["source"],
                              "also": tuple(map(str, table.get("also", ())))}  # fmt: skip
     for key in SIZES:
-        found[key] = _number(f"{at}.{key}", parts.get(key, {"value": table[key]})["value"], key)
+        values[key] = _number(f"{at}.{key}", parts.get(key, {"value": table[key]})["value"], key)
     moisture = parts.pop("moisture", None)
     sizes = parts.pop("dimensions", None)
     for key, part in parts.items():
         place = f"{at}.{key}"
         _words(place, part)
         if key not in SIZES:
-            found[key] = part["model"] if key == "impact" else _number(place, part["value"], key)
+            values[key] = part["model"] if key == "impact" else _number(place, part["value"], key)
         if key in SPREAD:
-            found[f"{key}_std"] = _number(f"{place}.std", part["std"], key)
+            values[f"{key}_std"] = _number(f"{place}.std", part["std"], key)
     evidence = {
         key: Evidence(part["confidence"], part["source"], _margin(f"{at}.{key}", key, part))
         for key, part in parts.items()
     }
     if sizes is not None:
-        found["dimensions"], evidence["dimensions"] = _dimensions(f"{at}.dimensions", sizes)
+        values["dimensions"], evidence["dimensions"] = _dimensions(f"{at}.dimensions", sizes)
     wet = None if moisture is None else _moisture(f"{at}.moisture", moisture)
-    return Material(**found, evidence=evidence, moisture=wet)
+    return Material(**values, evidence=evidence, moisture=wet)
 
 
 def _keys_of(part: str) -> tuple[str, ...]:

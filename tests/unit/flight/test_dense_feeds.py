@@ -399,9 +399,9 @@ def test_it_goes_on_where_it_stopped_and_all_fly_with_the_step_that_the_first_ha
     replace(flight, tell=told.append).fly_all(stopped, 2)
     assert told == ["replicate 2", "2 of 2 replicates"]
     replace(flight, step=step_of(tmp_path)).fly_all(given, 2)
-    one = flight.found(tmp_path, 2)
+    one = flight.load(tmp_path, 2)
     assert one.clock.step_error < 1e-3
-    for other in (flight.found(folder, 2) for folder in (stopped, given)):
+    for other in (flight.load(folder, 2) for folder in (stopped, given)):
         assert one.clock.step == other.clock.step
         for name in scene.fraction:
             np.testing.assert_array_equal(one.landings[name].position, other.landings[name].position)

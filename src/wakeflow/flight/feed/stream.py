@@ -27,8 +27,7 @@ from ...planning.plan import FractionPlan, Plan
 from ...scene import Scene
 from ...scene.variation import AS_GIVEN, GranuleVariation, Variation
 from .. import Granules
-from .birth import varied_granules
-from .feedstock import entering, fall_start, granules_of, highest, hung, released
+from .feedstock import entering, fall_start, granules_of, highest, hung, released, varied_granules
 
 Array = NDArray[np.float64]
 FALLEN = 0.4  # of the way to the body, where granules from rest have come apart; chosen
@@ -166,13 +165,13 @@ class _Source:
         low = float(start.min())
         line = plumb.placed(np.array([(-scene.channel.width, low), (scene.channel.width, low)]))
         whole = np.linspace(0.0, field.period or 0.0, len(x), endpoint=False)
-        found = tracking.track(
+        fall = tracking.track(
             field, hung(scene, grains.replace(position=position, velocity=velocity, time=whole)), until=LONGEST,
             tolerance=TOLERANCE, length=scene.width, drag=how.drag, forces=how.forces, lines=(line,), seed=seed,
             gravity=scene.plumb.gravity,
         )  # fmt: skip
-        comes = (found.line == 0)[:, None]  # upward air does not let others come so far: they begin where the feed does
-        fallen, speeds = plumb.seen(found.position), plumb.hung(found.velocity)
+        comes = (fall.line == 0)[:, None]  # upward air does not let others come so far: they begin where the feed does
+        fallen, speeds = plumb.seen(fall.position), plumb.hung(fall.velocity)
         return grains.replace(position=np.where(comes, fallen, position), velocity=np.where(comes, speeds, velocity))
 
 

@@ -88,7 +88,8 @@ class FilmStage:
         lasting = self.start_up if span is None else span
         rate = self.scene.feed.mass_flow, self.scene.feed.depth, self.scene.mass_shares()
         crowd = None if self.plan.crowd is None else (repr(self.plan.crowd), repr(self.scene.collisions))
-        folder = self.tracks.make("film", partial(self._work, lasting), lasting, rate, crowd, code_of(*CODE))
+        work, key = partial(self._work, lasting), (lasting, rate, crowd, code_of(*CODE))
+        folder = self.tracks.make("film", work, *key, slab=crowd is not None)
         told = json.loads((folder / FILE).read_text())
         paths = {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in self.scene.fraction}
         return Film(**told, paths=paths)

@@ -176,14 +176,14 @@ class Flight:
         field = self.airs.field
         if field is None or not self.plan.airflow.mirrored:
             return self.fly(name, grains, stream=stream)
-        found = Tracks.empty(len(grains))
+        tracks = Tracks.empty(len(grains))
         for part, apart in ((~second, 0), (second, 2 * REPLICATES)):
             if part.any():  # else no air is packed for it
                 flight = replace(self, airs=Realisations(field.image)) if apart else self
                 for column, values in vars(flight.fly(name, grains[part], stream=apart + stream)).items():
                     if isinstance(values, np.ndarray):
-                        getattr(found, column)[part] = values
-        return found
+                        getattr(tracks, column)[part] = values
+        return tracks
 
     def fly(self, name: str, grains: Granules, *, record: int = 0, stream: int = 0) -> Tracks:
         """Track granules of one fraction through the first realisation, keeping ``record`` points of each; ``stream``
@@ -246,7 +246,7 @@ def bodies_and_walls(scene: Scene) -> list[Body]:
     """
     motion = motion_of(scene)
     places, bins = scene.collecting, list(scene.bin.values())
-    found = [
+    solids = [
         Body(
             _into_the_wall(one.outline(), scene), motion=motion, line=places.get(name, -1),
             capture=(bins[places[name]].keeps_part or 0.0) if name in places else 0.0,
@@ -259,12 +259,12 @@ def bodies_and_walls(scene: Scene) -> list[Body]:
         for start, end in [*_openings(scene, side), (scene.channel.top + thick, None)]:
             if start > level:
                 low, high = sorted((inner, outer))
-                found.append(Body(np.array([(low, level), (high, level), (high, start), (low, start)])))
+                solids.append(Body(np.array([(low, level), (high, level), (high, start), (low, start)])))
             level = end if end is not None else level
     for i, one in enumerate(bins):
         if (corners := one.wall(scene, thick)) is not None:
-            found.append(Body(corners, capture=one.keeps_part or 0.0, line=i))
-    return found
+            solids.append(Body(corners, capture=one.keeps_part or 0.0, line=i))
+    return solids
 
 
 def _into_the_wall(outline: Array, scene: Scene) -> Array:

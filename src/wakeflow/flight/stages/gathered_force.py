@@ -163,12 +163,12 @@ class Gatherer:
         crowd = replace(slab, replicates=COMPARED, operation=start_up, count=count)
         plan, airs = replace(resolved(self.plan), crowd=crowd), Realisations(self.air)
         flight = SlabFlight(
-            self.scene, plan, airs, crowd.depth, start_up, start_up, TOLERANCE, None, self.workers, self.tell,
-            recorded=RECORDED,
+            self.scene, plan, airs, crowd.depth, start_up, start_up, TOLERANCE, workers=self.workers,
+            tell=self.tell, recorded=RECORDED,
             also=lambda number, feed, tracks: save_arrays(folder / f"given-{number}.npz", self._given(feed, tracks)),
         )  # fmt: skip
         flight.fly_all(folder, COMPARED)
-        flight.found(folder, COMPARED)  # for what it raises where none of a fraction came
+        flight.load(folder, COMPARED)  # for what it raises where none of a fraction came
         parts = [dict(np.load(folder / f"given-{number}.npz")) for number in range(COMPARED)]
         given, lost, mass = (np.stack([part[key] for part in parts]) for key in ("given", "lost", "mass"))
         flow = np.array([self._flow(name) for name in self.scene.fraction]) / mass.mean(axis=0)

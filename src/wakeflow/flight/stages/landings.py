@@ -22,10 +22,10 @@ OWN = ("diameter", "bin", "fate")  # () m, place among the scene's bins or -1, v
 
 def paths_of(tracks: Tracks, grains: Granules, bins: int) -> list[Columns]:
     """Recorded tracks with their granules' diameters, and where and how they ended in a scene of so many ``bins``."""
-    own = zip(grains.diameter, *tracks.ends(bins), strict=True)
+    ends = zip(grains.diameter, *tracks.ends(bins), strict=True)
     return [
-        dict(zip((*MOMENTS, *OWN), (*tracks.path(i), tracks.arriving(i), *map(np.asarray, one)), strict=True))
-        for i, one in enumerate(own)
+        dict(zip((*MOMENTS, *OWN), (*tracks.path(i), tracks.arriving(i), *map(np.asarray, end)), strict=True))
+        for i, end in enumerate(ends)
     ]
 
 

@@ -148,11 +148,6 @@ class Pipeline:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
         return self._track_stage.fly(rerun)
 
-    @property
-    def draw_stage(self) -> DrawStage:
-        """What draws and flies what nobody knows exactly."""
-        return DrawStage(self._track_stage)
-
     def draws(self, joined: Joined = Dependence.joined) -> InputSamples | None:
         """Part of the granules under many draws of what nobody knows exactly, ``joined`` as the scene says or as an
         ``Ensemble`` does; None where all is known.
@@ -184,7 +179,6 @@ class Pipeline:
 
     def film(self, span: float | None = None) -> Film:
         """The granules that are in the machine over ``span`` (s), on one clock: flown for a film."""
-        self.compilation.finish_slab(self.cache)
         return FilmStage(self._track_stage).fly(span)
 
     def compile_in_background(self) -> None:

@@ -59,10 +59,10 @@ class CollisionRerun:
 
     def applied(self, scene: Scene) -> Scene:
         """The scene whose granules meet under this change."""
-        own = scene.collisions
-        restitution = min(1.0, max(0.0, own.restitution + self.restitution))
-        met = {"restitution": restitution, "friction": max(0.0, own.friction + self.friction)}
-        return scene.model_copy(update={"collisions": own.model_copy(update=met)})
+        law = scene.collisions
+        restitution = min(1.0, max(0.0, law.restitution + self.restitution))
+        met = {"restitution": restitution, "friction": max(0.0, law.friction + self.friction)}
+        return scene.model_copy(update={"collisions": law.model_copy(update=met)})
 
 
 @dataclass(frozen=True)
@@ -133,12 +133,10 @@ class CollisionStage:
         )  # fmt: skip
         return self._kept(change.name, flight, max(MIN_REPLICATES, self.crowd.replicates // 4), vars(change))
 
-    def _kept(
-        self, name: str, flight: SlabFlight, replicates: int, *key: object, begun: Path | None = None
-    ) -> SlabFound:
+    def _kept(self, name: str, flight: SlabFlight, replicates: int, *key: object, **begun: Path) -> SlabFound:
         work = partial(flight.fly_all, replicates=replicates)
-        self.tracks.compilation.finish_slab(self.tracks.cache)
-        return flight.found(self.tracks.make(name, work, self.key, replicates, *key, begun=begun), replicates)
+        folder = self.tracks.make(name, work, self.key, replicates, *key, slab=True, **begun)
+        return flight.load(folder, replicates)
 
 
 # -- The slab flown ----------------------------------------------------------------------------------------------------
@@ -150,7 +148,7 @@ SEVERAL = 3.0  # flights of a granule that landed late, within which one that me
 class SlabFlight:
     """How a slab of ``depth`` (m), or a ``part`` of one, is flown: ``start_up`` (s) until it is steady, at least
     ``operation`` (s) that count, in a whole number of the airflow's periods; ``tolerance`` (body widths) for the step
-    of its clock, or the ``step`` (s) itself, which ``measured`` hears where it had to be found; ``tell`` hears of
+    of its clock, or the ``step`` (s) itself; where it is 0 ``measured`` hears the one that was found; ``tell`` hears of
     progress; granules are as the ``variation`` has them. A replicate is one thread's work: ``workers`` fly at a time.
     ``also`` gets each replicate's number, its feed and its tracks with as many points as are ``recorded`` of each.
     """
@@ -162,7 +160,7 @@ class SlabFlight:
     start_up: float
     operation: float
     tolerance: float
-    step: float | None = None
+    step: float = 0.0
     workers: int = field(default_factory=cores)
     tell: Callable[[str], None] = lambda _: None
     part: float = 1.0
@@ -180,11 +178,11 @@ class SlabFlight:
         try:
             jobs: list[Future[None]] = []
             step = self.step
-            if step is None and 0 in left:
+            if not step and 0 in left:
                 first, step = self._first(pool, folder)
                 jobs.append(first)
                 left.remove(0)
-            others = replace(self, step=step_of(folder) if step is None else step)
+            others = replace(self, step=step or step_of(folder))
             jobs += [pool.submit(others.keep, number, folder) for number in left]
             for done, job in enumerate(as_completed(jobs), replicates - len(jobs)):
                 job.result()
@@ -234,7 +232,7 @@ class SlabFlight:
         }
         save_arrays(_file(folder, number), columns | further)
 
-    def found(self, folder: Path, replicates: int) -> SlabFound:
+    def load(self, folder: Path, replicates: int) -> SlabFound:
         """What :meth:`fly_all` kept in a folder."""
         parts = []
         for number in range(replicates):
@@ -286,7 +284,7 @@ class SlabFlight:
         patience = max(SEVERAL * self.start_up, passage(self.scene, self.plan, self.plan.fractions, PATIENCE))
         collisions = tracking.Collisions(
             self.part * self.depth, rebound.restitution, rebound.friction, tracers=stream.tracers,
-            forces=[how.forces for how in every], step=self.step, measured=self.measured,
+            forces=[how.forces for how in every], step=self.step or None, measured=self.measured,
         )  # fmt: skip
         return track_in(
             self.scene, field, stream.granules, ("slab", number), patience, tolerance=self.tolerance, record=record,

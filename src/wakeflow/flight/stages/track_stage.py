@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...air.kinds.airflow_kinds import FlownAir
 from ...core.lazy import cached_property
@@ -16,7 +16,7 @@ from ...core.tables import Columns
 from ...planning.plan import COMPARED, REPLICATES, Plan
 from ...planning.stage_cache import StageCache, code_of, version_of
 from ...scene import Scene
-from .compilation import COMPILED, Compilation
+from .compilation import Compilation
 
 if TYPE_CHECKING:
     from ...air.kinds.realisations import Realisations
@@ -124,11 +124,8 @@ class TrackStage:
 
         return Flight(scene, self.plan, airs, self.scene.numerics.tolerance, self.workers)
 
-    def make(self, name: str, work: Callable[[Path], object], *key: object, begun: Path | None = None) -> Path:
+    def make(self, name: str, work: Callable[[Path], object], *key: object, **how: Any) -> Path:
         """The folder of a stage that flies these granules in these airs, from the cache or by ``work(folder)``; ``key``
-        is what it depends on beside. The first that must be flown in a run waits for the tracker's compilation.
+        is what it depends on beside, ``how`` as of :meth:`Compilation.make`.
         """
-        whole = content_key(self.key, *key)
-        if COMPILED not in self.cache.seconds and not self.cache.store.holds(name, whole):
-            self.compilation.finish(self.cache)
-        return self.cache.make(name, whole, work, begun)
+        return self.compilation.make(self.cache, name, content_key(self.key, *key), work, **how)
