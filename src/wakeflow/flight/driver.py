@@ -103,13 +103,13 @@ def track(
     rules = _rules(field, air, solids, walls, until, tolerance, length, seed, noises, march)
     tables = pack_tables(drag, grains.sphericity, grains.fraction)
     flight = Packed(field, grains, forces, gravity, solids, swing, reach, points, walls, air, rules, *tables)
-    found = Tracks.empty(len(grains), recorded=bool(record))
+    tracks = Tracks.empty(len(grains), recorded=bool(record))
     if not len(grains):
         pack_granules(grains, field, forces, gravity)  # for what it raises
     tell = progress or (lambda *_: None)
     if collisions is not None:
-        return _fly_colliding(flight, found, collisions, seed, tell)
-    return _fly_all(flight, found, workers or cores(), tell)
+        return _fly_colliding(flight, tracks, collisions, seed, tell)
+    return _fly_all(flight, tracks, workers or cores(), tell)
 
 
 def _check(
@@ -170,7 +170,7 @@ def _fly_all(flight: Packed, tracks: Tracks, workers: int, progress: Callable[[i
 
 
 def _fly_colliding(
-    flight: Packed, found: Tracks, collisions: Collisions, seed: int, progress: Callable[[int, int], object]
+    flight: Packed, tracks: Tracks, collisions: Collisions, seed: int, progress: Callable[[int, int], object]
 ) -> Tracks:
     """The same granules as a crowd, in the lab; far finer flights of a sample, each granule alone, judge its step."""
     from .collisions.slab_driver import Slab, fly_colliding
@@ -181,13 +181,13 @@ def _fly_colliding(
             flight, grains=flight.grains[rows], forces=forces, points=0, table_of=flight.table_of[rows],
             rules=flight.rules._replace(**finer),
         )  # fmt: skip
-        tracks = Tracks.empty(len(rows))
-        _fly_all(some, tracks, cores(), lambda *_: None)
-        return tracks
+        sample = Tracks.empty(len(rows))
+        _fly_all(some, sample, cores(), lambda *_: None)
+        return sample
 
     walls = pack_walls(flight.solids, (flight.walls.lines, flight.walls.line_ids), AT_REST, flight.grains.restitution)
     slab = Slab(**vars(flight) | {"walls": walls, "collisions": collisions})
-    return fly_colliding(slab, found, alone, seed, progress)
+    return fly_colliding(slab, tracks, alone, seed, progress)
 
 
 def _longest_wait(field: FlowField | None, air: PackedAir, bodies: Sequence[Body], omega: float) -> float:

@@ -81,10 +81,10 @@ def _add(tables: _Tables, number: int, body: Body, swing: MeshOscillation) -> No
     for i in range(len(start)):
         tables.edges.append([*start[i], *end[i], direction[i, 1], -direction[i, 0], size[i]])
         tables.edge_links.append([number, at_start[i], at_end[i]])
-    own = [-1.0 if value is None else value for value in (body.restitution, body.friction)]
+    coefficients = [-1.0 if value is None else value for value in (body.restitution, body.friction)]
     count, period, *samples = _samples(body)
     about = [*_rocking(body), float(body.capture)]
-    tables.bodies.append([*low, *high, *relative(body, swing), *own, count, period, *about, *samples])
+    tables.bodies.append([*low, *high, *relative(body, swing), *coefficients, count, period, *about, *samples])
     tables.members.append([first_part, len(tables.parts), not body.open, body.line])
 
 
@@ -343,16 +343,16 @@ def evenness(field: FlowField, rms: Array, life: Array) -> Array:
             first, second, third = deviation[at_corners]
             x, y = (along[0, i] * first + along[1, i] * second + along[2, i] * third for i in (0, 1))
             slope += np.sqrt(x**2 + y**2) / len(rms)
-    own, mean = np.full(count, LONGEST_LIFE), rms.mean(axis=0)
+    lasting, mean = np.full(count, LONGEST_LIFE), rms.mean(axis=0)
     across = 1.0 / np.linalg.norm(field.gradients, axis=2).max(axis=1)
     lives = np.maximum(life.mean(axis=0)[corners].mean(axis=1), across / np.maximum(mean[corners].max(axis=1), LEAST))
     inside = np.minimum(lives, STEEP / np.maximum(slope, LEAST))
-    np.minimum.at(own, corners, inside[:, None])
+    np.minimum.at(lasting, corners, inside[:, None])
     here, there, away = field.sides
     way = away / np.maximum(REACH * np.maximum(mean[here], mean[there]), LEAST)
     # the shortest way, either way along each side, from a place from which each node is as far as its own time
     rows = np.concatenate([here, there, np.full(count, count)])
-    columns, weights = np.concatenate([there, here, np.arange(count)]), np.concatenate([way, way, own])
+    columns, weights = np.concatenate([there, here, np.arange(count)]), np.concatenate([way, way, lasting])
     graph = csr_array((np.maximum(weights, LEAST), (rows, columns)), shape=(count + 1, count + 1))
     return np.ascontiguousarray(dijkstra(graph, indices=count)[:count])
 

@@ -84,7 +84,7 @@ def driven_jet(fall: Array, push: Array, width: float, entrainment: float = ENTR
     return DrivenJet(fall, np.sqrt(squared), push)
 
 
-def _over(one: Array, other: Array) -> Array:
+def _over(above: Array, below: Array) -> Array:
     """The quotient, 0 where there is nothing to divide by."""
-    shape = np.broadcast_shapes(np.shape(one), np.shape(other))
-    return np.divide(one, other, out=np.zeros(shape), where=np.broadcast_to(other != 0.0, shape))
+    shape = np.broadcast_shapes(np.shape(above), np.shape(below))
+    return np.divide(above, below, out=np.zeros(shape), where=np.broadcast_to(below != 0.0, shape))

@@ -80,13 +80,15 @@ def traits_of(name: str, count: int, seed: int, replicates: Sequence[int], part:
     and without, so that the effect of a spread is seen between the same granules.
     """
     rows = range(replicate_size(count))[part]
-    return np.concatenate([_points(name, rows, seed, one, PLACED + TRAITS, 1)[:, PLACED:] for one in replicates])
+    return np.concatenate(
+        [_points(name, rows, seed, replicate, PLACED + TRAITS, 1)[:, PLACED:] for replicate in replicates]
+    )
 
 
 def blows_of(name: str, count: int, seed: int, replicates: Sequence[int], part: slice = EVERY) -> Array:
     """Standard normal numbers (n,), by which a flake is turned at its first impact."""
-    size, own = replicate_size(count), zlib.crc32(name.encode())
-    streams = (np.random.default_rng([seed, own, one, 2]) for one in replicates)
+    size, number = replicate_size(count), zlib.crc32(name.encode())
+    streams = (np.random.default_rng([seed, number, replicate, 2]) for replicate in replicates)
     return np.concatenate([stream.standard_normal(size)[part] for stream in streams])
 
 
@@ -111,12 +113,12 @@ MAX_SCATTER = 1.0  # rad, as the tracker takes it
 
 def varied_granules(grains: Granules, variation: GranuleVariation) -> Granules:
     """``grains`` with the variation's shift and factors; what leaves the range of a quantity ends at it."""
-    own = grains.restitution
-    by_law, change = isinstance(own, Restitution), variation.restitution
+    restitution = grains.restitution
+    by_law, change = isinstance(restitution, Restitution), variation.restitution
     return grains.replace(
         diameter=grains.diameter * variation.size,
         density=grains.density * variation.density,
-        restitution=own.shifted(change) if by_law else np.clip(own + change, 0.0, 1.0),
+        restitution=restitution.shifted(change) if by_law else np.clip(restitution + change, 0.0, 1.0),
         friction=grains.friction * variation.friction,
         scatter=np.minimum(grains.scatter * variation.scatter, MAX_SCATTER),
         drag_scale=grains.drag_scale * variation.drag,

@@ -72,7 +72,7 @@ def slab_stream(
     rng = np.random.default_rng([scene.feed.seed, zlib.crc32(b"slab"), replicate])
     source = _Source(scene, plan, known(plan.crowd), field, rng, operation + 2.0 * start_up, depth)
     given = [(number, name, variation.of(name)) for number, name in enumerate(scene.fraction)]
-    parts = [source.fed(*one, tracers=tracers) for one in given for tracers in (False, True)]
+    parts = [source.fed(*row, tracers=tracers) for row in given for tracers in (False, True)]
     order = np.argsort(np.concatenate([part.granules.time for part in parts]), kind="stable")
     granules = _joined([part.granules for part in parts])[order]
     fraction, mass = (np.concatenate([getattr(part, key) for part in parts])[order] for key in ("fraction", "mass"))
@@ -205,7 +205,7 @@ def _apart(rng: np.random.Generator, grains: Granules, tracers: int, depth: floa
 
 def _alike(rng: np.random.Generator, fraction: NDArray[np.int64], some: NDArray[np.int64]) -> NDArray[np.int64]:
     """For each of ``some`` granules any one of the same ``fraction``."""
-    return np.array([rng.choice(np.flatnonzero(fraction == fraction[one])) for one in some], dtype=np.int64)
+    return np.array([rng.choice(np.flatnonzero(fraction == fraction[granule])) for granule in some], dtype=np.int64)
 
 
 def _overlapping(points: Array, width: Array, depth: float) -> NDArray[np.int64]:

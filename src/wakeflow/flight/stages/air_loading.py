@@ -175,12 +175,12 @@ class AirLoading(ABC):
         before, start, force = self.first, self.start, self.first.force
         share, lacked = 1.0, force.density  # the whole way from no force
         while len(made) < self.most - (self.crowd is None) and not (made and self.settled(made[-1])):
-            one = self._pass(force, start, before, last=False)
-            made.append(one)
-            lacking = one.gathered.force.density - force.density
+            flown = self._pass(force, start, before, last=False)
+            made.append(flown)
+            lacking = flown.gathered.force.density - force.density
             share, lacked = relaxed(share, lacked, lacking), lacking
-            before, start, force = one.gathered, one.air, force.towards(one.gathered.force, share)
-            self.cache.tell("air-loading", f"pass {len(made)}: shares moved by up to {100 * one.change:.2g} points")
+            before, start, force = flown.gathered, flown.air, force.towards(flown.gathered.force, share)
+            self.cache.tell("air-loading", f"pass {len(made)}: shares moved by up to {100 * flown.change:.2g} points")
         among = None if self.crowd is None else self._among_others(made[-1], self.crowd)
         return _Way(tuple(made), before, start, force if among is None else among.force, among)
 
@@ -323,8 +323,8 @@ def relaxed(share: float, lacked: Array, lacking: Array) -> float:
     whole way oversteps.
     """
     change = lacking - lacked  # summed without a BLAS, whose threads decide the last digit, and that the next key
-    asked = -share * float(np.sum(lacked * change)) / max(float(np.sum(change**2)), 1e-300)
-    return float(np.clip(asked, *SHARES))
+    wanted = -share * float(np.sum(lacked * change)) / max(float(np.sum(change**2)), 1e-300)
+    return float(np.clip(wanted, *SHARES))
 
 
 def exerted_by(scene: Scene, plan: Plan) -> JsonTable:

@@ -84,15 +84,15 @@ class Flight:
         chosen = np.linspace(0, count - 1, min(TRACKS_RECORDED, count)).astype(int) if drawn else np.zeros(0, dtype=int)
         for number in range(min(airs, self.replicates)):
             flight = replace(self, airs=Realisations(self.airs.make(number)))
-            own = range(number, self.replicates, airs)
-            for replicates, part in product((own[i : i + step] for i in range(0, len(own), step)), parts):
+            mine = range(number, self.replicates, airs)
+            for replicates, part in product((mine[i : i + step] for i in range(0, len(mine), step)), parts):
                 self.tell(f"{name}: injecting {done} of {count}")
                 rows = slice(part.start, part.stop)
                 feed = feedstock(self.scene, self.plan, name, self.airs.period, replicates, part=rows)
                 stream = replicates[0] + STREAMS * REPLICATES * parts.index(part)
                 yield flight._drawn(name, feed, chosen, replicates, part, stream)
-                told = len(feed.replicate) < count
-                tell = partial(self._tell_part, done, count) if told else self.tell
+                parted = len(feed.replicate) < count
+                tell = partial(self._tell_part, done, count) if parted else self.tell
                 second = _second_half(feed, size, replicates, part.start)
                 tracks = replace(flight, tell=tell)._fly_halves(name, feed.granules, second, stream)
                 cycle = self.airs.cycle_of(feed.granules.time)
@@ -115,7 +115,7 @@ class Flight:
         """
         of = [divmod(int(g), self._size) for g in chosen]
         here = [
-            i * len(part) + k - part.start for i, r in enumerate(replicates) for own, k in of if own == r and k in part
+            i * len(part) + k - part.start for i, r in enumerate(replicates) for its, k in of if its == r and k in part
         ]
         grains = feed.granules[np.array(here, dtype=int)]
         tracks = self.fly(name, grains, record=COARSE, stream=REPLICATES + stream)
@@ -281,7 +281,7 @@ def _openings(scene: Scene, side: str) -> list[tuple[float, float]]:
     that keeps a part of what meets it.
     """
     streams = [inlet.span for inlet in scene.channel.inlet.values() if inlet.side == side]
-    return sorted([*streams, *(one.ends for one in scene.on_sides(side).values())])
+    return sorted([*streams, *(opening.ends for opening in scene.on_sides(side).values())])
 
 
 def end_lines(scene: Scene) -> list[Array]:
@@ -293,7 +293,7 @@ def end_lines(scene: Scene) -> list[Array]:
     across = np.array([-half - WALL * channel.width, half + WALL * channel.width])
     borders = [np.stack([across, np.full(2, y)], axis=1) for y in (channel.bottom - slack, channel.top + slack)]
     nowhere = borders[0] - (0.0, channel.width)
-    return [one.line(scene) if one.keeps_part is None else nowhere for one in scene.bin.values()] + borders
+    return [bin_.line(scene) if bin_.keeps_part is None else nowhere for bin_ in scene.bin.values()] + borders
 
 
 def landing_columns(feed: Feedstock, tracks: Tracks, bins: int, realisation: int, cycle: NDArray[np.uint16]) -> Columns:

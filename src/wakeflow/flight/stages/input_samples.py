@@ -136,16 +136,16 @@ class DrawStage:
             return None
         stage = self.tracks
         tolerance = stage.scene.numerics.tolerance
-        known = [[one.key, one.kind, one.value, one.low, one.high] for one in self.unknowns]
+        known = [[unknown.key, unknown.kind, unknown.value, unknown.low, unknown.high] for unknown in self.unknowns]
         work = partial(self._fly_all, stage.fly())  # whose granules these are
         folder = stage.make("draws", work, tolerance, known, self.design.tolist(), code_of(*CODE))
         with np.load(folder / "draws.npz") as data:
             names = list(stage.scene.fraction)
-            varied, own = (
+            varied, answer = (
                 {name: DrawnLandings(data[f"{which}.{name}.position"], data[f"{which}.{name}.bin"]) for name in names}
                 for which in ("varied", "own")
             )
-        return InputSamples(tuple(self.unknowns), self.design, varied, own)
+        return InputSamples(tuple(self.unknowns), self.design, varied, answer)
 
     def _fly_all(self, tracked: Tracked, folder: Path) -> None:
         """All draws, those of one air by one thread: granules of a draw are too few for several."""
@@ -198,14 +198,14 @@ class DrawStage:
         """The airflow as a draw has it."""
         from ...air.field.combined import varied
 
-        found = self.tracks.airs
+        airs = self.tracks.airs
         wake = self.tracks.plan.airflow.wake
         if wake is not None and (air.theta is not None or air.strength is not None):
             theta = wake.theta.value if air.theta is None else air.theta
             strength = wake.strength.value if air.strength is None else air.strength
-            found = self.tracks.realised((theta, strength))
+            airs = self.tracks.realised((theta, strength))
         entering = _entering(self.tracks.scene)
-        return found.mapped(lambda field: varied(field, air.speed, air.energy, air.lifetime, entering=entering))
+        return airs.mapped(lambda field: varied(field, air.speed, air.energy, air.lifetime, entering=entering))
 
 
 def _entering(scene: Scene) -> float:

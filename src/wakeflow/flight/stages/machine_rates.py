@@ -62,9 +62,9 @@ def on_this_machine(plan: Plan, root: Path) -> tuple[tuple[StageCost, ...], int]
     """
     known = _runs(root)
     rates = {work: _rate(runs) for work, runs in known.items()}
-    here = [replace(one, seconds=one.seconds * rates.get(one.key.stage.work, 1.0)) for one in plan.stages]
+    here = [replace(stage, seconds=stage.seconds * rates.get(stage.key.stage.work, 1.0)) for stage in plan.stages]
     if seconds := to_compile(slab=plan.crowd is not None):
-        waits = any(one.when == "answer" for one in here)
+        waits = any(stage.when == "answer" for stage in here)
         held = PROGRAM + sum(IN_CHILDREN[: len(seconds)]) if waits else COMPILING
         when, whole = ("beside", max(seconds.values())) if waits else ("first", sum(seconds.values()))
         here.insert(0, StageCost(StageKey(OWN, COMPILE.name), whole, when, memory=held))

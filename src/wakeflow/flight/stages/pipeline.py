@@ -130,8 +130,8 @@ class Pipeline:
     @property
     def divergence(self) -> FieldDivergence:
         """How well the triangles that the tracker reads conserve volume."""
-        found = self.air.field.divergence()
-        return FieldDivergence(found.rms, found.max)
+        divergence = self.air.field.divergence()
+        return FieldDivergence(divergence.rms, divergence.max)
 
     # -- tracks --------------------------------------------------------------------------------------------------------
 

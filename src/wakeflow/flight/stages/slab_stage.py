@@ -238,8 +238,8 @@ class SlabFlight:
         for number in range(replicates):
             with np.load(_file(folder, number)) as data:
                 parts.append({key: data[key] for key in data.files})
-        step, error, asked, trials = parts[0]["clock"].tolist()
-        clock = tracking.ClockStep(step, error, asked, int(trials))
+        step, error, wanted, trials = parts[0]["clock"].tolist()
+        clock = tracking.ClockStep(step, error, wanted, int(trials))
         jammed, flown = (sum(int(part[key]) for part in parts) for key in ("jammed", "flown"))
         kept = [key for key in parts[0] if key not in ("clock", "jammed", "flown", "injected")]
         columns = {key: np.concatenate([part[key] for part in parts]) for key in kept}
@@ -247,15 +247,15 @@ class SlabFlight:
         columns["replicate"] = _grouped(fraction, columns["replicate"], columns["realisation"], many)
         landed = {}
         for number, name in enumerate(self.scene.fraction):
-            own: dict[str, Any] = {key: values[fraction == number] for key, values in columns.items()}
-            if not len(own["bin"]):
+            mine: dict[str, Any] = {key: values[fraction == number] for key, values in columns.items()}
+            if not len(mine["bin"]):
                 raise SceneError(
                     f"fraction.{name}: none of it came in the slab's steady operation; raise feed.count or "
                     "collisions.depth"
                 )
-            weight = own["weight"]
-            own["weight"] = weight * (weight.sum() / (weight @ weight))
-            landed[name] = Landings(**own)
+            weight = mine["weight"]
+            mine["weight"] = weight * (weight.sum() / (weight @ weight))
+            landed[name] = Landings(**mine)
         return SlabFound(landed, clock, jammed, flown, replicates, self.part * self.depth, self.start_up, folder)
 
     def record(self, points: int) -> tuple[SlabFeed, tracking.Tracks]:
