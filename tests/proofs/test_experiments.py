@@ -16,7 +16,7 @@ from proofs.report import Report
 from proofs.studies import deposition
 from wakeflow import FlowField
 from wakeflow.core.number import Number
-from wakeflow.flight import near_walls
+from wakeflow.flight import pack_surroundings
 from wakeflow.scene.fraction import Fraction
 
 
@@ -85,13 +85,13 @@ def test_beads_that_spread_as_with_long_lived_eddies_are_a_miss(monkeypatch: pyt
     assert len(grid.run_grid(count=256).missed) >= 5
 
 
-@pytest.mark.parametrize("least", [near_walls.LEAST, 0.6])
+@pytest.mark.parametrize("least", [pack_surroundings.LEAST_DEVIATION, 0.6])
 def test_dust_that_eddies_blow_to_a_wall_is_a_miss(monkeypatch: pytest.MonkeyPatch, least: float) -> None:
     monkeypatch.setattr(deposition, "TAU", (0.1, 3.0))
     monkeypatch.setattr(deposition, "STEEL", {2.9: deposition.STEEL[2.9]})
     monkeypatch.setattr(deposition, "MESHES", {"resolved": deposition.MESHES["resolved"]})
     monkeypatch.setattr(walls, "SIZES", deposition.SIZES[:1])
-    monkeypatch.setattr(near_walls, "LEAST", least)
+    monkeypatch.setattr(pack_surroundings, "LEAST_DEVIATION", least)
     found = walls.run_walls(count=200)
     assert len(found.missed) == (0 if least < 0.5 else 3)
     assert len(found.facts["rows"]) == 3

@@ -103,13 +103,13 @@ def track(
     rules = _rules(field, air, solids, walls, until, tolerance, length, seed, noises, march)
     tables = pack_tables(drag, grains.sphericity, grains.fraction)
     flight = Packed(field, grains, forces, gravity, solids, swing, reach, points, walls, air, rules, *tables)
-    found = Tracks.empty(len(grains), recorded=bool(record))
+    tracks = Tracks.empty(len(grains), recorded=bool(record))
     if not len(grains):
         pack_granules(grains, field, forces, gravity)  # for what it raises
     tell = progress or (lambda *_: None)
     if collisions is not None:
-        return _fly_colliding(flight, found, collisions, seed, tell)
-    return _fly_all(flight, found, workers or cores(), tell)
+        return _fly_colliding(flight, tracks, collisions, seed, tell)
+    return _fly_all(flight, tracks, workers or cores(), tell)
 
 
 def _check(
@@ -130,7 +130,7 @@ def _check(
         raise SceneError(f"noises = {noises}: 1 or 2")
 
 
-def _fly_block(flight: Packed, found: Tracks, rows: NDArray[np.int64]) -> int:
+def _fly_block(flight: Packed, tracks: Tracks, rows: NDArray[np.int64]) -> int:
     """One block, packed here so that what the kernel needs of a granule exists for few of them at a time; returns how
     many granules it holds.
     """
@@ -141,36 +141,36 @@ def _fly_block(flight: Packed, found: Tracks, rows: NDArray[np.int64]) -> int:
     scratch = (np.zeros(at.PATH), np.zeros(at.AFFINE), np.zeros(at.CONSTRAINT))
     tables = flight.tables, flight.table_of[rows]
     fly_block(floats, ints, constants, *tables, flight.air, flight.walls, flight.rules, room, *scratch)
-    found.keep(rows, floats, ints)
-    ends = from_frame(found.position[rows], found.velocity[rows], found.time[rows], flight.swing)
-    found.position[rows], found.velocity[rows] = ends
-    if found.recorded:
+    tracks.keep(rows, floats, ints)
+    ends = from_frame(tracks.position[rows], tracks.velocity[rows], tracks.time[rows], flight.swing)
+    tracks.position[rows], tracks.velocity[rows] = ends
+    if tracks.recorded:
         for row, table, kept in zip(rows, room, ints[:, at.KEPT], strict=True):
             table[:, 1:3], table[:, 3:5] = from_frame(table[:, 1:3], table[:, 3:5], table[:, 0], flight.swing)
-            found.recorded[row] = table[:kept].copy()
+            tracks.recorded[row] = table[:kept].copy()
     return len(some)
 
 
-def _fly_all(flight: Packed, found: Tracks, workers: int, progress: Callable[[int, int], object]) -> Tracks:
+def _fly_all(flight: Packed, tracks: Tracks, workers: int, progress: Callable[[int, int], object]) -> Tracks:
     """All blocks, on ``workers`` threads; a single block in this one, since few granules fly faster than a thread
     starts. Neighbours fly one after the other: they look at the same nodes, which then are in the cache.
     """
     done, count = 0, len(flight.grains)
-    size = BLOCK if found.recorded else int(np.clip(count // (PARTS * workers), BLOCK, MAX_BLOCK))
+    size = BLOCK if tracks.recorded else int(np.clip(count // (PARTS * workers), BLOCK, MAX_BLOCK))
     order = np.argsort(flight.grains.position[:, 0], kind="stable")
     blocks = [order[low : low + size] for low in range(0, count, size)]
     pool = ThreadPoolExecutor(max_workers=workers)
     try:
-        for flown in (pool.map if len(blocks) > 1 else map)(partial(_fly_block, flight, found), blocks):
+        for flown in (pool.map if len(blocks) > 1 else map)(partial(_fly_block, flight, tracks), blocks):
             done += flown
             progress(done, count)
     finally:  # an interruption waits for the blocks that fly now, not for those that are still queued
         pool.shutdown(cancel_futures=True)
-    return found
+    return tracks
 
 
 def _fly_colliding(
-    flight: Packed, found: Tracks, collisions: Collisions, seed: int, progress: Callable[[int, int], object]
+    flight: Packed, tracks: Tracks, collisions: Collisions, seed: int, progress: Callable[[int, int], object]
 ) -> Tracks:
     """The same granules as a crowd, in the lab; far finer flights of a sample, each granule alone, judge its step."""
     from .collisions.slab_driver import Slab, fly_colliding
@@ -181,13 +181,13 @@ def _fly_colliding(
             flight, grains=flight.grains[rows], forces=forces, points=0, table_of=flight.table_of[rows],
             rules=flight.rules._replace(**finer),
         )  # fmt: skip
-        tracks = Tracks.empty(len(rows))
-        _fly_all(some, tracks, cores(), lambda *_: None)
-        return tracks
+        sample = Tracks.empty(len(rows))
+        _fly_all(some, sample, cores(), lambda *_: None)
+        return sample
 
     walls = pack_walls(flight.solids, (flight.walls.lines, flight.walls.line_ids), AT_REST, flight.grains.restitution)
     slab = Slab(**vars(flight) | {"walls": walls, "collisions": collisions})
-    return fly_colliding(slab, found, alone, seed, progress)
+    return fly_colliding(slab, tracks, alone, seed, progress)
 
 
 def _longest_wait(field: FlowField | None, air: PackedAir, bodies: Sequence[Body], omega: float) -> float:

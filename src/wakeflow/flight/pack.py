@@ -127,11 +127,11 @@ def pack_tables(law: str | Sequence[str], sphericity: Array, fraction: Index) ->
         raise SceneError(f"drag: {len(law)} laws, granules of fraction {fraction.min()} to {fraction.max()}")
     tables, which, count = [], np.zeros(len(sphericity), dtype=np.int64), 0
     for name in dict.fromkeys(law):
-        own = np.isin(fraction, [i for i, one in enumerate(law) if one == name])
-        found, used = _tables_of(name, sphericity[own])
-        which[own] = count + used
-        tables.append(found)
-        count += len(found)
+        mine = np.isin(fraction, [i for i, other in enumerate(law) if other == name])
+        made, used = _tables_of(name, sphericity[mine])
+        which[mine] = count + used
+        tables.append(made)
+        count += len(made)
     return np.concatenate(tables), which
 
 
@@ -177,15 +177,15 @@ def _nearest_covered(flight: Packed, field: FlowField, x: Array) -> Index:
     triangle, edge = flight.air.covered[:, at.COVER_TRI], flight.air.covered[:, at.COVER_EDGE]
     a = field.points[field.triangles[triangle, (edge + 1) % 3]]
     along = field.points[field.triangles[triangle, (edge + 2) % 3]] - a
-    found = np.full(len(x), -1, dtype=np.int64)
+    nearest = np.full(len(x), -1, dtype=np.int64)
     for low in range(0, len(x), PAIRS):
         offset = x[low : low + PAIRS, None] - a
         w = np.clip(np.einsum("nci,ci->nc", offset, along) / np.einsum("ci,ci->c", along, along), 0.0, 1.0)
         distance = np.linalg.norm(offset - w[..., None] * along, axis=2)
         best = distance.argmin(axis=1)
         near = distance[np.arange(len(best)), best] <= swing + flight.reach
-        found[low : low + PAIRS] = np.where(near, best, -1)
-    return found
+        nearest[low : low + PAIRS] = np.where(near, best, -1)
+    return nearest
 
 
 # -- The frame of a mesh that swings -----------------------------------------------------------------------------------
@@ -210,28 +210,28 @@ def relative(body: Body, swing: MeshOscillation) -> list[float]:
     and the phase as a time (s). Raises SceneError for a body that vibrates otherwise than the mesh: about a pivot, with
     another frequency or phase, or by samples.
     """
-    own, motion = [0.0] * 4, body.motion
+    seen, motion = [0.0] * 4, body.motion
     if motion is not None and motion.moves:
         amplitude = np.asarray(motion.amplitude) if motion.pivot is None else body.reach
-        own = [*amplitude.tolist(), motion.pace, float(motion.phase)]
+        seen = [*amplitude.tolist(), motion.pace, float(motion.phase)]
         if motion.record is not None:
-            own[3] *= motion.record.period / (2 * math.pi)
+            seen[3] *= motion.record.period / (2 * math.pi)
     if swing == AT_REST:
-        return own
+        return seen
     if motion is not None and motion.moves and motion.pivot is not None:
         raise SceneError(
             "bodies: one rocks about a pivot, the field's mesh vibrates; they must agree, or the body rest"
         )
     if motion is not None and motion.record is not None:
         raise SceneError("bodies: one moves by samples, the field's mesh vibrates; they must agree, or the body rest")
-    if own[2] != 0.0:
-        lag = (own[3] - swing.phase + math.pi) % (2 * math.pi) - math.pi
-        if abs(own[2] - swing.omega) > SAME * swing.omega or abs(lag) > SAME:
+    if seen[2] != 0.0:
+        lag = (seen[3] - swing.phase + math.pi) % (2 * math.pi) - math.pi
+        if abs(seen[2] - swing.omega) > SAME * swing.omega or abs(lag) > SAME:
             raise SceneError(
-                f"bodies: one vibrates at {own[2] / (2 * math.pi):g} Hz, phase {own[3]:g}, the field's mesh at "
+                f"bodies: one vibrates at {seen[2] / (2 * math.pi):g} Hz, phase {seen[3]:g}, the field's mesh at "
                 f"{swing.omega / (2 * math.pi):g} Hz, phase {swing.phase:g}: they must agree, or the body rest"
             )
-    x, y = own[0] - swing.x, own[1] - swing.y
+    x, y = seen[0] - swing.x, seen[1] - swing.y
     if math.hypot(x, y) <= MINUTE * math.hypot(swing.x, swing.y):
         return [0.0] * 4
     return [x, y, swing.omega, swing.phase]

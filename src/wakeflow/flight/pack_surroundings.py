@@ -18,11 +18,10 @@ from ..core.errors import SceneError, known
 from ..core.geometry import distance_to_edges
 from ..laws.forces import forces as all_forces
 from ..laws.restitution import Restitution, restitution_table
-from ..laws.turbulence import lifetime
+from ..laws.turbulence import damping, lifetime, shortest_life
 from .bodies import Body
 from .kernel import layout as at
 from .kernel.layout import PackedAir, Walls
-from .near_walls import LONGEST_LIFE, eddies, hold_off
 from .pack import AT_REST, mesh_motion_of, relative
 
 # -- From bodies and lines to the plain arrays of the kernel -----------------------------------------------------------
@@ -82,10 +81,10 @@ def _add(tables: _Tables, number: int, body: Body, swing: MeshOscillation) -> No
     for i in range(len(start)):
         tables.edges.append([*start[i], *end[i], direction[i, 1], -direction[i, 0], size[i]])
         tables.edge_links.append([number, at_start[i], at_end[i]])
-    own = [-1.0 if value is None else value for value in (body.restitution, body.friction)]
+    coefficients = [-1.0 if value is None else value for value in (body.restitution, body.friction)]
     count, period, *samples = _samples(body)
     about = [*_rocking(body), float(body.capture)]
-    tables.bodies.append([*low, *high, *relative(body, swing), *own, count, period, *about, *samples])
+    tables.bodies.append([*low, *high, *relative(body, swing), *coefficients, count, period, *about, *samples])
     tables.members.append([first_part, len(tables.parts), not body.open, body.line])
 
 
@@ -344,16 +343,16 @@ def evenness(field: FlowField, rms: Array, life: Array) -> Array:
             first, second, third = deviation[at_corners]
             x, y = (along[0, i] * first + along[1, i] * second + along[2, i] * third for i in (0, 1))
             slope += np.sqrt(x**2 + y**2) / len(rms)
-    own, mean = np.full(count, LONGEST_LIFE), rms.mean(axis=0)
+    lasting, mean = np.full(count, LONGEST_LIFE), rms.mean(axis=0)
     across = 1.0 / np.linalg.norm(field.gradients, axis=2).max(axis=1)
     lives = np.maximum(life.mean(axis=0)[corners].mean(axis=1), across / np.maximum(mean[corners].max(axis=1), LEAST))
     inside = np.minimum(lives, STEEP / np.maximum(slope, LEAST))
-    np.minimum.at(own, corners, inside[:, None])
+    np.minimum.at(lasting, corners, inside[:, None])
     here, there, away = field.sides
     way = away / np.maximum(REACH * np.maximum(mean[here], mean[there]), LEAST)
     # the shortest way, either way along each side, from a place from which each node is as far as its own time
     rows = np.concatenate([here, there, np.full(count, count)])
-    columns, weights = np.concatenate([there, here, np.arange(count)]), np.concatenate([way, way, own])
+    columns, weights = np.concatenate([there, here, np.arange(count)]), np.concatenate([way, way, lasting])
     graph = csr_array((np.maximum(weights, LEAST), (rows, columns)), shape=(count + 1, count + 1))
     return np.ascontiguousarray(dijkstra(graph, indices=count)[:count])
 
@@ -421,3 +420,82 @@ def _covered(field: FlowField, neighbours: Index, bodies: Sequence[Body], reach:
     before = [to_node.get(node, -1) for node in start.tolist()]
     after = [from_node.get(node, -1) for node in end.tolist()]
     return rows_of_ints(list(zip(triangle.tolist(), edge.tolist(), before, after, strict=True)), 4)
+
+
+# -- Air beside no-slip walls, whose layers are thinner than triangles -------------------------------------------------
+# Eddies that the wall damps, and a mean velocity that does not blow into it
+STILL = 1e-6  # of the fastest air: a boundary that is slower in the mean is at rest; modes are rounded
+NEARBY = 8  # edges next to a node that are looked at
+LONGEST_LIFE = 1e6  # s, of an eddy where next to nothing is dissipated
+LEAST_DEVIATION = 0.1  # of sqrt(2 k / 3), up to y+ 3.5; chosen: granules of tau+ 1 to 10 are laid on walls as measured
+
+
+def wall_edges(field: FlowField) -> tuple[Index, Index]:
+    """Triangles (W,) with an edge on a no-slip wall, and which corner (W,) is opposite: both ends are at rest in the
+    mean. Where all air is, walls are where k is 0.
+    """
+    triangle, corner = np.nonzero(field.neighbours < 0)
+    share = None if field.times is None else field.time_axis.mean_weights()
+    mean = field.velocity if share is None else np.tensordot(share, field.velocity, axes=1)
+    still = np.abs(mean).max(axis=1) <= STILL * np.abs(field.velocity).max()
+    if still.all():
+        still = np.zeros_like(still) if field.k is None else (field.k if share is None else share @ field.k) <= 0.0
+    on = np.all([still[field.triangles[triangle, (corner + step) % 3]] for step in (1, 2)], axis=0)
+    return triangle[on], corner[on]
+
+
+def eddies(field: FlowField, k: Array, dissipation: Array) -> tuple[Array, Array]:
+    """Deviation m/s and lifetime s of the eddies (.., N) from k m2/s2 and its dissipation m2/s3 at the nodes.
+
+    They are alike in all directions, beside a no-slip wall as weak as across it; on it there are none, whatever k says.
+    """
+    (walls, away), viscosity = _away(field), field.viscosity / field.density
+    rms, life = np.empty(k.shape), np.empty(k.shape)
+    for row in np.ndindex(*k.shape[:-1]):  # as few numbers at a time as the processor holds near
+        energy, lost = np.maximum(k[row], 0.0), np.maximum(dissipation[row], 0.0)
+        energy[walls] = 0.0
+        deviation, lives = np.sqrt(2.0 / 3.0 * energy), lifetime(energy, lost)
+        if len(walls):
+            share = damping(lost, away, viscosity)
+            lives = np.maximum(lives, (1.0 - share) * shortest_life(lost, viscosity))
+            deviation *= np.maximum(share, LEAST_DEVIATION)
+        rms[row], life[row] = deviation, np.minimum(lives, LONGEST_LIFE)
+    return rms, life
+
+
+def _away(field: FlowField) -> tuple[Index, Array]:
+    """Nodes (W, 2) of the edges on no-slip walls; distance (N,) m of all nodes from the nearest of those near by. Kept
+    with the mesh for the next air that has the same walls.
+    """
+    from scipy.spatial import cKDTree
+
+    triangle, corner = wall_edges(field)
+    ends = field.triangles[triangle[:, None], (corner[:, None] + [1, 2]) % 3]
+    if not len(ends):
+        return ends, np.zeros(0)
+    kept, away = field.geometry.get("away", (ends[:0], np.zeros(0)))
+    if not np.array_equal(kept, ends):
+        start, end = np.swapaxes(field.points[ends], 0, 1)
+        near = cKDTree(0.5 * (start + end)).query(field.points, k=range(1, min(NEARBY, len(start)) + 1))[1]
+        away = distance_to_edges(field.points, start[near], end[near])
+        field.geometry["away"] = ends, away
+    return ends, away
+
+
+def hold_off(field: FlowField, velocity: Array) -> None:
+    """Take from ``velocity`` (.., N, 2) m/s what blows into no-slip walls at the nodes next to them, in place.
+
+    In the triangle on a wall all components are linear in the distance; across the wall they fall with its square. Air
+    that blows towards it would carry what it carries up to it, at a constant angle.
+    """
+    triangle, corner = wall_edges(field)
+    apex, foot = field.triangles[triangle, corner], field.triangles[triangle, (corner + 1) % 3]
+    normal = field.gradients[triangle, corner]
+    normal = normal / np.linalg.norm(normal, axis=1)[:, None]
+    order = np.argsort(apex, kind="stable")
+    turn = np.arange(len(apex)) - np.searchsorted(apex[order], apex[order])  # a node may be opposite to several edges
+    for which in 2 * list(range(turn.max(initial=-1) + 1)):
+        row = order[turn == which]
+        n, node = normal[row], apex[row]
+        into = np.einsum("...nd,nd->...n", velocity[..., node, :] - velocity[..., foot[row], :], n)
+        velocity[..., node, :] -= np.minimum(into, 0.0)[..., None] * n

@@ -196,9 +196,9 @@ def _number(
 ) -> _Number:
     """Theta, the strength or the lift, of those of ``every`` entry that are of the body's shape."""
     known = [entry for entry in every if entry.number == name]
-    own = [entry for entry in known if entry.family == family and not abs(slope - entry.slope) > ALIKE]
-    near = [entry for entry in own if 1.0 / MAX_BLOCKAGE_RATIO <= blockage / entry.blockage <= MAX_BLOCKAGE_RATIO]
-    chosen = near if len({entry.datum for entry in near}) >= MIN_SOURCES else own
+    alike = [entry for entry in known if entry.family == family and not abs(slope - entry.slope) > ALIKE]
+    near = [entry for entry in alike if 1.0 / MAX_BLOCKAGE_RATIO <= blockage / entry.blockage <= MAX_BLOCKAGE_RATIO]
+    chosen = near if len({entry.datum for entry in near}) >= MIN_SOURCES else alike
     lowest = min((entry.reynolds[0] for entry in chosen), default=0.0)
     if not chosen or reynolds < lowest:
         why = (
@@ -207,7 +207,7 @@ def _number(
             else f"Re {reynolds:.3g} is below the data's {lowest:.3g}"
         )  # fmt: skip
         value, widest = _mean(chosen or known, blockage).value, by_source(known)
-        low, high = min(one.low for one in widest.values()), max(one.high for one in widest.values())
+        low, high = min(source.low for source in widest.values()), max(source.high for source in widest.values())
         return _Number(_within(value, low, high), f"{why}, so the range of all {len(widest)} sources", widest=True)
     where = "near this blockage" if chosen == near else "at other blockages"
     count = len({entry.datum for entry in chosen})
@@ -222,8 +222,8 @@ def _by_mean_weight(theta: Number, every: Sequence[WakeEntry]) -> _Number:
     ratios = []
     for datum, strength in by_source([entry for entry in every if entry.number == "strength"]).items():
         entry = next(entry for entry in every if entry.datum == datum)
-        own = _number(entry.family, entry.blockage, max(entry.reynolds), every, entry.slope, "theta")
-        ratios.append(strength.value / own.value.value)
+        of_shape = _number(entry.family, entry.blockage, max(entry.reynolds), every, entry.slope, "theta")
+        ratios.append(strength.value / of_shape.value.value)
     middle = float(np.mean(ratios))
     value = _within(theta.value * middle, theta.low * min(ratios), theta.high * max(ratios))
     return _Number(value, f"theta times {middle:.2f}, its mean ratio to theta in {len(ratios)} sources of others")
@@ -254,12 +254,10 @@ def _pooled(group: Sequence[tuple[float, float]]) -> Number:
 
 def _mean(chosen: Sequence[WakeEntry], blockage: float) -> Number:
     """The mean of the sources of ``chosen``; the half of a range that is not symmetric is its larger side."""
-    found = [
-        (one.value, max(one.high - one.value, one.value - one.low)) for one in by_source(chosen, blockage).values()
-    ]
-    if len(found) == 1:
-        found = [(found[0][0], math.hypot(found[0][1], BETWEEN_SOURCES))]
-    return _within(*_pooled(found))
+    halves = [(x.value, max(x.high - x.value, x.value - x.low)) for x in by_source(chosen, blockage).values()]
+    if len(halves) == 1:
+        halves = [(halves[0][0], math.hypot(halves[0][1], BETWEEN_SOURCES))]
+    return _within(*_pooled(halves))
 
 
 def _within(value: float, low: float, high: float) -> Number:
@@ -274,9 +272,9 @@ DEFICIT, SPREAD = 0.98, 0.57  # of the far wake, times sqrt(Cd D / x) and sqrt(C
 # with b = 0.18 as measured (Schlichting, Boundary-Layer Theory, free turbulent flows: wake behind a single body)
 
 
-def apart(one: Array, other: Array) -> float:
+def apart(outline: Array, other: Array) -> float:
     """How far (m) two outlines are apart sideways; 0 where one is above the other."""
-    return max(0.0, float(other[:, 0].min() - one[:, 0].max()), float(one[:, 0].min() - other[:, 0].max()))
+    return max(0.0, float(other[:, 0].min() - outline[:, 0].max()), float(outline[:, 0].min() - other[:, 0].max()))
 
 
 def slower_behind(front: Array, behind: Array, along: float) -> float:

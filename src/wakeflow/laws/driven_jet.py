@@ -28,12 +28,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.number import Number
+from .constants import C_MU
 
 Array = NDArray[np.float64]
 ENTRAINMENT = Number(0.11, 0.075, 0.15)  # of a plume; from a plane jet's to well above the measured 0.13; chosen
 ENERGY = 0.083  # k on the axis over u_m^2
 EDDY_VISCOSITY = 0.0315 * math.sqrt(math.log(2.0))  # over u_m b
-C_MU = 0.09
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def driven_jet(fall: Array, push: Array, width: float, entrainment: float = ENTR
     return DrivenJet(fall, np.sqrt(squared), push)
 
 
-def _over(one: Array, other: Array) -> Array:
+def _over(above: Array, below: Array) -> Array:
     """The quotient, 0 where there is nothing to divide by."""
-    shape = np.broadcast_shapes(np.shape(one), np.shape(other))
-    return np.divide(one, other, out=np.zeros(shape), where=np.broadcast_to(other != 0.0, shape))
+    shape = np.broadcast_shapes(np.shape(above), np.shape(below))
+    return np.divide(above, below, out=np.zeros(shape), where=np.broadcast_to(below != 0.0, shape))

@@ -116,8 +116,8 @@ class Material:
 
     def like(self, quantity: str) -> str:
         """The material whose number of a quantity this one has, as its source says: "as wheat"; empty: its own."""
-        found = AS.findall(self.evidence[quantity].source) if quantity in self.evidence else ()
-        return next((name for one in found if (name := one.replace(" ", "-")) in materials), "")
+        names = AS.findall(self.evidence[quantity].source) if quantity in self.evidence else ()
+        return next((name for word in names if (name := word.replace(" ", "-")) in materials), "")
 
     def at_moisture(self, share: float) -> Material:
         """The material with a ``share`` of water (of its whole mass), as it was measured between its driest and its
@@ -149,7 +149,7 @@ def near_material(name: object, known: Sequence[str]) -> str:
         if _misspelt(str(name), other):
             return f"; did you mean {other!r}?"
     for other in known:
-        if other in materials and any(_misspelt(str(name), one) for one in materials[other].also):
+        if other in materials and any(_misspelt(str(name), word) for word in materials[other].also):
             return f"; the nearest is {other!r}"
     return ""
 
@@ -186,27 +186,27 @@ def read_material(name: str, table: Mapping[str, Any], where: str) -> Material:
         raise SceneError(f"{at}: {'; '.join(problems)} (wakeflow materials --new shows a whole one)")
     parts = {key: value for key, value in table.items() if isinstance(value, Mapping)}
     _words(at, table)
-    found: dict[str, Any] = {"terminal_velocity": None, "confidence": table["confidence"], "source": table["source"],
+    values: dict[str, Any] = {"terminal_velocity": None, "confidence": table["confidence"], "source": table["source"],
                              "also": tuple(map(str, table.get("also", ())))}  # fmt: skip
     for key in SIZES:
-        found[key] = _number(f"{at}.{key}", parts.get(key, {"value": table[key]})["value"], key)
+        values[key] = _number(f"{at}.{key}", parts.get(key, {"value": table[key]})["value"], key)
     moisture = parts.pop("moisture", None)
     sizes = parts.pop("dimensions", None)
     for key, part in parts.items():
         place = f"{at}.{key}"
         _words(place, part)
         if key not in SIZES:
-            found[key] = part["model"] if key == "impact" else _number(place, part["value"], key)
+            values[key] = part["model"] if key == "impact" else _number(place, part["value"], key)
         if key in SPREAD:
-            found[f"{key}_std"] = _number(f"{place}.std", part["std"], key)
+            values[f"{key}_std"] = _number(f"{place}.std", part["std"], key)
     evidence = {
         key: Evidence(part["confidence"], part["source"], _margin(f"{at}.{key}", key, part))
         for key, part in parts.items()
     }
     if sizes is not None:
-        found["dimensions"], evidence["dimensions"] = _dimensions(f"{at}.dimensions", sizes)
+        values["dimensions"], evidence["dimensions"] = _dimensions(f"{at}.dimensions", sizes)
     wet = None if moisture is None else _moisture(f"{at}.moisture", moisture)
-    return Material(**found, evidence=evidence, moisture=wet)
+    return Material(**values, evidence=evidence, moisture=wet)
 
 
 def _keys_of(part: str) -> tuple[str, ...]:
@@ -230,16 +230,16 @@ def _not_there(table: Mapping[str, Any]) -> list[str]:
 
 def _not_known(table: Mapping[str, Any]) -> list[str]:
     """Each key of a material's table that none has."""
-    found: list[tuple[str, str, tuple[str, ...]]] = [
+    given: list[tuple[str, str, tuple[str, ...]]] = [
         ("", key, (*KNOWN, "confidence", "source", "also")) for key in table
     ]
     for part, keys in table.items():
         if isinstance(keys, Mapping) and part in KNOWN:
             extra = {"moisture": WET, "impact": ()}.get(part, ("uncertainty",))
-            found += [(f"{part}.", key, (*_keys_of(part), *extra)) for key in keys]
+            given += [(f"{part}.", key, (*_keys_of(part), *extra)) for key in keys]
     return [
         f"{place}{key}: unknown" + (did_you_mean(key, list(known)) or f" (known: {', '.join(known)})")
-        for place, key, known in found
+        for place, key, known in given
         if key not in known
     ]
 
@@ -260,10 +260,10 @@ def _dimensions(at: str, table: Mapping[str, Any]) -> tuple[tuple[float, ...], E
 
 def _moisture(at: str, table: Mapping[str, Any]) -> Moisture:
     ends: dict[str, tuple[float, float]] = {}
-    for key in [one for one in ("share", *WET) if one in table]:
+    for key in [name for name in ("share", *WET) if name in table]:
         if not isinstance(table[key], list) or len(table[key]) != 2:
             raise SceneError(f"{at}.{key} = {table[key]!r}: give two numbers, at the driest and at the wettest")
-        low, high = (_number(f"{at}.{key}", one, key) for one in table[key])
+        low, high = (_number(f"{at}.{key}", end, key) for end in table[key])
         if key == "share" and not low < high:
             raise SceneError(f"{at}.share = {table[key]!r}: give the driest first, then the wettest")
         if key != "share" and min(low, high) <= 0.0:

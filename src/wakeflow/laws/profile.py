@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.registry import Registry
+from .size import normal_quantile
 
 Array = NDArray[np.float64]
 profiles: Registry[Callable[..., Array]] = Registry("curtain profile")
-_normal_quantile = np.vectorize(NormalDist().inv_cdf, otypes=[float])  # the plan asks too, and must not load scipy
 
 
 @profiles.register("uniform")
@@ -44,7 +44,7 @@ def normal(p: Array, width: float, *, std: float | None = None) -> Array:
     """Normal with standard deviation ``std`` (m; a quarter of the width without), cut off at the curtain's edges."""
     spread = 0.25 * width if std is None else std
     below = NormalDist().cdf(-0.5 * width / spread)
-    return np.asarray(spread * _normal_quantile(below + np.asarray(p) * (1.0 - 2.0 * below)))
+    return np.asarray(spread * normal_quantile(below + np.asarray(p) * (1.0 - 2.0 * below)))
 
 
 @profiles.register("table")

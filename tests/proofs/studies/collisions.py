@@ -40,7 +40,7 @@ from wakeflow.answer.shares import Separation
 from wakeflow.core.number import student
 from wakeflow.core.store import content_key
 from wakeflow.core.tables import Columns
-from wakeflow.flight.stages.input_samples import CODE
+from wakeflow.flight.stages.input_samples import CODE, DrawStage
 from wakeflow.flight.stages.landings import Landings
 from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.planning.collision_rates import encounters
@@ -80,7 +80,7 @@ class Moved(NamedTuple):
 def moved(scene: wf.Scene, draws: Sequence[int]) -> Iterator[tuple[str, Moved, float]]:
     """What the numbered ``draws`` change of each fraction's shares, and the factor that is taken for it."""
     pipeline = piped(scene, force=MEET)
-    crowd, tracked, stage, bins = pipeline.crowd(), pipeline.tracks(), pipeline.draw_stage, len(scene.bin)
+    crowd, tracked, stage, bins = pipeline.crowd(), pipeline.tracks(), DrawStage(pipeline._track_stage), len(scene.bin)
     size = replicate_size(scene.feed.count)
     meet: dict[str, list[Array]] = {name: [] for name in scene.fraction}
     alone: dict[str, list[Array]] = {name: [] for name in scene.fraction}
@@ -114,7 +114,7 @@ def _flown_drawn(pipeline: Pipeline, number: int, made: Variation, airs: Realisa
         code_of(*CODE),
     )
     folder = pipeline.cache.make(name, key, partial(flight.fly_all, replicates=REPLICATES_DRAWN))
-    return flight.found(folder, REPLICATES_DRAWN).landings
+    return flight.load(folder, REPLICATES_DRAWN).landings
 
 
 def chosen_draws(count: int) -> list[int]:

@@ -67,7 +67,7 @@ def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
 
 def test_balanced_samples_do_not_pretend_to_be_exact() -> None:
     """With the real sampler: the interval of a share covers it at least as often as it says, for cuts anywhere."""
-    from wakeflow.flight.feed.birth import samples
+    from wakeflow.flight.feed.feedstock import samples
 
     covered = total = 0
     for seed in range(40):

@@ -399,9 +399,9 @@ def test_it_goes_on_where_it_stopped_and_all_fly_with_the_step_that_the_first_ha
     replace(flight, tell=told.append).fly_all(stopped, 2)
     assert told == ["replicate 2", "2 of 2 replicates"]
     replace(flight, step=step_of(tmp_path)).fly_all(given, 2)
-    one = flight.found(tmp_path, 2)
+    one = flight.load(tmp_path, 2)
     assert one.clock.step_error < 1e-3
-    for other in (flight.found(folder, 2) for folder in (stopped, given)):
+    for other in (flight.load(folder, 2) for folder in (stopped, given)):
         assert one.clock.step == other.clock.step
         for name in scene.fraction:
             np.testing.assert_array_equal(one.landings[name].position, other.landings[name].position)
@@ -497,14 +497,14 @@ def test_both_ends_of_a_number_fly_where_one_is_cut_off() -> None:
     """A restitution of 0.95 has hardly an upper end: what the lower one moves would not be seen."""
     own, flown = crowd(DENSE), list[float]()
 
-    def again(rerun: CollisionRerun | None = None) -> SlabFound:
-        flown.extend([] if rerun is None else [rerun.restitution])
-        return own
+    def again(rerun: CollisionRerun) -> tuple[SlabFound, ...]:
+        flown.append(rerun.restitution)
+        return (own,)
 
     for value, ends in ((0.5, 1), (0.95, 2)):
         asked = pipeline(DENSE).scene.replace({"collisions.restitution": value})
-        found = BetweenGranulesRestitution().fly(SimpleNamespace(scene=asked, crowd=again), None)  # type: ignore[arg-type]
-        assert found is not None
+        piped: Any = SimpleNamespace(scene=asked, crowd=lambda: own, crowd_again=again)
+        found = BetweenGranulesRestitution().fly(piped, None)  # type: ignore[arg-type]
         assert len(found) == ends
         assert [end > 0.0 for end in flown] == [True, False][:ends]
         flown.clear()

@@ -13,8 +13,7 @@ from wakeflow.air.field import FlowField
 from wakeflow.air.field.combined import varied
 from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.core.errors import SceneError
-from wakeflow.flight.feed.birth import samples
-from wakeflow.flight.feed.feedstock import feedstock
+from wakeflow.flight.feed.feedstock import feedstock, samples
 from wakeflow.flight.stages.film_stage import SINGLY, Film
 from wakeflow.flight.stages.fraction_flights import Flight, _second_half, bodies_and_walls, end_lines
 from wakeflow.flight.stages.input_samples import DrawStage

@@ -10,7 +10,7 @@ from support import VISCOSITY, without_slip
 from wakeflow.air.field import FlowField
 from wakeflow.core.errors import SceneError
 from wakeflow.flight import Body, Fate, track
-from wakeflow.flight.near_walls import hold_off, wall_edges
+from wakeflow.flight.pack_surroundings import hold_off, wall_edges
 
 LAYER = 0.1  # radii, of the boundary layer below
 

@@ -622,12 +622,12 @@ def test_of_very_many_granules_all_are_counted_and_a_balanced_part_is_kept(
 ) -> None:
     scene = shipped("vacuum", {"feed.count": 4096})
     whole = Pipeline(scene, make_plan(scene))
-    every, drawn = whole.tracks(), whole.draw_stage.fly()
+    every, drawn = whole.tracks(), whole.draws()
     monkeypatch.setattr(flying, "AT_ONCE", 64)  # a quarter of a replicate at a time
     monkeypatch.setattr(landings, "KEPT", 1024)
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path))
     pipeline = Pipeline(scene, make_plan(scene))
-    tracked, few = pipeline.tracks(), pipeline.draw_stage.fly()
+    tracked, few = pipeline.tracks(), pipeline.draws()
     for name in scene.fraction:
         one, other = every.landings[name], tracked.landings[name]
         assert (one.size, other.size, len(other.bin)) == (4096.0, 4096.0, 1024)

@@ -8,10 +8,9 @@ the change's alone, and is nothing where the two agree within their noise.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
 from math import copysign, sqrt
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -40,15 +39,15 @@ class _SlabAgain(Source[tuple[SlabFound, ...]]):
     """
 
     how = PERTURBED_RERUN
-    companion: ClassVar[CollisionRerun]
+    flown: ClassVar[tuple[str, ...]]  # the stages in which replicates fly again; the first flies always
+    changed: ClassVar[Mapping[str, float]]
     part_of_slab: ClassVar[float]  # its run time over the slab's
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
-        return (cost for name in self.flown for cost in slab_again(work, name, self.part_of_slab))
+        return slab_again(work, self.flown[0], self.part_of_slab)
 
-    def fly(self, pipeline: Pipeline, tracked: Tracked) -> tuple[SlabFound, ...] | None:
-        again = pipeline.crowd(self.companion)
-        return None if again is None else (again,)
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> tuple[SlabFound, ...]:
+        return pipeline.crowd_again(CollisionRerun(self.flown[0], **self.changed))
 
     def shares(self, fraction: FractionResults) -> Parts:
         found, ends = self._compared(fraction), fraction.flights.of(self) or ()
@@ -58,7 +57,7 @@ class _SlabAgain(Source[tuple[SlabFound, ...]]):
     def _compared(self, fraction: FractionResults) -> dict[str, tuple[float, str]]:
         """What the change is of the fraction's share in every bin, beyond chance, and what was compared in words."""
         found, slab = fraction.flights.of(self), fraction.flights.crowd
-        if found is None or slab is None:
+        if not found or slab is None:
             return {}
         both = (*found, slab)[:2]
         bins, images = len(fraction.shares) - 1, fraction.pipeline.scene.images
@@ -71,11 +70,6 @@ class _SlabAgain(Source[tuple[SlabFound, ...]]):
             for i, place in enumerate(fraction.shares)
         }
 
-    @property
-    def flown(self) -> tuple[str, ...]:
-        """The stages in which replicates fly again."""
-        return (self.companion.name,)
-
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         """A difference of replicates that go apart: sampling in all but the name."""
         return sampled(part.size, now, then)
@@ -85,7 +79,7 @@ class SlabStep(_SlabAgain):
     """The time step in which granules that meet are moved: part of the replicates with one twice as long."""
 
     name, place = "slab-time-step", 21
-    companion, part_of_slab = CollisionRerun("slab longer steps", step=COARSER), 0.18
+    flown, changed, part_of_slab = ("slab longer steps",), {"step": COARSER}, 0.18
 
 
 class _BetweenGranules(_SlabAgain):
@@ -97,36 +91,24 @@ class _BetweenGranules(_SlabAgain):
     beyond_computing, part_of_slab = True, 0.25
     number: ClassVar[str]
     most: ClassVar[float]
-    below: ClassVar[CollisionRerun]
 
-    def fly(self, pipeline: Pipeline, tracked: Tracked) -> tuple[SlabFound, ...] | None:
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> tuple[SlabFound, ...]:
         scene, own = pipeline.scene, pipeline.crowd()
         value = getattr(scene.collisions, self.number)
         half = half_of(scene, f"collisions.{self.number}", "collisions", value)
         if own is None or not half:
-            return None
-        upper = self._at(pipeline, self.companion, half)
+            return ()
+        ends = zip(self.flown, (half, -half), strict=True)
+        above, below = (CollisionRerun(name, **{self.number: change}) for name, change in ends)
+        upper = pipeline.crowd_again(above)
         if value + half <= self.most and not any(shows(one, own, len(scene.bin)) for one in upper):
             return upper
-        return upper + self._at(pipeline, self.below, -half)
-
-    def _at(self, pipeline: Pipeline, rerun: CollisionRerun, change: float) -> tuple[SlabFound, ...]:
-        changes: dict[str, Any] = {self.number: change}
-        found = pipeline.crowd(replace(rerun, **changes))
-        return () if found is None else (found,)
-
-    def costs(self, work: Workload) -> Iterable[StageCost]:
-        """Of the end that always flies."""
-        return slab_again(work, self.companion.name, self.part_of_slab)
+        return upper + pipeline.crowd_again(below)
 
     def column(self, fractions: Sequence[FractionResults]) -> Sequence[Column]:
         return signed_column(
             self.name, [{place: moved for place, (moved, _) in self._compared(one).items()} for one in fractions]
         )
-
-    @property
-    def flown(self) -> tuple[str, ...]:
-        return self.companion.name, self.below.name
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         """No setting makes a number of the scene better known."""
@@ -137,21 +119,21 @@ class BetweenGranulesRestitution(_BetweenGranules):
     """The restitution of one granule on another."""
 
     name, place, number, most = "collisions.restitution", 16, "restitution", 1.0
-    companion, below = CollisionRerun("livelier meetings"), CollisionRerun("duller meetings")
+    flown = "livelier meetings", "duller meetings"
 
 
 class BetweenGranulesFriction(_BetweenGranules):
     """The friction of one granule on another."""
 
     name, place, number, most = "collisions.friction", 17, "friction", math.inf
-    companion, below = CollisionRerun("rougher meetings"), CollisionRerun("smoother meetings")
+    flown = "rougher meetings", "smoother meetings"
 
 
 class SlabDepth(_SlabAgain):
     """The slab's depth, beyond which it repeats itself: of part of the replicates half of the depth, cut off."""
 
     name, place = "slab-depth", 22
-    companion, part_of_slab = CollisionRerun("thinner slab", depth=THINNER), 0.14
+    flown, changed, part_of_slab = ("thinner slab",), {"depth": THINNER}, 0.14
 
 
 def _apart(found: SlabFound, fraction: FractionResults) -> bool:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,14 +129,14 @@ class _Run:
 
     def _constants(self, some: Granules) -> Array:
         """Those of the tracker (n, CONSTANTS), of the forces of each granule's fraction."""
-        slab, own = self.slab, self.slab.collisions.forces
-        if not own:
+        slab, acting_on = self.slab, self.slab.collisions.forces
+        if not acting_on:
             return pack_granules(some, slab.field, slab.forces, slab.gravity)
-        found = np.zeros((len(some), at.CONSTANTS))
+        rows = np.zeros((len(some), at.CONSTANTS))
         for number in np.unique(some.fraction):
-            mine, acting = some.fraction == number, [name for name in slab.forces if name in own[number]]
-            found[mine] = pack_granules(some[mine], slab.field, acting, slab.gravity)
-        return found
+            mine, acting = some.fraction == number, [name for name in slab.forces if name in acting_on[number]]
+            rows[mine] = pack_granules(some[mine], slab.field, acting, slab.gravity)
+        return rows
 
     def march(self, stop: float) -> bool:
         """Some steps; whether the clock shows ``stop``, or all is over."""
@@ -148,7 +147,7 @@ class _Run:
             self.cells, self.counts, stop, steps, self.timed, self.fed == len(self.order),
         ))  # fmt: skip
 
-    def harvest(self, found: Tracks, *, all_of_them: bool = False) -> int:
+    def harvest(self, tracks: Tracks, *, all_of_them: bool = False) -> int:
         """Take those that ended out of their slots; returns how many."""
         crowd, taken = self.crowd, self.who >= 0
         if all_of_them:  # those that have not ended are at rest, or still in the air
@@ -159,11 +158,11 @@ class _Run:
             crowd.states[lies, at.T] -= crowd.states[lies, at.HELD] - rest
         slots = np.flatnonzero(taken & (crowd.counts[:, at.FATE] != at.FLYING))
         rows, self.who[slots] = self.who[slots], -1
-        found.keep(rows, crowd.states[slots], crowd.counts[slots])
-        found.meetings[rows] = crowd.tally[slots, of.MEETINGS]
-        if found.recorded:
+        tracks.keep(rows, crowd.states[slots], crowd.counts[slots])
+        tracks.meetings[rows] = crowd.tally[slots, of.MEETINGS]
+        if tracks.recorded:
             for slot, row in zip(slots, rows, strict=True):
-                found.recorded[row] = crowd.records[slot, : crowd.counts[slot, at.KEPT]].copy()
+                tracks.recorded[row] = crowd.records[slot, : crowd.counts[slot, at.KEPT]].copy()
         return len(slots)
 
 
@@ -195,14 +194,14 @@ def _cells(slots: int) -> Cells:
 
 
 def fly_slab(
-    slab: Slab, found: Tracks, step: float, seed: int, progress: Callable[[int, int], object] = lambda *_: None
-) -> dict[str, Any]:
-    """Let the crowd fly with a clock of ``step`` (s), filling ``found``; returns the numbers of its steps and how many
-    lay still over the time of the feed.
-    """
-    run, done = _Run(slab, step, seed), 0
-    if not step > 0:
-        raise SceneError(f"collisions: step = {step:g} s must be positive")
+    slab: Slab, tracks: Tracks, clock: ClockStep, seed: int, progress: Callable[[int, int], object] = lambda *_: None
+) -> CollisionFlight:
+    """Let the crowd fly by a ``clock``, filling ``tracks``; returns how it was flown."""
+    if not len(tracks):
+        return CollisionFlight(clock)
+    run, done = _Run(slab, clock.step, seed), 0
+    if not clock.step > 0:
+        raise SceneError(f"collisions: step = {clock.step:g} s must be positive")
     born_last = min(float(slab.grains.time.max()), slab.rules.until)
     looks = iter(np.linspace(run.clock[of.NOW], born_last, SAMPLES).tolist())
     look = next(looks)
@@ -210,7 +209,7 @@ def fly_slab(
         stop, over = run.feed(), False
         while not over:
             over = run.march(min(stop, look)) and stop <= look
-            done += run.harvest(found)
+            done += run.harvest(tracks)
             progress(done, len(slab.grains))
             born = run.fed - len(run.crowd.waiting) + int(run.counts[of.BORN])
             while run.clock[of.NOW] >= look:
@@ -218,9 +217,11 @@ def fly_slab(
                 look = next(looks, np.inf)
         if run.fed == len(run.order):
             break
-    done += run.harvest(found, all_of_them=True)
+    done += run.harvest(tracks, all_of_them=True)
     progress(done, len(slab.grains))
-    return {"flown": int(run.counts[of.FLOWN]), "steps": int(run.counts[of.STEPS]), "standing": run.standing}
+    standing = np.array(run.standing, dtype=float).reshape(-1, 3)
+    steps, flown = int(run.counts[of.STEPS]), int(run.counts[of.FLOWN])
+    return CollisionFlight(clock, steps, flown, standing, _jammed(standing))
 
 
 # -- How long the step of a crowd's clock may be -----------------------------------------------------------------------
@@ -238,7 +239,7 @@ HALF = 0.5
 
 def fly_colliding(
     slab: Slab,
-    found: Tracks,
+    tracks: Tracks,
     alone: Callable[[Index, Sequence[str]], Tracks],
     seed: int,
     progress: Callable[[int, int], object],
@@ -251,11 +252,7 @@ def fly_colliding(
         clock = measured_step(slab, alone)
         if slab.collisions.measured is not None:
             slab.collisions.measured(clock)
-    told: dict[str, Any] = {"flown": 0, "steps": 0, "standing": []}
-    if len(found):
-        told = fly_slab(slab, found, clock.step, seed, progress)
-    standing = np.array(told["standing"], dtype=float).reshape(-1, 3)
-    return replace(found, crowd=CollisionFlight(clock, told["steps"], told["flown"], standing, _jammed(standing)))
+    return replace(tracks, crowd=fly_slab(slab, tracks, clock, seed, progress))
 
 
 def _jammed(standing: NDArray[np.float64]) -> bool:
@@ -286,7 +283,7 @@ def measured_step(slab: Slab, alone: Callable[[Index, Sequence[str]], Tracks]) -
 
     def error_of(step: float) -> float:
         tracks = Tracks.empty(len(rows))
-        fly_slab(sample, replace(tracks, meetings=np.zeros(len(rows), dtype=np.int64)), step, 0)
+        fly_slab(sample, replace(tracks, meetings=np.zeros(len(rows), dtype=np.int64)), ClockStep(step), 0)
         away = np.linalg.norm(tracks.position - right.position, axis=1)
         return float(np.quantile(away, NINE_OF_TEN)) / slab.rules.length
 

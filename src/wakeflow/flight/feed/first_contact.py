@@ -64,7 +64,7 @@ class _Gap:
         if self.motion.pivot is None:
             most = np.abs(self.normal @ np.asarray(self.motion.amplitude, dtype=float))
         else:
-            most = np.array([np.hypot(*self.motion.reach(one[None])) for one in self.place])
+            most = np.array([np.hypot(*self.motion.reach(point[None])) for point in self.place])
         crest = most / self.normal[:, 1]
         v2, more = self.fall_speed**2, 2 * self.pull * crest
         before = 2 * crest / (self.fall_speed + np.sqrt(np.maximum(v2 - more, 0.0)))

@@ -106,7 +106,7 @@ def impact_loads(scene: Scene, plan: Plan) -> ImpactSummary | None:
         for slope, (start, end) in slopes.items()
         if totals[slope]
     }
-    everything = _sum([one for part in totals.values() for one in part])
+    everything = _sum([load for part in totals.values() for load in part])
     return ImpactSummary(name, places, fractions, ImpactForces(**everything))
 
 
@@ -198,14 +198,14 @@ def _on_slope(scene: Scene, name: str, stream: _Stream, number: int) -> tuple[Lo
 
 def _sum(parts: list[Load]) -> JsonTable:
     """Of ImpactForces, by name: forces and power add up, the centre of mass has the mass-weighted velocity."""
-    flow = sum((one.mass_flow for one in parts), 0.0)
-    force = sum((one.force for one in parts), np.zeros(2))
-    moving = sum((one.mass_flow * one.velocity for one in parts), np.zeros(2))
+    flow = sum((load.mass_flow for load in parts), 0.0)
+    force = sum((load.force for load in parts), np.zeros(2))
+    moving = sum((load.mass_flow * load.velocity for load in parts), np.zeros(2))
     return {
         "mass_flow": flow,
-        "normal": sum((one.normal for one in parts), 0.0),
-        "tangential": sum((one.tangential for one in parts), 0.0),
+        "normal": sum((load.normal for load in parts), 0.0),
+        "tangential": sum((load.tangential for load in parts), 0.0),
         "force": tuple(force.tolist()),
-        "power": sum((one.power for one in parts), 0.0),
+        "power": sum((load.power for load in parts), 0.0),
         "velocity": tuple((moving / flow).tolist()) if flow > 0.0 else None,
     }

@@ -27,8 +27,7 @@ from ...planning.plan import FractionPlan, Plan
 from ...scene import Scene
 from ...scene.variation import AS_GIVEN, GranuleVariation, Variation
 from .. import Granules
-from .birth import varied_granules
-from .feedstock import entering, fall_start, granules_of, highest, hung, released
+from .feedstock import entering, fall_start, granules_of, highest, hung, released, varied_granules
 
 Array = NDArray[np.float64]
 FALLEN = 0.4  # of the way to the body, where granules from rest have come apart; chosen
@@ -73,7 +72,7 @@ def slab_stream(
     rng = np.random.default_rng([scene.feed.seed, zlib.crc32(b"slab"), replicate])
     source = _Source(scene, plan, known(plan.crowd), field, rng, operation + 2.0 * start_up, depth)
     given = [(number, name, variation.of(name)) for number, name in enumerate(scene.fraction)]
-    parts = [source.fed(*one, tracers=tracers) for one in given for tracers in (False, True)]
+    parts = [source.fed(*row, tracers=tracers) for row in given for tracers in (False, True)]
     order = np.argsort(np.concatenate([part.granules.time for part in parts]), kind="stable")
     granules = _joined([part.granules for part in parts])[order]
     fraction, mass = (np.concatenate([getattr(part, key) for part in parts])[order] for key in ("fraction", "mass"))
@@ -166,13 +165,13 @@ class _Source:
         low = float(start.min())
         line = plumb.placed(np.array([(-scene.channel.width, low), (scene.channel.width, low)]))
         whole = np.linspace(0.0, field.period or 0.0, len(x), endpoint=False)
-        found = tracking.track(
+        fall = tracking.track(
             field, hung(scene, grains.replace(position=position, velocity=velocity, time=whole)), until=LONGEST,
             tolerance=TOLERANCE, length=scene.width, drag=how.drag, forces=how.forces, lines=(line,), seed=seed,
             gravity=scene.plumb.gravity,
         )  # fmt: skip
-        comes = (found.line == 0)[:, None]  # upward air does not let others come so far: they begin where the feed does
-        fallen, speeds = plumb.seen(found.position), plumb.hung(found.velocity)
+        comes = (fall.line == 0)[:, None]  # upward air does not let others come so far: they begin where the feed does
+        fallen, speeds = plumb.seen(fall.position), plumb.hung(fall.velocity)
         return grains.replace(position=np.where(comes, fallen, position), velocity=np.where(comes, speeds, velocity))
 
 
@@ -206,7 +205,7 @@ def _apart(rng: np.random.Generator, grains: Granules, tracers: int, depth: floa
 
 def _alike(rng: np.random.Generator, fraction: NDArray[np.int64], some: NDArray[np.int64]) -> NDArray[np.int64]:
     """For each of ``some`` granules any one of the same ``fraction``."""
-    return np.array([rng.choice(np.flatnonzero(fraction == fraction[one])) for one in some], dtype=np.int64)
+    return np.array([rng.choice(np.flatnonzero(fraction == fraction[granule])) for granule in some], dtype=np.int64)
 
 
 def _overlapping(points: Array, width: Array, depth: float) -> NDArray[np.int64]:

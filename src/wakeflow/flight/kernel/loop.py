@@ -20,9 +20,9 @@ from .forces import free_force, spin_at
 from .history import begin_memory, remember
 from .jit import called, compiled, entry, merged
 from .locate import reproject
-from .multi_cell import multi_cell_step
 from .step import PROGRESS
 from .step_control import HOP_LIMIT, confined_step, cross_edge, hop, leaves, longest_step, relocate
+from .strides import multi_cell_step
 from .track_start import begin_track, store_point
 from .walls import constrain, grasp, inside
 

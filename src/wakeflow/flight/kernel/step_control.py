@@ -1,7 +1,7 @@
 """How long the next confined step is. It stays in its triangle, of which it sees every event.
 
 A triangle is often much smaller than the step that the tolerance asks for, and the air seldom far from linear in time
-along a track through it: away from walls multi-cell steps (``multi_cell``) do for many triangles what confined steps
+along a track through it: away from walls multi-cell steps (``strides``) do for many triangles what confined steps
 would do one by one.
 """
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -37,7 +36,7 @@ from ...planning.collisions import CollisionPlan
 from ...planning.plan import GATHERED, PASSING, Plan, gathered
 from ...planning.stage_cache import StageCache, code_of, version_of
 from ...scene import Scene
-from .compilation import COMPILED, Compilation
+from .compilation import Compilation
 from .gathered_force import Gathered, Gatherer, boxes_of, resolved
 from .slab_stage import steady_after
 
@@ -176,12 +175,12 @@ class AirLoading(ABC):
         before, start, force = self.first, self.start, self.first.force
         share, lacked = 1.0, force.density  # the whole way from no force
         while len(made) < self.most - (self.crowd is None) and not (made and self.settled(made[-1])):
-            one = self._pass(force, start, before, last=False)
-            made.append(one)
-            lacking = one.gathered.force.density - force.density
+            flown = self._pass(force, start, before, last=False)
+            made.append(flown)
+            lacking = flown.gathered.force.density - force.density
             share, lacked = relaxed(share, lacked, lacking), lacking
-            before, start, force = one.gathered, one.air, force.towards(one.gathered.force, share)
-            self.cache.tell("air-loading", f"pass {len(made)}: shares moved by up to {100 * one.change:.2g} points")
+            before, start, force = flown.gathered, flown.air, force.towards(flown.gathered.force, share)
+            self.cache.tell("air-loading", f"pass {len(made)}: shares moved by up to {100 * flown.change:.2g} points")
         among = None if self.crowd is None else self._among_others(made[-1], self.crowd)
         return _Way(tuple(made), before, start, force if among is None else among.force, among)
 
@@ -201,7 +200,11 @@ class AirLoading(ABC):
         bins = [(name, repr(bin_)) for name, bin_ in self.scene.bin.items()]
         count = gathered(self.scene.feed.count, most)
         made = content_key("momentum", air.key, exerted_by(self.scene, self.plan), bins, count, code_of(GATHERING))
-        return self._gathered("momentum", made, lambda part: self._gatherer("momentum", air).alone(count, part))
+
+        def work(part: Path) -> None:
+            self._gatherer("momentum", air).alone(count, part)
+
+        return Gathered.load(self.compilation.make(self.cache, "momentum", made, work))
 
     def _among_others(self, last: Pass, crowd: CollisionPlan) -> Gathered:
         """What granules that meet in the slab exert on the air of the ``last`` pass, and more of them above it."""
@@ -210,20 +213,9 @@ class AirLoading(ABC):
         made = content_key(stage, last.air.key, exerted_by(self.scene, self.plan), start_up, code_of(GATHERING))
 
         def work(part: Path) -> None:
-            self.compilation.finish_slab(self.cache)
             self._gatherer(stage, last.air).among_others(crowd, start_up, alone.before, part)
 
-        return self._gathered(stage, made, work)
-
-    def _gathered(self, stage: str, key: str, gather: Callable[[Path], None]) -> Gathered:
-        """From the cache, or gathered now."""
-
-        def work(part: Path) -> None:
-            if COMPILED not in self.cache.seconds:
-                self.compilation.finish(self.cache)
-            gather(part)
-
-        return Gathered.load(self.cache.make(stage, key, work))
+        return Gathered.load(self.compilation.make(self.cache, stage, made, work, slab=True))
 
     def _gatherer(self, stage: str, air: FlownAir) -> Gatherer:
         return Gatherer(self.scene, self.plan, air.field, self.workers, partial(self.cache.tell, stage))
@@ -331,8 +323,8 @@ def relaxed(share: float, lacked: Array, lacking: Array) -> float:
     whole way oversteps.
     """
     change = lacking - lacked  # summed without a BLAS, whose threads decide the last digit, and that the next key
-    asked = -share * float(np.sum(lacked * change)) / max(float(np.sum(change**2)), 1e-300)
-    return float(np.clip(asked, *SHARES))
+    wanted = -share * float(np.sum(lacked * change)) / max(float(np.sum(change**2)), 1e-300)
+    return float(np.clip(wanted, *SHARES))
 
 
 def exerted_by(scene: Scene, plan: Plan) -> JsonTable:

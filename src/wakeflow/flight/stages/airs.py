@@ -140,7 +140,7 @@ class Airs:
 
     def _caches(self, *, draft: bool = False) -> list[StageCache]:
         """By grid, under the label of its airflow."""
-        labels = [self.cache.label, *(self.cache.label._replace(grid=one) for one in self.plan.airflow.scales[1:])]
+        labels = [self.cache.label, *(self.cache.label._replace(grid=scale) for scale in self.plan.airflow.scales[1:])]
         return [replace(self.cache, label=label._replace(draft=draft)) for label in labels]
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from threading import Event, Thread
+from threading import Thread
 
 import numpy as np
 
@@ -18,11 +19,10 @@ from ...core.sources import kernel_folder
 from ...core.user_folder import kernel_root
 from ...planning.stage_cache import StageCache, StageTime
 from ...planning.stages import OWN, StageKey
-from .machine_rates import note_compiled, to_compile
+from .machine_rates import KERNELS, note_compiled, to_compile
 
 COMPILED = StageKey(OWN, "compile")  # the tracker is compiled once a run, whatever airflow it flies in
-TRACKER, SLAB = "compile_tracker", "compile_slab"  # functions of this module that a child process calls
-_here, _slab_here = Event(), Event()  # this process has the tracker; and the slab's kernel
+_ready = set[str]()  # the kernels that this process has
 
 
 def compile_tracker(_: None = None) -> None:
@@ -38,8 +38,7 @@ def compile_slab(_: None = None) -> None:
 def compile_ahead() -> None:
     """Have both kernels compiled side by side, where the cache has not got them yet: for set-up."""
     if to_compile():
-        children = [_in_child(function, kernel_root() / f"log.{function}") for function in (TRACKER, SLAB)]
-        for child in children:
+        for child in [_in_child(kernel, kernel_root() / f"log.compile_{kernel}") for kernel in KERNELS]:
             child.join()
 
 
@@ -62,48 +61,58 @@ def _fly_once(kernel: str, collisions: tracking.Collisions | None) -> None:
 class Compilation:
     """The tracker's compilation, which a run waits for at most once: beside OpenFOAM, or before the first tracks."""
 
-    children: list[Thread] = field(default_factory=list)
-    of_the_slab: list[Thread] = field(default_factory=list)
+    children: dict[str, Thread] = field(default_factory=dict)
 
     def begin(self, log: Path, *, slab: bool) -> None:
         """Have the tracker, and the ``slab``'s own kernel, compiled into their cache by other processes, where a core
         is free for them and this process has not got it yet.
         """
-        if not self.children and cores() > 1 and not (_slab_here if slab else _here).is_set():
-            self.children.append(_in_child(TRACKER, log))
-            if slab:
-                self.of_the_slab.append(_in_child(SLAB, log.with_name(f"{log.name}-slab")))
+        logs = {"tracker": log} | ({"slab": log.with_name(f"{log.name}-slab")} if slab else {})
+        if not self.children and cores() > 1 and not _ready.issuperset(logs):
+            self.children |= {kernel: _in_child(kernel, log) for kernel, log in logs.items()}
 
-    def finish_slab(self, cache: StageCache) -> None:
-        """Wait for the slab's kernel, where another process compiles it."""
-        if seconds := to_compile().get("slab"):
-            cache.tell("compile", f"the slab's kernel is compiled: about {duration(seconds)}, once for each version")
-        for child in self.of_the_slab:
-            child.join()
-        _slab_here.set()
+    def make(
+        self, cache: StageCache, name: str, key: str, work: Callable[[Path], object], begun: Path | None = None, *,
+        slab: bool = False,
+    ) -> Path:  # fmt: skip
+        """The folder of a stage in which granules fly, as :meth:`StageCache.make`; where they must fly now the kernels
+        are waited for before time is taken, the ``slab``'s own where they meet.
+        """
+        if not cache.store.holds(name, key):
+            if COMPILED not in cache.seconds:
+                self.finish(cache)
+            if slab:
+                if seconds := to_compile().get("slab"):
+                    words = f"the slab's kernel is compiled: about {duration(seconds)}, once for each version"
+                    cache.tell("compile", words)
+                self._join("slab")
+        return cache.make(name, key, work, begun)
+
+    def _join(self, kernel: str) -> None:
+        if kernel in self.children:
+            self.children[kernel].join()
+        _ready.add(kernel)
 
     def finish(self, cache: StageCache) -> None:
-        """Have it compiled here, or read from the cache, before the time of the tracks is taken."""
+        """Have the tracker compiled here, or read from the cache."""
         started = time.monotonic()
         seconds = to_compile().get("tracker")
         known = f"compiled: about {duration(seconds)}, once for each version" if seconds else "read from the cache"
         cache.tell("compile", f"the tracker is {known}")
-        for child in self.children:
-            child.join()
+        self._join("tracker")
         compile_tracker()
-        _here.set()
         spent = time.monotonic() - started
         cache.seconds[COMPILED] = StageTime(spent, cached=False)
         cache.tell("compile", f"done ({spent:.1f} s)")
 
 
-def _in_child(function: str, log: Path) -> Thread:
-    """A thread that waits for another process to call a ``function`` of this module."""
+def _in_child(kernel: str, log: Path) -> Thread:
+    """A thread that waits for another process to compile a ``kernel``."""
 
     def wait() -> None:
         log.parent.mkdir(parents=True, exist_ok=True)
         with contextlib.suppress(ProgramError):  # only time is lost: a kernel compiles where it is first used
-            call_in_child(f"{__name__}:{function}", None, log=log)
+            call_in_child(f"{__name__}:compile_{kernel}", None, log=log)
 
     thread = Thread(target=wait, daemon=True)
     thread.start()

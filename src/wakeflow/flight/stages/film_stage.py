@@ -17,7 +17,6 @@ import numpy as np
 
 from ...core.files import write_json
 from ...core.lazy import cached_property
-from ...core.store import content_key
 from ...core.tables import Columns
 from ...planning.collisions import CollisionPlan, number_rates
 from ...planning.plan import REPLICATES, Plan
@@ -89,18 +88,18 @@ class FilmStage:
         lasting = self.start_up if span is None else span
         rate = self.scene.feed.mass_flow, self.scene.feed.depth, self.scene.mass_shares()
         crowd = None if self.plan.crowd is None else (repr(self.plan.crowd), repr(self.scene.collisions))
-        key = content_key("film", self.tracks.key, lasting, rate, crowd, code_of(*CODE))
-        folder = self.tracks.cache.make("film", key, partial(self._work, lasting))
-        told = json.loads((folder / FILE).read_text())
+        work, key = partial(self._work, lasting), (lasting, rate, crowd, code_of(*CODE))
+        folder = self.tracks.make("film", work, *key, slab=crowd is not None)
+        kept = json.loads((folder / FILE).read_text())
         paths = {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in self.scene.fraction}
-        return Film(**told, paths=paths)
+        return Film(**kept, paths=paths)
 
     def _work(self, span: float, folder: Path) -> None:
         crowd = self.plan.crowd
         film, flown = self._alone(span) if crowd is None else self._slab(span, crowd)
         for name, tracks, grains in flown:
             paths = paths_of(tracks, grains, len(self.scene.bin))
-            shown = [one for one in paths if one["time"][0] < film.begin + span and one["time"][-1] > film.begin]
+            shown = [path for path in paths if path["time"][0] < film.begin + span and path["time"][-1] > film.begin]
             save_recorded_tracks(folder / f"{name}.drawn.npz", shown)
         write_json(folder / FILE, {key: value for key, value in asdict(film).items() if key != "paths"})
 
@@ -125,8 +124,8 @@ class FilmStage:
 
         def parts() -> Iterator[tuple[str, Tracks, Granules]]:
             for number, name in enumerate(self.scene.fraction):
-                own = np.flatnonzero(stream.fraction == number)
-                yield name, tracks.some(own), stream.granules[own]
+                mine = np.flatnonzero(stream.fraction == number)
+                yield name, tracks.some(mine), stream.granules[mine]
 
         return Film(begin, span, depth, one_in, True, {}), parts()
 
@@ -148,11 +147,11 @@ class FilmStage:
         flight = replace(self.tracks.flight(self.scene, self.tracks.airs), plan=plan, tolerance=TOLERANCE)
         feed = feedstock(self.scene, plan, name, self.tracks.airs.period, range(1)).granules
         rng = np.random.default_rng([self.scene.feed.seed, STREAM, list(self.scene.fraction).index(name)])
-        own = rng.permutation(np.arange(count) % len(feed))
+        rows = rng.permutation(np.arange(count) % len(feed))
         when, vibration = whole * np.sort(rng.random(count)), self.scene.vibration
         if resting and vibration is not None:  # one that lies on the body must begin at the phase that put it there
-            when = when + (feed.time[own] - when) % vibration.period
-        grains = feed[own].replace(time=when)
+            when = when + (feed.time[rows] - when) % vibration.period
+        grains = feed[rows].replace(time=when)
         self.tracks.cache.tell("film", f"{name}: {count} granules")
         return name, flight.fly(name, grains, record=POINTS, stream=STREAM), grains
 

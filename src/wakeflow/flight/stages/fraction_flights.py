@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,9 @@ from .. import Body, Granules, Tracks
 from ..feed.feedstock import Feedstock, feedstock
 from ..feed.first_contact import motion_of
 from .landings import LandingCount, Landings, paths_of, save_recorded_tracks
+
+if TYPE_CHECKING:
+    from ...air.field import FlowField
 
 Array = NDArray[np.float64]
 COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture of its own asks for
@@ -80,15 +84,15 @@ class Flight:
         chosen = np.linspace(0, count - 1, min(TRACKS_RECORDED, count)).astype(int) if drawn else np.zeros(0, dtype=int)
         for number in range(min(airs, self.replicates)):
             flight = replace(self, airs=Realisations(self.airs.make(number)))
-            own = range(number, self.replicates, airs)
-            for replicates, part in product((own[i : i + step] for i in range(0, len(own), step)), parts):
+            mine = range(number, self.replicates, airs)
+            for replicates, part in product((mine[i : i + step] for i in range(0, len(mine), step)), parts):
                 self.tell(f"{name}: injecting {done} of {count}")
                 rows = slice(part.start, part.stop)
                 feed = feedstock(self.scene, self.plan, name, self.airs.period, replicates, part=rows)
                 stream = replicates[0] + STREAMS * REPLICATES * parts.index(part)
                 yield flight._drawn(name, feed, chosen, replicates, part, stream)
-                told = len(feed.replicate) < count
-                tell = partial(self._tell_part, done, count) if told else self.tell
+                parted = len(feed.replicate) < count
+                tell = partial(self._tell_part, done, count) if parted else self.tell
                 second = _second_half(feed, size, replicates, part.start)
                 tracks = replace(flight, tell=tell)._fly_halves(name, feed.granules, second, stream)
                 cycle = self.airs.cycle_of(feed.granules.time)
@@ -111,7 +115,7 @@ class Flight:
         """
         of = [divmod(int(g), self._size) for g in chosen]
         here = [
-            i * len(part) + k - part.start for i, r in enumerate(replicates) for own, k in of if own == r and k in part
+            i * len(part) + k - part.start for i, r in enumerate(replicates) for its, k in of if its == r and k in part
         ]
         grains = feed.granules[np.array(here, dtype=int)]
         tracks = self.fly(name, grains, record=COARSE, stream=REPLICATES + stream)
@@ -172,53 +176,50 @@ class Flight:
         field = self.airs.field
         if field is None or not self.plan.airflow.mirrored:
             return self.fly(name, grains, stream=stream)
-        found = Tracks.empty(len(grains))
+        tracks = Tracks.empty(len(grains))
         for part, apart in ((~second, 0), (second, 2 * REPLICATES)):
             if part.any():  # else no air is packed for it
                 flight = replace(self, airs=Realisations(field.image)) if apart else self
                 for column, values in vars(flight.fly(name, grains[part], stream=apart + stream)).items():
                     if isinstance(values, np.ndarray):
-                        getattr(found, column)[part] = values
-        return found
+                        getattr(tracks, column)[part] = values
+        return tracks
 
     def fly(self, name: str, grains: Granules, *, record: int = 0, stream: int = 0) -> Tracks:
         """Track granules of one fraction through the first realisation, keeping ``record`` points of each; ``stream``
         tells the random forces of calls apart.
         """
-        scene = self.scene
-        height = scene.channel.top - scene.channel.bottom
-        speed = slowest_pace(scene, self.plan, [name])
-        patience = PATIENCE if scene.body else HOVERING
-        until = float(np.max(grains.time, initial=0.0)) + max(5.0, patience * height / speed)
-        return tracking.track(
-            self.airs.field,
-            grains,
-            until=until,
-            tolerance=self.tolerance,
-            length=scene.width,
-            forces=self.plan.fractions[name].forces,
-            drag=self.plan.fractions[name].drag,
-            seed=seed_of(scene.feed.seed, name, stream),
-            noises=self.noises,
-            bodies=bodies_and_walls(scene),
-            lines=end_lines(scene),
-            gravity=scene.plumb.gravity,
-            record=record,
-            workers=self.workers,
+        how, heights = self.plan.fractions[name], PATIENCE if self.scene.body else HOVERING
+        patience = max(5.0, passage(self.scene, self.plan, [name], heights))
+        return track_in(
+            self.scene, self.airs.field, grains, (name, stream), patience, tolerance=self.tolerance, forces=how.forces,
+            drag=how.drag, noises=self.noises, record=record, workers=self.workers,
             progress=None if record else lambda done, total: self.tell(f"{name}: {done} of {total}"),
-        )
+        )  # fmt: skip
 
 
-def slowest_pace(scene: Scene, plan: Plan, fractions: Iterable[str]) -> float:
-    """A speed (m/s) at which the ``fractions`` come through the channel at least about: the air's; in air at rest the
-    slowest terminal velocity, in a vacuum that of a free fall.
+def track_in(
+    scene: Scene, field: FlowField | None, grains: Granules, stream: tuple[str, int], patience: float, **how: Any
+) -> Tracks:
+    """Track granules through the ``field``, past the bodies of a ``scene`` into its bins, until ``patience`` (s) after
+    the last is born. ``stream``: name and number of the random forces' stream; ``how``: as of :func:`wakeflow.track`.
     """
-    fall = float(np.sqrt(scene.gravity * (scene.channel.top - scene.channel.bottom)))
-    if scene.air is None:
-        return fall
-    if not scene.air.still:
-        return scene.air.speed
-    return min(fall, *(max(abs(plan.fractions[name].terminal_velocity or 0.0), SLOWEST) for name in fractions))
+    until = float(np.max(grains.time, initial=0.0)) + patience
+    return tracking.track(
+        field, grains, until=until, length=scene.width, seed=seed_of(scene.feed.seed, *stream),
+        bodies=bodies_and_walls(scene), lines=end_lines(scene), gravity=scene.plumb.gravity, **how,
+    )  # fmt: skip
+
+
+def passage(scene: Scene, plan: Plan, fractions: Iterable[str], heights: float) -> float:
+    """Seconds in which the ``fractions`` come through so many ``heights`` of the channel, at least about: at the air's
+    speed; in air at rest at the slowest terminal velocity, in a vacuum at that of a free fall.
+    """
+    height, air = scene.channel.top - scene.channel.bottom, scene.air
+    speed = float(np.sqrt(scene.gravity * height)) if air is None or air.still else air.speed
+    if air is not None and air.still:
+        speed = min(speed, *(max(abs(plan.fractions[name].terminal_velocity or 0.0), SLOWEST) for name in fractions))
+    return heights * height / speed
 
 
 def seed_of(seed: int, name: str, stream: int) -> int:
@@ -245,7 +246,7 @@ def bodies_and_walls(scene: Scene) -> list[Body]:
     """
     motion = motion_of(scene)
     places, bins = scene.collecting, list(scene.bin.values())
-    found = [
+    solids = [
         Body(
             _into_the_wall(one.outline(), scene), motion=motion, line=places.get(name, -1),
             capture=(bins[places[name]].keeps_part or 0.0) if name in places else 0.0,
@@ -258,12 +259,12 @@ def bodies_and_walls(scene: Scene) -> list[Body]:
         for start, end in [*_openings(scene, side), (scene.channel.top + thick, None)]:
             if start > level:
                 low, high = sorted((inner, outer))
-                found.append(Body(np.array([(low, level), (high, level), (high, start), (low, start)])))
+                solids.append(Body(np.array([(low, level), (high, level), (high, start), (low, start)])))
             level = end if end is not None else level
     for i, one in enumerate(bins):
         if (corners := one.wall(scene, thick)) is not None:
-            found.append(Body(corners, capture=one.keeps_part or 0.0, line=i))
-    return found
+            solids.append(Body(corners, capture=one.keeps_part or 0.0, line=i))
+    return solids
 
 
 def _into_the_wall(outline: Array, scene: Scene) -> Array:
@@ -280,7 +281,7 @@ def _openings(scene: Scene, side: str) -> list[tuple[float, float]]:
     that keeps a part of what meets it.
     """
     streams = [inlet.span for inlet in scene.channel.inlet.values() if inlet.side == side]
-    return sorted([*streams, *(one.ends for one in scene.on_sides(side).values())])
+    return sorted([*streams, *(opening.ends for opening in scene.on_sides(side).values())])
 
 
 def end_lines(scene: Scene) -> list[Array]:
@@ -292,7 +293,7 @@ def end_lines(scene: Scene) -> list[Array]:
     across = np.array([-half - WALL * channel.width, half + WALL * channel.width])
     borders = [np.stack([across, np.full(2, y)], axis=1) for y in (channel.bottom - slack, channel.top + slack)]
     nowhere = borders[0] - (0.0, channel.width)
-    return [one.line(scene) if one.keeps_part is None else nowhere for one in scene.bin.values()] + borders
+    return [bin_.line(scene) if bin_.keeps_part is None else nowhere for bin_ in scene.bin.values()] + borders
 
 
 def landing_columns(feed: Feedstock, tracks: Tracks, bins: int, realisation: int, cycle: NDArray[np.uint16]) -> Columns:

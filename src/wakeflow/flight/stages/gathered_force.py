@@ -163,12 +163,12 @@ class Gatherer:
         crowd = replace(slab, replicates=COMPARED, operation=start_up, count=count)
         plan, airs = replace(resolved(self.plan), crowd=crowd), Realisations(self.air)
         flight = SlabFlight(
-            self.scene, plan, airs, crowd.depth, start_up, start_up, TOLERANCE, None, self.workers, self.tell,
-            recorded=RECORDED,
+            self.scene, plan, airs, crowd.depth, start_up, start_up, TOLERANCE, workers=self.workers,
+            tell=self.tell, recorded=RECORDED,
             also=lambda number, feed, tracks: save_arrays(folder / f"given-{number}.npz", self._given(feed, tracks)),
         )  # fmt: skip
         flight.fly_all(folder, COMPARED)
-        flight.found(folder, COMPARED)  # for what it raises where none of a fraction came
+        flight.load(folder, COMPARED)  # for what it raises where none of a fraction came
         parts = [dict(np.load(folder / f"given-{number}.npz")) for number in range(COMPARED)]
         given, lost, mass = (np.stack([part[key] for part in parts]) for key in ("given", "lost", "mass"))
         flow = np.array([self._flow(name) for name in self.scene.fraction]) / mass.mean(axis=0)
@@ -181,11 +181,11 @@ class Gatherer:
         """Of each fraction's granules that came in steady operation the mass (kg), what they gave to the air in each
         box (N s/m3 a metre) and in all (N s).
         """
-        how = self._how({force for one in self.plan.fractions.values() for force in one.forces})
+        how = self._how({force for fraction in self.plan.fractions.values() for force in fraction.forces})
         given, lost, mass = [], [], []
         for number in range(len(self.scene.fraction)):
-            own = np.flatnonzero(feed.counted & (feed.fraction == number))
-            grains, paths, masses = feed.granules[own], tracks.some(own), feed.mass[own]
+            mine = np.flatnonzero(feed.counted & (feed.fraction == number))
+            grains, paths, masses = feed.granules[mine], tracks.some(mine), feed.mass[mine]
             given.append(force_on_the_air(paths, grains, masses, self.boxes, **how).density)
             lost.append(masses @ _lost(paths, grains, **how))
             mass.append(masses.sum())
@@ -260,14 +260,14 @@ def force_on_the_air(
     lift = air_density / grains.density if "buoyancy" in forces else np.zeros(len(grains))
     weight = (1.0 - lift)[:, None] * np.asarray(gravity, dtype=float)
     count = boxes.rows * boxes.columns
-    found = np.zeros((count, 2))
+    force = np.zeros((count, 2))
     flow = mass_flow if isinstance(mass_flow, np.ndarray) else np.full(len(grains), mass_flow / max(len(grains), 1))
     for low in range(0, len(grains), TOGETHER):
         some = slice(low, low + TOGETHER)
         place, given = _laid(tracks.recorded[some], weight[some], flow[some], boxes)
         for axis in (0, 1):
-            found[:, axis] -= np.bincount(place, given[:, axis], count)
-    return ForceDensity(boxes, found.reshape(boxes.rows, boxes.columns, 2) / boxes.pitch**2)
+            force[:, axis] -= np.bincount(place, given[:, axis], count)
+    return ForceDensity(boxes, force.reshape(boxes.rows, boxes.columns, 2) / boxes.pitch**2)
 
 
 def _laid(paths: Sequence[Array], pull: Array, flow: Array, boxes: Boxes) -> tuple[NDArray[np.int64], Array]:

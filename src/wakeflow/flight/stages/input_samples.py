@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from ...core.errors import SceneError
 from ...core.lazy import cached_property
-from ...core.store import content_key
 from ...core.tables import AnyArray, Columns, save_arrays
 from ...laws.size import normal_points
 from ...laws.turbulence import entering_energy
@@ -111,25 +110,25 @@ class DrawStage:
         """Scrambled Sobol points as independent standard normal ones: ``count`` (count, K), and those of what is
         ``shared`` by SAME_AIR of them; each 0 in the columns of the other.
         """
-        seed, own, air = self.tracks.scene.feed.seed, *(np.zeros((n, len(shared))) for n in (count, count // SAME_AIR))
-        own[:, ~shared] = normal_points(int((~shared).sum()), len(own), seed, 0)
+        seed, each, air = self.tracks.scene.feed.seed, *(np.zeros((n, len(shared))) for n in (count, count // SAME_AIR))
+        each[:, ~shared] = normal_points(int((~shared).sum()), len(each), seed, 0)
         air[:, shared] = normal_points(int(shared.sum()), len(air), seed, 1)
-        return own, air
+        return each, air
 
-    def _in_order(self, ties: Dependence, own: Array, air: Array) -> Array:
+    def _in_order(self, ties: Dependence, each: Array, air: Array) -> Array:
         """The first draws (INPUT_SAMPLES, K) that keep to the orders, or fewer; all of one air before those of the
         next. A point that does not is left out, so that those that are taken fill what is left evenly.
         """
         if not ties.orders:
-            return self.joined(ties, own + np.repeat(air, SAME_AIR, axis=0))
+            return self.joined(ties, each + np.repeat(air, SAME_AIR, axis=0))
         air = air[ties.among(ties.of_air).kept(self.joined(ties, air))]
-        found: list[Array] = []
-        for point in own:
-            if len(found) == min(INPUT_SAMPLES, SAME_AIR * len(air)):
+        kept_draws: list[Array] = []
+        for point in each:
+            if len(kept_draws) == min(INPUT_SAMPLES, SAME_AIR * len(air)):
                 break
-            z = self.joined(ties, (point + air[len(found) // SAME_AIR])[None])
-            found += list(z[ties.kept(z)])
-        return np.array(found)
+            z = self.joined(ties, (point + air[len(kept_draws) // SAME_AIR])[None])
+            kept_draws += list(z[ties.kept(z)])
+        return np.array(kept_draws)
 
     def fly(self) -> InputSamples | None:
         """The draws, from the cache or flown; None where everything is known exactly."""
@@ -137,22 +136,20 @@ class DrawStage:
             return None
         stage = self.tracks
         tolerance = stage.scene.numerics.tolerance
-        known = [[one.key, one.kind, one.value, one.low, one.high] for one in self.unknowns]
-        key = content_key("draws", stage.key, tolerance, known, self.design.tolist(), code_of(*CODE))
-        tracked = stage.fly()  # whose granules these are
-        stage.finish_compiling("draws", key)
-        folder = stage.cache.make("draws", key, partial(self._fly_all, tracked))
+        known = [[unknown.key, unknown.kind, unknown.value, unknown.low, unknown.high] for unknown in self.unknowns]
+        work = partial(self._fly_all, stage.fly())  # whose granules these are
+        folder = stage.make("draws", work, tolerance, known, self.design.tolist(), code_of(*CODE))
         with np.load(folder / "draws.npz") as data:
             names = list(stage.scene.fraction)
-            varied, own = (
+            varied, answer = (
                 {name: DrawnLandings(data[f"{which}.{name}.position"], data[f"{which}.{name}.bin"]) for name in names}
                 for which in ("varied", "own")
             )
-        return InputSamples(tuple(self.unknowns), self.design, varied, own)
+        return InputSamples(tuple(self.unknowns), self.design, varied, answer)
 
     def _fly_all(self, tracked: Tracked, folder: Path) -> None:
         """All draws, those of one air by one thread: granules of a draw are too few for several."""
-        found: dict[str, list[AnyArray]] = {}
+        columns: dict[str, list[AnyArray]] = {}
         pool = ThreadPoolExecutor(self.tracks.workers)
         try:
             jobs = [pool.submit(self._fly_in_one_air, first, tracked) for first in range(0, INPUT_SAMPLES, SAME_AIR)]
@@ -160,21 +157,21 @@ class DrawStage:
                 self.tracks.cache.tell("draws", f"{number * SAME_AIR} of {INPUT_SAMPLES}")
                 for draw in job.result():
                     for which, column in draw.items():
-                        found.setdefault(which, []).append(column)
+                        columns.setdefault(which, []).append(column)
         finally:
             pool.shutdown(cancel_futures=True)
-        save_arrays(folder / "draws.npz", {key: np.array(rows) for key, rows in found.items()})
+        save_arrays(folder / "draws.npz", {key: np.array(rows) for key, rows in columns.items()})
 
     def _fly_in_one_air(self, first: int, tracked: Tracked) -> list[Columns]:
         """The draws from ``first`` on that share its air: each granule's landing as drawn, and its own."""
-        found, airs = [], None
+        landed, airs = [], None
         for number in range(first, first + SAME_AIR):
             made = self.variation(number)
             airs = airs or self.air(made.air)
             replicate = number % REPLICATES
             part = _part(self.tracks.scene.feed.count, number // REPLICATES)
-            found.append(self.fly_under(made, airs, tracked, replicate, part))
-        return found
+            landed.append(self.fly_under(made, airs, tracked, replicate, part))
+        return landed
 
     def variation(self, number: int) -> Variation:
         """Draw ``number``."""
@@ -185,7 +182,7 @@ class DrawStage:
         ("varied.NAME.position", "varied.NAME.bin"), and its own ("own.NAME.position", "own.NAME.bin").
         """
         flight = replace(self.tracks.flight(made.fed(self.tracks.scene), airs), workers=1)
-        found: Columns = {}
+        columns: Columns = {}
         block, kept = block_of(replicate_size(self.tracks.scene.feed.count))
         first = part.start // block * kept
         for name in self.tracks.scene.fraction:
@@ -194,22 +191,21 @@ class DrawStage:
             ends = {"own": (landing.position[mine], landing.bin[mine])}
             ends["varied"] = flight.fly_part(name, replicate, part, made.of(name))
             for which, (position, bin_) in ends.items():
-                found[f"{which}.{name}.position"], found[f"{which}.{name}.bin"] = position.astype(np.float32), bin_
-        return found
+                columns[f"{which}.{name}.position"], columns[f"{which}.{name}.bin"] = position.astype(np.float32), bin_
+        return columns
 
     def air(self, air: AirVariation) -> Realisations:
         """The airflow as a draw has it."""
         from ...air.field.combined import varied
-        from .track_stage import PerturbedRerun
 
-        found = self.tracks.airs
+        airs = self.tracks.airs
         wake = self.tracks.plan.airflow.wake
         if wake is not None and (air.theta is not None or air.strength is not None):
             theta = wake.theta.value if air.theta is None else air.theta
             strength = wake.strength.value if air.strength is None else air.strength
-            found = self.tracks.realised(PerturbedRerun("draws", wake=(theta, strength)))
+            airs = self.tracks.realised((theta, strength))
         entering = _entering(self.tracks.scene)
-        return found.mapped(lambda field: varied(field, air.speed, air.energy, air.lifetime, entering=entering))
+        return airs.mapped(lambda field: varied(field, air.speed, air.energy, air.lifetime, entering=entering))
 
 
 def _entering(scene: Scene) -> float:

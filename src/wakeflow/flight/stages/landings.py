@@ -22,20 +22,20 @@ OWN = ("diameter", "bin", "fate")  # () m, place among the scene's bins or -1, v
 
 def paths_of(tracks: Tracks, grains: Granules, bins: int) -> list[Columns]:
     """Recorded tracks with their granules' diameters, and where and how they ended in a scene of so many ``bins``."""
-    own = zip(grains.diameter, *tracks.ends(bins), strict=True)
+    ends = zip(grains.diameter, *tracks.ends(bins), strict=True)
     return [
-        dict(zip((*MOMENTS, *OWN), (*tracks.path(i), tracks.arriving(i), *map(np.asarray, one)), strict=True))
-        for i, one in enumerate(own)
+        dict(zip((*MOMENTS, *OWN), (*tracks.path(i), tracks.arriving(i), *map(np.asarray, end)), strict=True))
+        for i, end in enumerate(ends)
     ]
 
 
 def save_recorded_tracks(path: Path, paths: Sequence[Columns]) -> None:
     """Keep tracks end to end in one file (.npz), ``split`` saying where each begins."""
-    split = np.cumsum([0] + [len(one["time"]) for one in paths])
+    split = np.cumsum([0] + [len(track["time"]) for track in paths])
     room = {"time": np.zeros(0), **dict.fromkeys(MOMENTS[1:], np.zeros((0, 2)))}
-    joined = {key: np.concatenate([none, *(one[key] for one in paths)]) for key, none in room.items()}
-    own = {key: np.array([one[key] for one in paths]) for key in OWN}
-    save_arrays(path, {"split": split, **own, **joined})
+    joined = {key: np.concatenate([none, *(track[key] for track in paths)]) for key, none in room.items()}
+    ends = {key: np.array([track[key] for track in paths]) for key in OWN}
+    save_arrays(path, {"split": split, **ends, **joined})
 
 
 def load_recorded_tracks(file: Path) -> list[Columns]:
@@ -129,7 +129,7 @@ FATES = tuple(fate.name.lower() for fate in Fate)  # names, in the order of thei
 
 def fates_of(fate: NDArray[np.int8]) -> dict[str, int]:
     """How many of the granules (n,) met each fate, by its name."""
-    return {one.name.lower(): int(np.sum(fate == one)) for one in Fate}
+    return {each.name.lower(): int(np.sum(fate == each)) for each in Fate}
 
 
 BLOCKS = INPUT_SAMPLES // REPLICATES  # of a replicate: a draw of what is unknown flies one, a mirror image two

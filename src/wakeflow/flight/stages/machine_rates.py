@@ -8,10 +8,11 @@ compare with what was expected of them.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import accumulate
 from pathlib import Path
+from typing import Any, TypeVar
 
 from ...core.errors import SceneError
 from ...core.files import read_json, write_json
@@ -21,6 +22,7 @@ from ...planning.cost import COMPILE, PROGRAM
 from ...planning.plan import Plan
 from ...planning.stages import OWN, StageCost, StageKey
 
+Seconds = TypeVar("Seconds")
 FILE = "machine-rates.json"  # by kind of work: (seconds, those expected), of the last runs
 KEPT = 9  # runs that a rate is the median of, weighted by the seconds that were expected of each
 STARTS = 20.0  # s added to both: a run of seconds tells how long programs take to start, not how fast they compute
@@ -43,7 +45,7 @@ def learn(root: Path, expected: Sequence[StageCost], spent: Mapping[str, float])
             both.setdefault(stage.key.stage.work, []).append((spent[stage.name], stage.whole))
     if not both:
         return
-    known = _read(root)
+    known = _runs(root)
     for work, pairs in both.items():
         took, meant = (round(sum(column), 2) for column in zip(*pairs, strict=True))
         known[work] = [*known.get(work, []), (took, meant)][-KEPT:]
@@ -58,11 +60,11 @@ def on_this_machine(plan: Plan, root: Path) -> tuple[tuple[StageCost, ...], int]
     The tracker's compilation is one of them where it is still to be done, at the same time as the airflow where there
     is one.
     """
-    known = _read(root)
+    known = _runs(root)
     rates = {work: _rate(runs) for work, runs in known.items()}
-    here = [replace(one, seconds=one.seconds * rates.get(one.key.stage.work, 1.0)) for one in plan.stages]
+    here = [replace(stage, seconds=stage.seconds * rates.get(stage.key.stage.work, 1.0)) for stage in plan.stages]
     if seconds := to_compile(slab=plan.crowd is not None):
-        waits = any(one.when == "answer" for one in here)
+        waits = any(stage.when == "answer" for stage in here)
         held = PROGRAM + sum(IN_CHILDREN[: len(seconds)]) if waits else COMPILING
         when, whole = ("beside", max(seconds.values())) if waits else ("first", sum(seconds.values()))
         here.insert(0, StageCost(StageKey(OWN, COMPILE.name), whole, when, memory=held))
@@ -78,7 +80,7 @@ def _rate(runs: Sequence[tuple[float, float]]) -> float:
 
 def to_compile(*, slab: bool = True) -> dict[str, float]:
     """The kernels of these sources that are not compiled yet on this machine, with the seconds that each will take."""
-    taken = _taken()
+    taken = _compile_seconds()
     return {
         kernel: taken.get(kernel, usual)
         for kernel, (module, usual) in KERNELS.items()
@@ -88,26 +90,27 @@ def to_compile(*, slab: bool = True) -> dict[str, float]:
 
 def note_compiled(kernel: str, seconds: float) -> None:
     """Keep how long the compilation of a ``kernel`` took: the next version's will take about as long."""
-    taken = _taken() | {kernel: round(seconds, 1)}
-    write_json(kernel_root() / COMPILED, taken)
+    write_json(kernel_root() / COMPILED, _compile_seconds() | {kernel: round(seconds, 1)})
 
 
-def _taken() -> dict[str, float]:
+def _compile_seconds() -> dict[str, float]:
     """Seconds of the compilations that are known."""
-    try:
-        known = read_json(kernel_root() / COMPILED)
-        seconds = {kernel: float(known[kernel]) for kernel in KERNELS if kernel in known}
-    except (OSError, SceneError, TypeError, ValueError, AttributeError):
-        return {}
-    return {kernel: took for kernel, took in seconds.items() if 0.0 < took < MAX_SECONDS}
+    known = _read(kernel_root() / COMPILED, lambda kept: {name: float(kept[name]) for name in KERNELS if name in kept})
+    return {kernel: seconds for kernel, seconds in known.items() if 0.0 < seconds < MAX_SECONDS}
 
 
-def _read(root: Path) -> dict[str, list[tuple[float, float]]]:
-    """What is known; nothing where no run has noted any, and where the file is not whole or of another version."""
-    try:
-        found = read_json(root / FILE)
-        known = {work: [(float(took), float(meant)) for took, meant in runs] for work, runs in found.items() if runs}
-    except (OSError, SceneError, TypeError, ValueError, AttributeError, OverflowError):
-        return {}
+def _runs(root: Path) -> dict[str, list[tuple[float, float]]]:
+    """By kind of work the seconds of the last runs, and those expected."""
+    known = _read(root / FILE, lambda kept: {
+        work: [(float(took), float(meant)) for took, meant in runs] for work, runs in kept.items() if runs
+    })  # fmt: skip
     pairs = [pair for runs in known.values() for pair in runs]
     return known if all(0.0 <= seconds < MAX_SECONDS for pair in pairs for seconds in pair) else {}
+
+
+def _read(file: Path, parse: Callable[[Any], dict[str, Seconds]]) -> dict[str, Seconds]:
+    """What was noted in a file; nothing where there is none, and where it is not whole or of another version."""
+    try:
+        return parse(read_json(file))
+    except (OSError, SceneError, TypeError, ValueError, AttributeError, OverflowError):
+        return {}

@@ -28,7 +28,7 @@ from .airs import Airs
 from .compilation import Compilation
 from .film_stage import Film, FilmStage
 from .input_samples import DrawStage, InputSamples, Joined
-from .slab_stage import AS_PLANNED, CollisionRerun, CollisionStage, SlabFound
+from .slab_stage import CollisionRerun, CollisionStage, SlabFound
 from .track_stage import ANSWER, PerturbedRerun, TrackStage
 
 if TYPE_CHECKING:
@@ -130,8 +130,8 @@ class Pipeline:
     @property
     def divergence(self) -> FieldDivergence:
         """How well the triangles that the tracker reads conserve volume."""
-        found = self.air.field.divergence()
-        return FieldDivergence(found.rms, found.max)
+        divergence = self.air.field.divergence()
+        return FieldDivergence(divergence.rms, divergence.max)
 
     # -- tracks --------------------------------------------------------------------------------------------------------
 
@@ -148,11 +148,6 @@ class Pipeline:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
         return self._track_stage.fly(rerun)
 
-    @property
-    def draw_stage(self) -> DrawStage:
-        """What draws and flies what nobody knows exactly."""
-        return DrawStage(self._track_stage)
-
     def draws(self, joined: Joined = Dependence.joined) -> InputSamples | None:
         """Part of the granules under many draws of what nobody knows exactly, ``joined`` as the scene says or as an
         ``Ensemble`` does; None where all is known.
@@ -168,14 +163,15 @@ class Pipeline:
         """Everything the slab depends on; empty where the plan has none."""
         return "" if self._collision_stage is None else self._collision_stage.key
 
-    def crowd(self, rerun: CollisionRerun = AS_PLANNED, beside: SlabFound | None = None) -> SlabFound | None:
-        """The landings of granules that meet each other, of more replicates than ``beside``, of some under a
-        ``companion``'s change; None where the plan has no slab.
+    def crowd(self, beside: SlabFound | None = None) -> SlabFound | None:
+        """The landings of granules that meet each other, of more replicates than ``beside``; None where the plan has no
+        slab.
         """
-        if self._collision_stage is None:
-            return None
-        self.compilation.finish_slab(self.cache)
-        return self._collision_stage.fly(rerun, beside)
+        return None if self._collision_stage is None else self._collision_stage.fly(beside)
+
+    def crowd_again(self, rerun: CollisionRerun) -> tuple[SlabFound, ...]:
+        """The same of some replicates with one thing changed; nothing where the plan has no slab."""
+        return () if self._collision_stage is None else (self._collision_stage.fly_again(rerun),)
 
     def shown(self, picture: Picture) -> dict[str, list[Columns]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
@@ -183,7 +179,6 @@ class Pipeline:
 
     def film(self, span: float | None = None) -> Film:
         """The granules that are in the machine over ``span`` (s), on one clock: flown for a film."""
-        self.compilation.finish_slab(self.cache)
         return FilmStage(self._track_stage).fly(span)
 
     def compile_in_background(self) -> None:

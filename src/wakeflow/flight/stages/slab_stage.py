@@ -29,7 +29,7 @@ from ...scene import Scene
 from ...scene.variation import AS_GIVEN, Variation
 from ..feed.feedstock import Feedstock
 from ..feed.stream import SlabFeed, slab_stream
-from .fraction_flights import PATIENCE, bodies_and_walls, end_lines, landing_columns, seed_of, slowest_pace
+from .fraction_flights import PATIENCE, landing_columns, passage, track_in
 from .landings import Landings
 
 if TYPE_CHECKING:
@@ -59,10 +59,10 @@ class CollisionRerun:
 
     def applied(self, scene: Scene) -> Scene:
         """The scene whose granules meet under this change."""
-        own = scene.collisions
-        restitution = min(1.0, max(0.0, own.restitution + self.restitution))
-        met = {"restitution": restitution, "friction": max(0.0, own.friction + self.friction)}
-        return scene.model_copy(update={"collisions": own.model_copy(update=met)})
+        law = scene.collisions
+        restitution = min(1.0, max(0.0, law.restitution + self.restitution))
+        met = {"restitution": restitution, "friction": max(0.0, law.friction + self.friction)}
+        return scene.model_copy(update={"collisions": law.model_copy(update=met)})
 
 
 @dataclass(frozen=True)
@@ -81,9 +81,6 @@ class SlabFound:
     depth: float
     start_up: float
     folder: Path
-
-
-AS_PLANNED = CollisionRerun("slab")  # with nothing changed, in the replicates that the answer needs
 
 
 @dataclass
@@ -110,10 +107,10 @@ class CollisionStage:
         """Everything the slab's landings depend on."""
         scene, crowd = self.tracks.scene, self.crowd
         fed = scene.feed.mass_flow, scene.feed.depth, scene.mass_shares(), repr(scene.collisions)
-        flown = crowd.tracers, crowd.operation, crowd.count, crowd.replicates
+        flown = crowd.depth, crowd.tracers, crowd.operation, crowd.count, crowd.replicates
         return content_key("crowd", self.tracks.key, self.tolerance, *fed, *flown, code_of(*CODE))
 
-    def flight(self, name: str) -> SlabFlight:
+    def flight(self, name: str = "slab") -> SlabFlight:
         """What flies the slab under the ``name`` of a stage."""
         stage = self.tracks
         return SlabFlight(
@@ -121,23 +118,25 @@ class CollisionStage:
             workers=stage.workers, tell=partial(stage.cache.tell, name),
         )  # fmt: skip
 
-    @property
-    def fewest(self) -> int:
-        """Replicates that fly in any case: all, where each flies in an airflow of its own."""
-        return self.crowd.fewest if len(self.tracks.airs) == 1 else self.crowd.replicates
+    def fly(self, beside: SlabFound | None = None) -> SlabFound:
+        """As many replicates as fly in any case, all where each has an airflow of its own; or more ``beside`` those."""
+        if beside is not None:
+            return self._kept("slab", self.flight(), self.crowd.after(beside.replicates), begun=beside.folder)
+        alike = len(self.tracks.airs) == 1
+        return self._kept("slab", self.flight(), self.crowd.fewest if alike else self.crowd.replicates)
 
-    def fly(self, change: CollisionRerun = AS_PLANNED, beside: SlabFound | None = None) -> SlabFound:
-        """The fewest replicates of the slab, or more ``beside`` those; under a ``companion``'s change some of them."""
-        flight = replace(self.flight(change.name), scene=change.applied(self.tracks.scene), part=change.depth)
-        replicates = self.fewest if beside is None else self.crowd.after(beside.replicates)
-        if change != AS_PLANNED:
-            replicates = max(MIN_REPLICATES, self.crowd.replicates // 4)
-            flight = replace(flight, step=change.step * self.fly().clock.step)
-        changed = change.step, change.depth, change.restitution, change.friction
-        key = content_key(self.key, flight.depth, replicates, *changed)
-        work, begun = partial(flight.fly_all, replicates=replicates), None if beside is None else beside.folder
-        folder = self.tracks.cache.make(change.name, key, work, begun)
-        return flight.found(folder, replicates)
+    def fly_again(self, change: CollisionRerun) -> SlabFound:
+        """Some of the replicates under a ``change``."""
+        flight = replace(
+            self.flight(change.name), scene=change.applied(self.tracks.scene), part=change.depth,
+            step=change.step * self.fly().clock.step,
+        )  # fmt: skip
+        return self._kept(change.name, flight, max(MIN_REPLICATES, self.crowd.replicates // 4), vars(change))
+
+    def _kept(self, name: str, flight: SlabFlight, replicates: int, *key: object, **begun: Path) -> SlabFound:
+        work = partial(flight.fly_all, replicates=replicates)
+        folder = self.tracks.make(name, work, self.key, replicates, *key, slab=True, **begun)
+        return flight.load(folder, replicates)
 
 
 # -- The slab flown ----------------------------------------------------------------------------------------------------
@@ -149,7 +148,7 @@ SEVERAL = 3.0  # flights of a granule that landed late, within which one that me
 class SlabFlight:
     """How a slab of ``depth`` (m), or a ``part`` of one, is flown: ``start_up`` (s) until it is steady, at least
     ``operation`` (s) that count, in a whole number of the airflow's periods; ``tolerance`` (body widths) for the step
-    of its clock, or the ``step`` (s) itself, which ``measured`` hears where it had to be found; ``tell`` hears of
+    of its clock, or the ``step`` (s) itself; where it is 0 ``measured`` hears the one that was found; ``tell`` hears of
     progress; granules are as the ``variation`` has them. A replicate is one thread's work: ``workers`` fly at a time.
     ``also`` gets each replicate's number, its feed and its tracks with as many points as are ``recorded`` of each.
     """
@@ -161,7 +160,7 @@ class SlabFlight:
     start_up: float
     operation: float
     tolerance: float
-    step: float | None = None
+    step: float = 0.0
     workers: int = field(default_factory=cores)
     tell: Callable[[str], None] = lambda _: None
     part: float = 1.0
@@ -179,11 +178,11 @@ class SlabFlight:
         try:
             jobs: list[Future[None]] = []
             step = self.step
-            if step is None and 0 in left:
+            if not step and 0 in left:
                 first, step = self._first(pool, folder)
                 jobs.append(first)
                 left.remove(0)
-            others = replace(self, step=step_of(folder) if step is None else step)
+            others = replace(self, step=step or step_of(folder))
             jobs += [pool.submit(others.keep, number, folder) for number in left]
             for done, job in enumerate(as_completed(jobs), replicates - len(jobs)):
                 job.result()
@@ -233,14 +232,14 @@ class SlabFlight:
         }
         save_arrays(_file(folder, number), columns | further)
 
-    def found(self, folder: Path, replicates: int) -> SlabFound:
+    def load(self, folder: Path, replicates: int) -> SlabFound:
         """What :meth:`fly_all` kept in a folder."""
         parts = []
         for number in range(replicates):
             with np.load(_file(folder, number)) as data:
                 parts.append({key: data[key] for key in data.files})
-        step, error, asked, trials = parts[0]["clock"].tolist()
-        clock = tracking.ClockStep(step, error, asked, int(trials))
+        step, error, wanted, trials = parts[0]["clock"].tolist()
+        clock = tracking.ClockStep(step, error, wanted, int(trials))
         jammed, flown = (sum(int(part[key]) for part in parts) for key in ("jammed", "flown"))
         kept = [key for key in parts[0] if key not in ("clock", "jammed", "flown", "injected")]
         columns = {key: np.concatenate([part[key] for part in parts]) for key in kept}
@@ -248,15 +247,15 @@ class SlabFlight:
         columns["replicate"] = _grouped(fraction, columns["replicate"], columns["realisation"], many)
         landed = {}
         for number, name in enumerate(self.scene.fraction):
-            own: dict[str, Any] = {key: values[fraction == number] for key, values in columns.items()}
-            if not len(own["bin"]):
+            mine: dict[str, Any] = {key: values[fraction == number] for key, values in columns.items()}
+            if not len(mine["bin"]):
                 raise SceneError(
                     f"fraction.{name}: none of it came in the slab's steady operation; raise feed.count or "
                     "collisions.depth"
                 )
-            weight = own["weight"]
-            own["weight"] = weight * (weight.sum() / (weight @ weight))
-            landed[name] = Landings(**own)
+            weight = mine["weight"]
+            mine["weight"] = weight * (weight.sum() / (weight @ weight))
+            landed[name] = Landings(**mine)
         return SlabFound(landed, clock, jammed, flown, replicates, self.part * self.depth, self.start_up, folder)
 
     def record(self, points: int) -> tuple[SlabFeed, tracking.Tracks]:
@@ -280,35 +279,18 @@ class SlabFlight:
         return cycle * float(np.random.default_rng([self.scene.feed.seed, number]).random())
 
     def _track(self, field: FlowField | None, stream: SlabFeed, number: int, record: int) -> tracking.Tracks:
-        scene, rebound = self.scene, self.scene.collisions
-        height = scene.channel.top - scene.channel.bottom
-        speed = slowest_pace(scene, self.plan, self.plan.fractions)
-        last = float(np.max(stream.granules.time, initial=0.0))
-        flown = {force for how in self.plan.fractions.values() for force in how.forces}
-        return tracking.track(
-            field,
-            stream.granules,
-            until=last + max(SEVERAL * self.start_up, PATIENCE * height / speed),
-            tolerance=self.tolerance,
-            length=scene.width,
-            forces=[name for name in forces if name in flown],
-            drag=2 * [how.drag for how in self.plan.fractions.values()],  # of the granules, then of the tracers
-            seed=seed_of(scene.feed.seed, "slab", number),
-            bodies=bodies_and_walls(scene),
-            lines=end_lines(scene),
-            gravity=scene.plumb.gravity,
-            workers=1,
-            record=record,
-            collisions=tracking.Collisions(
-                depth=self.part * self.depth,
-                restitution=rebound.restitution,
-                friction=rebound.friction,
-                tracers=stream.tracers,
-                forces=2 * [how.forces for how in self.plan.fractions.values()],
-                step=self.step,
-                measured=self.measured,
-            ),
-        )
+        rebound, every = self.scene.collisions, 2 * list(self.plan.fractions.values())  # granules, then the tracers
+        flown = {force for how in every for force in how.forces}
+        patience = max(SEVERAL * self.start_up, passage(self.scene, self.plan, self.plan.fractions, PATIENCE))
+        collisions = tracking.Collisions(
+            self.part * self.depth, rebound.restitution, rebound.friction, tracers=stream.tracers,
+            forces=[how.forces for how in every], step=self.step or None, measured=self.measured,
+        )  # fmt: skip
+        return track_in(
+            self.scene, field, stream.granules, ("slab", number), patience, tolerance=self.tolerance, record=record,
+            forces=[name for name in forces if name in flown], drag=[how.drag for how in every], workers=1,
+            collisions=collisions,
+        )  # fmt: skip
 
 
 def late_in(landings: Mapping[str, Landings]) -> Callable[[str], float]:

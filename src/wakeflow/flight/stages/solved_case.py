@@ -59,9 +59,9 @@ def forces_of(pipeline: Pipeline, airflow: Airflow) -> ForceHistory | None:
     rows = np.zeros((0, 3)) if case is None else read_table(case, "forceCoefficients", (CD, CL))
     if case is None or len(rows) < 2:
         return None
-    kept, told = loop_of(case), airflow.statistics
+    kept, statistics = loop_of(case), airflow.statistics
     loop = (first := float(kept["times"][0]), first + float(kept["period"])) if kept else None
-    in_time, start_up = airflow.stepping == "time-resolved", None if told is None else told.start_up
+    in_time, start_up = airflow.stepping == "time-resolved", None if statistics is None else statistics.start_up
     half = isinstance(pipeline.air, CaseAir) and pipeline.air.half
     lift = np.zeros(len(rows)) if half else rows[:, 2]  # that of the other half takes it away
     return ForceHistory(rows[:, 0], rows[:, 1], lift, in_time, start_up, loop)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from ...air.kinds.airflow_kinds import FlownAir
 from ...core.lazy import cached_property
@@ -14,7 +16,7 @@ from ...core.tables import Columns
 from ...planning.plan import COMPARED, REPLICATES, Plan
 from ...planning.stage_cache import StageCache, code_of, version_of
 from ...scene import Scene
-from .compilation import COMPILED, Compilation
+from .compilation import Compilation
 
 if TYPE_CHECKING:
     from ...air.kinds.realisations import Realisations
@@ -29,14 +31,14 @@ CODE = "flight.stages.fraction_flights", "flight.stages.landings"  # what comput
 class PerturbedRerun:
     """Part of the granules flown again, the same ones, with one thing changed: what that changes is an error.
 
-    ``name`` among the stages; ``tolerance`` (body widths) instead of the scene's; ``wake``: theta and strength of the
-    wake instead of the answer's own, as in ``field.blended_wake``; ``noises``: intervals of noise that last as one;
+    ``name`` among the stages; ``tolerance`` (body widths), 0: the scene's; ``wake``: theta and strength of the wake, as
+    in ``field.blended_wake``, empty: the answer's own; ``noises``: intervals of noise that last as one;
     ``replicates``: the first of them, that fly; ``drawn``: tracks for pictures are kept.
     """
 
     name: str
-    tolerance: float | None = None
-    wake: tuple[float, float] | None = None
+    tolerance: float = 0.0
+    wake: tuple[float, ...] = ()
     noises: int = 1
     replicates: int = COMPARED
     drawn: bool = False
@@ -85,13 +87,12 @@ class TrackStage:
         from .landings import load_tracked
 
         flight = replace(
-            self.flight(self.scene, self.realised(change)), tell=partial(self.cache.tell, change.name),
+            self.flight(self.scene, self.realised(change.wake)), tell=partial(self.cache.tell, change.name),
             tolerance=change.tolerance or self.scene.numerics.tolerance, replicates=change.replicates,
             noises=change.noises,
         )  # fmt: skip
-        key = content_key(self.key, flight.tolerance, change.wake, change.noises, change.replicates)
-        self.finish_compiling(change.name, key)
-        folder = self.cache.make(change.name, key, partial(flight.fly_all, drawn=change.drawn))
+        changed = flight.tolerance, change.wake, change.noises, change.replicates
+        folder = self.make(change.name, partial(flight.fly_all, drawn=change.drawn), *changed)
         return load_tracked(folder, self.scene)
 
     def shown(self, picture: Picture) -> dict[str, list[Columns]]:
@@ -102,8 +103,8 @@ class TrackStage:
         if not flown[0]:
             return {}
         flight = replace(self.flight(self.scene, self.airs), tell=partial(self.cache.tell, "shown"))
-        key = content_key(self.key, flight.tolerance, names, flown)
-        folder = self.cache.make("shown", key, lambda part: flight.fly_pictured(part, names, *flown))
+        work = partial(flight.fly_pictured, names=names, count=flown[0], body_speed=flown[1])
+        folder = self.make("shown", work, flight.tolerance, names, flown)
         return {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in names}
 
     @property
@@ -111,11 +112,11 @@ class TrackStage:
         """The airflow's realisations."""
         return self.air.realisations
 
-    def realised(self, change: PerturbedRerun) -> Realisations:
-        """The airflow that granules fly in under a ``change``."""
-        if change.wake is None or self.airs.field is None:
+    def realised(self, wake: tuple[float, ...]) -> Realisations:
+        """The airflow with the theta and the strength of a ``wake``; empty: as it is."""
+        if not wake or self.airs.field is None:
             return self.airs
-        return replace(self.airs, field=self.air.between(*change.wake), others=())
+        return replace(self.airs, field=self.air.between(*wake), others=())
 
     def flight(self, scene: Scene, airs: Realisations) -> Flight:
         """What flies granules of ``scene``, a variation of the stage's own, through ``airs`` as the answer's fly."""
@@ -123,7 +124,8 @@ class TrackStage:
 
         return Flight(scene, self.plan, airs, self.scene.numerics.tolerance, self.workers)
 
-    def finish_compiling(self, stage: str, key: str) -> None:
-        """Wait for the tracker's compilation where a stage will be flown by it, for the first time in this run."""
-        if COMPILED not in self.cache.seconds and not self.cache.store.holds(stage, key):
-            self.compilation.finish(self.cache)
+    def make(self, name: str, work: Callable[[Path], object], *key: object, **how: Any) -> Path:
+        """The folder of a stage that flies these granules in these airs, from the cache or by ``work(folder)``; ``key``
+        is what it depends on beside, ``how`` as of :meth:`Compilation.make`.
+        """
+        return self.compilation.make(self.cache, name, content_key(self.key, *key), work, **how)

@@ -11,6 +11,7 @@ from proofs.problems.exact import box
 from support import RHOMBUS
 from wakeflow.flight import ClockStep
 from wakeflow.flight.collisions import slab_driver as collisions
+from wakeflow.flight.tracks import CollisionFlight
 
 BELOW = [np.array([[-1.0, -0.15], [1.0, -0.15]])]
 
@@ -166,7 +167,7 @@ def _cost(seed: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, ClockStep]:
     count, told = 200, []
     fly_slab = collisions.fly_slab
 
-    def counted(*how: Any) -> dict[str, Any]:
+    def counted(*how: Any) -> CollisionFlight:
         told.append(fly_slab(*how))
         return told[-1]
 
@@ -175,7 +176,7 @@ def _cost(seed: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, ClockStep]:
     laws: dict[str, Any] = {"until": 0.6, "lines": BELOW, "length": 0.06, "tolerance": 1e-2}
     found = wf.track(_stirred(), grains, collisions=_lonely(), **laws)
     monkeypatch.undo()
-    return sum(one["flown"] for one in told), found.crowd.clock
+    return sum(one.flown for one in told), found.crowd.clock
 
 
 def test_what_a_step_costs_does_not_depend_on_the_seed(monkeypatch: pytest.MonkeyPatch) -> None:
