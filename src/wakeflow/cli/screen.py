@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
@@ -70,3 +71,8 @@ def warn(warnings: Sequence[str], grades: Sequence[str], most: int = MAX_WARNING
         console.print(plain(f"! {grade}: {line}"), style=style)
     if len(warnings) > most:
         console.print(f"! and {len(warnings) - most} more: report.html, or --json", highlight=False)
+
+
+def has_screen() -> bool:
+    """Whether a window can be shown: a variable names a screen."""
+    return any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .outcome import Landed, Outcome
+from .outcome import Landed, Outcome, page_additions
 
 warnings.filterwarnings("ignore", "IProgress not found")  # pyvista brings a bar for downloads, of which there are none
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..planning.feed_funnel import FunnelSummary
 
 __all__ = [
-    "Landed", "Outcome", "clear_report", "draw_discharge", "films", "is_whole", "pictures_of", "report_files",
+    "Landed", "Outcome", "added_files", "clear_report", "draw_discharge", "is_whole", "pictures_of", "report_files",
     "write_report",
 ]  # fmt: skip
 
@@ -45,7 +45,7 @@ def write_report(folder: Path | str, outcome: Outcome, field_files: Path | None 
     from .words import write_tables
 
     folder = Path(folder)
-    clear_report(folder, film=False)
+    clear_report(folder, added=False)
     with pdf_too(pdf):
         draw_figures(folder / "figures", outcome)
         pictures.draw_all(folder / "figures", outcome)
@@ -92,21 +92,19 @@ def report_files(folder: Path) -> list[Path]:
     return [*(path for path in own if path.exists()), *vtk.pieces(folder), *figure_files(folder / "figures")]
 
 
-def films(folder: Path) -> list[Path]:
-    """Where a film of a run may be in its ``folder``."""
-    from .film import FORMATS
-
-    return [folder / "figures" / f"film.{suffix}" for suffix in FORMATS]
+def added_files(folder: Path) -> list[Path]:
+    """What extras may have added to the report in ``folder``, such as a film."""
+    return [folder / file for name in page_additions for file in page_additions[name].files]
 
 
-def clear_report(folder: Path, *, film: bool = True) -> None:
+def clear_report(folder: Path, *, added: bool = True) -> None:
     """Remove what an earlier report left here, so that nothing of another scene is next to the new one; without
-    ``film`` the one that was made of the same answer stays.
+    ``added`` what extras made of the same answer stays.
     """
     from . import asked_pictures as pictures
     from . import vtk
 
-    for path in (*report_files(folder), *(films(folder) if film else ())):
+    for path in (*report_files(folder), *(added_files(folder) if added else ())):
         path.unlink(missing_ok=True)
     vtk.clear_pieces(folder)
     pictures.clear_pictures(folder / "figures")

@@ -6,7 +6,7 @@ Shares are of a fraction's mass, purities of a bin's mass.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -150,20 +150,6 @@ def verdict_lines(result: Result) -> list[str]:
         + (f"; it takes {one.decides}" if one.decides else "")
         for one in result.limits
     ]
-
-
-def met_lines(met: Mapping[str, float | None], limits: Mapping[str, float]) -> list[str]:
-    """Up to which feed rate (kg/s) each limit is met, a line each."""
-    rates = {name: "at none of these rates" if rate is None else f"up to {say(3600.0 * rate, 'kg/h', 4)}"
-             for name, rate in met.items()}  # fmt: skip
-    return [f"{name} at most {100 * limits[name]:.4g} %: met {until}" for name, until in rates.items()]
-
-
-def counted_lines(found: Mapping[str, Mapping[str, int]], limits: Mapping[str, float]) -> list[str]:
-    """At how many settings each limit is met, not met and open, a line each."""
-    told = {name: ", ".join(f"{verdict} at {count}" for verdict, count in row.items()) for name, row in found.items()}
-    return [f"{name} at most {100 * limits[name]:.4g} %: {told[name]} of {sum(row.values())} settings"
-            for name, row in found.items()]  # fmt: skip
 
 
 def _found(one: Verdict, *, void: bool) -> str:

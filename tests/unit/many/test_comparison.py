@@ -17,9 +17,9 @@ from wakeflow.answer.shares import least_certain
 from wakeflow.cli import main
 from wakeflow.cli.show_many import show_table
 from wakeflow.core.errors import SceneError, known
+from wakeflow.extras.studies.sensitivity import COLUMNS
 from wakeflow.extras.trays.calibration_update import half_of
 from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.many.sensitivity import COLUMNS
 from wakeflow.planning.unknowns import unknowns
 from wakeflow.runs.planned import make_plan
 from wakeflow.show import many_figures as many

@@ -16,9 +16,9 @@ from wakeflow.extras.search.designs import affordable, explore, refuse_void, sea
 from wakeflow.extras.search.search_history import DesignPoint, Evaluation, History, at_random
 from wakeflow.extras.search.show_search import show_search
 from wakeflow.extras.search.task import Goal, QuantityLimit, SearchTask, read_search_file
+from wakeflow.extras.studies.operating import operating_map
 from wakeflow.extras.trays.calibration import calibrate
 from wakeflow.many.axis import Axis, axis_of_text
-from wakeflow.many.operating import operating_map
 from wakeflow.runs.planned import make_plan
 
 FILE = f"""

@@ -26,7 +26,6 @@ from ...scene import Scene
 from .air_loading import AirLoading
 from .airs import Airs
 from .compilation import Compilation
-from .film_stage import Film, FilmStage
 from .input_samples import DrawStage, InputSamples, Joined
 from .slab_stage import AS_PLANNED, CollisionRerun, CollisionStage, SlabFound
 from .track_stage import ANSWER, PerturbedRerun, TrackStage
@@ -180,11 +179,6 @@ class Pipeline:
     def shown(self, picture: Picture) -> dict[str, list[Columns]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
         return self._track_stage.shown(picture)
-
-    def film(self, span: float | None = None) -> Film:
-        """The granules that are in the machine over ``span`` (s), on one clock: flown for a film."""
-        self.compilation.finish_slab(self.cache)
-        return FilmStage(self._track_stage).fly(span)
 
     def compile_in_background(self) -> None:
         """Have the tracker compiled by another process while this one waits for OpenFOAM."""

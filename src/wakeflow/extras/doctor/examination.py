@@ -6,6 +6,7 @@ process of its own.
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import re
@@ -14,20 +15,21 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, distributions, version
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from .. import DISTRIBUTION
-from ..air.mesh import MeshSpec
-from ..core.errors import MeshError, ProgramError
-from ..core.process import call_in_child, cores, run_program
-from ..core.store import cache_root
-from ..core.user_folder import kernel_root
-from ..planning.feed_funnel import ENGINE, bead_engines
-from .screen import screen_table
+from ... import DISTRIBUTION
+from ...air.mesh import MeshSpec
+from ...cli.options import AsJson
+from ...cli.screen import screen_table
+from ...core.errors import MeshError, ProgramError
+from ...core.process import call_in_child, cores, run_program
+from ...core.store import cache_root
+from ...core.user_folder import kernel_root
+from ...planning.feed_funnel import ENGINE, bead_engines
 
 if TYPE_CHECKING:
     from packaging.requirements import Requirement
@@ -72,6 +74,25 @@ class Finding:
     needed_for: str
     mend: str = ""
     optional: bool = False
+
+
+def doctor(*, as_json: AsJson = False) -> int:
+    """Try in small what a run does; say which versions did it, and the command that mends what fails.
+
+    Parameters
+    ----------
+    as_json
+        Print JSON.
+    """
+    from rich.console import Console
+
+    with Console(stderr=True).status("trying what a run does; the tracker's first compilation takes a minute or two"):
+        findings = examine()
+    if as_json:
+        print(json.dumps([asdict(finding) for finding in findings], indent=2))
+    else:
+        Console().print(table(findings))
+    return exit_code(findings)
 
 
 def examine() -> list[Finding]:
@@ -153,7 +174,7 @@ def _tried(name: str) -> Finding:
 
 
 def _mesh(folder: Path) -> str:
-    from ..air.mesh import build_mesh
+    from ...air.mesh import build_mesh
 
     build_mesh(TRIANGLE, folder, timeout=PROBE)
     return f"Gmsh {version('gmsh')}"
@@ -161,11 +182,11 @@ def _mesh(folder: Path) -> str:
 
 def _solve(folder: Path) -> str:
     """Two iterations and two time steps on the triangle's mesh, with all that a run measures on its way."""
-    from ..air.foam.case import FlowSpec
-    from ..air.foam.programs import openfoam_version
-    from ..air.foam.solver import run_segment
-    from ..air.foam.start import prepare_case
-    from ..air.foam.watch import Watch
+    from ...air.foam.case import FlowSpec
+    from ...air.foam.programs import openfoam_version
+    from ...air.foam.solver import run_segment
+    from ...air.foam.start import prepare_case
+    from ...air.foam.watch import Watch
 
     _mesh(folder)
     steady = FlowSpec(TRIANGLE, 1.0, 1.2, 1.8e-5, "kOmegaSST")
