@@ -26,7 +26,7 @@ from ..core.errors import ProgramError, SceneError, WakeflowError, one_line
 from ..core.extras import extras
 from ..core.files import FULL
 from ..scene.overrides import unquoted
-from . import batch, cleaning, run
+from . import batch, run
 
 __all__ = ["app", "main"]
 
@@ -94,7 +94,7 @@ app = App(
     result_action="return_value",
     suppress_keyboard_interrupt=False,
 )
-for _command in (*run.COMMANDS, *batch.COMMANDS, *cleaning.COMMANDS):
+for _command in (*run.COMMANDS, *batch.COMMANDS):
     app.command(_command)
 for _extra in extras():
     for _name in getattr(_extra, "COMMANDS", ()):

@@ -1,13 +1,18 @@
-"""The commands for many scenes and finished runs: sweep, compare, bins."""
+"""The commands for many scenes and for what runs leave: sweep, compare, bins, clean."""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from ..core.errors import SceneError
+from ..core.quantities import duration
+from ..core.store import KeptStage, bytes_of, cache_root, kept_stages, oldest_beyond, remove_stages
 from ..scene.overrides import share_of
 from .options import (
     ACCURACY,
@@ -17,10 +22,13 @@ from .options import (
     Quiet,
     Scheduler,
 )  # fmt: skip
+from .screen import print_table
 
 if TYPE_CHECKING:
     pass
 
+NONE = "–"
+MAX_ROWS = 50  # of the cache
 SOME_FAILED = 1  # exit code of a sweep with scenes that failed
 
 
@@ -68,7 +76,7 @@ def sweep(
     from ..many.compute import sweep as compute
     from ..many.variant import asked_for
     from ..runs.progress import live
-    from .show_many import show_estimate, show_sweep
+    from .show_result import show_estimate, show_sweep
 
     how = {**gate.how, "neighbours": neighbours}
     with live(enabled=not quiet) as listener:
@@ -102,7 +110,7 @@ def compare(
         _beside_trays(run_folders[0], run_folders[1], out)
         return
     from ..many.comparison import compare as side_by_side
-    from .show_many import show_comparison
+    from .show_result import show_comparison
 
     found = side_by_side(run_folders)
     show_comparison(found)
@@ -116,7 +124,7 @@ def _beside_trays(run_folder: Path, file: Path, out: Path | None) -> None:
     from ..answer.budget.agreement import agreement_in
     from ..answer.result import Result
     from ..scene.measured import Measured, read_trays
-    from .show_many import show_agreement
+    from .show_result import show_agreement
 
     found = agreement_in(Result.load(run_folder), Measured.of(read_trays(file)))
     show_agreement(found)
@@ -165,7 +173,7 @@ def bins(
         show_dividers([dividers(run_folder, fraction, _portion(purity, asked), stretches=stretches, on=on)], on)
         return
     from ..show.canvas import saved
-    from ..show.table_figures import draw_dividers, write_dividers
+    from ..show.many_figures import draw_dividers, write_dividers
 
     levels = purities(run_folder, fraction, on)
     curve = trade_off(run_folder, fraction, levels, stretches=stretches, on=on)
@@ -186,4 +194,72 @@ def _portion(option: str, text: str) -> float:
         raise SceneError(f"--purity {option!r}: write it as FRACTION=0.99, or FRACTION for every purity") from None
 
 
-COMMANDS = (sweep, compare, bins)
+def clean(
+    *,
+    everything: bool = False,
+    keep: Annotated[str | None, Parameter(help="Remove what was used longest ago until this is left: 10GB.")] = None,
+    dry_run: bool = False,
+    yes: Annotated[bool, Parameter(negative="", help="Do not ask; without a terminal nothing is asked.")] = False,
+) -> None:
+    """Remove unfinished stages from the cache, and say what the others take on disk and would take to make again.
+
+    Nothing else is ever removed: what has not the cache's mark, no folder of a stage, and what a link leads to stays;
+    finished stages stay while a run reads them. What goes is listed before, and on a terminal you are asked.
+
+    Parameters
+    ----------
+    everything
+        Remove finished stages as well.
+    dry_run
+        Remove nothing; only say what is there, and what would be removed.
+    """
+
+    most, root = None if keep is None else bytes_of(keep), cache_root()
+    stages = kept_stages(root)
+    finished = [one for one in stages if one.finished]
+    old = finished if everything else [] if most is None else oldest_beyond(finished, most)
+    gone = [one for one in stages if not one.finished] + old
+    print(f"cache: {root}")
+    if gone:
+        show_stages(gone, "to be removed")
+        if dry_run or not (yes or _agreed()):
+            show_removed(gone, done=False)
+            gone = []
+        else:
+            gone = remove_stages(root, gone)
+            show_removed(gone, done=True)
+    show_stages([one for one in finished if one not in gone])
+
+
+def _agreed() -> bool:
+    """What the user answers on a terminal; without one nobody is there to be asked."""
+    return not sys.stdin.isatty() or input("Remove them? [y/N] ").strip().lower() in ("y", "yes")
+
+
+def show_removed(stages: Sequence[KeptStage], *, done: bool) -> None:
+    """Say in one line what was or would be removed from the cache, and what making it again would take."""
+    size, spent = sum(one.size for one in stages) / 1e6, sum(one.seconds or 0.0 for one in stages)
+    verb, frees = ("removed", "freed") if done else ("would be removed", "would be freed")
+    print(f"{len(stages)} stages {verb}, {size:.1f} MB {frees}, {duration(spent)} to make again")
+
+
+def show_stages(stages: Sequence[KeptStage], title: str = "in the cache") -> None:
+    """Print stages of the cache, the one that was used longest ago first: size, time to make it again."""
+
+    def sums(used: str, what: str, part: Sequence[KeptStage]) -> list[str]:
+        size, spent = sum(one.size for one in part), sum(one.seconds or 0.0 for one in part)
+        return [used, f"{len(part)} {what}", "", f"{size / 1e6:.1f}", duration(spent)]
+
+    rows: list[list[str]] = []
+    for one in stages[:MAX_ROWS]:
+        used = datetime.fromtimestamp(one.used, UTC).astimezone().strftime("%Y-%m-%d %H:%M")
+        again = NONE if one.seconds is None else duration(one.seconds)
+        key = one.folder.name[:12] + ("" if one.finished else " unfinished")
+        rows.append([used, one.stage, key, f"{one.size / 1e6:.1f}", again])
+    if len(stages) > MAX_ROWS:
+        rows.append(sums("later", "more", stages[MAX_ROWS:]))
+    heads = ("used", "stage", "key", "MB", "to make again")
+    print_table(heads, [*rows, [], sums("all", "stages", stages)], title, left=3)
+
+
+COMMANDS = (sweep, compare, bins, clean)

@@ -116,14 +116,14 @@ def scene_and_folder(file: Path, settings: tuple[str, ...], gate: Gate, out: Pat
     """The scene of a file with its ``settings``, and the folder for its results, by default below runs/; says on
     stderr which of the settings nothing feels.
     """
-    from ..planning.plan_messages import unfelt, unfelt_line
+    from ..runs.planned import deaf_line
     from ..scene import Scene
     from ..scene.changes import run_folder
 
     changes, how = changes_of(settings), gate.how
     scene = Scene.load(file, changes)
-    if deaf := unfelt(changes, scene, how["rung"] or scene.numerics.rung):
-        print(f"! {unfelt_line(deaf)}", file=sys.stderr)
+    if line := deaf_line(changes, scene, how["rung"]):
+        print(f"! {line}", file=sys.stderr)
     quick = isinstance(gate, Pace) and gate.quick
     named = {"rung": how["rung"], **how["force"], "target-error": how.get("target_error"), "quick": quick or None}
     return scene, out or Path("runs", run_folder(file.stem, scene, changes, named))

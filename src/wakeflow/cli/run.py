@@ -23,7 +23,7 @@ from .options import (
     next_to,
     scene_and_folder,
 )  # fmt: skip
-from .screen import has_screen
+from .screen import has_screen, print_pairs, print_parts, warn
 
 if TYPE_CHECKING:
     from ..scene import Scene
@@ -107,9 +107,11 @@ def plan(
         Print JSON, and draw only with --picture.
     """
     del until, workers
+    from ..core.store import cache_root
     from ..runs.planned import make_plan
+    from ..runs.progress import on_this_machine
     from ..scene import units_written
-    from .show_plan import show_plan, show_whole_plan
+    from ..show.plan_words import cost_words, plan_lines, told_by_all, whole_plan
 
     asked, folder = scene_and_folder(scene, settings, gate, out)
     how = gate.how
@@ -120,10 +122,15 @@ def plan(
     made = make_plan(asked, **how)
     if as_json:
         print(json.dumps(made.summary(), indent=2))
-    elif everything:
-        show_whole_plan(made)
     else:
-        show_plan(made, asked, units_written(scene))
+        stages, runs = on_this_machine(made, cache_root())
+        cost = cost_words(made, stages, runs)
+        if everything:
+            print_parts(whole_plan(made, stages))
+            warn(made.warnings, [notice.grade.value for notice in made.notices], most=len(made.notices))
+            print_parts([cost])
+        else:
+            print_pairs([*plan_lines(made, asked, cost, units_written(scene)), ("", told_by_all(made))])
     if picture is not None or not as_json:
         _draw(picture or next_to(folder, "-plan.png"), asked, scene, told=not as_json, show=show)
 

@@ -50,7 +50,7 @@ class RunComparison:
     def write(self, folder: Path) -> None:
         """Write compare.html, compare.csv, differences.csv and figures."""
         from ..show.html.comparison_page import write_comparison
-        from ..show.table_figures import draw_table_figures
+        from ..show.many_figures import draw_table_figures
 
         files = page, whole, apart = [folder / name for name in ("compare.html", "compare.csv", "differences.csv")]
         sums.refuse_foreign(made_folder(folder), files, "compare")

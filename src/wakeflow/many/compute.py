@@ -24,9 +24,8 @@ from ..planning.stage_cache import Listener, null_listener
 from ..runs.progress import as_listener
 from ..scene import Scene
 from ..scene.whole import States
-from .agenda import Agenda, Step, do_agenda, make_agenda
+from .agenda import Agenda, Step, do_agenda, finished, make_agenda
 from .variant import Variant, of_scenes, read_sweep_file
-from .work import finished
 
 if TYPE_CHECKING:
     import distributed
@@ -283,7 +282,7 @@ class _Rows:
 
     def finish(self, *, figures: bool) -> Sweep:
         """Write the tables and draw the ``figures``."""
-        from ..show.table_figures import draw_table_figures
+        from ..show.many_figures import draw_table_figures
 
         table = self.table
         known, drawn = sums.listed(self.folder), [*(self.folder / "figures").glob("*.png")]

@@ -17,8 +17,7 @@ from wakeflow.air.foam.statistics import cycles
 from wakeflow.answer.result import Request
 from wakeflow.core.errors import SceneError
 from wakeflow.many import agenda as run_agenda
-from wakeflow.many.agenda import Step, make_agenda, starts
-from wakeflow.many.work import Job
+from wakeflow.many.agenda import Job, Step, make_agenda, starts
 from wakeflow.runs import report_again
 
 COARSE = {

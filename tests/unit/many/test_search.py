@@ -130,7 +130,7 @@ def test_a_search_sweeps_its_levels_and_goes_on_where_it_ended(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The second call computes nothing and finds the same. Figures are drawn as in any sweep."""
-    monkeypatch.setattr("wakeflow.show.table_figures.draw_table_figures", lambda folder, table: None)
+    monkeypatch.setattr("wakeflow.show.many_figures.draw_table_figures", lambda folder, table: None)
     monkeypatch.setattr("wakeflow.extras.search.designs._expected_price", lambda scene: 1.0)
     scene, here = shipped("rhombus", {"numerics.rung": "none"}).without_air(), Here()
     tied = "bin.middle.to = bin.inner-right.from = -bin.middle.from = -bin.inner-left.to"

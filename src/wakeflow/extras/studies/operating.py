@@ -118,7 +118,7 @@ def _swept(
 ) -> tuple[Sweep, Path]:
     """The scenes of a grid of ``axes`` swept, and the figure called ``name`` that is drawn of those worth something."""
     from ...show.canvas import saved
-    from ...show.table_figures import of_worth
+    from ...show.many_figures import of_worth
 
     if not any(fraction.targets for fraction in scene.fraction.values()):
         raise SceneError("no fraction has a target, so that nothing is recovered: give fraction.NAME.target, a bin")

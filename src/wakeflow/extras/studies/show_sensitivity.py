@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ...answer.measurements import InputMove, Remaining
 from ...answer.result import Result
-from ...cli.screen import print_lines, screen_table
+from ...cli.screen import print_lines, print_table, screen_table
 from ...core.errors import known
 from ...core.quantities import say, speaking
 from ...show.plan_words import UNITS
@@ -41,14 +41,13 @@ def show_moves(found: Sensitivity, quantities: Sequence[str] = ()) -> None:
 
 def show_remaining(result: Result, left: Mapping[str, Sequence[Remaining]]) -> None:
     """Print what measuring inputs would leave of the interval of each recovery."""
-    from rich.console import Console
 
     for name, rows in left.items():
         value = known(known(result.landings).separation.recovery[name])
         title = f"recovery.{name}, {percent(value)} %; half of its 95 % interval, points, with inputs known better"
         heads = ("input", "now ±", "known to ±", "alone", "with those above")
         if rows:
-            Console().print(screen_table(heads, map(_left, rows[:MAX_INPUTS]), title))
+            print_table(heads, map(_left, rows[:MAX_INPUTS]), title)
 
 
 def _left(one: Remaining) -> list[str]:

@@ -158,7 +158,7 @@ def _operated(
 ) -> int:
     """A map or a curve of a scene over what an operator turns, drawn and printed."""
     from ...cli.screen import print_lines
-    from ...cli.show_many import show_sweep
+    from ...cli.show_result import show_sweep
     from ...runs.effort import quick_settings
     from ...runs.progress import live
     from .operating import counted_lines, met_at, met_lines, met_up_to

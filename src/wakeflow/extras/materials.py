@@ -1,13 +1,16 @@
-"""The materials of granules on a screen: all in a table, or one with all that is known of it."""
+"""The materials of granules: all in a table, one with all that is known of it, a file to fill in with one's own.
+
+Comes in: the shipped materials, or a file of a user's. Goes out: tables on a screen, a commented file.
+May call it: the command line.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from ...cli.screen import plain, screen_table
-from ...core.errors import SceneError
-from ...laws.material import Material, default_margins
+from ..core.errors import SceneError
+from ..laws.material import Material, default_margins
 
 NONE = "–"
 RANGE = 2.0  # standard deviations: 95 % of the granules lie within
@@ -23,7 +26,8 @@ UNITS = {"terminal_velocity": "m/s", "rebound_scatter": "rad", "density": "kg/m3
 
 def _print_all(known: Mapping[str, Material]) -> None:
     """Print a row for each material."""
-    from rich.console import Console
+
+    from ..cli.screen import print_table
 
     rows = [
         [
@@ -33,13 +37,15 @@ def _print_all(known: Mapping[str, Material]) -> None:
         for name, one in known.items()
     ]  # fmt: skip
     heads = ("material", "mm", "kg/m3", "falls at, m/s", "restitution", "friction", "trust")
-    Console().print(screen_table(heads, rows, caption=NOTE, whole=True), highlight=False)
+    print_table(heads, rows, caption=NOTE, whole=True)
 
 
 def _print_one(name: str, one: Material) -> None:
     """Print every value of a material, how well a lot's mean is taken to be known, how far to trust it, its source."""
     from rich.console import Console
     from rich.padding import Padding
+
+    from ..cli.screen import plain
 
     console = Console()
     for told, source in _values(name, one):
@@ -99,9 +105,9 @@ def materials(name: str | None = None, *, file: Path | None = None, new: Path | 
     new
         Write a commented file with a material of your own there, to fill in.
     """
-    from ...laws.material import materials as shipped
-    from ...laws.material import near_material, write_own_material
-    from ...scene.own_files import read_materials
+    from ..laws.material import materials as shipped
+    from ..laws.material import near_material, write_own_material
+    from ..scene.own_files import read_materials
 
     if new is not None:
         write_own_material(new)
@@ -114,3 +120,6 @@ def materials(name: str | None = None, *, file: Path | None = None, new: Path | 
         _print_one(name, known[name])
     else:
         raise SceneError(f"unknown material {name!r}{near_material(name, list(known))} (known: {', '.join(known)})")
+
+
+COMMANDS = (f"{__name__}:materials",)
