@@ -10,10 +10,10 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..answer.result import Request, Result
-from ..answer.result_table import DONE, FAILED, OPEN, Entry, ResultTable, quantities_of
+from ..answer.result_table import FAILED, OPEN, Entry, ResultTable
 from ..core import sums
 from ..core.errors import SceneError
 from ..core.executor import Cluster, TaskPlace, Workers
@@ -25,6 +25,7 @@ from ..runs.progress import as_listener
 from ..scene import Scene
 from ..scene.whole import States
 from .agenda import Agenda, Step, do_agenda, finished, make_agenda
+from .comparison import GrowingTable, InTable
 from .variant import Variant, of_scenes, read_sweep_file
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ Scenes = Iterable[Scene | Path | str | Variant] | Mapping[str, Scene | Path | st
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(InTable):
     """The answers of many scenes: their ``table``, also in sweep.csv of ``folder`` (scenes.csv: a row a scene)."""
 
     folder: Path
@@ -47,24 +48,10 @@ class Sweep:
     def __repr__(self) -> str:
         return f"<Sweep {self.folder}: {self.table!r}>"
 
-    def _repr_html_(self) -> str:
-        """The table of main numbers, as a notebook shows it."""
-        from ..show.views import table_card
-
-        return table_card(self.table)
-
     @property
     def failed(self) -> dict[str, str]:
         """Why each scene failed that did, by its name."""
         return {entry.name: entry.reason for entry in self.table.entries if entry.state == FAILED}
-
-    def frame(self, *, wide: bool = False) -> Any:
-        """A row for each number of each scene, with its interval and the scene's inputs; ``wide``: a row a scene.
-
-        A pandas DataFrame where pandas is installed, else a dict of numpy arrays. An input's unit is behind its
-        key, a number's in the column ``unit``.
-        """
-        return self.table.frame(wide=wide)
 
     def plot(self, quantity: str, over: str, and_over: str | None = None, path: Path | str | None = None) -> Path:
         """Draw a quantity over the input ``over``, lines with whiskers, or with ``and_over`` as a map over two inputs.
@@ -241,16 +228,15 @@ class _Rows:
     agenda: Agenda
 
     def __post_init__(self) -> None:
-        self.entries: dict[str, Entry] = {}
-        self.targets: dict[str, tuple[str, ...]] = {}
+        self.rows = GrowingTable()
         self.written = time.monotonic()
         todo = {step.name for step in self.agenda.steps}
         for one in self.variants:
             problem = self.agenda.problems.get(one.name)
             if problem is not None:
-                self.entries[one.name] = Entry(one.name, one.inputs, FAILED, problem)
+                self._fail(one, problem)
             elif one.name in todo:
-                self.entries[one.name] = Entry(one.name, one.inputs, OPEN)
+                self.rows.entries[one.name] = Entry(one.name, one.inputs, OPEN)
             else:
                 self._read(one)
 
@@ -260,31 +246,28 @@ class _Rows:
         if step.airflow or one is None:
             return
         if problem:
-            self.entries[one.name] = Entry(one.name, one.inputs, FAILED, problem)
+            self._fail(one, problem)
         else:
             self._read(one)
         if time.monotonic() - self.written >= WRITE_EVERY:
-            self.table.tidy().write_csv(self.folder / TABLE)
+            self.rows.table.tidy().write_csv(self.folder / TABLE)
             self.written = time.monotonic()
 
     def _read(self, one: Variant) -> None:
         result = finished(self.folder / one.name, self.agenda.stamps[one.name])
         if result is None:
-            self.entries[one.name] = Entry(one.name, one.inputs, FAILED, f"its result in {one.name} cannot be read")
-            return
-        for fraction in result.scene["fraction"]:
-            self.targets.setdefault(fraction, result.targets(fraction))
-        self.entries[one.name] = Entry(one.name, one.inputs, DONE, result.caveat, quantities_of(result), result.folder)
+            self._fail(one, f"its result in {one.name} cannot be read")
+        else:
+            self.rows.add(one.name, one.inputs, result)
 
-    @property
-    def table(self) -> ResultTable:
-        return ResultTable(tuple(self.entries.values()), self.targets)
+    def _fail(self, one: Variant, problem: str) -> None:
+        self.rows.entries[one.name] = Entry(one.name, one.inputs, FAILED, problem)
 
     def finish(self, *, figures: bool) -> Sweep:
         """Write the tables and draw the ``figures``."""
         from ..show.many_figures import draw_table_figures
 
-        table = self.table
+        table = self.rows.table
         known, drawn = sums.listed(self.folder), [*(self.folder / "figures").glob("*.png")]
         table.tidy().write_csv(self.folder / TABLE)
         table.wide().write_csv(self.folder / WIDE)

@@ -32,9 +32,10 @@ from wakeflow.laws.material import materials
 from wakeflow.scene import Scene
 from wakeflow.scene.changes import flat
 from wakeflow.scene.rungs import rungs
+from wakeflow.scene.uncertainty import source_of
 from wakeflow.show.canvas import BODY, bins_across, fraction_colours
 from wakeflow.show.html import render
-from wakeflow.show.html.rows import machine_rows, material_rows, proofs_of, scene_in_full, source_of
+from wakeflow.show.html.rows import machine_rows, material_rows, proofs_of, scene_in_full
 from wakeflow.show.moving import body_displacement
 
 SHIPPED = ("rhombus", "prism", "labyrinth", "aspirator", "vacuum")

@@ -21,6 +21,7 @@ from ...core.files import made_folder, path_of
 from ...core.process import check_workers, cores
 from ...core.quantities import duration
 from ...core.record import JsonMapping, JsonTable
+from ...many.axis import changes_at
 from ...many.compute import Sweep, executor_on, sweep
 from ...many.variant import Variant, named
 from ...planning.stage_cache import Listener
@@ -266,19 +267,12 @@ class _Scenes:
 
     def changes(self, place: DesignPoint) -> JsonTable:
         """What a design changes of the scene."""
-        found: dict[str, object] = {}
-        for axis, along in zip(self.task.within, place, strict=True):
-            found |= axis.changes(axis.at(along))
-        return found
+        return changes_at(self.task.within, place)
 
     def variant(self, level: int, place: DesignPoint) -> Variant:
         """A design at a level, as a scene of a sweep."""
         changes = self.changes(place)
-        try:
-            scene = self.task.scene.replace({**self.task.levels[level], **changes})
-        except SceneError as problem:
-            return named([Variant("", changes, None, str(problem))])[0]
-        return named([Variant("", changes, scene)])[0]
+        return named([Variant.of(lambda: self.task.scene.replace({**self.task.levels[level], **changes}), changes)])[0]
 
     def evaluate(self, level: int, places: Sequence[DesignPoint]) -> list[Evaluation]:
         """Sweep designs at a level."""

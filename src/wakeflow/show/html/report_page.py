@@ -17,6 +17,7 @@ from ...core.quantities import say, speaking
 from ...scene import RESERVED_BIN, Scene
 from ...scene.own_files import LOGOS
 from ...scene.rungs import rungs
+from ...scene.uncertainty import source_of
 from .. import words
 from ..asked_pictures import found
 from ..canvas import bins_across, fraction_colours
@@ -174,5 +175,5 @@ def _inputs(result: Result) -> list[tuple[str, ...]]:
         with speaking(UNITS):
             ends = [say(value, one.unit, 3) for value in (one.value, one.low, one.high)]
         told = ", ".join(text for _, text in most)
-        shown.append((most[0][0] if most else 0.0, (key, *ends, rows.source_of(key, one.why), told)))
+        shown.append((most[0][0] if most else 0.0, (key, *ends, source_of(key, one.why), told)))
     return [row for _, row in sorted(shown, key=lambda one: one[0])]
