@@ -34,14 +34,6 @@ class InTable:
 
         return table_card(self.table)
 
-    def frame(self, *, wide: bool = False) -> Any:
-        """A row for each number of each scene, with its interval and the scene's inputs; ``wide``: a row a scene.
-
-        A pandas DataFrame where pandas is installed, else a dict of numpy arrays. An input's unit is behind its
-        key, a number's in the column ``unit``.
-        """
-        return self.table.frame(wide=wide)
-
 
 @dataclass
 class GrowingTable:
@@ -76,6 +68,10 @@ class RunComparison(InTable):
     def differences(self) -> tuple[Difference, ...]:
         """Of every later run from the first, quantity by quantity."""
         return tuple(differences_of(self.table.entries))
+
+    def frame(self, *, wide: bool = False) -> Any:
+        """As :meth:`wakeflow.Sweep.frame`."""
+        return self.table.frame(wide=wide)
 
     def write(self, folder: Path) -> None:
         """Write compare.html, compare.csv, differences.csv and figures."""

@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..answer.result import Request, Result
 from ..answer.result_table import FAILED, OPEN, Entry, ResultTable
@@ -52,6 +52,14 @@ class Sweep(InTable):
     def failed(self) -> dict[str, str]:
         """Why each scene failed that did, by its name."""
         return {entry.name: entry.reason for entry in self.table.entries if entry.state == FAILED}
+
+    def frame(self, *, wide: bool = False) -> Any:
+        """A row for each number of each scene, with its interval and the scene's inputs; ``wide``: a row a scene.
+
+        A pandas DataFrame where pandas is installed, else a dict of numpy arrays. An input's unit is behind its
+        key, a number's in the column ``unit``.
+        """
+        return self.table.frame(wide=wide)
 
     def plot(self, quantity: str, over: str, and_over: str | None = None, path: Path | str | None = None) -> Path:
         """Draw a quantity over the input ``over``, lines with whiskers, or with ``and_over`` as a map over two inputs.
