@@ -302,7 +302,7 @@ class SweepProgress:
     first: set[str] = field(default_factory=set)  # the first step of each worker
     failed: int = 0
     least: float = math.inf  # seconds left as reported so far
-    told: float = math.inf  # those told last, if nothing has ended since
+    reported: float = math.inf  # those reported last, if nothing has ended since
 
     def begin(self, handed_out: Iterable[Step]) -> None:
         """Note which steps are under way: of those that are handed out, and have not ended, as many as work at once."""
@@ -315,12 +315,12 @@ class SweepProgress:
         """Note that a step has ended, perhaps before it began."""
         self.took[step.name] = self.clock() - self.began.pop(step.name, self.clock())
         self.failed += bool(problem)
-        self.told = math.inf
+        self.reported = math.inf
 
     def news(self, tell: Callable[[str], None]) -> None:
         """Tell how far it is, where a step has ended or much less is left than at the last time."""
-        if self.told > max(TOLD_AGAIN * (left := self.left), left + SHORTER):
-            self.told = left
+        if self.reported > max(TOLD_AGAIN * (left := self.left), left + SHORTER):
+            self.reported = left
             tell(str(self))
 
     def _pace(self, airflow: bool) -> float:
@@ -440,7 +440,7 @@ class Job:
     report: bool = False
 
     @property
-    def asked(self) -> Request:
+    def request_now(self) -> Request:
         """The request as it can be met: from rest where the airflow to start from has failed."""
         near = self.request.near
         return replace(self.request, near=near if near is not None and (Path(near) / FILE).exists() else None)
@@ -495,7 +495,7 @@ def _tried(job: Job, until: str | None) -> str:
         if until is None:
             compile_tracker()
         run_once(
-            Scene.parse(job.tables), job.folder, replace(job.asked, until=until), workers=job.threads,
+            Scene.parse(job.tables), job.folder, replace(job.request_now, until=until), workers=job.threads,
             report=job.report, made=job.plan,
         )  # fmt: skip
     except ProgramError as problem:

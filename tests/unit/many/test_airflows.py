@@ -64,7 +64,7 @@ def test_where_a_neighbour_fails_the_others_start_from_rest(tmp_path: Path, monk
 
     def solve(job: Job) -> str:
         speed = float(job.tables["air"]["speed"])
-        asked[speed] = job.asked.near
+        asked[speed] = job.request_now.near
         return "no luck" if job.request.near is None else ""
 
     monkeypatch.setattr(run_agenda, "solve_airflow_of", solve)
