@@ -4,4 +4,4 @@ Comes in: nothing. Goes out: a Finding of each thing, with the command that mend
 May call it: the command line.
 """
 
-COMMANDS = ("wakeflow.extras.doctor.examination:doctor",)
+COMMANDS = ("wakeflow.extras.doctor.doctor_commands:doctor",)

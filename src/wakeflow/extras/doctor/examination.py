@@ -6,7 +6,6 @@ process of its own.
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import re
@@ -15,7 +14,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, distributions, version
 from pathlib import Path
@@ -23,7 +22,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ... import DISTRIBUTION
 from ...air.mesh import MeshSpec
-from ...cli.options import AsJson
 from ...cli.screen import screen_table
 from ...core.errors import MeshError, ProgramError
 from ...core.process import call_in_child, cores, run_program
@@ -74,25 +72,6 @@ class Finding:
     needed_for: str
     mend: str = ""
     optional: bool = False
-
-
-def doctor(*, as_json: AsJson = False) -> int:
-    """Try in small what a run does; say which versions did it, and the command that mends what fails.
-
-    Parameters
-    ----------
-    as_json
-        Print JSON.
-    """
-    from rich.console import Console
-
-    with Console(stderr=True).status("trying what a run does; the tracker's first compilation takes a minute or two"):
-        findings = examine()
-    if as_json:
-        print(json.dumps([asdict(finding) for finding in findings], indent=2))
-    else:
-        Console().print(table(findings))
-    return exit_code(findings)
 
 
 def examine() -> list[Finding]:
