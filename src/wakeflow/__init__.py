@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from .answer.dividers import dividers
     from .core.errors import FoamError, MeshError, ProgramError, SceneError, WakeflowError
     from .extras.search.designs import Search, search
+    from .extras.studies.sensitivity import Sensitivity, sensitivity
     from .extras.trays.calibration import Posterior, calibrate
     from .flight import Body, Collisions, Fate, Granules, Motion, Tracks, track
     from .laws.collision import impact
@@ -41,7 +42,6 @@ if TYPE_CHECKING:
     from .laws.streams import layer, layers
     from .many.comparison import compare
     from .many.compute import Sweep, sweep
-    from .many.sensitivity import Sensitivity, sensitivity
     from .many.variant import variants
     from .planning.plan import Plan
     from .runs import run

@@ -21,8 +21,8 @@ from wakeflow.core.errors import LONGEST, SceneError
 from wakeflow.core.store import Store
 from wakeflow.extras.page.document import SceneDocument
 from wakeflow.extras.page.stored import points_of
+from wakeflow.many.agenda import finished
 from wakeflow.many.compute import WIDE
-from wakeflow.many.work import finished
 from wakeflow.planning.stage_cache import StageCache, StageTimes, null_listener
 from wakeflow.scene import Scene
 from wakeflow.scene.measured import read_trays

@@ -23,9 +23,9 @@ from wakeflow.core import sums
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import atomic_write, digest_of, write_json
 from wakeflow.core.tables import CellTable
+from wakeflow.extras.motion.film import BEGIN, END, show_film
 from wakeflow.scene import Scene
 from wakeflow.scene.changes import run_folder
-from wakeflow.show.film import BEGIN, END, show_film
 
 
 @pytest.fixture
@@ -208,7 +208,7 @@ def test_what_is_made_of_one_answer_is_not_laid_beside_another(
     trays.write_text("fraction,bin,share,uncertainty\nhard,far,0.6,0.05\n")
     small = ["--seconds", "1", "--size", "240", "--span", "100 ms", "--quiet"]
     words, way = {
-        "animate": ([str(run), *small], "wakeflow.show.film.write_film"),
+        "animate": ([str(run), *small], "wakeflow.extras.motion.film.write_film"),
         "calibrate": ([str(scene), str(trays), "--out", str(run)], "wakeflow.extras.trays.calibration._posterior"),
     }[command]
     module, name = way.rpartition(".")[::2]

@@ -26,7 +26,7 @@ from ..core.errors import ProgramError, SceneError, WakeflowError, one_line
 from ..core.extras import extras
 from ..core.files import FULL
 from ..scene.overrides import unquoted
-from . import batch, run, view
+from . import batch, run
 
 __all__ = ["app", "main"]
 
@@ -41,7 +41,7 @@ class _Ended(KeyboardInterrupt):
     again, until the program is at its end.
     """
 
-    told: ClassVar[int] = 0  # the signal, once one came
+    number: ClassVar[int] = 0  # the signal, once one came
     awaited: ClassVar[bool] = True
 
     def __del__(self) -> None:
@@ -54,7 +54,7 @@ def _end(number: int, frame: FrameType | None) -> None:
         signal.signal(number, signal.SIG_IGN)  # once: what is told to end has its time to
     signal.signal(signal.SIGALRM, _again)
     sys.unraisablehook, sys.excepthook = _unraised, _uncaught
-    _Ended.told = number
+    _Ended.number = number
     _again(number, frame)
 
 
@@ -94,13 +94,11 @@ app = App(
     result_action="return_value",
     suppress_keyboard_interrupt=False,
 )
-for _command in (*run.COMMANDS, *view.COMMANDS, *batch.COMMANDS):
+for _command in (*run.COMMANDS, *batch.COMMANDS):
     app.command(_command)
 for _extra in extras():
     for _name in getattr(_extra, "COMMANDS", ()):
         app.command(resolve_name(_name))
-app.command(batch.operator_map, name="map")
-app.command(batch.capacity)
 
 
 def _version() -> str:
@@ -126,12 +124,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _deafen()
         return code
     except BaseException as problem:
-        if not isinstance(problem, KeyboardInterrupt) and not _Ended.told:
+        if not isinstance(problem, KeyboardInterrupt) and not _Ended.number:
             raise
     if arguments is None:
         _deafen()
     _complain("interrupted; what is finished is kept, the same command goes on")
-    code = 128 + (_Ended.told or signal.SIGINT)  # as a shell gives it
+    code = 128 + (_Ended.number or signal.SIGINT)  # as a shell gives it
     return code if arguments is not None else _leave(code)
 
 
@@ -143,9 +141,9 @@ def _answer(words: Sequence[str]) -> int:
         sys.stderr.close()  # the reader left; nothing more can be said
         return 0
     except (CycloptsError, WakeflowError, OSError, MemoryError, ImportError, RecursionError) as problem:
-        if _Ended.told:  # a library's words for what came of it
+        if _Ended.number:  # a library's words for what came of it
             raise
-        return _told(problem, words)
+        return _explained(problem, words)
     return code if isinstance(code, int) else 0
 
 
@@ -160,7 +158,7 @@ def _leave(code: int) -> NoReturn:
     os._exit(code)
 
 
-def _told(problem: Exception, words: Sequence[str]) -> int:
+def _explained(problem: Exception, words: Sequence[str]) -> int:
     """Say in one line what a command line of these ``words`` ended with; the exit code. Raises what is nobody's input
     and no program's failure.
     """

@@ -1,41 +1,34 @@
-"""The commands for many scenes and for what runs leave: sweep, compare, bins, sensitivity, clean."""
+"""The commands for many scenes and for what runs leave: sweep, compare, bins, clean."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from ..core.errors import SceneError
-from ..scene.overrides import setting, share_of
+from ..core.quantities import duration
+from ..core.store import KeptStage, bytes_of, cache_root, kept_stages, oldest_beyond, remove_stages
+from ..scene.overrides import share_of
 from .options import (
     ACCURACY,
-    GATE,
-    TURNED,
     Accuracy,
     Axes,
-    BothEnds,
-    Folder,
-    Gate,
-    Known,
     Processes,
     Quiet,
     Scheduler,
-    Settings,
-    Shown,
-    Threads,
-    Turned,
-    scene_and_folder,
 )  # fmt: skip
+from .screen import print_table
 
 if TYPE_CHECKING:
-    from ..many.compute import Sweep
-    from ..scene import Scene
+    pass
 
+NONE = "–"
+MAX_ROWS = 50  # of the cache
 SOME_FAILED = 1  # exit code of a sweep with scenes that failed
 
 
@@ -83,7 +76,7 @@ def sweep(
     from ..many.compute import sweep as compute
     from ..many.variant import asked_for
     from ..runs.progress import live
-    from .show_many import show_estimate, show_sweep
+    from .show_result import show_estimate, show_sweep
 
     how = {**gate.how, "neighbours": neighbours}
     with live(enabled=not quiet) as listener:
@@ -97,86 +90,6 @@ def sweep(
     elif not quiet:
         show_sweep(made)
     return SOME_FAILED if made.failed else 0
-
-
-def operator_map(
-    scene: Path,
-    *,
-    air: Annotated[
-        str | None, Parameter(help="Air speeds: '3:7:5 m/s' or 4,5,6; of a fan its speed_ratio; default 0.8 to 1.2.")
-    ] = None,
-    feed: Annotated[str | None, Parameter(help="Feed rates: '200:800:4 kg/hour'; default likewise.")] = None,
-    options: Turned = TURNED,
-) -> int:
-    """Draw recovery, purity, loss and dirt of every target over air speed and feed rate, with their intervals.
-
-    Each air speed's airflow is solved once, and kept for the next map and the next run. --quick computes coarsely.
-
-    Parameters
-    ----------
-    scene
-        A scene file with an air.speed, a feed.rate and targets.
-    """
-    from ..many.operating import operating_map
-
-    return _operated(partial(operating_map, air=_values("air.speed", air)), "map", scene, feed, options)
-
-
-def capacity(
-    scene: Path,
-    *,
-    feed: Annotated[
-        str | None, Parameter(help="Feed rates: '200:800:4 kg/hour'; default a quarter to twice its own.")
-    ] = None,
-    options: Turned = TURNED,
-) -> int:
-    """Draw the capacity curve: what is lost of every fraction and what dirt is left over the feed rate, with intervals.
-
-    With prices also what it earns. The airflow is solved once, and kept. --quick computes coarsely.
-
-    Parameters
-    ----------
-    scene
-        A scene file with a feed.rate and targets.
-    """
-    from ..many.operating import capacity as curve
-
-    return _operated(curve, "capacity", scene, feed, options)
-
-
-def _operated(
-    made: Callable[..., tuple[Sweep, Path]], name: str, scene: Path, feed: str | None, options: Turned
-) -> int:
-    """A map or a curve of a scene over what an operator turns, drawn and printed."""
-    from ..many.operating import met_at, met_up_to
-    from ..runs.effort import quick_settings
-    from ..runs.progress import live
-    from ..show.words import counted_lines, met_lines
-    from .screen import print_lines
-    from .show_many import show_sweep
-
-    asked, folder = scene_and_folder(scene, options.settings, options.pace, None)
-    how = options.pace.how
-    if options.pace.quick:
-        asked, how = quick_settings(asked, how)
-    rates, target = _values("feed.rate", feed), options.out or folder.with_name(f"{folder.name}+{name}")
-    with live(enabled=not options.quiet) as listener:
-        found, figure = made(asked, target, feed=rates, workers=options.workers, listener=listener, **how)
-    if not options.quiet:
-        show_sweep(found)
-        limits = asked.limit.asked
-        if name == "capacity":
-            print_lines(met_lines(met_up_to(found.table, limits), limits))
-        else:
-            print_lines(counted_lines(met_at(found.table, limits), limits))
-        print(figure)
-    return SOME_FAILED if found.failed else 0
-
-
-def _values(key: str, text: str | None) -> Sequence[object] | None:
-    from ..many.axis import axis_of_text
-
-    return None if text is None else axis_of_text(f"{key}={text}").values
 
 
 def compare(
@@ -197,7 +110,7 @@ def compare(
         _beside_trays(run_folders[0], run_folders[1], out)
         return
     from ..many.comparison import compare as side_by_side
-    from .show_many import show_comparison
+    from .show_result import show_comparison
 
     found = side_by_side(run_folders)
     show_comparison(found)
@@ -211,7 +124,7 @@ def _beside_trays(run_folder: Path, file: Path, out: Path | None) -> None:
     from ..answer.budget.agreement import agreement_in
     from ..answer.result import Result
     from ..scene.measured import Measured, read_trays
-    from .show_many import show_agreement
+    from .show_result import show_agreement
 
     found = agreement_in(Result.load(run_folder), Measured.of(read_trays(file)))
     show_agreement(found)
@@ -260,7 +173,7 @@ def bins(
         show_dividers([dividers(run_folder, fraction, _portion(purity, asked), stretches=stretches, on=on)], on)
         return
     from ..show.canvas import saved
-    from ..show.table_figures import draw_dividers, write_dividers
+    from ..show.many_figures import draw_dividers, write_dividers
 
     levels = purities(run_folder, fraction, on)
     curve = trade_off(run_folder, fraction, levels, stretches=stretches, on=on)
@@ -279,47 +192,6 @@ def _portion(option: str, text: str) -> float:
         return share_of(text)
     except ValueError:
         raise SceneError(f"--purity {option!r}: write it as FRACTION=0.99, or FRACTION for every purity") from None
-
-
-def sensitivity(
-    scene: Path,
-    *,
-    over: BothEnds = (),
-    of: Shown = (),
-    known: Known = (),
-    out: Folder = None,
-    settings: Settings = (),
-    gate: Gate = GATE,
-    workers: Annotated[Threads, Parameter(help="Threads of a run, processes of a sweep; default all cores.")] = None,
-    quiet: Quiet = False,
-) -> None:
-    """Say which input of a scene moves which number by how much: a table, sensitivity.csv and a tornado plot.
-
-    Every number that is not known exactly is drawn with all others, from the scene's interval or a default one; how
-    the landings follow them tells what each does, and flies nothing more. What is named with --over, geometry and
-    vibration too, is flown again at both ends, one at a time.
-
-    Parameters
-    ----------
-    scene
-        A scene file, run where it has not been, or the folder of a finished run.
-    """
-    from ..many.sensitivity import sensitivity as find
-    from ..runs.progress import live
-    from .show_many import show_remaining, show_sensitivity
-
-    asked: Scene | Path = scene
-    if not scene.is_dir():
-        asked, out = scene_and_folder(scene, settings, gate, out)
-    elif settings:
-        raise SceneError("a finished run has its numbers; give its scene file to change them with --set")
-    with live(enabled=not quiet) as listener:
-        found = find(asked, out, over=over, workers=workers, listener=listener, planned=listener.planned, **gate.how)
-    figure, left = found.plot(of), found.remaining(dict(setting(one, "--known", "KEY=HALF") for one in known))
-    if not quiet:
-        show_sensitivity(found, of)
-        show_remaining(found.result, left)
-        print(f"{figure}\n{found.folder / 'sensitivity.csv'}")
 
 
 def clean(
@@ -341,8 +213,6 @@ def clean(
     dry_run
         Remove nothing; only say what is there, and what would be removed.
     """
-    from ..core.store import bytes_of, cache_root, kept_stages, oldest_beyond, remove_stages
-    from .show_stored import show_removed, show_stages
 
     most, root = None if keep is None else bytes_of(keep), cache_root()
     stages = kept_stages(root)
@@ -366,4 +236,30 @@ def _agreed() -> bool:
     return not sys.stdin.isatty() or input("Remove them? [y/N] ").strip().lower() in ("y", "yes")
 
 
-COMMANDS = (sweep, compare, bins, sensitivity, clean)
+def show_removed(stages: Sequence[KeptStage], *, done: bool) -> None:
+    """Say in one line what was or would be removed from the cache, and what making it again would take."""
+    size, spent = sum(one.size for one in stages) / 1e6, sum(one.seconds or 0.0 for one in stages)
+    verb, frees = ("removed", "freed") if done else ("would be removed", "would be freed")
+    print(f"{len(stages)} stages {verb}, {size:.1f} MB {frees}, {duration(spent)} to make again")
+
+
+def show_stages(stages: Sequence[KeptStage], title: str = "in the cache") -> None:
+    """Print stages of the cache, the one that was used longest ago first: size, time to make it again."""
+
+    def sums(used: str, what: str, part: Sequence[KeptStage]) -> list[str]:
+        size, spent = sum(one.size for one in part), sum(one.seconds or 0.0 for one in part)
+        return [used, f"{len(part)} {what}", "", f"{size / 1e6:.1f}", duration(spent)]
+
+    rows: list[list[str]] = []
+    for one in stages[:MAX_ROWS]:
+        used = datetime.fromtimestamp(one.used, UTC).astimezone().strftime("%Y-%m-%d %H:%M")
+        again = NONE if one.seconds is None else duration(one.seconds)
+        key = one.folder.name[:12] + ("" if one.finished else " unfinished")
+        rows.append([used, one.stage, key, f"{one.size / 1e6:.1f}", again])
+    if len(stages) > MAX_ROWS:
+        rows.append(sums("later", "more", stages[MAX_ROWS:]))
+    heads = ("used", "stage", "key", "MB", "to make again")
+    print_table(heads, [*rows, [], sums("all", "stages", stages)], title, left=3)
+
+
+COMMANDS = (sweep, compare, bins, clean)

@@ -66,32 +66,8 @@ Axes = Annotated[
         "Repeatable; a single value is the same for all.",
     ),
 ]
-Held = Annotated[
-    tuple[str, ...],
-    Parameter(
-        name="--set", negative="", help="Hold a key in all designs at all levels: air.speed='5 m/s'. Repeatable."
-    ),
-]
-BothEnds = Annotated[
-    tuple[str, ...],
-    Parameter(
-        negative="",
-        help="Fly the scene again with a key at both ends: air.speed='4 m/s,6 m/s', or the key alone for the ends of "
-        "its own interval. Repeatable.",
-    ),
-]
-Known = Annotated[
-    tuple[str, ...],
-    Parameter(
-        negative="",
-        help="Say what knowing an input to so much leaves of the recoveries' intervals, instead of each exactly: "
-        "fraction.wheat.restitution=0.03, half of a 95 % interval. Repeatable.",
-    ),
-]
-Shown = Annotated[
-    tuple[str, ...], Parameter(negative="", help="Quantities to show: recovery.wheat, share.dust.middle. Repeatable.")
-]
 Scheduler = Annotated[str | None, Parameter(help="A Dask cluster to work on instead: tcp://host:8786.")]
+Picture = Annotated[Path | None, Parameter(help="Where to draw it: PNG, SVG or PDF.")]
 AsJson = Annotated[bool, Parameter(name="--json")]
 
 
@@ -136,33 +112,25 @@ class Pace(Accuracy):
 GATE, ACCURACY, PACE = Gate(), Accuracy(), Pace()
 
 
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Turned:
-    """What a map and a curve over what an operator turns are asked with."""
-
-    out: Folder = None
-    settings: Settings = ()
-    pace: Pace = PACE
-    workers: Processes = None
-    quiet: Quiet = False
-
-
-TURNED = Turned()
-
-
 def scene_and_folder(file: Path, settings: tuple[str, ...], gate: Gate, out: Path | None) -> tuple[Scene, Path]:
     """The scene of a file with its ``settings``, and the folder for its results, by default below runs/; says on
     stderr which of the settings nothing feels.
     """
-    from ..planning.plan_messages import unfelt, unfelt_line
+    from ..runs.planned import deaf_line
     from ..scene import Scene
     from ..scene.changes import run_folder
 
     changes, how = changes_of(settings), gate.how
     scene = Scene.load(file, changes)
-    if deaf := unfelt(changes, scene, how["rung"] or scene.numerics.rung):
-        print(f"! {unfelt_line(deaf)}", file=sys.stderr)
+    if line := deaf_line(changes, scene, how["rung"]):
+        print(f"! {line}", file=sys.stderr)
     quick = isinstance(gate, Pace) and gate.quick
     named = {"rung": how["rung"], **how["force"], "target-error": how.get("target_error"), "quick": quick or None}
     return scene, out or Path("runs", run_folder(file.stem, scene, changes, named))
+
+
+def next_to(path: Path, ending: str) -> Path:
+    """A file beside a scene or a folder, named after it."""
+    named = path.resolve() if path.name in ("", "..") else path
+    name = named.stem if named.suffix == ".toml" else named.name
+    return named.parent / f"{name or 'scene'}{ending}"

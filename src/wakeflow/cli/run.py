@@ -1,15 +1,32 @@
-"""The commands around one scene: run, new, schema, report; and what examines: doctor."""
+"""The commands around one scene: run, plan, new, schema, report."""
 
 from __future__ import annotations
 
 import json
 import shlex
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from .options import PACE, AsJson, Budget, Folder, Pace, Quiet, Settings, Stage, Threads, scene_and_folder
+from .options import (
+    PACE,
+    AsJson,
+    Budget,
+    Folder,
+    Pace,
+    Picture,
+    Quiet,
+    Settings,
+    Stage,
+    Threads,
+    next_to,
+    scene_and_folder,
+)  # fmt: skip
+from .screen import has_screen, print_pairs, print_parts, warn
+
+if TYPE_CHECKING:
+    from ..scene import Scene
 
 
 def run(
@@ -59,6 +76,85 @@ def run(
         show_result(result)
 
 
+def plan(
+    scene: Path,
+    *,
+    everything: Annotated[bool, Parameter(name="--all", negative="")] = False,
+    picture: Picture = None,
+    show: Annotated[bool, Parameter(name="--open", negative="")] = False,
+    out: Path | None = None,
+    until: Stage | None = None,
+    workers: Threads = None,
+    settings: Settings = (),
+    gate: Pace = PACE,
+    as_json: AsJson = False,
+) -> None:
+    """Say in ten lines what is flown, left out and doubtful and what it costs, and draw the machine with its measures.
+
+    Starts nothing heavy. The drawing goes to runs/NAME-plan.png, beside the folder of the results, or to --picture.
+
+    Parameters
+    ----------
+    scene
+        A scene file (TOML).
+    everything
+        Print all that is used, each bound, what is left out and why, every stage and every warning.
+    show
+        Open the drawing.
+    out, until, workers
+        Taken as by run, so that its command line can be reused; a plan does not depend on them.
+    as_json
+        Print JSON, and draw only with --picture.
+    """
+    del until, workers
+    from ..core.store import cache_root
+    from ..runs.planned import make_plan
+    from ..runs.progress import on_this_machine
+    from ..scene import units_written
+    from ..show.plan_words import cost_words, plan_lines, told_by_all, whole_plan
+
+    asked, folder = scene_and_folder(scene, settings, gate, out)
+    how = gate.how
+    if gate.quick:
+        from ..runs.effort import quick_settings
+
+        asked, how = quick_settings(asked, how)
+    made = make_plan(asked, **how)
+    if as_json:
+        print(json.dumps(made.summary(), indent=2))
+    else:
+        stages, runs = on_this_machine(made, cache_root())
+        cost = cost_words(made, stages, runs)
+        if everything:
+            print_parts(whole_plan(made, stages))
+            warn(made.warnings, [notice.grade.value for notice in made.notices], most=len(made.notices))
+            print_parts([cost])
+        else:
+            print_pairs([*plan_lines(made, asked, cost, units_written(scene)), ("", told_by_all(made))])
+    if picture is not None or not as_json:
+        _draw(picture or next_to(folder, "-plan.png"), asked, scene, told=not as_json, show=show)
+
+
+def _draw(path: Path, asked: Scene, scene: Path, *, told: bool, show: bool) -> None:
+    """Draw what a scene file asks for, in the units that it writes; print the picture's path, and open it."""
+    from ..scene import units_written
+    from ..show.sketch import write_sketch
+
+    write_sketch(path, asked, units_written(scene))
+    if told:
+        print(f"drawing: {path}")
+    if show:
+        _open(path)
+
+
+def _open(path: Path) -> None:
+    """Show a file in the program that the desktop has for it; where there is no screen, say so."""
+    import webbrowser
+
+    if not has_screen() or not webbrowser.open(path.absolute().as_uri()):
+        print(f"no screen to open it on: {path}")
+
+
 def new(kind: str, path: Path | None = None, *, overwrite: bool = False) -> None:
     """Write a commented scene file to start from.
 
@@ -86,29 +182,6 @@ def schema() -> None:
     print(json.dumps(scene_schema(), indent=2))
 
 
-def doctor(*, as_json: AsJson = False) -> int:
-    """Try in small what a run does; say which versions did it, and the command that mends what fails.
-
-    Parameters
-    ----------
-    as_json
-        Print JSON.
-    """
-    from dataclasses import asdict
-
-    from rich.console import Console
-
-    from . import doctor as examiner
-
-    with Console(stderr=True).status("trying what a run does; the tracker's first compilation takes a minute or two"):
-        findings = examiner.examine()
-    if as_json:
-        print(json.dumps([asdict(finding) for finding in findings], indent=2))
-    else:
-        Console().print(examiner.table(findings))
-    return examiner.exit_code(findings)
-
-
 def report(
     run_folder: Path, *, pdf: Annotated[bool, Parameter(negative="", help="Write every figure as PDF too.")] = False
 ) -> None:
@@ -124,4 +197,4 @@ def report(
     print(runs.report_again(run_folder, pdf=pdf))
 
 
-COMMANDS = (run, new, schema, doctor, report)
+COMMANDS = (run, plan, new, schema, report)

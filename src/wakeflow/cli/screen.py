@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,8 @@ from ..core.graded import Grade
 if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
+
+    from ..show.words import WordTable
 
 
 MAX_WARNINGS = 3  # on screen; the rest is in the report
@@ -51,6 +54,25 @@ def screen_table(
     return table
 
 
+def print_table(
+    heads: Sequence[str], rows: Iterable[Sequence[str | Text]], title: str = "", caption: str = "", *, left: int = 1,
+    whole: bool = False,
+) -> None:  # fmt: skip
+    """Print a :func:`screen_table`."""
+    from rich.console import Console
+
+    Console().print(screen_table(heads, rows, title, caption, left=left, whole=whole), highlight=False)
+
+
+def print_parts(parts: Iterable[str | WordTable]) -> None:
+    """Print texts, broken into lines as wide as the screen, and tables."""
+    from rich.console import Console
+
+    console = Console()
+    for part in parts:
+        console.print(plain(part) if isinstance(part, str) else screen_table(*part[:4], left=part.left))
+
+
 def print_lines(lines: Iterable[str], style: str = "") -> None:
     """Print lines as they are, however long."""
     from rich.console import Console
@@ -58,6 +80,19 @@ def print_lines(lines: Iterable[str], style: str = "") -> None:
     console = Console()
     for line in lines:
         console.print(plain(line), soft_wrap=True, style=style)
+
+
+def print_pairs(pairs: Iterable[tuple[str, str]]) -> None:
+    """Print labels, and beside them their texts, in lines as long as the screen is wide."""
+    from rich.console import Console
+    from rich.table import Table
+
+    lines = Table.grid(padding=(0, 2))
+    lines.add_column(style="bold", no_wrap=True)
+    lines.add_column()
+    for label, text in pairs:
+        lines.add_row(label, plain(text))
+    Console().print(lines, highlight=False)
 
 
 def warn(warnings: Sequence[str], grades: Sequence[str], most: int = MAX_WARNINGS) -> None:
@@ -70,3 +105,8 @@ def warn(warnings: Sequence[str], grades: Sequence[str], most: int = MAX_WARNING
         console.print(plain(f"! {grade}: {line}"), style=style)
     if len(warnings) > most:
         console.print(f"! and {len(warnings) - most} more: report.html, or --json", highlight=False)
+
+
+def has_screen() -> bool:
+    """Whether a window can be shown: a variable names a screen."""
+    return any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))

@@ -1,26 +1,35 @@
-"""The end of a run on a screen: the budget, the air, warnings, and last the answer; and the dividers of a run."""
+"""What a person at a terminal sees of results: of a run its budget, the air, warnings, and last the answer; the
+dividers of a run; sweeps and comparisons.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
+from textwrap import shorten
 from typing import TYPE_CHECKING
 
 from ..answer.dividers import Dividers, cut
 from ..answer.measurements import PAGE
+from ..answer.result import VOID
+from ..answer.result_table import DONE, Difference, Entry, ResultTable, is_part
 from ..answer.shares import SHARE_UNIT, BudgetRow, Separation, least_certain, weightiest
-from ..core.errors import known
 from ..core.number import Number
-from ..core.quantities import say
+from ..core.quantities import duration
 from ..show import words
-from .screen import print_lines, screen_table, warn
+from ..show.many_figures import input_words, main_quantities
+from ..show.plan_words import UNITS
+from ..show.words import NO_VALUE, difference_text, percent, quantity_text
+from .screen import plain, print_lines, print_table, screen_table, warn
 
 if TYPE_CHECKING:
     from rich.table import Table
+    from rich.text import Text
 
-    from ..air.kinds.airflow_table import Airflow
+    from ..answer.budget.agreement import Agreement
     from ..answer.result import Result
-    from ..planning.feed_funnel import FunnelSummary
-
+    from ..many.comparison import RunComparison
+    from ..many.compute import Sweep, SweepEstimate
 
 HOW_TO_MEASURE = f"How to measure: {PAGE}. Write what you find as {{ value = ..., uncertainty = ... }}."
 WEIGHS, MAX_PARTS = 0.1, 4  # of the largest error of a quantity, and how many errors are reported on screen
@@ -37,11 +46,11 @@ def show_result(result: Result) -> None:
     if result.landings is not None:
         console.print(budget_table(result.landings.budget))
     if result.funnel is not None:
-        console.print(_poured(result.funnel), highlight=False)
+        console.print(words.funnel_words(result.funnel), highlight=False)
     if result.airflow is not None:
-        console.print(_air(result.airflow), highlight=False)
+        console.print(words.air_words(result.airflow), highlight=False)
         if result.airflow.loading is not None:
-            console.print(_loading(result), highlight=False)
+            console.print(words.loading_words(result), highlight=False)
     for name, picture in (result.pictures or {}).items():
         console.print(f"figures/{name}: {picture.text}", highlight=False, markup=False)
     if result.refinement is not None:
@@ -53,50 +62,6 @@ def show_result(result: Result) -> None:
         if result.landings.without_collisions is not None:
             console.print(alone_table(result.landings.separation, result.landings.without_collisions))
         console.print(separation_table(result, result.landings.separation))
-
-
-def _air(airflow: Airflow) -> str:
-    """The airflow in one line."""
-    drop, cd, base = airflow.pressure_drop, airflow.cd, airflow.cp_base
-    if cd is None or base is None:
-        return f"airflow: {airflow.verdict}, {airflow.flow_rate:.3g} m²/s, pressure drop {drop:.2g} Pa"
-    interval = f" ({cd.low:.3f} to {cd.high:.3f})" if cd.known else ""  # none of a given case
-    return (
-        f"airflow: {airflow.verdict}, Cd {cd.value:.3f}{interval}, "
-        f"base pressure coefficient {base.value:.2f}, pressure drop {drop:.1f} Pa"
-    )
-
-
-def _loading(result: Result) -> str:
-    """What the granules' force on the air does, in one line."""
-    loading = known(known(result.airflow).loading)
-    if loading.cd is None:
-        does = f"driven to {say(known(loading.speed), 'm/s', 2)}"
-    else:
-        does = f"steady Cd {known(loading.cd_without).value:.3f} to {loading.cd.value:.3f}"
-    passes = f"{loading.passes} pass{'es' if loading.passes != 1 else ''}"
-    told = f"air loading: {passes}, {loading.given:.2g} N/m on the air, {does}"
-    effects = None if result.landings is None else result.landings.air_loading
-    if not effects:
-        return told
-    rows = [(name, place, found) for name, places in effects.items() for place, found in places.items()]
-    name, place, most = max(rows, key=lambda row: abs(row[2].loaded - row[2].without))
-    before, after = (f"{100 * share:.1f}" for share in (most.without, most.loaded))
-    return f"{told}; " + (
-        f"most moved: {name} in {place}, {before} to {after} %" if before != after else "no share moves"
-    )
-
-
-def _poured(funnel: FunnelSummary) -> str:
-    """The feed funnel in one line."""
-    rate, law = funnel.rate, funnel.beverloo_cone
-    if rate is None:
-        return f"funnel: {funnel.verdict} with {funnel.left} of {funnel.beads} beads inside"
-    found = f"funnel: {1e3 * rate.value:.3g} g/s"
-    if rate.known:
-        found += f" ({1e3 * rate.low:.3g} to {1e3 * rate.high:.3g})"
-    empty = "" if funnel.time_to_empty is None else f", empty after {funnel.time_to_empty:.3g} s"
-    return found + empty + ("" if law is None else f"; Beverloo's law with cone factor, at rest: {1e3 * law:.3g} g/s")
 
 
 def separation_table(result: Result, separation: Separation) -> Table:
@@ -215,7 +180,6 @@ def _bare(row: BudgetRow, error: float | None) -> str:
 
 def show_dividers(found: Sequence[Dividers], on: str) -> None:
     """Print what dividers give at each purity asked; of a single one also the tables for a scene file."""
-    from rich.console import Console
 
     fraction, level = found[0].fraction, on in LEVEL  # places are the machine's own x there
     rows = []
@@ -230,7 +194,7 @@ def show_dividers(found: Sequence[Dividers], on: str) -> None:
         rows.append([f"{100 * one.asked:.4g}", *judged, places or "no stretch reaches it"])
     title = f"{fraction} on {on}, percent; judged on granules that had no part in the choice; interval: of their number"
     heads = ("purity asked", "purity", "recovery", f"stretches ({'x in mm' if level else 'mm along the line'})")
-    Console().print(screen_table(heads, rows, title, left=0))
+    print_table(heads, rows, title, left=0)
     if len(found) > 1 or not found[0].possible:
         return
     stretches = enumerate(found[0].stretches, 1)
@@ -247,3 +211,183 @@ def _as_bin(found: Dividers, stretch: tuple[float, float], on: str) -> str:
         return "\n".join(f'{key} = "{1e3 * x:.5g} mm"' for key, (x, _) in zip(("from", "to"), points, strict=True))
     ends = ", ".join(f'["{1e3 * x:.5g} mm", "{1e3 * y:.5g} mm"]' for x, y in points)
     return f"points = [{ends}]"
+
+
+MAX_NAMED_SCENES = 5  # scenes that are named in a line
+MAX_ROWS = 50  # of a table on a terminal; all are in the file
+MAX_INPUTS = 8  # told of a quantity; all are in the file
+GAP = 2  # letters between columns
+MAX_KEYS = 6  # in which compared scenes differ: more have a line each
+LONGEST_VALUE = 30  # letters of a value in such a line
+DIFFERENCES_HOLD = (
+    "bold: zero lies outside of the interval, of what computing adds; of all that is not known where rungs or terms "
+    "differ, and of purities"
+)
+
+Column = tuple[str, ...]  # its head and its cells
+
+
+def show_estimate(estimate: SweepEstimate, workers: int) -> None:
+    """Print how many scenes there are, what they share, and the cost."""
+    before = f", {estimate.finished} finished before" if estimate.finished else ""
+    spent, alone = duration(estimate.seconds / workers), duration(estimate.seconds)
+    lines = [
+        f"{_counted(estimate.scenes, 'scene')}{before}: {_counted(estimate.airflows, 'airflow')} and "
+        f"{_counted(estimate.flights, 'flight')} to compute",
+        f"about {spent} on {_counted(workers, 'core')} ({alone} of one), {estimate.disk / 1e6:.0f} MB of disk",
+        *(f"! {name}: {reason}" for name, reason in estimate.failed.items()),
+    ]
+    print_lines(lines)
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def show_sweep(found: Sweep) -> None:
+    """Print the table of a sweep, what failed, and where everything is."""
+    show_table(found.table)
+    print_lines((f"! {name}: {reason}" for name, reason in found.failed.items()), "yellow")
+    print_lines([f"results: {found.folder}"])
+
+
+def show_table(table: ResultTable) -> None:
+    """Print a row a scene: its inputs and the quantities that it is made for, with their 95 % intervals; where not
+    all columns fit beside each other, in several tables.
+    """
+    from rich.console import Console
+
+    table = table.read_in(UNITS)
+    shown, names = table.entries[:MAX_ROWS], main_quantities(table)
+    inputs = list(zip(_heads(table), *(_inputs(table, entry) for entry in shown), strict=True))
+    numbers = list(
+        zip((_quantity_head(table, name) for name in names), *(_cells(names, one) for one in shown), strict=True)
+    )
+    console, title = Console(), "percent, with 95 % interval"
+    for columns in _fitting(inputs, numbers, console.width):
+        rows = zip(*(cells for _, *cells in columns), strict=True)
+        print_table([head for head, *_ in columns], rows, title, left=0)
+        title = ""
+    if len(table.entries) > MAX_ROWS:
+        console.print(f"more in the file: {_counted(len(table.entries) - MAX_ROWS, 'scene')}")
+    print_lines(_doubts(table), "yellow")
+
+
+def _doubts(table: ResultTable) -> Iterator[str]:
+    """What is against the numbers of a table."""
+    for caveat, names in table.caveats.items():
+        where = "every scene" if len(names) == len(table.done) > 1 else ", ".join(names[:MAX_NAMED_SCENES])
+        more = (
+            f" and {len(names) - MAX_NAMED_SCENES} more"
+            if where != "every scene" and len(names) > MAX_NAMED_SCENES
+            else ""
+        )
+        yield f"! {where}{more}: {'the answer is void' if caveat == VOID else f'intervals {caveat}'}"
+    for key in table.idle():
+        yield f"! {key} changes no number here: what is left out of these scenes does not feel it"
+
+
+def _quantity_head(table: ResultTable, name: str) -> str:
+    """Its parts below each other, and the unit of what is no percentage."""
+    head = name.replace(".", "\n")
+    return head if is_part(name) or table.names[name] in ("", "1") else f"{head}\n({table.names[name]})"
+
+
+def _inputs(table: ResultTable, entry: Entry) -> list[str]:
+    values = [entry.inputs.get(key) for key in table.inputs]
+    return [NO_VALUE if value is None else input_words(value) for value in values] or [entry.name]
+
+
+def _cells(names: Sequence[str], entry: Entry) -> list[str]:
+    void = entry.reason == VOID
+    return [quantity_text(entry.by_name.get(name), void=void) if entry.state == DONE else entry.state
+            for name in names]  # fmt: skip
+
+
+def _fitting(inputs: list[Column], numbers: list[Column], room: int) -> Iterator[list[Column]]:
+    """The columns of each table: the inputs, and of the numbers as many as fit into so many letters, one at least."""
+    left = [*numbers]
+    while True:
+        columns, used = [*inputs], sum(map(_width, inputs))
+        while left and (len(columns) == len(inputs) or used + _width(left[0]) <= room):
+            used += _width(left[0])
+            columns.append(left.pop(0))
+        yield columns
+        if not left:
+            return
+
+
+def _width(column: Column) -> int:
+    """Letters of a column and of the gap before it."""
+    return max(len(line) for cell in column for line in cell.split("\n")) + GAP
+
+
+def _heads(table: ResultTable) -> Sequence[str]:
+    """Keys with their parts below each other, so that columns stay narrow."""
+    heads = {key: key.replace(".", "\n") for key in table.inputs}
+    return [f"{heads[key]}\n({unit})" if unit else heads[key] for key, unit in table.inputs.items()] or ["scene"]
+
+
+def show_comparison(found: RunComparison) -> None:
+    """Print what differs in the scenes, the answers, and the differences from the first run; of runs that are the same
+    computation that alone.
+    """
+    from rich.console import Console
+
+    keys = [run.key for run in found.runs]
+    if len(set(keys)) == 1:
+        print_lines([f"{' and '.join(entry.name for entry in found.table.entries)} are the same computation"])
+        return
+    if len(found.table.inputs) > MAX_KEYS:
+        _show_keys(found.table)
+        show_table(replace(found.table, entries=[replace(one, inputs={}) for one in found.table.entries]))
+    else:
+        show_table(found.table)
+    for entry, key in list(zip(found.table.entries, keys, strict=True))[1:]:
+        if key == keys[0]:
+            print_lines([f"{entry.name} is the same computation as {found.table.entries[0].name}"])
+    first, names = found.table.entries[0].name, set(main_quantities(found.table))
+    names |= {"airflow.cd", "airflow.cp_base", "airflow.pressure_drop"}
+    others = [entry.name for entry in found.table.entries[1:]]
+    by_quantity: dict[str, dict[str, Difference]] = {}
+    for one in found.differences:
+        by_quantity.setdefault(one.quantity, {})[one.scene] = one
+    rows = [
+        [quantity, *(_difference(row[name]) if name in row else NO_VALUE for name in others)]
+        for quantity, row in by_quantity.items()
+        if quantity in names
+    ]
+    table = screen_table(["less " + first, *others], rows, "differences", DIFFERENCES_HOLD)
+    Console().print(table if rows else f"no number of {first} is in another of these runs")
+
+
+def _show_keys(table: ResultTable) -> None:
+    """Print the keys in which scenes differ, a line each: of machines that have little in common."""
+
+    table = table.read_in(UNITS)
+    rows = [
+        [f"{key} ({unit})" if unit else key, *(_input_cell(entry.inputs.get(key)) for entry in table.entries)]
+        for key, unit in table.inputs.items()
+    ]
+    print_table(["key", *(entry.name for entry in table.entries)], rows, "what differs")
+
+
+def _input_cell(value: object) -> str:
+    return NO_VALUE if value is None else shorten(input_words(value), LONGEST_VALUE, placeholder=" ...")
+
+
+def _difference(one: Difference) -> Text:
+    return plain(difference_text(one), "bold" if one.clear else "")
+
+
+def show_agreement(found: Agreement) -> None:
+    """Print a row a tray, both shares with their 95 % intervals, and the verdict in a sentence."""
+
+    rows = [
+        [tray.about, percent(tray.measured), percent(tray.computed), f"{100 * tray.used:.0f}", f"{tray.pull:+.1f}"]
+        for tray in found.trays
+    ]
+    heads = ["tray", "measured, %", "computed, %", "of the interval, %", "from the others, sd"]
+    caption = "of the interval: the part of both 95 % intervals together that the difference takes"
+    print_table(heads, rows, "measured and computed shares", caption)
+    print_lines([found.sentence])

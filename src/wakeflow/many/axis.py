@@ -306,7 +306,12 @@ def sobol(axes: Sequence[Axis], count: int, seed: int) -> list[Changes]:
 
 
 def _drawn(axes: Sequence[Axis], places: Any) -> list[Changes]:
-    return [_changes(axes, [axis.at(place) for axis, place in zip(axes, row, strict=True)]) for row in places.tolist()]
+    return [changes_at(axes, row) for row in places.tolist()]
+
+
+def changes_at(axes: Sequence[Axis], places: Sequence[float]) -> Changes:
+    """What a scene at a place from 0 to 1 along each axis changes."""
+    return _changes(axes, [axis.at(place) for axis, place in zip(axes, places, strict=True)])
 
 
 def _changes(axes: Sequence[Axis], row: Sequence[object]) -> Changes:

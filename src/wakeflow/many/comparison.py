@@ -12,6 +12,7 @@ from ..answer.result_table import DONE, Difference, Entry, ResultTable, differen
 from ..core import sums
 from ..core.errors import SceneError
 from ..core.files import made_folder
+from ..core.record import JsonMapping
 from ..core.tables import CellTable
 from ..scene import Scene
 from ..scene.changes import differing
@@ -22,8 +23,39 @@ DIFFERENCES = {  # heads of differences.csv, and what each is of a difference
 }  # fmt: skip
 
 
+class InTable:
+    """Results in one ``table``."""
+
+    table: ResultTable
+
+    def _repr_html_(self) -> str:
+        """The table of main numbers, as a notebook shows it."""
+        from ..show.views import table_card
+
+        return table_card(self.table)
+
+
+@dataclass
+class GrowingTable:
+    """A table while it grows; the targets of a fraction are those of the first run that has it."""
+
+    entries: dict[str, Entry] = field(default_factory=dict)
+    targets: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def add(self, name: str, inputs: JsonMapping, result: Result) -> None:
+        """Take in a finished run under a name."""
+        self.entries[name] = Entry(name, inputs, DONE, result.caveat, quantities_of(result), result.folder)
+        for fraction in result.scene["fraction"]:
+            self.targets.setdefault(fraction, result.targets(fraction))
+
+    @property
+    def table(self) -> ResultTable:
+        """All that was taken in."""
+        return ResultTable(tuple(self.entries.values()), self.targets)
+
+
 @dataclass(frozen=True)
-class RunComparison:
+class RunComparison(InTable):
     """``runs`` in one ``table``, whose inputs are the keys in which their scenes differ."""
 
     table: ResultTable
@@ -31,12 +63,6 @@ class RunComparison:
 
     def __repr__(self) -> str:
         return f"<RunComparison: {self.table!r}>"
-
-    def _repr_html_(self) -> str:
-        """The table of main numbers, as a notebook shows it."""
-        from ..show.views import table_card
-
-        return table_card(self.table)
 
     @property
     def differences(self) -> tuple[Difference, ...]:
@@ -50,7 +76,7 @@ class RunComparison:
     def write(self, folder: Path) -> None:
         """Write compare.html, compare.csv, differences.csv and figures."""
         from ..show.html.comparison_page import write_comparison
-        from ..show.table_figures import draw_table_figures
+        from ..show.many_figures import draw_table_figures
 
         files = page, whole, apart = [folder / name for name in ("compare.html", "compare.csv", "differences.csv")]
         sums.refuse_foreign(made_folder(folder), files, "compare")
@@ -76,14 +102,10 @@ def compare(runs: Sequence[Result | Path | str]) -> RunComparison:
         raise SceneError(f"{twice[0]} is given twice")
     columns = differing([Scene.parse(run.scene) for run in found]) | _options(found)
     names = _names([run.folder for run in found])
-    targets: dict[str, tuple[str, ...]] = {}
-    entries = []
+    rows = GrowingTable()
     for place, (name, run) in enumerate(zip(names, found, strict=True)):
-        inputs = {key: values[place] for key, values in columns.items()}
-        entries.append(Entry(name, inputs, DONE, run.caveat, quantities_of(run), run.folder))
-        for fraction in run.scene["fraction"]:
-            targets.setdefault(fraction, run.targets(fraction))
-    return RunComparison(ResultTable(tuple(entries), targets), tuple(found))
+        rows.add(name, {key: values[place] for key, values in columns.items()}, run)
+    return RunComparison(rows.table, tuple(found))
 
 
 def _options(runs: Sequence[Result]) -> dict[str, list[object]]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..answer.result import Request, Result
-from ..answer.result_table import DONE, FAILED, OPEN, Entry, ResultTable, quantities_of
+from ..answer.result_table import FAILED, OPEN, Entry, ResultTable
 from ..core import sums
 from ..core.errors import SceneError
 from ..core.executor import Cluster, TaskPlace, Workers
@@ -24,9 +24,9 @@ from ..planning.stage_cache import Listener, null_listener
 from ..runs.progress import as_listener
 from ..scene import Scene
 from ..scene.whole import States
-from .agenda import Agenda, Step, do_agenda, make_agenda
+from .agenda import Agenda, Step, do_agenda, finished, make_agenda
+from .comparison import GrowingTable, InTable
 from .variant import Variant, of_scenes, read_sweep_file
-from .work import finished
 
 if TYPE_CHECKING:
     import distributed
@@ -39,7 +39,7 @@ Scenes = Iterable[Scene | Path | str | Variant] | Mapping[str, Scene | Path | st
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(InTable):
     """The answers of many scenes: their ``table``, also in sweep.csv of ``folder`` (scenes.csv: a row a scene)."""
 
     folder: Path
@@ -47,12 +47,6 @@ class Sweep:
 
     def __repr__(self) -> str:
         return f"<Sweep {self.folder}: {self.table!r}>"
-
-    def _repr_html_(self) -> str:
-        """The table of main numbers, as a notebook shows it."""
-        from ..show.views import table_card
-
-        return table_card(self.table)
 
     @property
     def failed(self) -> dict[str, str]:
@@ -242,16 +236,15 @@ class _Rows:
     agenda: Agenda
 
     def __post_init__(self) -> None:
-        self.entries: dict[str, Entry] = {}
-        self.targets: dict[str, tuple[str, ...]] = {}
+        self.rows = GrowingTable()
         self.written = time.monotonic()
         todo = {step.name for step in self.agenda.steps}
         for one in self.variants:
             problem = self.agenda.problems.get(one.name)
             if problem is not None:
-                self.entries[one.name] = Entry(one.name, one.inputs, FAILED, problem)
+                self._fail(one, problem)
             elif one.name in todo:
-                self.entries[one.name] = Entry(one.name, one.inputs, OPEN)
+                self.rows.entries[one.name] = Entry(one.name, one.inputs, OPEN)
             else:
                 self._read(one)
 
@@ -261,31 +254,28 @@ class _Rows:
         if step.airflow or one is None:
             return
         if problem:
-            self.entries[one.name] = Entry(one.name, one.inputs, FAILED, problem)
+            self._fail(one, problem)
         else:
             self._read(one)
         if time.monotonic() - self.written >= WRITE_EVERY:
-            self.table.tidy().write_csv(self.folder / TABLE)
+            self.rows.table.tidy().write_csv(self.folder / TABLE)
             self.written = time.monotonic()
 
     def _read(self, one: Variant) -> None:
         result = finished(self.folder / one.name, self.agenda.stamps[one.name])
         if result is None:
-            self.entries[one.name] = Entry(one.name, one.inputs, FAILED, f"its result in {one.name} cannot be read")
-            return
-        for fraction in result.scene["fraction"]:
-            self.targets.setdefault(fraction, result.targets(fraction))
-        self.entries[one.name] = Entry(one.name, one.inputs, DONE, result.caveat, quantities_of(result), result.folder)
+            self._fail(one, f"its result in {one.name} cannot be read")
+        else:
+            self.rows.add(one.name, one.inputs, result)
 
-    @property
-    def table(self) -> ResultTable:
-        return ResultTable(tuple(self.entries.values()), self.targets)
+    def _fail(self, one: Variant, problem: str) -> None:
+        self.rows.entries[one.name] = Entry(one.name, one.inputs, FAILED, problem)
 
     def finish(self, *, figures: bool) -> Sweep:
         """Write the tables and draw the ``figures``."""
-        from ..show.table_figures import draw_table_figures
+        from ..show.many_figures import draw_table_figures
 
-        table = self.table
+        table = self.rows.table
         known, drawn = sums.listed(self.folder), [*(self.folder / "figures").glob("*.png")]
         table.tidy().write_csv(self.folder / TABLE)
         table.wide().write_csv(self.folder / WIDE)

@@ -105,6 +105,14 @@ class Variant:
     scene: Scene | None
     problem: str = ""
 
+    @classmethod
+    def of(cls, make: Callable[[], Scene], inputs: JsonMapping) -> Variant:
+        """A variant without a name, of the scene that ``make`` makes, or with why it cannot be made."""
+        try:
+            return cls("", inputs, make())
+        except SceneError as problem:
+            return cls("", inputs, None, str(problem))
+
     def __repr__(self) -> str:
         """Its name, what it changes where the name does not say that, and why it cannot be made."""
         inputs = ", ".join(f"{key} = {value!r}" for key, value in self.inputs.items())
@@ -179,11 +187,10 @@ def _variant(
     load: Callable[[JsonTable], Scene], fixed: Mapping[str, object], changes: Mapping[str, object],
     axes: Sequence[Axis],
 ) -> Variant:  # fmt: skip
-    try:
-        scene = load({**fixed, **changes})
-    except SceneError as problem:
-        return Variant("", changes, None, str(problem))
-    set_now = flat(scene.tables())
+    made = Variant.of(lambda: load({**fixed, **changes}), changes)
+    if made.scene is None:
+        return made
+    set_now = flat(made.scene.tables())
     inputs: dict[str, object] = {}
     for one in (key for axis in axes for key in axis.keys):
         # a value that is a table, such as a law of restitution, is more than one input; one that is not set is none
@@ -192,7 +199,7 @@ def _variant(
             values = [value for key, value in set_now.items() if fnmatchcase(key, one)]
             inside = {one: values[0]} if values else {}
         inputs |= inside or ({one: changes[one]} if one in changes else {})
-    return Variant("", inputs, scene)
+    return replace(made, inputs=inputs)
 
 
 def _distinct(found: Iterable[Variant]) -> list[Variant]:

@@ -12,6 +12,7 @@ from typing import Any
 from ..core.graded import Grade, Notice
 from ..core.number import Most
 from ..core.record import column, to_json
+from ..laws.forces import forces
 from .airflow_choice import AirflowPlan
 from .carried_round import Deflection
 from .collisions import CollisionPlan
@@ -76,6 +77,11 @@ class FractionPlan(_Sendable):
     forces: tuple[str, ...] = column("", "the terms that it is flown with", default=())
     bounds: Mapping[str, Most] = column("as plan.unit", "how far each term could move it", default=dict)
     limit: Most = column("as plan.unit", "how far a term must be able to move it to be used", default=math.inf)
+
+    @property
+    def random(self) -> bool:
+        """Whether its granules are moved by chance."""
+        return any(forces[name].random for name in self.forces)
 
     @property
     def tracked(self) -> dict[str, Any]:

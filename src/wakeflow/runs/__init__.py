@@ -6,6 +6,6 @@ May call it: a user (``wf.run``, ``wf.plan``, ``wf.chain``), ``many``, the comma
 
 from ..flight.stages.compilation import compile_tracker
 from .folder import answer_key, versions
-from .one_run import film_of, report_again, run, run_once
+from .one_run import report_again, run, run_once
 
-__all__ = ["answer_key", "compile_tracker", "film_of", "report_again", "run", "run_once", "versions"]
+__all__ = ["answer_key", "compile_tracker", "report_again", "run", "run_once", "versions"]

@@ -69,7 +69,7 @@ def refuse_foreign(folder: Path) -> None:
 
 def written_files(folder: Path) -> list[Path]:
     """What is in ``folder`` of all that a run leaves or removes there."""
-    from ..show import films, pictures_of, report_files
+    from ..show import added_files, pictures_of, report_files
 
     drawn = (folder / "figures" / file for picture in pictures_of(folder).values() for file in picture.files)
     own = [
@@ -78,7 +78,7 @@ def written_files(folder: Path) -> list[Path]:
         folder / JOINT,
         folder / "figures" / "pictures.json",
         *drawn,
-        *films(folder),
+        *added_files(folder),
     ]
     return [*report_files(folder), *(path for path in own if path.exists())]
 

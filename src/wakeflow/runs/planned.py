@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from ..answer.budget.source import in_order
 from ..planning.make import make_plan as decide
 from ..planning.plan import Plan
+from ..planning.plan_messages import unfelt, unfelt_line
 from ..scene import Scene
 from ..scene.whole import States
 
@@ -26,3 +28,9 @@ def make_plan(
     move a fraction by more than the accuracy asked for, or when a number is above another that it is never above.
     """
     return decide(scene, rung=rung, force=force, target_error=target_error, sources=in_order())
+
+
+def deaf_line(changed: Iterable[str], scene: Scene, rung: str | None = None) -> str:
+    """Which of the ``changed`` keys change no answer of a scene on a ``rung``, by default its own; "" where none."""
+    deaf = unfelt(changed, scene, rung or scene.numerics.rung)
+    return unfelt_line(deaf) if deaf else ""

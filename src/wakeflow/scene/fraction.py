@@ -272,6 +272,14 @@ class Fraction(Table):
         own = getattr(self, name)
         return float(getattr(self.spread_material, name) if own is None else own)
 
+    def evidence(self, name: str) -> tuple[str, str]:
+        """How far to trust a property of its granules, called as a material's, and where it is from."""
+        if self.material is None or getattr(self, "size" if name == "diameter" else name) is not None:
+            return "given", "the scene"
+        material = materials[self.material]
+        found = material.evidence.get(name, material)
+        return found.confidence, f"{self.material}: {found.source}"
+
     @property
     def spread_material(self) -> Material:
         """The material whose granules this fraction has, one unlike the other; UNNAMED where all are alike: of no

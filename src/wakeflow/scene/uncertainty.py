@@ -24,6 +24,7 @@ from typing_extensions import TypedDict
 
 from ..core.quantities import quantity, split_quantity
 from ..core.registry import did_you_mean
+from ..laws.material import default_margins
 from .table import Table
 
 SIGMAS = 1.959964  # standard deviations to either end of a normal distribution's middle 95 %
@@ -248,3 +249,14 @@ def _wrong_orders(uncertainty: UncertaintyTable, units: Mapping[str, str]) -> It
         TopologicalSorter(above).prepare()
     except CycleError as problem:
         yield f"uncertainty.never_above goes round: {', '.join(problem.args[1])}; leave one of these orders out"
+
+
+def source_of(key: str, why: str) -> str:
+    """What the interval of the number at ``key`` of a scene rests on: the scene, a measurement, or a default with its
+    source.
+    """
+    if not why.startswith("default"):
+        return why
+    entry = key.rpartition(".")[2] if key.startswith("fraction.") else key.replace(".", "_")
+    margin = default_margins().get(entry)
+    return why if margin is None else f"{why}: {margin.source}"

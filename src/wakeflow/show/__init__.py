@@ -1,6 +1,6 @@
 """All that a person reads of a run: figures, VTK files, CSV files, one HTML page. It computes no physics.
 
-Comes in: a Result, AirAndTracks, an Outcome, a table of results. Goes out: files, drawings, words.
+Comes in: a Result, an Outcome, a table of results. Goes out: files, drawings, words.
 May call it: ``runs`` and those after it. The only package that imports pyvista, matplotlib and jinja2, each inside the
 function that needs it.
 """
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.files import atomic_write, link_or_copy
-from .outcome import AirAndTracks, Landed, Outcome
+from .outcome import AirAndTracks, Landed, Outcome, page_additions
 
 warnings.filterwarnings("ignore", "IProgress not found")  # pyvista brings a bar for downloads, of which there are none
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..planning.feed_funnel import FunnelSummary
 
 __all__ = [
-    "AirAndTracks", "Landed", "Outcome", "clear_report", "draw_ahead", "draw_discharge", "films", "is_whole",
+    "AirAndTracks", "Landed", "Outcome", "added_files", "clear_report", "draw_ahead", "draw_discharge", "is_whole",
     "pictures_of", "report_files", "write_report",
 ]  # fmt: skip
 
@@ -46,7 +46,7 @@ def write_report(folder: Path | str, outcome: Outcome, ahead: Sequence[Path] = (
     from .words import write_tables
 
     folder = Path(folder)
-    clear_report(folder, film=False)
+    clear_report(folder, added=False)
     for source in ahead:
         _show_too(source, folder)
     if not ahead:
@@ -120,21 +120,19 @@ def report_files(folder: Path) -> list[Path]:
     return [*(path for path in own if path.exists()), *vtk.pieces(folder), *figure_files(folder / "figures")]
 
 
-def films(folder: Path) -> list[Path]:
-    """Where a film of a run may be in its ``folder``."""
-    from .film import FORMATS
-
-    return [folder / "figures" / f"film.{suffix}" for suffix in FORMATS]
+def added_files(folder: Path) -> list[Path]:
+    """What extras may have added to the report in ``folder``, such as a film."""
+    return [folder / file for name in page_additions for file in page_additions[name].files]
 
 
-def clear_report(folder: Path, *, film: bool = True) -> None:
+def clear_report(folder: Path, *, added: bool = True) -> None:
     """Remove what an earlier report left here, so that nothing of another scene is next to the new one; without
-    ``film`` the one that was made of the same answer stays.
+    ``added`` what extras made of the same answer stays.
     """
     from . import asked_pictures as pictures
     from . import vtk
 
-    for path in (*report_files(folder), *(films(folder) if film else ())):
+    for path in (*report_files(folder), *(added_files(folder) if added else ())):
         path.unlink(missing_ok=True)
     vtk.clear_pieces(folder)
     pictures.clear_pictures(folder / "figures")

@@ -1,9 +1,8 @@
-"""What moves in pictures: recorded tracks at any time, the machine with its granules on axes, and frames as a GIF."""
+"""What moves in pictures: the bodies, and recorded tracks, at any time."""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,15 +12,8 @@ from numpy.typing import NDArray
 from ..core.geometry import distance_to, halved
 from ..core.tables import AnyArray
 from ..flight.feed.first_contact import motion_of
-from .air_pictures import tone
-from .canvas import BODY, COLOURS, MM, STREAM, solids
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from matplotlib.transforms import Bbox
-    from PIL import Image
-
     from ..scene import Scene
 
 Array = NDArray[np.float64]
@@ -118,70 +110,3 @@ class Path2D:
             return None
         low, high = self.time[first + below[0] - 1], self.time[first + below[0]]
         return float(halved(lambda time: self.at(np.array([time]))[0][0, 1] > level, low, high, 60)[1])
-
-
-RIM = 0.4  # points of white around a granule
-
-
-class MovingMachine:
-    """The bodies of a scene and granules of ``diameters`` (n,) m in ``colours`` on axes, to be moved to any time."""
-
-    def __init__(self, axes: Axes, scene: Scene, diameters: Sequence[float], colours: Sequence[str]) -> None:
-        from matplotlib.collections import EllipseCollection
-
-        self.scene, self.bodies = scene, solids(axes, scene)
-        self.outlines = [body.outline() for body in scene.body.values()]
-        size = MM * np.asarray(diameters)
-        self.discs = EllipseCollection(
-            size, size, np.zeros(len(size)), units="xy", offsets=np.zeros((len(size), 2)), facecolors=colours,
-            offset_transform=axes.transData, edgecolors="white", linewidths=RIM, zorder=4.5,
-        )  # fmt: skip
-        axes.add_collection(self.discs)
-
-    def move(self, time: float, places: Array) -> None:
-        """The bodies to where they are at ``time`` (s), the granules to ``places`` (n, 2) m, of which those that are
-        NaN are not seen.
-        """
-        for patch, outline in zip(self.bodies, self.outlines, strict=True):
-            patch.set_xy(MM * (outline + body_displacement(self.scene, np.full(len(outline), time), outline)))
-        self.discs.set_offsets(np.ma.masked_invalid(MM * places))
-
-
-EVEN = 2  # dots, of both sides of a frame: an MP4 asks for it
-
-
-def picture_of(figure: Figure, box: Bbox) -> Image.Image:
-    """A figure as it was drawn last, cut to a ``box`` (inches)."""
-    from PIL import Image
-
-    dots = np.asarray(figure.canvas.buffer_rgba())  # type: ignore[attr-defined]
-    left, right = (max(0, round(x * figure.dpi)) for x in (box.x0, box.x1))
-    top, bottom = (max(0, len(dots) - round(y * figure.dpi)) for y in (box.y1, box.y0))
-    inside = dots[top:bottom, left:right, :3]
-    up, across = (EVEN * (length // EVEN) for length in inside.shape[:2])
-    return Image.fromarray(inside[:up, :across])
-
-
-LEVELS = 6  # shades of either turning: even ones take few bytes
-TINTS, GREYS = 4, 16  # of each colour towards white, and of grey, in a GIF
-
-
-def gif_of(frames: Iterable[Image.Image], rate: float) -> bytes:
-    """All frames in the same few colours, ``rate`` of them a second, for ever."""
-    from PIL import Image
-
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(_colours())
-    first, *rest = (one.quantize(palette=palette, dither=Image.Dither.NONE) for one in frames)
-    stream = io.BytesIO()
-    first.save(stream, "GIF", save_all=True, append_images=rest, duration=round(1000 / rate), loop=0, optimize=False)
-    return stream.getvalue()
-
-
-def _colours() -> list[int]:
-    """Red, green, blue of all that is shown: greys, the air's shades, and each colour with its way to white."""
-    solid = np.array([[int(one[i : i + 2], 16) for i in (1, 3, 5)] for one in (*COLOURS, STREAM, BODY)])
-    tints = [255 - part * (255 - solid) for part in np.linspace(1.0, 0.0, TINTS, endpoint=False)]
-    greys = np.repeat(np.linspace(0, 255, GREYS)[:, None], 3, axis=1)
-    air = tone(np.linspace(-1.0, 1.0, 2 * LEVELS + 1))
-    return [int(part) for part in np.rint(np.concatenate([greys, air, *tints])).ravel()]

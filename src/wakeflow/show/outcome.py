@@ -1,9 +1,10 @@
-"""What a run hands to its report, and the standard figures that are drawn of it."""
+"""What a run hands to its report, the standard figures that are drawn of it, and what extras add to its page."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -92,3 +93,27 @@ def add_figure(
 ) -> None:  # fmt: skip
     """Register a :class:`Figure`."""
     figures.add(name, Figure(caption, draw, parts, always, of_answer))
+
+
+@dataclass(frozen=True)
+class PagePart:
+    """HTML that an extra adds to report.html: its ``section`` before the pictures, its line of the ``contents``, its
+    ``script`` at the end.
+    """
+
+    section: str
+    contents: str = ""
+    script: str = ""
+
+
+@dataclass(frozen=True)
+class PageAddition:
+    """``part`` of the page of an outcome in a folder. The extra's ``files``, relative to the folder, belong to the
+    answer: they stay where its report is drawn anew, and are removed with it.
+    """
+
+    part: Callable[[Path, Outcome], PagePart]
+    files: tuple[str, ...] = ()
+
+
+page_additions: Registry[PageAddition] = Registry("addition to the page of a run", extended=True)

@@ -13,18 +13,21 @@ from ..air.kinds.every_kind import airflow_kinds
 from ..core.graded import Grade, Notice
 from ..core.process import cores
 from ..core.quantities import duration, metres, say, speaking
-from ..planning.cost import typical_cells, wall_seconds
-from ..planning.plan import REPLICATES, replicate_size
+from ..planning.cost import begins, typical_cells, wall_seconds
+from ..planning.plan import REPLICATES, replicate_size, whole_terms
 from ..planning.scene_lines import floor_notices, lifting_line, trade_lines
+from .words import WordTable
 
 if TYPE_CHECKING:
     from ..planning.plan import Plan
     from ..planning.stages import StageCost
+    from ..planning.terms import LeftOut
     from ..scene import Body, Feed, Scene, Vibration
 
 UNITS = {"m": "mm", "rad": "deg", "kg/s": "kg/h"}  # what measures are said in, where the user's units are not known
 MAX_DOUBTS = 3  # that are named; --all tells the others
 WORTH_TELLING = 0.04  # of the whole run time: a part that takes less is not named
+BAR = 28  # letters of the bar chart of stages
 SIDE_BY_SIDE = 1.15  # parts that add up to so many times the whole run overlap
 
 
@@ -101,6 +104,13 @@ def plan_lines(plan: Plan, scene: Scene, cost: str, units: Mapping[str, str] = U
         return [*_lines(plan, scene), ("costs", cost)]
 
 
+def told_by_all(plan: Plan) -> str:
+    """What the lines of a plan do not say, and --all does."""
+    more = len(plan.notices) - min(len(doubts(plan)), MAX_DOUBTS)
+    noted = f", and {more} more note{'s' if more > 1 else ''}" if more else ""
+    return f"--all tells every bound and stage{noted}"
+
+
 def _lines(plan: Plan, scene: Scene) -> Iterator[tuple[str, str]]:
     yield "machine", _machine(scene)
     yield "air", _air(plan, scene)
@@ -120,6 +130,63 @@ def _lines(plan: Plan, scene: Scene) -> Iterator[tuple[str, str]]:
     for number, notice in enumerate(doubts(plan)[:MAX_DOUBTS]):
         grade = f"{notice.grade.value}: " if notice.grade is Grade.VOID else ""
         yield "" if number else "doubtful", grade + notice.text
+
+
+def whole_plan(plan: Plan, stages: Sequence[StageCost]) -> Iterator[str | WordTable]:
+    """What is used, the bound on every term for every fraction, what is left out, every stage."""
+    yield from (f"• {line}" for line in plan.used)
+    if any(how.bounds for how in plan.fractions.values()):
+        yield _bounds(plan)
+    yield WordTable(["left out", "fraction", f"bound ({plan.unit})", "why"], _left_out_rows(plan), left=4)
+    yield _stages(stages)
+
+
+def _bounds(plan: Plan) -> WordTable:
+    """Terms by fractions: what each could move, in body widths; bold with a star where it is computed."""
+    from rich.text import Text
+
+    whole, rows = whole_terms(plan.airflow, plan.crowd), list[list[str | Text]]()
+    for term in next(iter(plan.fractions.values())).bounds:
+        cells = [
+            Text(f"* {how.bounds[term]:.2g}", "bold")
+            if term in how.forces or term in whole
+            else Text(f"{how.bounds[term]:.2g}")
+            for how in plan.fractions.values()
+        ]
+        rows.append([term, *cells])
+    rows += [[], ["left out below", *(f"{how.limit:.2g}" for how in plan.fractions.values())]]
+    title = f"how far each term could move a fraction, {plan.unit} (accuracy {plan.target_error:.2g} of a share)"
+    return WordTable(["term", *plan.fractions], rows, title, "* computed; the rest left out")
+
+
+def _left_out_rows(plan: Plan) -> list[list[str]]:
+    """Name, fractions, bounds and reason of what is left out: those of one name and reason together."""
+    groups: dict[tuple[str, str], list[LeftOut]] = {}
+    for row in plan.left_out:
+        groups.setdefault((row.name, row.why), []).append(row)
+    return [
+        [
+            name, "\n".join(row.fraction or "all" for row in out),
+            "\n".join(f"{row.bound:.2g}" if isfinite(row.bound) else "–" for row in out), why,
+        ]
+        for (name, why), out in groups.items()
+    ]  # fmt: skip
+
+
+def _stages(stages: Sequence[StageCost]) -> WordTable:
+    """Every stage in order, what it is expected to take here, seconds and memory, and when: a bar chart."""
+    second = BAR / max(wall_seconds(stages), 1e-9)
+    rows = [
+        [
+            stage.name + (f" ({stage.times} times)" if stage.times > 1 else ""),
+            " " * int(second * begun) + "=" * max(1, round(second * stage.whole)),
+            f"{stage.whole:.0f}" if stage.whole >= 1.0 else "< 1",
+            f"{stage.memory / 1e6:.0f}",
+        ]
+        for stage, begun in zip(stages, begins(stages), strict=True)
+    ]
+    title = f"what is done when, on two cores (= is {1 / second:.2g} s)"
+    return WordTable(["stage", "when", "s", "MB"], rows, title, left=2)
 
 
 def doubts(plan: Plan) -> list[Notice]:

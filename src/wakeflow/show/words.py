@@ -6,7 +6,7 @@ Shares are of a fraction's mass, purities of a bin's mass.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -26,10 +26,14 @@ from ..core.quantities import say
 from ..core.tables import Cell, CellTable
 
 if TYPE_CHECKING:
+    from rich.text import Text
+
+    from ..air.kinds.airflow_table import Airflow
     from ..answer.result import Result
     from ..answer.result_table import Difference, TableQuantity
     from ..answer.shares import LandingResults, Separation, Verdict
     from ..flight.feed.impact_loads import ImpactForces, ImpactSummary
+    from ..planning.feed_funnel import FunnelSummary
 
 
 # -- The numbers of a result as words ----------------------------------------------------------------------------------
@@ -37,6 +41,18 @@ OF_WHAT = "what the scene does not say exactly, granules, {}, terms left out"
 UNPROVEN = "No measurement of granules validates this machine."
 TERMS = {LEFT_OUT: "terms left out", NOT_COMPUTED: "terms not computed"}  # a column of the budget for each kind of term
 ROUGH = 0.1  # an error of a share from which percentage points are written without decimals
+
+
+class WordTable(NamedTuple):
+    """A table to print: its heads, rows of cells (an empty row draws a line), title and caption; the first ``left``
+    columns lean to the left.
+    """
+
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str | Text]]
+    title: str = ""
+    caption: str = ""
+    left: int = 1
 
 
 def holds(result: Result) -> str:
@@ -143,6 +159,50 @@ def _unit_words(number: Number, unit: str) -> str:
     return f"{value} ({low} to {high}) {unit}" if number.known else f"{value} {unit}"
 
 
+def air_words(airflow: Airflow) -> str:
+    """The airflow in one line."""
+    drop, cd, base = airflow.pressure_drop, airflow.cd, airflow.cp_base
+    if cd is None or base is None:
+        return f"airflow: {airflow.verdict}, {airflow.flow_rate:.3g} m²/s, pressure drop {drop:.2g} Pa"
+    interval = f" ({cd.low:.3f} to {cd.high:.3f})" if cd.known else ""  # none of a given case
+    return (
+        f"airflow: {airflow.verdict}, Cd {cd.value:.3f}{interval}, "
+        f"base pressure coefficient {base.value:.2f}, pressure drop {drop:.1f} Pa"
+    )
+
+
+def loading_words(result: Result) -> str:
+    """What the granules' force on the air does, in one line."""
+    loading = required(required(result.airflow).loading)
+    if loading.cd is None:
+        does = f"driven to {say(required(loading.speed), 'm/s', 2)}"
+    else:
+        does = f"steady Cd {required(loading.cd_without).value:.3f} to {loading.cd.value:.3f}"
+    passes = f"{loading.passes} pass{'es' if loading.passes != 1 else ''}"
+    told = f"air loading: {passes}, {loading.given:.2g} N/m on the air, {does}"
+    effects = None if result.landings is None else result.landings.air_loading
+    if not effects:
+        return told
+    rows = [(name, place, found) for name, places in effects.items() for place, found in places.items()]
+    name, place, most = max(rows, key=lambda row: abs(row[2].loaded - row[2].without))
+    before, after = (f"{100 * share:.1f}" for share in (most.without, most.loaded))
+    return f"{told}; " + (
+        f"most moved: {name} in {place}, {before} to {after} %" if before != after else "no share moves"
+    )
+
+
+def funnel_words(funnel: FunnelSummary) -> str:
+    """The feed funnel in one line."""
+    rate, law = funnel.rate, funnel.beverloo_cone
+    if rate is None:
+        return f"funnel: {funnel.verdict} with {funnel.left} of {funnel.beads} beads inside"
+    found = f"funnel: {1e3 * rate.value:.3g} g/s"
+    if rate.known:
+        found += f" ({1e3 * rate.low:.3g} to {1e3 * rate.high:.3g})"
+    empty = "" if funnel.time_to_empty is None else f", empty after {funnel.time_to_empty:.3g} s"
+    return found + empty + ("" if law is None else f"; Beverloo's law with cone factor, at rest: {1e3 * law:.3g} g/s")
+
+
 def verdict_lines(result: Result) -> list[str]:
     """A line for each limit of the scene: what it is, whether it is met, what the answer says, what would decide."""
     return [
@@ -150,20 +210,6 @@ def verdict_lines(result: Result) -> list[str]:
         + (f"; it takes {one.decides}" if one.decides else "")
         for one in result.limits
     ]
-
-
-def met_lines(met: Mapping[str, float | None], limits: Mapping[str, float]) -> list[str]:
-    """Up to which feed rate (kg/s) each limit is met, a line each."""
-    rates = {name: "at none of these rates" if rate is None else f"up to {say(3600.0 * rate, 'kg/h', 4)}"
-             for name, rate in met.items()}  # fmt: skip
-    return [f"{name} at most {100 * limits[name]:.4g} %: met {until}" for name, until in rates.items()]
-
-
-def counted_lines(found: Mapping[str, Mapping[str, int]], limits: Mapping[str, float]) -> list[str]:
-    """At how many settings each limit is met, not met and open, a line each."""
-    told = {name: ", ".join(f"{verdict} at {count}" for verdict, count in row.items()) for name, row in found.items()}
-    return [f"{name} at most {100 * limits[name]:.4g} %: {told[name]} of {sum(row.values())} settings"
-            for name, row in found.items()]  # fmt: skip
 
 
 def _found(one: Verdict, *, void: bool) -> str:

@@ -13,9 +13,9 @@ import pytest
 from packaging.requirements import Requirement
 
 from support import ROOT
-from wakeflow.cli import doctor
-from wakeflow.cli.doctor import Finding, exit_code
 from wakeflow.core.errors import MeshError
+from wakeflow.extras.doctor import examination as doctor
+from wakeflow.extras.doctor.examination import Finding, exit_code
 
 
 @pytest.mark.openfoam

@@ -17,7 +17,7 @@ from wakeflow import Scene
 from wakeflow.air.kinds.analytic import duct_field
 from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.cli import main
-from wakeflow.cli.show_stored import MAX_ROWS, show_stages
+from wakeflow.cli.batch import MAX_ROWS, show_stages
 from wakeflow.core import sources
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import link_or_copy, write_json

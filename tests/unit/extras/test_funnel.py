@@ -11,9 +11,10 @@ import pytest
 import wakeflow as wf
 from proofs import funnel
 from proofs.funnel import bounce_phase, lift_off_phase, on_plate
-from wakeflow.cli import doctor, main
+from wakeflow.cli import main
 from wakeflow.core.errors import ProgramError, SceneError
 from wakeflow.core.store import Store, cache_root
+from wakeflow.extras.doctor import examination as doctor
 from wakeflow.extras.funnel import engine
 from wakeflow.extras.funnel.engine import (
     SIDES,

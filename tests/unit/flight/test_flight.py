@@ -13,8 +13,8 @@ from wakeflow.air.field import FlowField
 from wakeflow.air.field.combined import varied
 from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.core.errors import SceneError
+from wakeflow.extras.motion.film_stage import SINGLY, Film, flown_film
 from wakeflow.flight.feed.feedstock import feedstock, samples
-from wakeflow.flight.stages.film_stage import SINGLY, Film
 from wakeflow.flight.stages.fraction_flights import Flight, _second_half, bodies_and_walls, end_lines
 from wakeflow.flight.stages.input_samples import DrawStage
 from wakeflow.flight.stages.landings import load_tracked
@@ -148,7 +148,7 @@ SPAN = 0.3  # s
 
 
 def _film(scene: Scene, *, meet: bool) -> Film:
-    return Pipeline(scene, make_plan(scene, force={COLLISIONS: meet})).film(SPAN)
+    return flown_film(Pipeline(scene, make_plan(scene, force={COLLISIONS: meet})), SPAN)
 
 
 def _inside(film: Film, name: str) -> int:
@@ -180,7 +180,7 @@ def test_a_film_is_flown_once() -> None:
     heard: list[tuple[str, str]] = []
     for _ in range(2):
         heard.clear()
-        Pipeline(scene, make_plan(scene), lambda stage, text: heard.append((stage, text))).film(SPAN)
+        flown_film(Pipeline(scene, make_plan(scene), lambda stage, text: heard.append((stage, text))), SPAN)
     assert [text for stage, text in heard if stage == "film"] == ["done (from the cache)"]
 
 
@@ -230,7 +230,7 @@ def test_the_air_has_fewer_draws_and_all_are_standard_normal() -> None:
     from support import shipped
 
     scene = shipped("rhombus", {"feed.count": 64})
-    stage = DrawStage(Pipeline(scene, make_plan(scene))._track_stage)
+    stage = DrawStage(Pipeline(scene, make_plan(scene)).track_stage)
     of_air = np.array([unknown_kinds[one.kind].of_air for one in stage.unknowns])
     air, rest = stage.design[:, of_air], stage.design[:, ~of_air]
     assert len(np.unique(air, axis=0)) == INPUT_SAMPLES // SAME_AIR

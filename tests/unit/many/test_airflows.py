@@ -16,8 +16,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.core.store import cache_root
 from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.many import agenda as run_agenda
-from wakeflow.many.agenda import Step, make_agenda, starts
-from wakeflow.many.work import Job
+from wakeflow.many.agenda import Job, Step, make_agenda, starts
 from wakeflow.runs import report_again
 from wakeflow.runs.planned import make_plan
 
@@ -65,7 +64,7 @@ def test_where_a_neighbour_fails_the_others_start_from_rest(tmp_path: Path, monk
 
     def solve(job: Job) -> str:
         speed = float(job.tables["air"]["speed"])
-        asked[speed] = job.asked.near
+        asked[speed] = job.request_now.near
         return "no luck" if job.request.near is None else ""
 
     monkeypatch.setattr(run_agenda, "solve_airflow_of", solve)

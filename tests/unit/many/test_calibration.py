@@ -17,8 +17,7 @@ from support import shipped
 from wakeflow.answer.budget.agreement import AGREES, CANNOT_TELL, DISAGREES, agreement_in
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError, known
-from wakeflow.extras.trays.calibrated_materials import materials_text
-from wakeflow.extras.trays.calibration import Posterior
+from wakeflow.extras.trays.calibration import Posterior, materials_text
 from wakeflow.extras.trays.calibration_update import covariance_of_missed, missed_by
 from wakeflow.extras.trays.protocol import protocol, protocol_of
 from wakeflow.scene.measured import Measured, Tray, read_trays

@@ -15,11 +15,11 @@ from wakeflow.answer.result import VOID, Result
 from wakeflow.answer.result_table import DONE, FAILED, Difference, Entry, ResultTable, TableQuantity, differences_of
 from wakeflow.answer.shares import least_certain
 from wakeflow.cli import main
-from wakeflow.cli.show_many import show_table
+from wakeflow.cli.show_result import show_table
 from wakeflow.core.errors import SceneError, known
+from wakeflow.extras.studies.sensitivity import COLUMNS
 from wakeflow.extras.trays.calibration_update import half_of
 from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.many.sensitivity import COLUMNS
 from wakeflow.planning.unknowns import unknowns
 from wakeflow.runs.planned import make_plan
 from wakeflow.show import many_figures as many

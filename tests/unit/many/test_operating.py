@@ -11,8 +11,8 @@ import pytest
 import wakeflow as wf
 from support import Here, shipped
 from wakeflow.core.errors import SceneError
-from wakeflow.many import operating
-from wakeflow.show.words import counted_lines
+from wakeflow.extras.studies import operating
+from wakeflow.extras.studies.operating import counted_lines
 
 
 @pytest.mark.parametrize(

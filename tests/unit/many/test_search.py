@@ -16,9 +16,9 @@ from wakeflow.extras.search.designs import affordable, explore, refuse_void, sea
 from wakeflow.extras.search.search_history import DesignPoint, Evaluation, History, at_random
 from wakeflow.extras.search.show_search import show_search
 from wakeflow.extras.search.task import Goal, QuantityLimit, SearchTask, read_search_file
+from wakeflow.extras.studies.operating import operating_map
 from wakeflow.extras.trays.calibration import calibrate
 from wakeflow.many.axis import Axis, axis_of_text
-from wakeflow.many.operating import operating_map
 from wakeflow.runs.planned import make_plan
 
 FILE = f"""
@@ -130,7 +130,7 @@ def test_a_search_sweeps_its_levels_and_goes_on_where_it_ended(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The second call computes nothing and finds the same. Figures are drawn as in any sweep."""
-    monkeypatch.setattr("wakeflow.show.table_figures.draw_table_figures", lambda folder, table: None)
+    monkeypatch.setattr("wakeflow.show.many_figures.draw_table_figures", lambda folder, table: None)
     monkeypatch.setattr("wakeflow.extras.search.designs._expected_price", lambda scene: 1.0)
     scene, here = shipped("rhombus", {"numerics.rung": "none"}).without_air(), Here()
     tied = "bin.middle.to = bin.inner-right.from = -bin.middle.from = -bin.inner-left.to"
@@ -197,7 +197,7 @@ def test_it_finds_the_best_within_its_budget_and_says_what_may_be_as_good() -> N
     assert min(spent) >= 0.3 * sum(spent)
     assert lost(history) < 0.01
     known = history.known()
-    coarse = [place for place in history.found[0] if place not in history.found[1]]
+    coarse = [place for place in history.evaluations[0] if place not in history.evaluations[1]]
     truth = {place: -hill(1, [place])[0].quantities["good"].value for place in coarse}
     inside = [known[place].low[0] <= truth[place] <= known[place].high[0] for place in coarse]
     assert np.mean(inside) > 0.9
@@ -224,9 +224,9 @@ def test_the_scene_as_it_stands_is_the_first_design_at_every_level() -> None:
         for key, own in (("feed.height", scene.feed.height), ("feed.width", scene.feed.width))
     )
     history = explore(SearchTask(scene, axes, (Goal("good"),), 300.0, levels=({}, {"fine": 1})), hill)
-    assert [next(iter(made)) for made in history.found] == [pytest.approx((0.5, 0.5))] * 2
+    assert [next(iter(made)) for made in history.evaluations] == [pytest.approx((0.5, 0.5))] * 2
     few = SearchTask(scene, axes, (Goal("good"),), 300.0, levels=({}, {"fine": 1}), at_a_time=4)
-    own, *others = explore(few, hill, lambda history, count: at_random(history, count)).found[1]
+    own, *others = explore(few, hill, lambda history, count: at_random(history, count)).evaluations[1]
     assert own == pytest.approx((0.5, 0.5))
     assert others  # it does not take the place of the likeliest one
     low = tuple(Axis(axis.key, axis.values, (0.0, 0.5 * axis.values[1] - 1e-3)) for axis in axes)
@@ -236,7 +236,7 @@ def test_the_scene_as_it_stands_is_the_first_design_at_every_level() -> None:
 
 def test_the_same_search_takes_the_same_steps() -> None:
     once, again = (explore(task(200.0), hill) for _ in range(2))
-    assert [list(made) for made in once.found] == [list(made) for made in again.found]
+    assert [list(made) for made in once.evaluations] == [list(made) for made in again.evaluations]
 
 
 def test_limits_are_kept_and_designs_that_fail_are_left_alone() -> None:
@@ -259,7 +259,7 @@ def test_several_goals_have_a_front_and_a_middle() -> None:
     front, best = history.front(), history.recommended()
     assert len(front) >= 3
     known = history.known()
-    kept = [place for place in history.found[-1] if place in known]
+    kept = [place for place in history.evaluations[-1] if place in known]
     for place in kept:  # off the front is what another is better than in both, whatever their intervals
         beaten = any(np.all(known[other].high <= known[place].low) for other in kept if other != place)
         assert (place in front) is not beaten
@@ -364,4 +364,4 @@ def test_a_search_keeps_its_budget_however_many_designs_are_asked_for_at_a_time(
 
     history = explore(task, evaluate, at_random, price=cost.__getitem__)
     assert sum(history.seconds(level) for level in (0, 1)) <= 1.3 * task.budget
-    assert len(history.found[1]) >= 1
+    assert len(history.evaluations[1]) >= 1

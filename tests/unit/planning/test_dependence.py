@@ -44,7 +44,7 @@ def _columns(found: Dependence, *keys: str) -> list[int]:
 
 
 def _stage(scene: wf.Scene, joined: Joined = Dependence.joined) -> DrawStage:
-    return DrawStage(Pipeline(scene, make_plan(scene))._track_stage, joined)
+    return DrawStage(Pipeline(scene, make_plan(scene)).track_stage, joined)
 
 
 def _untied_design(stage: DrawStage, shared: Sequence[bool]) -> np.ndarray:

@@ -12,7 +12,6 @@ import pytest
 from support import CASES, shipped
 from wakeflow.answer.budget.source import budget_sources
 from wakeflow.answer.provenance import RefinedSettings
-from wakeflow.cli.show_plan import show_plan
 from wakeflow.core.files import write_json
 from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store
@@ -24,6 +23,7 @@ from wakeflow.planning.stages import OWN, AirLabel, Scaling, Stage, StageCost, S
 from wakeflow.runs.planned import make_plan
 from wakeflow.runs.progress import RunProgress
 from wakeflow.runs.settings import expected_seconds
+from wakeflow.show.plan_words import cost_words
 
 COARSE = RefinedSettings(granules=1024, tolerance=1e-3, mesh_scale=2.0, averaging=None, slab=None)
 FINE = RefinedSettings(granules=4096, tolerance=1e-3, mesh_scale=1.0, averaging=None, slab=None)
@@ -54,13 +54,12 @@ def test_a_new_stage_is_made_and_timed(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("weights")
-def test_a_new_stage_is_planned_learned_and_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_new_stage_is_planned_learned_and_shown(tmp_path: Path) -> None:
     scene = shipped("vacuum")
     plan = make_plan(scene)
     (planned,) = [stage for stage in plan.stages if stage.name == "weights"]
     assert planned.seconds == 1000.0 * len(scene.fraction)
-    show_plan(plan, scene)
-    assert "(scales " in capsys.readouterr().out.replace("\n", " ")
+    assert "(scales " in cost_words(plan, *on_this_machine(plan, tmp_path))
     learn(tmp_path, plan.stages, {"weights": 2.0 * planned.seconds})
     here = {stage.name: stage.seconds for stage in on_this_machine(plan, tmp_path)[0]}
     rate = (2.0 * planned.seconds + STARTS) / (planned.seconds + STARTS)

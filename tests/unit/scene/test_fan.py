@@ -16,8 +16,8 @@ from support import shipped
 from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.answer.budget.budget import _prices
 from wakeflow.answer.notices import _off_the_fan
+from wakeflow.extras.studies import operating
 from wakeflow.laws.operating_point import borne, meeting
-from wakeflow.many import operating
 from wakeflow.planning.make import Planner
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.scene_lines import trade_lines

@@ -25,16 +25,17 @@ from wakeflow.answer.provenance import commit_of
 from wakeflow.answer.result import Request
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
-from wakeflow.flight.stages.film_stage import Film
+from wakeflow.extras.motion.film import BEGIN, END, show_film, still_of, write_film
+from wakeflow.extras.motion.film_stage import Film
+from wakeflow.extras.motion.live import FRAMES, POINTS, _frames
 from wakeflow.laws.material import materials
 from wakeflow.scene import Scene
 from wakeflow.scene.changes import flat
 from wakeflow.scene.rungs import rungs
+from wakeflow.scene.uncertainty import source_of
 from wakeflow.show.canvas import BODY, bins_across, fraction_colours
-from wakeflow.show.film import BEGIN, END, show_film, still_of, write_film
 from wakeflow.show.html import render
-from wakeflow.show.html.live import FRAMES, POINTS, _frames
-from wakeflow.show.html.rows import machine_rows, material_rows, proofs_of, scene_in_full, source_of
+from wakeflow.show.html.rows import machine_rows, material_rows, proofs_of, scene_in_full
 from wakeflow.show.moving import body_displacement
 
 SHIPPED = ("rhombus", "prism", "labyrinth", "aspirator", "vacuum")

@@ -26,6 +26,8 @@ from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import along, contains
 from wakeflow.core.number import UNKNOWN_ERROR, Number
 from wakeflow.core.record import from_json, to_json
+from wakeflow.extras.motion import live
+from wakeflow.extras.motion.live import live_data
 from wakeflow.flight.feed.impact_loads import impact_loads
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
@@ -39,8 +41,6 @@ from wakeflow.show.figures import air_figures as air
 from wakeflow.show.figures.air_figures import draw_pressure, draw_surface, draw_vorticity
 from wakeflow.show.figures.flights import draw_residence, draw_tracks
 from wakeflow.show.figures.share_figures import draw_landing, draw_partition
-from wakeflow.show.html import live
-from wakeflow.show.html.live import live_data
 from wakeflow.show.html.report_page import FRONT
 from wakeflow.show.words import in_three_dimensions, part_words, percent
 
@@ -782,11 +782,12 @@ def test_the_page_needs_no_other_file(scene: Scene, page: Path) -> None:
     assert "http" not in text
 
 
-def test_words_cannot_break_the_page(rhombus: Scene) -> None:
+def test_words_cannot_break_the_page(rhombus: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     outcome = _outcome(rhombus)
     result = replace(outcome.result, warnings=("<script>x",), grades=("less sure",))
-    live = {**live_data(outcome), "extra": "</script>"}
-    text = html.render(result, {}, live=live)
+    hurtful = {**live_data(outcome), "extra": "</script>"}
+    monkeypatch.setattr(live, "live_data", lambda _: hurtful)
+    text = html.render(result, {}, parts=[live.watch_part(Path(), outcome)])
     assert "<script>x" not in text
     assert "&lt;script&gt;x" in text
     assert "\\u003c/script>" in text

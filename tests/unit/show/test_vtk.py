@@ -18,11 +18,11 @@ from wakeflow.air.field import FlowField
 from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.cli import main
 from wakeflow.core.record import from_json
+from wakeflow.extras.motion.window import look
 from wakeflow.flight import Fate
 from wakeflow.scene import Scene
 from wakeflow.show.canvas import BODY, fraction_colours
 from wakeflow.show.vtk import write_field, write_landings, write_machine, write_moving, write_tracks
-from wakeflow.show.window import look
 
 LEVEL, PERIOD, FIRST = 3.0, 0.5, 0.25  # Pa, s, s
 AIRFLOW = from_json(Airflow, {"rung": "draft", "verdict": "steady", "p_inlet": LEVEL})

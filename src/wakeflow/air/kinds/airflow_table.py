@@ -10,7 +10,7 @@ from ...core.errors import SceneError, known
 from ...core.number import Number
 from ...core.record import column
 from ...laws.best_estimate import WakeEstimate
-from ...laws.momentum import momentum_pressure
+from ...laws.momentum import Momentum, momentum_pressure
 from ...laws.operating_point import FanPoint
 from ...scene.fan_speed import fan_point
 from ..field.modes import Truncation
@@ -179,8 +179,13 @@ class Airflow(AirflowResult):
         """
         if not scene.body or self.cp_base is None:
             return None
-        model = momentum_pressure(next(iter(scene.body.values())).outline(), scene.airstream.direction)
+        model = momentum_of(scene)
         return MomentumModel(model.front, model.drag(self.cp_base.value))
+
+
+def momentum_of(scene: Scene) -> Momentum:
+    """The paper's momentum model of the first body."""
+    return momentum_pressure(scene.outline, scene.airstream.direction)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,9 +17,8 @@ import numpy as np
 from ...flight.stages.landings import Landings
 from ...flight.stages.pipeline import Pipeline
 from ...flight.stages.track_stage import PerturbedRerun
-from ...laws.forces import forces
 from ...planning.cost import flown_again
-from ...planning.plan import COMPARED, REPLICATES, FractionPlan
+from ...planning.plan import COMPARED, REPLICATES
 from ...planning.stages import StageCost, Workload
 from ..provenance import RefinedSettings
 from ..shares import PERTURBED_RERUN, BudgetPart
@@ -95,11 +94,11 @@ class Noise(Source["Tracked"]):
         return [] if work.scene.air is None else [flown_again(work, LONGER.name, CHEAPER)]
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Tracked | None:
-        return pipeline.tracks(LONGER) if any(map(_random, pipeline.plan.fractions.values())) else None
+        return pipeline.tracks(LONGER) if any(how.random for how in pipeline.plan.fractions.values()) else None
 
     def shares(self, fraction: FractionResults) -> Parts:
         flown = fraction.flights.of(self)
-        if flown is None or not _random(fraction.pipeline.plan.fractions[fraction.name]):
+        if flown is None or not fraction.pipeline.plan.fractions[fraction.name].random:
             return {}
         scene, own, other = fraction.pipeline.scene, fraction.compared, flown.landings[fraction.name]
         moved = (one.counts(len(scene.bin), scene.images).mean(axis=0) for one in (own, other))
@@ -115,11 +114,6 @@ class Noise(Source["Tracked"]):
         """What chance leaves of the difference falls with the granules."""
         error, chance = part.size, part.of_granules or 0.0
         return hypot(sqrt(max(0.0, error**2 - chance**2)), chance * (now.granules / then.granules) ** RATE)
-
-
-def _random(how: FractionPlan) -> bool:
-    """Whether a fraction's granules are moved by chance."""
-    return any(forces[name].random for name in how.forces)
 
 
 add(Integration())

@@ -119,16 +119,16 @@ class FinishedRuns:
     def _answer(self, stored: StoredLandings, ends: Ends) -> dict[str, object]:
         found, void = stored.result.between(ends).shares, stored.result.void
 
-        def told(numbers: Mapping[str, Number | None]) -> dict[str, object]:
+        def cells(numbers: Mapping[str, Number | None]) -> dict[str, object]:
             return {
                 key: None if one is None else [one.value, *one.ends, percent(one, void=void)]
                 for key, one in numbers.items()
             }
 
         return {
-            "shares": {name: told(row) for name, row in found.fractions.items()},
-            "purity": {place: told(row) for place, row in found.purity.items() if row},
-            **{kind: told(getattr(found, kind)) for kind in ("recovery", "loss", "dirt")},
+            "shares": {name: cells(row) for name, row in found.fractions.items()},
+            "purity": {place: cells(row) for place, row in found.purity.items() if row},
+            **{kind: cells(getattr(found, kind)) for kind in ("recovery", "loss", "dirt")},
             "lost": {name: rate_words(one, void=void) for name, one in found.lost.items()},
             "limits": _verdicts(stored, ends, found),
         }

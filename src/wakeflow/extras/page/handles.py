@@ -89,10 +89,10 @@ def _channel(scene: Scene) -> Iterator[Handle]:
                  partial(_width, "channel.width", 0.0))  # fmt: skip
     for end, y in (("top", channel.top), ("bottom", channel.bottom)):
         yield Handle(f"channel {end}", f"{end} of the channel", f"channel.{end}", (ASIDE * channel.width, y), "y",
-                     partial(_one, f"channel.{end}", 1))  # fmt: skip
+                     partial(_coordinate, f"channel.{end}", 1))  # fmt: skip
 
 
-def _one(key: str, which: int, x: float, y: float) -> Changes:
+def _coordinate(key: str, which: int, x: float, y: float) -> Changes:
     return {key: (x, y)[which]}
 
 
@@ -161,7 +161,7 @@ def _feed(scene: Scene) -> Iterator[Handle]:
     feed, level = scene.feed, scene.level
     top = level + (scene.release[0] if scene.plumb.upright else 0.0)
     yield Handle("feed place", "feed: its middle", "feed.position", (feed.position, top), "x",
-                 partial(_one, "feed.position", 0))  # fmt: skip
+                 partial(_coordinate, "feed.position", 0))  # fmt: skip
     yield Handle("feed width", "feed: its width", "feed.width", (feed.position + feed.width / 2, top), "x",
                  partial(_width, "feed.width", feed.position))  # fmt: skip
     if feed.height is not None and scene.body and scene.plumb.upright:
@@ -196,4 +196,4 @@ def _inlets(scene: Scene) -> Iterator[Handle]:
     for name, inlet in scene.channel.inlet.items():
         key = f"channel.inlet.{name}.position"
         yield Handle(key, f"stream {name}: its place", key, (-half if inlet.side == "left" else half, inlet.position),
-                     "y", partial(_one, key, 1))  # fmt: skip
+                     "y", partial(_coordinate, key, 1))  # fmt: skip

@@ -26,12 +26,12 @@ EVERY = 0.3  # s between lines of a stage
 class _InJson(ProgressListener):
     """A line now and then: stage, text, at (its place), of, part (of the expected time), seconds_left."""
 
-    told: float = 0.0
+    reported: float = 0.0
 
     def tell(self, stage: str, text: str) -> None:
         now = time.monotonic()
-        if text.startswith(DONE) or not self.progress.expected or now - self.told >= EVERY:
-            self.told, progress = now, self.progress
+        if text.startswith(DONE) or not self.progress.expected or now - self.reported >= EVERY:
+            self.reported, progress = now, self.progress
             say(
                 stage=stage, text=text, at=progress.number, of=len(progress.expected), part=progress.part,
                 seconds_left=progress.left,

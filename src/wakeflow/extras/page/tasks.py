@@ -14,13 +14,12 @@ from ...core.errors import SceneError
 from ...core.registry import did_you_mean
 from ...many.axis import axis_of_text
 from ...many.compute import Sweep, sweep
-from ...many.operating import RATE, SPEED, TURNS, capacity, met_up_to, operating_map
 from ...many.variant import variants
 from ...runs.effort import quick_keys
 from ...scene import Scene
-from ...show.words import met_lines
 from ..search.designs import refuse_void, search
 from ..search.task import SearchTask, read_search_file, search_of
+from ..studies.operating import RATE, SPEED, TURNS, capacity, met_lines, met_up_to, operating_map
 from ..trays.protocol import protocol, wanted_share
 from .stored import inside, said, scene_of
 

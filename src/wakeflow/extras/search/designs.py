@@ -21,6 +21,7 @@ from ...core.files import made_folder, path_of
 from ...core.process import check_workers, cores
 from ...core.quantities import duration
 from ...core.record import JsonMapping, JsonTable
+from ...many.axis import changes_at
 from ...many.compute import Sweep, executor_on, sweep
 from ...many.variant import Variant, named
 from ...planning.stage_cache import Listener
@@ -64,7 +65,7 @@ def explore(
     while (batch := _next(history, propose, price)) is not None:
         compute(*batch)
     for level in range(1, len(task.levels)):  # an answer is of the finest level: its price was set aside
-        if not history.found[level]:
+        if not history.evaluations[level]:
             compute(level, history.contenders(level)[:1])
     return history
 
@@ -76,8 +77,8 @@ def _next(history: History, propose: Proposer, price: Price) -> tuple[int, Seque
     task, levels = history.task, range(len(history.task.levels))
     left = task.budget - sum(history.seconds(level) for level in levels)
     for level in sorted(levels, key=history.seconds):
-        made = history.found[level]
-        free = left - sum(price(other) for other in levels if other != level and not history.found[other])
+        made = history.evaluations[level]
+        free = left - sum(price(other) for other in levels if other != level and not history.evaluations[other])
         each = history.seconds(level) / len(made) if made else price(level)
         most = task.at_a_time if each == 0.0 else min(task.at_a_time, int(free / each))
         if not made and each > 0.0:  # a first look at what it costs
@@ -85,7 +86,7 @@ def _next(history: History, propose: Proposer, price: Price) -> tuple[int, Seque
         if level == 0:
             return (0, propose(history, most)) if most > 0 and left > 0.0 else None
         few = max(1, min(most, task.at_a_time // 4))
-        ready = len(history.found[level - 1]) >= task.at_a_time or history.found[level]
+        ready = len(history.evaluations[level - 1]) >= task.at_a_time or history.evaluations[level]
         if most > 0 and left > 0.0 and ready and (able := _ahead(history, level, few)):
             return level, able
     return None
@@ -94,7 +95,7 @@ def _next(history: History, propose: Proposer, price: Price) -> tuple[int, Seque
 def _ahead(history: History, level: int, few: int) -> list[DesignPoint]:
     """A few contenders of a level, before them the scene as it is: what every design is measured by."""
     own, able = history.task.as_it_stands, history.contenders(level)[:few]
-    if own is None or own not in history.known() or own in history.found[level]:
+    if own is None or own not in history.known() or own in history.evaluations[level]:
         return able
     return [own, *(place for place in able if place != own)]
 
@@ -168,16 +169,16 @@ def search(
         best = history.recommended()
         if best is None:
             raise SceneError(_nothing_found(history, scenes))
-        for level, made in enumerate(history.found):  # the tables and figures of all designs, nothing is computed
+        for level, made in enumerate(history.evaluations):  # the tables and figures of all designs, nothing is computed
             scenes.compute([scenes.variant(level, place) for place in made], scenes.folder(level))
     known = history.known()
-    design = partial(scenes.design, history.found[-1], known)
-    tried = tuple(len(made) for made in history.found)
+    design = partial(scenes.design, history.evaluations[-1], known)
+    tried = tuple(len(made) for made in history.evaluations)
     seconds = tuple(history.seconds(level) for level in range(len(asked.levels)))
     front = tuple(map(design, history.front()))
     rivals = tuple(one for one in front if one.name != design(best).name)
     own = asked.as_it_stands
-    stands = None if own is None or own not in history.found[-1] or own not in known else design(own)
+    stands = None if own is None or own not in history.evaluations[-1] or own not in known else design(own)
     return Search(asked, folder, design(best), front, rivals, tried, seconds, stands)
 
 
@@ -266,19 +267,12 @@ class _Scenes:
 
     def changes(self, place: DesignPoint) -> JsonTable:
         """What a design changes of the scene."""
-        found: dict[str, object] = {}
-        for axis, along in zip(self.task.within, place, strict=True):
-            found |= axis.changes(axis.at(along))
-        return found
+        return changes_at(self.task.within, place)
 
     def variant(self, level: int, place: DesignPoint) -> Variant:
         """A design at a level, as a scene of a sweep."""
         changes = self.changes(place)
-        try:
-            scene = self.task.scene.replace({**self.task.levels[level], **changes})
-        except SceneError as problem:
-            return named([Variant("", changes, None, str(problem))])[0]
-        return named([Variant("", changes, scene)])[0]
+        return named([Variant.of(lambda: self.task.scene.replace({**self.task.levels[level], **changes}), changes)])[0]
 
     def evaluate(self, level: int, places: Sequence[DesignPoint]) -> list[Evaluation]:
         """Sweep designs at a level."""
@@ -310,7 +304,7 @@ class _Scenes:
 
 def _nothing_found(history: History, scenes: _Scenes) -> str:
     """Why a search recommends nothing."""
-    void = [place for place, one in history.found[-1].items() if one.void]
+    void = [place for place, one in history.evaluations[-1].items() if one.void]
     if not void:
         return f"no design could be computed; the first: {next(iter(scenes.problems.values()))}"
     last = len(history.task.levels) - 1

@@ -7,8 +7,15 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from ...cli.options import Held, Processes, Quiet, Scheduler
+from ...cli.options import Processes, Quiet, Scheduler
 from ...scene.overrides import changes_of
+
+Held = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--set", negative="", help="Hold a key in all designs at all levels: air.speed='5 m/s'. Repeatable."
+    ),
+]
 
 
 def search(

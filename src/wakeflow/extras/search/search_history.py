@@ -55,10 +55,10 @@ class History:
     """All evaluations of a search by level and place."""
 
     task: SearchTask
-    found: list[dict[DesignPoint, Evaluation]] = field(init=False)
+    evaluations: list[dict[DesignPoint, Evaluation]] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.found = [{} for _ in self.task.levels]
+        self.evaluations = [{} for _ in self.task.levels]
 
     def add(self, level: int, made: Mapping[DesignPoint, Evaluation]) -> None:
         """Take in what was computed. Raises SceneError where it lacks a quantity that is asked for."""
@@ -67,17 +67,17 @@ class History:
                 if not evaluation.problem and name not in evaluation.quantities:
                     hint = did_you_mean(name, list(evaluation.quantities))
                     raise SceneError(f"level {level + 1} has no quantity {name!r}{hint}")
-        self.found[level] |= made
+        self.evaluations[level] |= made
 
     def seconds(self, level: int) -> float:
         """Core-seconds that a level has taken."""
-        return sum(one.seconds for one in self.found[level].values())
+        return sum(one.seconds for one in self.evaluations[level].values())
 
     def known(self) -> dict[DesignPoint, Expected]:
         """What is expected of every design that could be computed."""
-        shifts = [self._shift(level) for level in range(len(self.found))]
+        shifts = [self._shift(level) for level in range(len(self.evaluations))]
         known: dict[DesignPoint, Expected] = {}
-        for level, made in enumerate(self.found):  # finer ones last: they overwrite coarser ones
+        for level, made in enumerate(self.evaluations):  # finer ones last: they overwrite coarser ones
             for place, evaluation in made.items():
                 if evaluation.problem:
                     known.pop(place, None)
@@ -87,14 +87,16 @@ class History:
 
     def failed(self) -> list[DesignPoint]:
         """Designs that cannot be computed at some level."""
-        return list(dict.fromkeys(place for made in self.found for place, one in made.items() if one.problem))
+        return list(dict.fromkeys(place for made in self.evaluations for place, one in made.items() if one.problem))
 
     def contenders(self, level: int) -> list[DesignPoint]:
         """Designs of the level before that are not computed at this one, and may be best as far as their intervals
         tell: none that keeps the limits is better even at the bad ends of its intervals. The likeliest come first.
         """
         known = self.known()
-        ahead = [place for place in self.found[level - 1] if place in known and place not in self.found[level]]
+        ahead = [
+            place for place in self.evaluations[level - 1] if place in known and place not in self.evaluations[level]
+        ]
         sure = [one.high for one in known.values() if np.all(one.excess <= 0.0)]
         able = [place for place in ahead if not any(_dominates(high, known[place].low) for high in sure)]
         return sorted(able, key=lambda place: self._rank(known[place], list(known.values())))
@@ -123,7 +125,9 @@ class History:
     def _kept(self, level: int) -> dict[DesignPoint, Expected]:
         """The designs of a level that are worth something and keep the limits, or come nearest to that."""
         known = self.known()
-        made = {place: known[place] for place, one in self.found[level].items() if place in known and not one.void}
+        made = {
+            place: known[place] for place, one in self.evaluations[level].items() if place in known and not one.void
+        }
         kept = {place: one for place, one in made.items() if np.all(one.excess <= 0.0)}
         nearest = sorted(made, key=lambda place: float(np.maximum(made[place].excess, 0.0).sum()))
         return kept or {place: made[place] for place in nearest[:1]}
@@ -132,7 +136,7 @@ class History:
         """Whether a design is better than another by more than is not known of their difference, in every goal: each
         draw of what both do not know the same in both.
         """
-        a, b = (self.found[level][place] for place in (one, other))
+        a, b = (self.evaluations[level][place] for place in (one, other))
         if a.entry is None or b.entry is None:
             known = self.known()
             return _dominates(known[one].high, known[other].low)
@@ -166,7 +170,7 @@ class History:
         """
         goals, limits = len(self.task.goals), len(self.task.limits)
         losses, excess, variance = np.zeros(goals), np.zeros(limits), np.zeros(goals)
-        for coarse, fine in zip(self.found[level:], self.found[level + 1 :], strict=False):
+        for coarse, fine in zip(self.evaluations[level:], self.evaluations[level + 1 :], strict=False):
             both = [place for place in coarse if place in fine and not coarse[place].problem + fine[place].problem]
             if both:
                 pairs = [(self._numbers(fine[place]), self._numbers(coarse[place])) for place in both]
@@ -190,7 +194,7 @@ HOPELESS = 1e6  # excess of a design that cannot be computed
 
 def at_random(history: History, count: int) -> list[DesignPoint]:
     """Points of a scrambled Sobol' sequence, from where the history ends; the first is the scene as it is."""
-    task, before = history.task, len(history.found[0])
+    task, before = history.task, len(history.evaluations[0])
     own = [] if task.as_it_stands is None else [task.as_it_stands]
     if before < len(own):
         return own + _balanced(task, 0, count - len(own))
@@ -218,7 +222,7 @@ def by_estimator(history: History, count: int) -> list[DesignPoint]:
     except ModuleNotFoundError:
         raise SceneError("a search needs optuna: pip install optuna") from None
     task = history.task
-    if len(history.found[0]) < max(task.at_a_time, FIRST * len(task.within)):
+    if len(history.evaluations[0]) < max(task.at_a_time, FIRST * len(task.within)):
         return at_random(history, count)
     names = [axis.key for axis in task.within]
     unit: dict[str, optuna.distributions.BaseDistribution] = dict.fromkeys(
@@ -228,10 +232,10 @@ def by_estimator(history: History, count: int) -> list[DesignPoint]:
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         sampler = optuna.samplers.TPESampler(
-            n_startup_trials=0, multivariate=True, constant_liar=True, seed=task.seed + len(history.found[0])
+            n_startup_trials=0, multivariate=True, constant_liar=True, seed=task.seed + len(history.evaluations[0])
         )
         study = optuna.create_study(directions=["minimize"] * len(task.goals), sampler=sampler)
-        for place, values, excess in _told(history):
+        for place, values, excess in _as_trials(history):
             limits = {str(number): value for number, value in enumerate(excess)}
             params = dict(zip(names, place, strict=True))
             study.add_trial(
@@ -241,7 +245,7 @@ def by_estimator(history: History, count: int) -> list[DesignPoint]:
     return [tuple(trial.params[name] for name in names) for trial in trials]
 
 
-def _told(history: History) -> list[tuple[DesignPoint, list[float], list[float]]]:
+def _as_trials(history: History) -> list[tuple[DesignPoint, list[float], list[float]]]:
     """Every design with its losses and excesses; one that cannot be computed is as bad as the worst, and hopeless."""
     known = history.known()
     if not known:

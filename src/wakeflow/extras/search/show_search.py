@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from ...cli.screen import print_lines, screen_table
+from ...cli.screen import print_lines, print_table
 from ...cli.show_result import measure_next
 from ...core.quantities import split_quantity
 from ...show.many_figures import input_words
@@ -20,7 +20,6 @@ AS_IT_STANDS = "the scene as it is"
 
 def show_search(found: Search) -> None:
     """Print the front, the recommended design first, how sure it is, and what to measure to be surer."""
-    from rich.console import Console
 
     task = found.task
     keys = [axis.keys[0] for axis in task.within]
@@ -33,7 +32,7 @@ def show_search(found: Search) -> None:
         for label, design in _labelled(found)
     ]
     heads = ["", *(head.replace(".", "\n") for head in (*keys, *task.asked))]
-    Console().print(screen_table(heads, rows, f"designs for {', '.join(map(str, task.goals))}"))
+    print_table(heads, rows, f"designs for {', '.join(map(str, task.goals))}")
     print_lines([*_verdict(found, found.recommended), *measure_next(found.result), f"results: {found.folder}"])
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...cli.screen import print_lines, screen_table
-from ...cli.show_many import show_agreement
+from ...cli.screen import print_lines, print_table
+from ...cli.show_result import show_agreement
 from ...core.errors import known
 from ...core.quantities import say, speaking
 from ...show.plan_words import UNITS
@@ -23,9 +23,6 @@ NARROWER = 1.05  # times wider without it: a tray that tells less is not named
 
 def show_calibration(found: Posterior) -> None:
     """Print what became known: shares, inputs, whether the model fits; which tray told most, what to measure next."""
-    from rich.console import Console
-
-    console = Console()
     if found.conflict:
         print_lines([found.conflict])
     show_agreement(found.agreement)
@@ -41,10 +38,10 @@ def show_calibration(found: Posterior) -> None:
         [f"{name} in {place}", percent(before.separation.fractions[name][place]), percent(share)]
         for name, places in after.separation.fractions.items() for place, share in places.items()
     ]  # fmt: skip
-    console.print(screen_table(["share", "before, %", "after, %"], rows, "shares"))
+    print_table(["share", "before, %", "after, %"], rows, "shares")
     learnt = [one for one in found.inputs.values() if one.narrower < TELLS][:MOST]
     cells = [[one.key, *_said(one), f"{100 * one.narrower:.0f}"] for one in learnt]
-    console.print(screen_table(["input", "before", "after", "interval left, %"], cells, "inputs that became narrower"))
+    print_table(["input", "before", "after", "interval left, %"], cells, "inputs that became narrower")
     lines = [f"rounds of flights: {found.rounds}{'' if found.stands else '; the inputs still moved in the last'}"]
     lines += [f"{tray}: without it the widest recovery would be {times:.2g} times as wide"
               for tray, times in found.wider_without if times > NARROWER]  # fmt: skip
@@ -64,9 +61,8 @@ def _said(one: CalibratedInput) -> list[str]:
 
 def show_protocol(found: Protocol) -> None:
     """Print which trays to weigh, how often, and what each buys."""
-    from rich.console import Console
 
     rows = [[step.about, f"{step.kernels}", f"{step.repetitions}", f"± {100 * step.half:.1f}"] for step in found.steps]
     title = f"{found.wanted}: ± {100 * found.half:.1f} points now"
-    Console().print(screen_table(["weigh or count", "kernels", "repetitions", "then known to, points"], rows, title))
+    print_table(["weigh or count", "kernels", "repetitions", "then known to, points"], rows, title)
     print_lines([found.sentence, f"{found.page}\n{found.form}"])

@@ -26,7 +26,6 @@ from ...scene import Scene
 from .air_loading import AirLoading
 from .airs import Airs
 from .compilation import Compilation
-from .film_stage import Film, FilmStage
 from .input_samples import DrawStage, InputSamples, Joined
 from .slab_stage import CollisionRerun, CollisionStage, SlabFound
 from .track_stage import ANSWER, PerturbedRerun, TrackStage
@@ -136,27 +135,27 @@ class Pipeline:
     # -- tracks --------------------------------------------------------------------------------------------------------
 
     @cached_property
-    def _track_stage(self) -> TrackStage:
+    def track_stage(self) -> TrackStage:
         return TrackStage(self.scene, self.plan, self.cache, self.air, self.compilation, self.workers or cores())
 
     @property
     def tracks_key(self) -> str:
         """Everything the tracks depend on."""
-        return self._track_stage.key
+        return self.track_stage.key
 
     def tracks(self, rerun: PerturbedRerun = ANSWER) -> Tracked:
         """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
-        return self._track_stage.fly(rerun)
+        return self.track_stage.fly(rerun)
 
     def draws(self, joined: Joined = Dependence.joined) -> InputSamples | None:
         """Part of the granules under many draws of what nobody knows exactly, ``joined`` as the scene says or as an
         ``Ensemble`` does; None where all is known.
         """
-        return DrawStage(self._track_stage, joined).fly()
+        return DrawStage(self.track_stage, joined).fly()
 
     @cached_property
     def _collision_stage(self) -> CollisionStage | None:
-        return None if self.plan.crowd is None else CollisionStage(self._track_stage, self.plan.crowd)
+        return None if self.plan.crowd is None else CollisionStage(self.track_stage, self.plan.crowd)
 
     @property
     def collisions_key(self) -> str:
@@ -175,11 +174,7 @@ class Pipeline:
 
     def shown(self, picture: Picture) -> dict[str, list[Columns]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
-        return self._track_stage.shown(picture)
-
-    def film(self, span: float | None = None) -> Film:
-        """The granules that are in the machine over ``span`` (s), on one clock: flown for a film."""
-        return FilmStage(self._track_stage).fly(span)
+        return self.track_stage.shown(picture)
 
     def compile_in_background(self) -> None:
         """Have the tracker compiled by another process while this one waits for OpenFOAM."""

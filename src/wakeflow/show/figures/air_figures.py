@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...air.field.flow import vorticity
+from ...air.kinds.airflow_table import momentum_of
 from ...core.errors import known
 from ...core.geometry import along
-from ...laws.momentum import momentum_pressure
 from .. import canvas
 from ..air_pictures import SUCTION_LEVEL, TOUCHING, as_flown, pressure_coefficient, trace_streamlines, window_round_body
 from ..canvas import COLOURS, INK, MM, TALLEST, PlotGrid, Window, save
@@ -150,7 +150,7 @@ def draw_surface(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow)
     mean, outline = as_flown(field.mean(), scene), scene.outline
     arc, cp = pressure_along(mean, outline, pressure_coefficient(mean, scene, airflow))
     edges = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.roll(outline, -1, axis=0) - outline).T))])
-    model = momentum_pressure(outline, scene.airstream.direction)
+    model = momentum_of(scene)
     axes = canvas.new_axes(6.4, 3.6, paper)
     axes.plot(MM * arc, cp, ".-", ms=3, lw=1.2, color=COLOURS[0], label="computed, mean")
     for i, (value, lit) in enumerate(zip(model.cp, model.lit, strict=True)):

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import base64
-import json
 import shlex
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,14 +17,14 @@ from ...core.quantities import say, speaking
 from ...scene import RESERVED_BIN, Scene
 from ...scene.own_files import LOGOS
 from ...scene.rungs import rungs
+from ...scene.uncertainty import source_of
 from .. import words
 from ..asked_pictures import found
 from ..canvas import bins_across, fraction_colours
 from ..figures import captions
-from ..film import film_in, film_section
+from ..outcome import PagePart, page_additions
 from ..plan_words import UNITS
 from . import rows
-from .live import live_data
 from .rows import page_template
 
 if TYPE_CHECKING:
@@ -39,7 +38,6 @@ FRONT = {  # the figures beside the answer, as SVG: they are printed in the size
 MAX_MOVED = 3  # shares that are reported of a number
 LONG = 1.75  # width over height of a picture that takes the page's whole width
 TALL = 0.8  # of one that takes a sheet's whole height
-SIDE = 900  # dots of the longer side of the script's canvas
 HOW = {
     "measured": "from this run",
     "companion": "from flying granules again",
@@ -56,30 +54,26 @@ def write_html(folder: Path | str, outcome: Outcome) -> Path:
     texts = {**captions(), **{name: picture.text or name for name, picture in asked.items()}}
     pictures = inlined_pictures(folder / "figures", texts) | inlined_pictures(folder / "figures", FRONT, ".svg")
     with atomic_write(path) as stream:
-        live, film = live_data(outcome), film_section(film_in(folder))
-        stream.write(render(outcome.result, pictures, texts, outcome.scene, live, film))
+        parts = [page_additions[name].part(folder, outcome) for name in page_additions]
+        stream.write(render(outcome.result, pictures, texts, outcome.scene, parts))
     return path
 
 
 def render(
     result: Result, pictures: Mapping[str, str], texts: Mapping[str, str] | None = None, scene: Scene | None = None,
-    live: Mapping[str, object] | None = None, film: str = "",
+    parts: Sequence[PagePart] = (),
 ) -> str:  # fmt: skip
     """The page as text; ``pictures``: name to base64 PNG, SVG of those beside the answer; ``texts``: name to what it
     shows, in their order, the standard figures' captions by default; ``scene``: that of the result by default;
-    ``live``: what the page's script draws (:func:`.live.live_data`), without which it has none; ``film``: its section
-    (:func:`..film.film_section`).
+    ``parts``: what extras add.
 
     Raises jinja2.UndefinedError when the page asks for what a result has not.
     """
-    from markupsafe import Markup
-
     scene = Scene.parse(result.scene) if scene is None else scene
     text: str = page_template("page.html.j2").render(
         result=result, title=scene.report.title or machine_name(result, scene), made=result.provenance,
         pictures=_shown(pictures, captions() if texts is None else texts),
-        front=[(pictures[name], alt) for name, alt in FRONT.items() if name in pictures], live=live, film=Markup(film),
-        live_json=json.dumps(live, separators=(",", ":")).replace("<", "\\u003c"), canvas=_canvas(scene),
+        front=[(pictures[name], alt) for name, alt in FRONT.items() if name in pictures], parts=parts,
         grades=_grades(result), logo=_logo(scene), measurements=words.measurement_lines(result), scene=scene,
         colours=fraction_colours(list(scene.fraction)), bins=[*bins_across(scene), RESERVED_BIN],
         rung_about=rungs[result.plan.rung].meaning if result.plan.rung in rungs else "", origin=_origin(result),
@@ -112,12 +106,6 @@ def _shown(pictures: Mapping[str, str], texts: Mapping[str, str]) -> list[tuple[
     """The shape of each picture, the picture, and what it shows; the sketch has a place of its own."""
     names = [name for name in texts if name in pictures and name not in FRONT]
     return [(shape_of(pictures[name]), pictures[name], texts[name]) for name in names]
-
-
-def _canvas(scene: Scene) -> tuple[int, int]:
-    """Width and height (dots) of the script's canvas, in the proportions of the channel."""
-    across, up = scene.channel.width, scene.channel.top - scene.channel.bottom
-    return max(240, round(SIDE * across / max(across, up))), max(240, round(SIDE * up / max(across, up)))
 
 
 def _grades(result: Result) -> list[tuple[str, list[str]]]:
@@ -187,5 +175,5 @@ def _inputs(result: Result) -> list[tuple[str, ...]]:
         with speaking(UNITS):
             ends = [say(value, one.unit, 3) for value in (one.value, one.low, one.high)]
         told = ", ".join(text for _, text in most)
-        shown.append((most[0][0] if most else 0.0, (key, *ends, rows.source_of(key, one.why), told)))
+        shown.append((most[0][0] if most else 0.0, (key, *ends, source_of(key, one.why), told)))
     return [row for _, row in sorted(shown, key=lambda one: one[0])]

@@ -16,8 +16,6 @@ from ...answer.result import Request
 from ...core.number import Number
 from ...core.quantities import say, speaking
 from ...core.record import columns
-from ...laws.material import default_margins, materials
-from ...laws.restitution import Restitution
 from ...scene import Fraction, Scene
 from ...scene.changes import flat
 from ...scene.messages import unit_of
@@ -41,7 +39,6 @@ QUANTITIES = {  # of a material: name, unit
     "tangential_restitution": ("tangential restitution", "1"),
     "impact": ("impact model", "1"),
 }
-OWN = {"diameter": "size"}  # keys of a scene whose name differs from the material's
 MAX_LISTED = 3  # of a list: more entries are counted, not reported
 MM_BELOW = 1e-3  # m: smaller lengths are reported in micrometres
 
@@ -106,38 +103,20 @@ def _material(name: str, fraction: Fraction) -> Iterator[MaterialRow]:
         value = getattr(own, key)
         if value is None or (value == 0.0 and key.startswith(("rebound", "tangential"))):
             continue
-        text = str(value) if isinstance(value, str) else _law(value) if isinstance(value, Restitution) else ""
-        yield MaterialRow(name, quantity, text or _length(float(value), unit), *_evidence(fraction, key))
+        yield MaterialRow(name, quantity, _property(value, unit), *fraction.evidence(key))
 
 
-def _law(value: Restitution) -> str:
-    return ", ".join(f"{key} {part:g}" if isinstance(part, float) else f"{part}" for key, part in vars(value).items())
+def _property(value: object, unit: str) -> str:
+    """A number with its unit, a name, or the numbers of a law."""
+    if isinstance(value, int | float):
+        return _length(value, unit)
+    parts = vars(value).items() if not isinstance(value, str) else ()
+    return ", ".join(f"{key} {part:g}" if isinstance(part, float) else f"{part}" for key, part in parts) or str(value)
 
 
 def _length(value: float, unit: str) -> str:
     small = unit == "m" and value < MM_BELOW
     return f"{1e6 * value:.4g} µm" if small else say(value, unit, 4).replace("^3", "³")
-
-
-def _evidence(fraction: Fraction, key: str) -> tuple[str, str]:
-    """How far to trust a property of a fraction, and where it is from."""
-    if fraction.material is None or getattr(fraction, OWN.get(key, key)) is not None:
-        return "given", "the scene"
-    material = materials[fraction.material]
-    found = material.evidence.get(key)
-    told = (material.confidence, material.source) if found is None else (found.confidence, found.source)
-    return told[0], f"{fraction.material}: {told[1]}"
-
-
-def source_of(key: str, why: str) -> str:
-    """What the interval of the number at ``key`` of a scene rests on: the scene, a measurement, or a default with its
-    source.
-    """
-    if not why.startswith("default"):
-        return why
-    entry = key.rpartition(".")[2] if key.startswith("fraction.") else key.replace(".", "_")
-    margin = default_margins().get(entry)
-    return why if margin is None else f"{why}: {margin.source}"
 
 
 def scene_in_full(scene: Scene, asked: Request | None = None) -> str:

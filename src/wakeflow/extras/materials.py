@@ -1,17 +1,18 @@
-"""What is at hand, on a screen: materials, all in a table or one with all that is known of it; stages in the cache."""
+"""The materials of granules: all in a table, one with all that is known of it, a file to fill in with one's own.
+
+Comes in: the shipped materials, or a file of a user's. Goes out: tables on a screen, a commented file.
+May call it: the command line.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from datetime import UTC, datetime
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 
-from ..core.quantities import duration
-from ..core.store import KeptStage
+from ..core.errors import SceneError
 from ..laws.material import Material, default_margins
-from .screen import plain, screen_table
 
 NONE = "–"
-MAX_ROWS = 50  # of the cache
 RANGE = 2.0  # standard deviations: 95 % of the granules lie within
 NOTE = (
     "+-: from granule to granule, 95 % within. Trust: of size and terminal velocity.\n"
@@ -23,9 +24,10 @@ QUANTITIES = ("terminal_velocity", "restitution", "friction", "rebound_scatter",
 UNITS = {"terminal_velocity": "m/s", "rebound_scatter": "rad", "density": "kg/m3"}  # of those that are no plain numbers
 
 
-def show_materials(known: Mapping[str, Material]) -> None:
+def _print_all(known: Mapping[str, Material]) -> None:
     """Print a row for each material."""
-    from rich.console import Console
+
+    from ..cli.screen import print_table
 
     rows = [
         [
@@ -35,13 +37,15 @@ def show_materials(known: Mapping[str, Material]) -> None:
         for name, one in known.items()
     ]  # fmt: skip
     heads = ("material", "mm", "kg/m3", "falls at, m/s", "restitution", "friction", "trust")
-    Console().print(screen_table(heads, rows, caption=NOTE, whole=True), highlight=False)
+    print_table(heads, rows, caption=NOTE, whole=True)
 
 
-def show_material(name: str, one: Material) -> None:
+def _print_one(name: str, one: Material) -> None:
     """Print every value of a material, how well a lot's mean is taken to be known, how far to trust it, its source."""
     from rich.console import Console
     from rich.padding import Padding
+
+    from ..cli.screen import plain
 
     console = Console()
     for told, source in _values(name, one):
@@ -87,28 +91,35 @@ def _mean(one: Material, quantity: str) -> str:
     return f" (a lot's mean: +- {half:.2g})"
 
 
-def show_removed(stages: Sequence[KeptStage], *, done: bool) -> None:
-    """Say in one line what was or would be removed from the cache, and what making it again would take."""
-    size, spent = sum(one.size for one in stages) / 1e6, sum(one.seconds or 0.0 for one in stages)
-    verb, frees = ("removed", "freed") if done else ("would be removed", "would be freed")
-    print(f"{len(stages)} stages {verb}, {size:.1f} MB {frees}, {duration(spent)} to make again")
+def materials(name: str | None = None, *, file: Path | None = None, new: Path | None = None) -> None:
+    """List the materials of granules; of one NAME every value with its range, source and how far to trust it.
+
+    A file of your own, written alike, is named in a scene: materials = "mine.toml".
+
+    Parameters
+    ----------
+    name
+        A material; default all.
+    file
+        List those of your own in this file.
+    new
+        Write a commented file with a material of your own there, to fill in.
+    """
+    from ..laws.material import materials as shipped
+    from ..laws.material import near_material, write_own_material
+    from ..scene.own_files import read_materials
+
+    if new is not None:
+        write_own_material(new)
+        print(f'{new} written; fill it in, and name it in a scene: materials = "{new.name}"')
+        return
+    known = {one: shipped[one] for one in shipped} if file is None else read_materials(file)
+    if name is None:
+        _print_all(known)
+    elif name in known:
+        _print_one(name, known[name])
+    else:
+        raise SceneError(f"unknown material {name!r}{near_material(name, list(known))} (known: {', '.join(known)})")
 
 
-def show_stages(stages: Sequence[KeptStage], title: str = "in the cache") -> None:
-    """Print stages of the cache, the one that was used longest ago first: size, time to make it again."""
-    from rich.console import Console
-
-    def sums(used: str, what: str, part: Sequence[KeptStage]) -> list[str]:
-        size, spent = sum(one.size for one in part), sum(one.seconds or 0.0 for one in part)
-        return [used, f"{len(part)} {what}", "", f"{size / 1e6:.1f}", duration(spent)]
-
-    rows: list[list[str]] = []
-    for one in stages[:MAX_ROWS]:
-        used = datetime.fromtimestamp(one.used, UTC).astimezone().strftime("%Y-%m-%d %H:%M")
-        again = NONE if one.seconds is None else duration(one.seconds)
-        key = one.folder.name[:12] + ("" if one.finished else " unfinished")
-        rows.append([used, one.stage, key, f"{one.size / 1e6:.1f}", again])
-    if len(stages) > MAX_ROWS:
-        rows.append(sums("later", "more", stages[MAX_ROWS:]))
-    heads = ("used", "stage", "key", "MB", "to make again")
-    Console().print(screen_table(heads, [*rows, [], sums("all", "stages", stages)], title, left=3))
+COMMANDS = (f"{__name__}:materials",)

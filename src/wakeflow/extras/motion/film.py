@@ -9,31 +9,50 @@ import base64
 import io
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import SceneError
-from ..core.files import atomic_write
-from .air_pictures import VorticityShades
-from .canvas import INK, MM, Window, air_arrow, canvas, draw_bins, foremost, fraction_colours, frame, streams
-from .moving import EVEN, LEVELS, MovingMachine, Path2D, gif_of, picture_of
+from ...core.errors import SceneError
+from ...core.files import atomic_write
+from ...show.canvas import (
+    BODY,
+    COLOURS,
+    INK,
+    MM,
+    STREAM,
+    Window,
+    air_arrow,
+    canvas,
+    draw_bins,
+    foremost,
+    fraction_colours,
+    frame,
+    solids,
+    streams,
+)  # fmt: skip
+from ...show.html.rows import page_template
+from ...show.moving import Path2D, body_displacement
+from ...show.outcome import Outcome, PagePart
+from .live import VorticityShades, tone
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.text import Text
+    from matplotlib.transforms import Bbox
     from PIL import Image
 
-    from ..air.field import FlowField
-    from ..flight.stages.film_stage import Film
-    from ..scene import Scene
+    from ...air.field import FlowField
+    from ...scene import Scene
+    from .film_stage import Film
 
 Array = NDArray[np.float64]
 FORMATS = {"gif": 12.5, "mp4": 30.0}  # frames a second; a GIF counts hundredths of a second
+FILMS = tuple(f"figures/film.{suffix}" for suffix in FORMATS)  # where a run's own may be in its folder
 VISIBLE = 0.008  # of the picture's longer side: diameter of the smallest granule drawn
 AIMED_SIZE = 0.92  # of the bytes allowed, that a smaller GIF aims at
 MIN_DOTS = 200  # dots of the longer side, below which nothing is seen
@@ -84,6 +103,73 @@ def _mp4(frames: Iterator[Image.Image], rate: float, path: Path) -> bytes:
         return draft.read_bytes()
     finally:
         draft.unlink(missing_ok=True)
+
+
+RIM = 0.4  # points of white around a granule
+
+
+class MovingMachine:
+    """The bodies of a scene and granules of ``diameters`` (n,) m in ``colours`` on axes, to be moved to any time."""
+
+    def __init__(self, axes: Axes, scene: Scene, diameters: Sequence[float], colours: Sequence[str]) -> None:
+        from matplotlib.collections import EllipseCollection
+
+        self.scene, self.bodies = scene, solids(axes, scene)
+        self.outlines = [body.outline() for body in scene.body.values()]
+        size = MM * np.asarray(diameters)
+        self.discs = EllipseCollection(
+            size, size, np.zeros(len(size)), units="xy", offsets=np.zeros((len(size), 2)), facecolors=colours,
+            offset_transform=axes.transData, edgecolors="white", linewidths=RIM, zorder=4.5,
+        )  # fmt: skip
+        axes.add_collection(self.discs)
+
+    def move(self, time: float, places: Array) -> None:
+        """The bodies to where they are at ``time`` (s), the granules to ``places`` (n, 2) m, of which those that are
+        NaN are not seen.
+        """
+        for patch, outline in zip(self.bodies, self.outlines, strict=True):
+            patch.set_xy(MM * (outline + body_displacement(self.scene, np.full(len(outline), time), outline)))
+        self.discs.set_offsets(np.ma.masked_invalid(MM * places))
+
+
+EVEN = 2  # dots, of both sides of a frame: an MP4 asks for it
+
+
+def picture_of(figure: Figure, box: Bbox) -> Image.Image:
+    """A figure as it was drawn last, cut to a ``box`` (inches)."""
+    from PIL import Image
+
+    dots = np.asarray(figure.canvas.buffer_rgba())  # type: ignore[attr-defined]
+    left, right = (max(0, round(x * figure.dpi)) for x in (box.x0, box.x1))
+    top, bottom = (max(0, len(dots) - round(y * figure.dpi)) for y in (box.y1, box.y0))
+    inside = dots[top:bottom, left:right, :3]
+    up, across = (EVEN * (length // EVEN) for length in inside.shape[:2])
+    return Image.fromarray(inside[:up, :across])
+
+
+LEVELS = 6  # shades of either turning: even ones take few bytes
+TINTS, GREYS = 4, 16  # of each colour towards white, and of grey, in a GIF
+
+
+def gif_of(frames: Iterable[Image.Image], rate: float) -> bytes:
+    """All frames in the same few colours, ``rate`` of them a second, for ever."""
+    from PIL import Image
+
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(_colours())
+    first, *rest = (one.quantize(palette=palette, dither=Image.Dither.NONE) for one in frames)
+    stream = io.BytesIO()
+    first.save(stream, "GIF", save_all=True, append_images=rest, duration=round(1000 / rate), loop=0, optimize=False)
+    return stream.getvalue()
+
+
+def _colours() -> list[int]:
+    """Red, green, blue of all that is shown: greys, the air's shades, and each colour with its way to white."""
+    solid = np.array([[int(one[i : i + 2], 16) for i in (1, 3, 5)] for one in (*COLOURS, STREAM, BODY)])
+    tints = [255 - part * (255 - solid) for part in np.linspace(1.0, 0.0, TINTS, endpoint=False)]
+    greys = np.repeat(np.linspace(0, 255, GREYS)[:, None], 3, axis=1)
+    air = tone(np.linspace(-1.0, 1.0, 2 * LEVELS + 1))
+    return [int(part) for part in np.rint(np.concatenate([greys, air, *tints])).ravel()]
 
 
 class _Set:
@@ -179,9 +265,14 @@ def _named(name: str, one_in: float) -> str:
 # -- on the page of its run --------------------------------------------------------------------------------------------
 
 
+def film_part(folder: Path, _: Outcome) -> PagePart:
+    """The section of the page of a run in ``folder``."""
+    return PagePart(film_section(film_in(folder)))
+
+
 def film_in(folder: Path) -> Path | None:
     """The film among the figures of a run, the newest of its formats; None without one."""
-    found = [path for suffix in FORMATS if (path := folder / "figures" / f"film.{suffix}").exists()]
+    found = [path for file in FILMS if (path := folder / file).exists()]
     return max(found, key=lambda path: path.stat().st_mtime, default=None)
 
 
@@ -189,8 +280,6 @@ def film_section(film: Path | None) -> str:
     """The section of the page between its marks, empty without a film; one that is too large, or damaged, is named, not
     shown.
     """
-    from .html.rows import page_template
-
     if film is None:
         return f"{BEGIN}{END}"
     size = film.stat().st_size
@@ -199,7 +288,7 @@ def film_section(film: Path | None) -> str:
         still = base64.b64encode(still_of(film)).decode("ascii")
     except (OSError, ValueError, RuntimeError, ImportError):  # cut short; no program that reads it
         data = still = None
-    section = page_template("film.html.j2").render(film=film, size=size, data=data, still=still)
+    section = page_template("film.html.j2", Path(__file__).parent).render(film=film, size=size, data=data, still=still)
     return f"{BEGIN}{section}{END}"
 
 

@@ -20,14 +20,14 @@ from importlib.metadata import PackageNotFoundError, distributions, version
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from .. import DISTRIBUTION
-from ..air.mesh import MeshSpec
-from ..core.errors import MeshError, ProgramError
-from ..core.process import call_in_child, cores, run_program
-from ..core.store import cache_root
-from ..core.user_folder import kernel_root
-from ..planning.feed_funnel import ENGINE, bead_engines
-from .screen import screen_table
+from ... import DISTRIBUTION
+from ...air.mesh import MeshSpec
+from ...cli.screen import screen_table
+from ...core.errors import MeshError, ProgramError
+from ...core.process import call_in_child, cores, run_program
+from ...core.store import cache_root
+from ...core.user_folder import kernel_root
+from ...planning.feed_funnel import ENGINE, bead_engines
 
 if TYPE_CHECKING:
     from packaging.requirements import Requirement
@@ -153,7 +153,7 @@ def _tried(name: str) -> Finding:
 
 
 def _mesh(folder: Path) -> str:
-    from ..air.mesh import build_mesh
+    from ...air.mesh import build_mesh
 
     build_mesh(TRIANGLE, folder, timeout=PROBE)
     return f"Gmsh {version('gmsh')}"
@@ -161,11 +161,11 @@ def _mesh(folder: Path) -> str:
 
 def _solve(folder: Path) -> str:
     """Two iterations and two time steps on the triangle's mesh, with all that a run measures on its way."""
-    from ..air.foam.case import FlowSpec
-    from ..air.foam.programs import openfoam_version
-    from ..air.foam.solver import run_segment
-    from ..air.foam.start import prepare_case
-    from ..air.foam.watch import Watch
+    from ...air.foam.case import FlowSpec
+    from ...air.foam.programs import openfoam_version
+    from ...air.foam.solver import run_segment
+    from ...air.foam.start import prepare_case
+    from ...air.foam.watch import Watch
 
     _mesh(folder)
     steady = FlowSpec(TRIANGLE, 1.0, 1.2, 1.8e-5, "kOmegaSST")

@@ -13,16 +13,17 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from ..answer.result_table import ResultTable
-from ..answer.shares import MET, NOT_MET, OPEN
-from ..core import sums
-from ..core.errors import SceneError
-from ..core.files import path_of
-from ..runs.planned import make_plan
-from ..scene import Scene
-from ..scene.whole import switched
-from .compute import Sweep, sweep
-from .variant import variants
+from ...answer.result_table import ResultTable
+from ...answer.shares import MET, NOT_MET, OPEN
+from ...core import sums
+from ...core.errors import SceneError
+from ...core.files import path_of
+from ...core.quantities import say
+from ...many.compute import Sweep, sweep
+from ...many.variant import variants
+from ...runs.planned import make_plan
+from ...scene import Scene
+from ...scene.whole import switched
 
 SPEED, RATE, TURNS = "air.speed", "feed.rate", "air.fan.speed_ratio"
 TOTAL = "money.total"
@@ -46,7 +47,7 @@ def operating_map(
     Raises SceneError where the scene has no air or no feed rate, where no fraction has a target, and where plans say
     that every answer would be void.
     """
-    from ..show.many_figures import draw_map, main_quantities
+    from ...show.many_figures import draw_map, main_quantities
 
     asked = Scene.of(scene)
     if asked.air is None or asked.air.still or asked.feed.rate is None:
@@ -71,7 +72,7 @@ def capacity(
     with a target, the dirt in its bins and what a scene with prices earns over the rate; returns both. ``how`` and
     errors: as of :func:`operating_map`.
     """
-    from ..show.many_figures import draw_lines
+    from ...show.many_figures import draw_lines
 
     asked = Scene.of(scene)
     if asked.feed.rate is None:
@@ -116,8 +117,8 @@ def _swept(
     scene: Scene, axes: Mapping[str, Sequence[object]], out: Path | str, name: str, draw: DRAWN, how: Mapping[str, Any]
 ) -> tuple[Sweep, Path]:
     """The scenes of a grid of ``axes`` swept, and the figure called ``name`` that is drawn of those worth something."""
-    from ..show.canvas import saved
-    from ..show.table_figures import of_worth
+    from ...show.canvas import saved
+    from ...show.many_figures import of_worth
 
     if not any(fraction.targets for fraction in scene.fraction.values()):
         raise SceneError("no fraction has a target, so that nothing is recovered: give fraction.NAME.target, a bin")
@@ -136,3 +137,17 @@ def _swept(
     with sums.writing(folder, lambda: saved(figure), name):
         draw(figure, table)
     return found, figure
+
+
+def met_lines(met: Mapping[str, float | None], limits: Mapping[str, float]) -> list[str]:
+    """Up to which feed rate (kg/s) each limit is met, a line each."""
+    rates = {name: "at none of these rates" if rate is None else f"up to {say(3600.0 * rate, 'kg/h', 4)}"
+             for name, rate in met.items()}  # fmt: skip
+    return [f"{name} at most {100 * limits[name]:.4g} %: met {until}" for name, until in rates.items()]
+
+
+def counted_lines(found: Mapping[str, Mapping[str, int]], limits: Mapping[str, float]) -> list[str]:
+    """At how many settings each limit is met, not met and open, a line each."""
+    told = {name: ", ".join(f"{verdict} at {count}" for verdict, count in row.items()) for name, row in found.items()}
+    return [f"{name} at most {100 * limits[name]:.4g} %: {told[name]} of {sum(row.values())} settings"
+            for name, row in found.items()]  # fmt: skip

@@ -15,30 +15,30 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..answer.measurements import SWEPT, InputMove, Remaining, drawn_moves, grouped, least_sure, remaining
-from ..answer.result import Result
-from ..answer.result_table import Difference, differences_of
-from ..answer.shares import InputSummary
-from ..core import sums
-from ..core.errors import SceneError
-from ..core.files import made_folder, path_of
-from ..core.lazy import cached_property
-from ..core.quantities import quantity, split_quantity
-from ..core.registry import did_you_mean
-from ..core.tables import CellTable
-from ..planning.stage_cache import Listener
-from ..runs import run
-from ..scene import Scene
-from ..scene.messages import unit_of
-from ..scene.whole import States
-from .axis import Axis, axes_of, axis_of_text
-from .compute import Sweep, sweep
-from .variant import Variant, variants
+from ...answer.measurements import SWEPT, InputMove, Remaining, drawn_moves, grouped, least_sure, remaining
+from ...answer.result import Result
+from ...answer.result_table import Difference, differences_of
+from ...answer.shares import InputSummary
+from ...core import sums
+from ...core.errors import SceneError
+from ...core.files import made_folder, path_of
+from ...core.lazy import cached_property
+from ...core.quantities import quantity, split_quantity
+from ...core.registry import did_you_mean
+from ...core.tables import CellTable
+from ...many.axis import Axis, axes_of, axis_of_text
+from ...many.compute import Sweep, sweep
+from ...many.variant import Variant, variants
+from ...planning.stage_cache import Listener
+from ...runs import run
+from ...scene import Scene
+from ...scene.messages import unit_of
+from ...scene.whole import States
 
 if TYPE_CHECKING:
     import distributed
 
-    from ..planning.plan import Plan
+    from ...planning.plan import Plan
 
 
 COMMAND, TORNADO = "sensitivity", "tornado"
@@ -116,8 +116,8 @@ class Sensitivity:
 
         Raises SceneError for a name that no input moves.
         """
-        from ..show.canvas import saved
-        from ..show.figures.budget_figures import draw_tornado
+        from ...show.canvas import saved
+        from ...show.figures.budget_figures import draw_tornado
 
         target = self.folder / FIGURE if path is None else Path(path)
         if path is not None:
@@ -179,7 +179,7 @@ def sensitivity(
 
 def _claim(folder: Path) -> None:
     """Raise SceneError where the table or its figure would replace what the program did not write."""
-    from ..show.canvas import saved
+    from ...show.canvas import saved
 
     sums.refuse_foreign(folder, [folder / TABLE], COMMAND)
     sums.refuse_foreign(folder, saved(folder / FIGURE), TORNADO)

@@ -7,7 +7,7 @@ each flies alone, released above the bodies at the true rate. Flown only when a 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,23 +15,30 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...answer.result import asked_in
+from ...core.errors import SceneError
 from ...core.files import write_json
 from ...core.lazy import cached_property
+from ...core.registry import did_you_mean
+from ...core.store import cache_in_use, cache_root
 from ...core.tables import Columns
+from ...flight import Granules, Tracks
+from ...flight.feed.feedstock import feedstock
+from ...flight.stages.gathered_force import resolved
+from ...flight.stages.landings import load_recorded_tracks, paths_of, save_recorded_tracks
+from ...flight.stages.slab_stage import SlabFlight, late_in, steady_after
 from ...planning.collisions import CollisionPlan, number_rates
 from ...planning.plan import REPLICATES, Plan
-from ...planning.stage_cache import code_of
+from ...planning.stage_cache import Listener, code_of, null_listener
+from ...runs.run_stages import one_thread_of_blas, stages_of
 from ...scene import Scene
-from .. import Granules, Tracks
-from ..feed.feedstock import feedstock
-from .gathered_force import resolved
-from .landings import load_recorded_tracks, paths_of, save_recorded_tracks
-from .slab_stage import SlabFlight, late_in, steady_after
 
 if TYPE_CHECKING:
-    from .track_stage import TrackStage
+    from ...air.field import FlowField
+    from ...flight.stages.pipeline import Pipeline
+    from ...flight.stages.track_stage import TrackStage
 
-CODE = "flight.stages.film_stage", "flight.stages.slab_stage", "flight.stages.gathered_force"  # what computes it
+CODE = "extras.motion.film_stage", "flight.stages.slab_stage", "flight.stages.gathered_force"  # what computes it
 
 
 IN_VIEW = 400.0  # granules of a slab that are in flight at a time; chosen: more hide each other
@@ -57,6 +64,35 @@ class Film:
     one_in: dict[str, float]
     met: bool
     paths: Mapping[str, list[Columns]]
+
+
+def film_of(
+    folder: Path | str,
+    span: float | None = None,
+    fractions: Sequence[str] = (),
+    listener: Listener = null_listener,
+) -> tuple[Scene, FlowField | None, Film]:
+    """The scene of a finished run as it was flown, its air, and its granules over ``span`` (s), flown for a film; of
+    all ``fractions``, or of those alone.
+
+    What the run's own cache still holds is not computed again. Raises SceneError where the folder holds no such run,
+    and for a fraction that it has not.
+    """
+    tables, asked = asked_in(folder)
+    for name in fractions:
+        if name not in tables["fraction"]:
+            known = list(tables["fraction"])
+            raise SceneError(f"unknown fraction {name!r}{did_you_mean(name, known)} (known: {', '.join(known)})")
+    with cache_in_use(cache_root()), one_thread_of_blas():
+        pipeline, _ = stages_of(Scene.parse(tables), asked, None, listener)
+        air = None if pipeline.scene.air is None else pipeline.field[1]
+        film = flown_film(pipeline, span)
+    return pipeline.scene, air, replace(film, paths={name: film.paths[name] for name in fractions or film.paths})
+
+
+def flown_film(pipeline: Pipeline, span: float | None = None) -> Film:
+    """The granules that are in the machine of a ``pipeline`` over ``span`` (s), on one clock."""
+    return FilmStage(pipeline.track_stage).fly(span)
 
 
 @dataclass(frozen=True)

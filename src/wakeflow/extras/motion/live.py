@@ -8,30 +8,55 @@ from __future__ import annotations
 
 import base64
 import io
+import json
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..air_pictures import VorticityShades, moments_of
-from ..canvas import MM, bins_across, fraction_colours
-from ..moving import Path2D
-from ..words import part_text
+from ...air.field.flow import vorticity
+from ...show.air_pictures import moments_of
+from ...show.canvas import MM, Window, bins_across, fraction_colours
+from ...show.html.rows import page_template
+from ...show.moving import Path2D
+from ...show.outcome import Outcome, PagePart, Track
+from ...show.words import part_text
 
 if TYPE_CHECKING:
     from ...air.field import FlowField
     from ...answer.result import Result
     from ...scene import Scene
-    from ..outcome import Outcome, Track
 
 Array = NDArray[np.float64]
 FRAMES = 32  # of a loop
+SIDE = 900  # dots of the longer side of the canvas
 LONGER = 420  # dots of the longer side of a frame
 QUALITY = 72  # of the JPEG
 POINTS = 160  # of a track
 PLAYED = 1.0 / 30.0  # of real time
 TRACKS = 1024  # on a page, of all fractions: those of 300 made it 30 MB larger
+
+
+def watch_part(_: Path, outcome: Outcome) -> PagePart:
+    """The section that the script fills, and the script with all that it draws."""
+    scene, data, home = outcome.scene, live_data(outcome), Path(__file__).parent
+    section = page_template("live.html.j2", home).render(
+        live=data, colours=fraction_colours(list(scene.fraction)), canvas=_canvas(scene)
+    )
+    numbers = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+    script = (home / "live.js").read_text(encoding="utf-8").removesuffix("\n")
+    return PagePart(
+        section, '<li><a href="#watch">Watch it</a></li>',
+        f'<script type="application/json" id="live-data">{numbers}</script>\n<script>\n{script}</script>\n',
+    )  # fmt: skip
+
+
+def _canvas(scene: Scene) -> tuple[int, int]:
+    """Width and height (dots) of the script's canvas, in the proportions of the channel."""
+    across, up = scene.channel.width, scene.channel.top - scene.channel.bottom
+    return max(240, round(SIDE * across / max(across, up))), max(240, round(SIDE * up / max(across, up)))
 
 
 def live_data(outcome: Outcome) -> dict[str, object]:
@@ -135,3 +160,49 @@ def _frames(field: FlowField, window: tuple[float, float, float, float]) -> list
         Image.fromarray(vorticity.shaded(time, strongest)).save(stream, "JPEG", quality=QUALITY, optimize=True)
         found.append("data:image/jpeg;base64," + base64.b64encode(stream.getvalue()).decode("ascii"))
     return found
+
+
+STRONGEST = 97.0  # percentile of |vorticity| at which its colour is full
+CLOCKWISE, COUNTER = (0.30, 0.55, 0.85), (0.88, 0.42, 0.35)  # blue, red
+PALE = 0.75  # of the full colour
+
+
+class VorticityShades:
+    """The vorticity of a ``field`` on ``size`` (across, up) dots of a ``window``, the upper left first."""
+
+    def __init__(self, field: FlowField, window: Window, size: tuple[int, ...]) -> None:
+        self.field, self.size = field, size
+        x = window[0] + (np.arange(size[0]) + 0.5) / size[0] * (window[1] - window[0])
+        y = window[3] - (np.arange(size[1]) + 0.5) / size[1] * (window[3] - window[2])
+        points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        triangle = field.locate(points)
+        self.inside = triangle >= 0
+        self.weight = field.barycentric(triangle[self.inside], points[self.inside])
+        self.corner = field.triangles[triangle[self.inside]]
+        self.parts = vorticity(field).reshape(-1, len(field.points))
+
+    def _nodal(self, time: float) -> Array:
+        steady = self.field.times is None
+        return self.parts[0] if steady else np.asarray(self.field.weights(time) @ self.parts)
+
+    def strongest(self) -> float:
+        """What the colour is full at: few nodes at the first moment have more (1/s)."""
+        first = 0.0 if self.field.times is None else float(self.field.times[0])
+        return float(np.percentile(np.abs(self._nodal(first)), STRONGEST)) or 1.0
+
+    def shaded(self, time: float, strongest: float, levels: int = 0) -> NDArray[np.uint8]:
+        """Colours (up, across, 3) at ``time`` (s): blue turns clockwise, red counter-clockwise, white does not or is
+        outside; in so many ``levels`` either way, 0: smooth.
+        """
+        values = np.zeros(len(self.inside))
+        values[self.inside] = np.einsum("nk,nk->n", self.weight, self._nodal(time)[self.corner]) / strongest
+        signed = np.tanh(values)
+        if levels:
+            signed = np.round(signed * levels) / levels
+        return np.rint(tone(signed)).astype(np.uint8).reshape(self.size[1], self.size[0], 3)
+
+
+def tone(signed: Array) -> Array:
+    """Colours (n, 3), 0 to 255, of vorticity (n,) between -1 and 1: pale, so that granules stand out."""
+    colour = np.where((signed < 0.0)[:, None], CLOCKWISE, COUNTER)
+    return 255.0 * (1.0 - PALE * np.abs(signed)[:, None] * (1.0 - colour))

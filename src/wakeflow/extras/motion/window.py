@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core import sums
-from ..core.errors import SceneError
-from ..core.files import atomic_write
-from .canvas import BARS, BODY, fraction_colours
-from .plan_words import feed_corners
-from .vtk.vtk_files import machine_blocks
+from ...core import sums
+from ...core.errors import SceneError
+from ...core.files import atomic_write
+from ...show.canvas import BARS, BODY, fraction_colours
+from ...show.plan_words import feed_corners
+from ...show.vtk.vtk_files import machine_blocks
 
 if TYPE_CHECKING:
-    from ..scene import Scene
+    from ...scene import Scene
 
 SIZE = (1200, 900)  # pixels
 SLOWEST = 0.98  # of the tracks have ended at the slider's end
