@@ -22,19 +22,18 @@ from ..planning.plan import Plan
 from ..planning.stage_cache import Listener
 from ..planning.terms import AIR, COLLISIONS, LOADING, VIBRATION, bounds, check_switches
 from ..scene import Scene
-from .settings import (
+from .effort import (
     Choice,
     applied,
     cheapest,
     choose_surely,
     expected_half,
     expected_part,
-    expected_seconds,
     finer,
     finest_of,
-    knobs,
     own_settings,
     reachable,
+    values,
 )
 
 # -- What computing cannot bring to a target error ---------------------------------------------------------------------
@@ -144,17 +143,15 @@ def what_to_measure(result: Result, target: float) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _measurements(
-    parts: Mapping[str, InputPart], known: Mapping[str, InputSummary], half: float, room: float
-) -> str | None:
-    """Which inputs to know how well, so that all of them together are worth ``room`` instead of ``half``; None where
+def _measurements(parts: Mapping[str, InputPart], known: Mapping[str, InputSummary], half: float, room: float) -> str:
+    """Which inputs to know how well, so that all of them together are worth ``room`` instead of ``half``; empty where
     they are.
 
     With first-order parts s_i of the variance, intervals that shrink to the factor f leave 1 - (1 - f^2) sum s_i of it.
     """
     wanted = (room / half) ** 2
     if wanted >= 1.0:
-        return None
+        return ""
     ranked = sorted(parts, key=lambda key: -parts[key].variance)
     removed = 0.0
     for count, key in enumerate(ranked, start=1):
@@ -189,23 +186,21 @@ def refined(scene: Scene, target: float, compute: Callable[[Scene], Result], pla
     Raises as the runs do.
     """
     way = _Way(scene, target, plan, listener)
-    now: RefinedSettings | None = cheapest(way.own, target)
-    assert now is not None
+    choice = Choice(cheapest(way.own, target))
     own = plan.estimate["seconds"]
-    way.tell(f"first look with {_words(now)}; the scene's own settings would take about {own:.2g} s")
-    choice: Choice | None = None
+    way.tell(f"first look with {_words(choice.settings)}; the scene's own settings would take about {own:.2g} s")
     while True:
-        result = compute(applied(scene, now))
-        table = way.judged(result, now, choice)
+        result = compute(applied(scene, choice.settings))
+        table = way.judged(result, choice)
         result = replace(result, refinement=table)
         result.save()  # the answer so far, were the next round to be interrupted
         if len(way.rounds) == 1:
             way.tell_first(table)
-        choice = None if len(way.rounds) == MAX_ROUNDS else way.next(result, now)
-        if choice is None:
+        following = choice if len(way.rounds) == MAX_ROUNDS else way.next(result, choice.settings)
+        if following.settings == choice.settings:
             way.tell_end(table)
             return result
-        now = choice.settings
+        choice = following
 
 
 @dataclass
@@ -224,20 +219,20 @@ class _Way:
         """What the scene asks for."""
         return own_settings(self.scene, self.plan)
 
-    def judged(self, result: Result, now: RefinedSettings, choice: Choice | None) -> Refinement:
-        """The table of all rounds, with the one that ``result`` is of."""
+    def judged(self, result: Result, choice: Choice) -> Refinement:
+        """The table of all rounds, with the one that ``result`` is of, whose settings were the ``choice``."""
+        now, first = choice.settings, not self.rounds
         rows, can = _rows(result), reachable(_rows(result), now, self.target)
         taken = ((name, stage.seconds) for name, stage in result.seconds.items() if name != str(COMPILED))
         spent = set(taken) - self.made
         self.made |= spent
-        before = self.rounds[-1].settings if self.rounds else None
         self.rounds.append(
             RefinementRound(
                 settings=now,
-                bought="a first look" if before is None else _bought(before, now),
-                expected=None if choice is None else choice.half,
+                bought="a first look" if first else _bought(self.rounds[-1].settings, now),
+                expected=None if first else choice.half,
                 found=_largest(can),
-                expected_seconds=None if choice is None else choice.seconds,
+                expected_seconds=None if first else choice.seconds,
                 seconds=sum(seconds for _, seconds in spent),
             )
         )
@@ -254,8 +249,8 @@ class _Way:
             measure=what_to_measure(result, self.target),
         )
 
-    def next(self, result: Result, now: RefinedSettings) -> Choice | None:
-        """What to compute with next; None where that is done. Says it."""
+    def next(self, result: Result, now: RefinedSettings) -> Choice:
+        """What to compute with next, which it says; the settings are those of ``now`` where nothing is to be done."""
         rows, spent = _rows(result), result.seconds
         can = reachable(rows, now, self.target)
         chosen = now
@@ -263,14 +258,12 @@ class _Way:
             chosen = choose_surely(can, spent, now, self.target).settings
         if len(can) < len(rows):  # what stays beyond the target is at least no coarser than the scene says
             chosen = finer(chosen, self.own)
-        if chosen == now:
-            return None
-        half = max((expected_half(row, now, chosen) for row in can), default=0.0)
-        choice = Choice(chosen, half, expected_seconds(spent, now, chosen))
-        self.tell(
-            f"found {100 * _largest(can):.2g} points; next {_words(chosen)}: {_bought(now, chosen)}, for "
-            f"{100 * half:.2g} points in about {choice.seconds:.2g} s"
-        )
+        choice = Choice.of(can, spent, now, chosen)
+        if chosen != now:
+            self.tell(
+                f"found {100 * _largest(can):.2g} points; next {_words(chosen)}: {_bought(now, chosen)}, for "
+                f"{100 * choice.half:.2g} points in about {choice.seconds:.2g} s"
+            )
         return choice
 
     def tell_first(self, table: Refinement) -> None:
@@ -301,15 +294,10 @@ def _largest(rows: Sequence[BudgetRow]) -> float:
 
 def _words(settings: RefinedSettings) -> str:
     """The settings in a line."""
-    values = ((knobs[name], knobs[name].of(settings)) for name in knobs)
-    return ", ".join(f"{knob.name} {value:.4g}" for knob, value in values if value is not None)
+    return ", ".join(f"{name} {value:.4g}" for name, value in values(settings).items())
 
 
 def _bought(before: RefinedSettings, now: RefinedSettings) -> str:
     """What became finer, in words."""
-    told = []
-    for name in knobs:
-        was, now_is = knobs[name].of(before), knobs[name].of(now)
-        if was is not None and now_is is not None and was != now_is:
-            told.append(f"{name} {was:.4g} to {now_is:.4g}")
-    return ", ".join(told) or "nothing"
+    was, finer_ones = values(before), values(now).items()
+    return ", ".join(f"{name} {was[name]:.4g} to {at:.4g}" for name, at in finer_ones if was[name] != at) or "nothing"

@@ -52,9 +52,9 @@ from wakeflow.planning.stage_cache import StageTime
 from wakeflow.planning.stages import StageCost, Workload
 from wakeflow.planning.unknowns import SIGMAS, unknowns
 from wakeflow.planning.wake import Wake
+from wakeflow.runs.effort import expected_half, expected_part, expected_seconds
 from wakeflow.runs.planned import make_plan
 from wakeflow.runs.refine import unreached_lines
-from wakeflow.runs.settings import expected_half, expected_part, expected_seconds
 from wakeflow.scene import Scene
 
 
