@@ -16,12 +16,12 @@ import wakeflow as wf
 from support import landings_in, shipped
 from wakeflow.answer.budget.budget import NOTICEABLE, gain_by_replicates, in_ensemble, numerical, remedies, total_of
 from wakeflow.answer.budget.flown_again import MAX_FACTOR, AmongOthers, Comparison, compared, differences
+from wakeflow.answer.budget.inputs import AIR_SPEED, NO_EFFECT, VIBRATION, swung
 from wakeflow.answer.budget.mesh import Grid, difference_noise, mesh_error, shedding_noise
 from wakeflow.answer.budget.model import MODEL
 from wakeflow.answer.budget.slab_sources import beyond_chance
 from wakeflow.answer.budget.source import INPUTS, FractionResults, Parts, Source, add, budget_sources, signed_column
 from wakeflow.answer.budget.steps import NOISE
-from wakeflow.answer.budget.truncation import AIR_SPEED, NO_EFFECT, VIBRATION, swung
 from wakeflow.answer.cells import LandingCells
 from wakeflow.answer.draws import columns
 from wakeflow.answer.joint import JointAnswer

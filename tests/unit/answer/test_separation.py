@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import norm, qmc
 
 from support import landings_in, shipped
+from wakeflow.answer.budget.mesh import cell_size, estimate, extrapolate, observed_order
 from wakeflow.answer.cells import LandingCells
 from wakeflow.answer.draws import DRAWS, ErrorSource, columns
-from wakeflow.answer.grid_convergence import cell_size, estimate, extrapolate, observed_order
 from wakeflow.answer.joint import Bins, JointAnswer, effects_in
 from wakeflow.answer.separation import change_of, changed, joint_answer, responses, separate
 from wakeflow.answer.shares import InputPart

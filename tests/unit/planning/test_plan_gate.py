@@ -21,7 +21,7 @@ from wakeflow.air.field import FlowField
 from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.answer.budget.budget import total_notices
 from wakeflow.answer.budget.flown_again import compared, free_ends
-from wakeflow.answer.budget.truncation import most_crossing, truncation_terms
+from wakeflow.answer.budget.inputs import most_crossing, truncation_terms
 from wakeflow.answer.notices import notices
 from wakeflow.answer.separation import separate
 from wakeflow.answer.shares import BudgetPart, BudgetRow, BudgetTotal

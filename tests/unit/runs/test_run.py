@@ -371,7 +371,7 @@ def test_a_second_core_works_meanwhile_and_changes_no_answer(tmp_path: Path, mon
     monkeypatch.setattr(Flight, "fly_all", flown_by_chance)
     for nothing in ("compilation.Compilation.begin", "compilation.Compilation.finish"):
         monkeypatch.setattr(f"wakeflow.flight.stages.{nothing}", lambda *_, **__: None)
-    monkeypatch.setattr("wakeflow.runs.answer.OneRun._drawn", lambda _run, result, *_: result)
+    monkeypatch.setattr("wakeflow.runs.one_run.OneRun._drawn", lambda _run, result, *_: result)
     found, order = {}, {}
     for cores in (1, 2):
         cache = tmp_path / f"cache-{cores}"
