@@ -49,15 +49,12 @@ def _places(cells: LandingCells, scene: Scene, landed: DrawnLandings) -> Places:
     return Places(side, place, cells.at(side, place, cells.off_sides(landed.bin)))
 
 
-def draws_of(unknowns: Sequence[Unknown], ties: Dependence | None) -> Array:
+def draws_of(unknowns: Sequence[Unknown], ties: Dependence) -> Array:
     """Every input (DRAWS, keys) in standard deviations, as they move together. A draw that breaks an order is drawn
     anew; where hardly any keeps them, one that does takes its place.
     """
     keys = [one.key for one in unknowns]
-    z = columns(keys)
-    if ties is None:
-        return z
-    z = ties.joined(z)
+    z = ties.joined(columns(keys))
     kept = ties.kept(z)
     for lot in range(1, LOTS):
         if kept.all():
@@ -89,7 +86,7 @@ class FractionChange(NamedTuple):
     lack: Array
 
 
-def changed(scene: Scene, unknowns: Sequence[Unknown], ties: Dependence | None, how: Mapping[str, Response]) -> Changed:
+def changed(scene: Scene, unknowns: Sequence[Unknown], ties: Dependence, how: Mapping[str, Response]) -> Changed:
     """What the ``unknowns`` of a ``scene`` change of fractions whose landings go with them as ``how`` says."""
     from scipy.special import ndtr
 
@@ -154,8 +151,8 @@ def joint_answer(
     own_sources = () if inputs is None else (ErrorSource(LACK, roots, computing=False, given=lack),)
     keys, z = ((), np.zeros((DRAWS, 0))) if inputs is None else (inputs.keys, inputs.z)
     return JointAnswer(
-        tuple(names), np.array([feed[name] for name in names]), targets, scene.feed.mass_flow, cells, scene.images,
-        keys, z, base, change.astype(np.float32), (*own_sources, *sources), salt,
+        tuple(names), np.array([feed[name] for name in names]), targets, scene.feed.mass_flow, cells,
+        scene.images or (), keys, z, base, change.astype(np.float32), (*own_sources, *sources), salt,
     )  # fmt: skip
 
 
@@ -182,6 +179,6 @@ def separate(scene: Scene, landings: Mapping[str, Landings]) -> Separation:
     """Shares, purity, recovery and throughput (kg/h) of every bin from the ``landings`` of each fraction, with the
     interval that the finite numbers of granules and of shedding cycles make.
     """
-    errors = sample_errors(landings, len(scene.bin), scene.images)
+    errors = sample_errors(landings, len(scene.bin), scene.images or ())
     sources = [ErrorSource(which, roots, together=True) for which, roots in errors._asdict().items()]
     return joint_answer(scene, landings, sources=sources).own.separation()

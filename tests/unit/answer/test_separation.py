@@ -19,6 +19,7 @@ from wakeflow.answer.spread import share_interval
 from wakeflow.core.errors import SceneError
 from wakeflow.core.number import Number
 from wakeflow.flight.stages.input_samples import DrawnLandings, InputSamples
+from wakeflow.planning.dependence import Dependence
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown
 from wakeflow.scene import Scene
 
@@ -143,7 +144,7 @@ def answered(
     draws = InputSamples(numbers, z, {name: on_floor(then, scene)}, {name: on_floor(own, scene)})
     every = on_floor(own.ravel() if answer is None else answer, scene)
     landings = {name: landings_in(every.bin, position=every.position.astype(float))}
-    inputs = changed(scene, numbers, None, responses(scene, draws))
+    inputs = changed(scene, numbers, Dependence(tuple(numbers), np.eye(len(numbers))), responses(scene, draws))
     return joint_answer(scene, landings, inputs=inputs).own
 
 

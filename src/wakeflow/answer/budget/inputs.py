@@ -133,7 +133,7 @@ def _nearest(distances: Sequence[Array], landing: Landings) -> Array:
     return np.asarray(np.min([np.full(len(landing.bin), np.inf), *distances], axis=0))
 
 
-def swung(scene: Scene, plan: Plan, part: BudgetPart, effect: InputPart | None, speed: Unknown | None) -> BudgetPart:
+def swung(scene: Scene, plan: Plan, part: BudgetPart, effect: InputPart, speed: Unknown | None) -> BudgetPart:
     """The part of air that does not see the body vibrate, where a bound on single flights says little: in a wake that
     sheds any small shift grows, and the shares, which are means over all phases, do not change with it.
 
@@ -151,7 +151,7 @@ def swung(scene: Scene, plan: Plan, part: BudgetPart, effect: InputPart | None, 
     if motion.moved < np.inf:
         measured = "measured: no share moved by more in air that sees the body vibrate"
         ways.append((motion.moved, f"{measured}; {motion.why}"))
-    if part.kind == NOT_COMPUTED and effect is not None and speed is not None:
+    if part.kind == NOT_COMPUTED and speed is not None:
         faster = f"as an air faster by {100.0 * motion.bound:.2g} %: so much may drag and base pressure differ"
         ways.append((effect.half * motion.bound * speed.value / speed.high, f"{faster}; {motion.why}"))
     if not ways:

@@ -219,7 +219,10 @@ class Mesh(Source[Comparison[Grid]]):
             grid: {name: found.landings[name].counts(bins, images) for name in names} for grid, found in flown.items()
         }
         noise = {
-            grid: {name: difference_noise(tracked.landings[name], found.landings[name], bins, images) for name in names}
+            grid: {
+                name: difference_noise(tracked.landings[name], found.landings[name], bins, images or ())
+                for name in names
+            }
             for grid, found in flown.items()
             if found is not tracked
         }
@@ -259,7 +262,7 @@ def _grid(pipeline: Pipeline) -> Grid:
     return Grid(pipeline.air.grid, known(pipeline.airflow.cells))
 
 
-def difference_noise(own: Landings, other: Landings, bins: int, images: Sequence[int] | None = None) -> Array:
+def difference_noise(own: Landings, other: Landings, bins: int, images: Sequence[int] = ()) -> Array:
     """Halves of the 95 % intervals (2, bins + 1) of what each share differs by between two flights of the same
     granules: of the granules, and of the sheddings.
 
@@ -272,14 +275,14 @@ def difference_noise(own: Landings, other: Landings, bins: int, images: Sequence
     here, there, size = own.bin == places, other.bin == places, len(own.bin) + 2
     into, out_of = (np.sum(moved, axis=1) + 1.0 for moved in (there & ~here, here & ~there))
     variance = (into + out_of - (into - out_of) ** 2 / size) / size**2
-    if images is not None:
+    if images:
         variance = np.where(np.arange(bins + 1) == images, 1.0, 0.5) * pooled(variance, images)
     sheddings = (shedding_noise(landing, bins, images) for landing in (own, other))
     reached = here.any(axis=1) | there.any(axis=1)  # what nobody reaches has a limit of its own: the sampling's
     return np.asarray(reached * np.stack([SIGMAS * np.sqrt(variance), np.hypot(*sheddings)]))
 
 
-def shedding_noise(landing: Landings, bins: int, images: Sequence[int] | None = None) -> Array:
+def shedding_noise(landing: Landings, bins: int, images: Sequence[int] = ()) -> Array:
     """Half of the 95 % interval (bins + 1,) of each share that a finite number of shedding cycles leaves."""
     return np.array([tally.spread.airflow for tally in Tally.every(landing, bins, cycles_of([landing]), images)])
 
