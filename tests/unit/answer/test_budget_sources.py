@@ -386,7 +386,7 @@ def answer_of(value: float, moved: Callable[[np.ndarray], np.ndarray] | None = N
     by = np.zeros(len(z)) if moved is None else moved(z[:, 0])
     change = (by[:, None, None] * (even[:, 0] - even[:, 1])).astype(np.float32)
     return JointAnswer(
-        ("grain",), np.ones(1), {"grain": ("near",)}, 1.0, cells, None, keys, z,
+        ("grain",), np.ones(1), {"grain": ("near",)}, 1.0, cells, (), keys, z,
         (even @ np.array([value, 1.0 - value, 0.0]))[None], change, salt="run",
     )  # fmt: skip
 

@@ -315,7 +315,7 @@ def test_the_answer_of_many_fractions_is_there_at_once() -> None:
     change[:, 0] = 0.0  # f0 stays where it is
     sampling = ErrorSource("sampling", np.zeros((count, 3, 1)), together=True)
     many = JointAnswer(
-        names, np.full(count, 1.0 / count), dict.fromkeys(names, ("far",)), 1.0, cells, None, keys, z, base, change,
+        names, np.full(count, 1.0 / count), dict.fromkeys(names, ("far",)), 1.0, cells, (), keys, z, base, change,
         (sampling,),
     ).own  # fmt: skip
     began = time.thread_time()
