@@ -160,7 +160,7 @@ class Result(WithShares):
                 inside = {one.key: table.pop(one.key) for one in columns(kind) if one.key in table}
                 table |= {name: inside or None}
         found = replace(from_json(cls, table, str(Path(folder) / FILE)), folder=Path(folder))
-        if wrong := next(mistakes_in(found, found.scene, found.landings), None):
+        if wrong := next(mistakes_in(found), None):
             raise SceneError(f"{Path(folder) / FILE}: {wrong}; {_cure(folder)}")
         return found
 
@@ -214,10 +214,15 @@ class Result(WithShares):
         except (KeyError, ValueError, IndexError, TypeError):
             raise SceneError(f"{file} is damaged; {cure}") from None
 
-    def with_joint(self, joint: JointAnswer | None) -> Self:
+    def with_joint(self, joint: JointAnswer) -> Self:
         """The same with its shares jointly, before they are in its folder."""
-        vars(self).update({} if joint is None else {"joint": joint})
+        vars(self)["joint"] = joint
         return self
+
+    def replaced(self, **changes: Any) -> Self:
+        """The same with other columns, and with its shares jointly, where it has them already."""
+        changed = replace(self, **changes)
+        return changed.with_joint(self.joint) if "joint" in vars(self) else changed
 
     def moved(self, changes: Mapping[str, object]) -> MovedBins:
         """The answer with some bins moved, nothing flown: ``{"bin.near.to": "90 mm", "bin.far.from": "90 mm"}``, keys
@@ -434,7 +439,7 @@ def kept_granules(folder: Path) -> Columns:
     cure = f"wakeflow report {quote(str(folder))} writes it anew"
     sums.check(folder, GRANULES, cure)
     table, result = load_arrays(file, cure), Result.load(folder)
-    bins = None if result.landings is None else len(result.landings.separation.bins)
+    bins = np.inf if result.landings is None else len(result.landings.separation.bins)
     if not are_granules(table, set(result.scene["fraction"]), bins):
         raise SceneError(f"{file} is damaged; {cure}")
     return table
@@ -444,15 +449,15 @@ def kept_granules(folder: Path) -> Columns:
 ROUNDED = 1e-6  # by how much sums and ends of intervals may be off
 
 
-def mistakes_in(result: object, scene: JsonMapping, landings: LandingResults | None) -> Iterator[str]:
-    """What is wrong with a result, the ``scene`` and the ``landings`` in it: each in words that name the key."""
-    yield from _in_scene(scene)
+def mistakes_in(result: Result) -> Iterator[str]:
+    """What is wrong with a result: each in words that name the key."""
+    yield from _in_scene(result.scene)
     yield from _in_numbers(result, "")
-    if landings is not None:
+    if result.landings is not None:
         for name in ("separation", "without_collisions"):
-            if (shares := getattr(landings, name)) is not None:
+            if (shares := getattr(result.landings, name)) is not None:
                 yield from _in_shares(shares, name)
-        yield from _in_inputs(landings)
+        yield from _in_inputs(result.landings)
 
 
 def _in_scene(scene: JsonMapping) -> Iterator[str]:
@@ -527,9 +532,9 @@ def _in_shares(part: Separation, name: str) -> Iterator[str]:
 KEPT = ("fraction", "weight", "position", "bin", "diameter", "fate", "time", "impacts")
 
 
-def are_granules(table: Columns, fractions: Set[str], bins: int | None) -> bool:
+def are_granules(table: Columns, fractions: Set[str], bins: float) -> bool:
     """Whether the arrays of granules.npz are those of an answer: granules of its ``fractions``, in one of so many
-    ``bins`` (None where it ended before it had any), somewhere, with a size and a mass.
+    ``bins`` (infinitely many where it ended before it had any), somewhere, with a size and a mass.
     """
     if set(table) != {"names", *KEPT} or not all(table[name].dtype.kind in "iuf" for name in KEPT):
         return False
@@ -544,7 +549,7 @@ def are_granules(table: Columns, fractions: Set[str], bins: int | None) -> bool:
         and set(names.tolist()) == fractions
         and ((fraction >= 0) & (fraction < len(fractions))).all()
         and (place >= -1).all()  # elsewhere, which is the last of the bins
-        and (bins is None or (place < bins - 1).all())
+        and (place < bins - 1).all()
         and (table["diameter"] > 0).all()
         and (mass >= 0).all()
         and (np.bincount(fraction.astype(int), mass)[fraction] > 0).all()  # a fraction weighs something

@@ -194,7 +194,7 @@ def _calibration(name: str, law: tuple[str, float], diameter: float, density: fl
 class BodyArrival(NamedTuple):
     """The median granule of a fraction at the top of the body."""
 
-    settling: float | None  # m/s, terminal velocity; None in a vacuum
+    settling: float  # m/s, terminal velocity; nan in a vacuum
     tau: float  # s, relaxation time at the slip it arrives with
     stokes: float  # tau times the arrival speed over the body's half width; inf without a body
     speed: float  # m/s, downward
@@ -203,7 +203,7 @@ class BodyArrival(NamedTuple):
 def arrival_at_body(scene: Scene, name: str, law: str, scale: float) -> BodyArrival:
     """Of a fraction, with its drag ``law`` and the factor on it; in a vacuum it comes as fast as it was fed."""
     if scene.air is None:
-        return BodyArrival(None, math.inf, math.inf, scene.feed.fall_speed)
+        return BodyArrival(math.nan, math.inf, math.inf, scene.feed.fall_speed)
     fraction = scene.fraction[name]
     fall = UniformFall.of(scene, fraction, law, scale, fraction.properties.diameter)
     speed = fall.arrival().speed

@@ -20,7 +20,15 @@ from ..scene.whole import States, switched
 from .airflow_choice import JET, AirflowPlan, choose_airflow
 from .approach import Approach, approaches, arrival_at_body, feels_granules, flights
 from .collision_rates import Encounters, shifted
-from .collisions import LIGHT, CollisionPlan, granule_masses, plan_collisions, too_many_to_collide, why_no_collisions
+from .collisions import (
+    LIGHT,
+    CollisionPlan,
+    collision_lines,
+    granule_masses,
+    plan_collisions,
+    too_many_to_collide,
+    why_no_collisions,
+)
 from .cost import estimate_cost, expected_stages
 from .coupling import Limit, limits
 from .dependence import orders
@@ -67,7 +75,10 @@ def make_plan(
     move a fraction by more than the accuracy asked for, or when a number is above another that it is never above.
     """
     given = Scene.of(scene).fed()
-    target, switches = _accuracy(given, target_error), {**given.force, **switched(force)}
+    target = given.numerics.target_error if target_error is None else share_in(target_error, "target_error")
+    if not 0.0 < target <= LARGEST_ERROR:
+        raise SceneError(f"target-error = {target:g}: above 0 and at most 0.5 (0.01: one percent of a fraction)")
+    switches = {**given.force, **switched(force)}
     made = _planned(given, given.numerics.rung if rung is None else rung, switches, target, sources)
     orders(given, made)
     return made
@@ -79,26 +90,27 @@ def _planned(
     """The plan of a scene by a ``rung``, with its terms as switched, for the error ``target`` of a share."""
     airflow, motion = _airflow(given, rung, target, switches)
     flown, chain = airflow.flown(given), given.air is not None and airflow.kind == "none"
-    check_switches(flown, switches, airflow.turbulence)
+    check_switches(flown, switches, airflow.turbulence or "")
     known = approaches(flown, airflow)
     obstacle = FIRST_LOOK if chain else why_no_collisions(flown) or too_many_to_collide(flown, _laws(known))
     crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
     airflow, known = _under_load(flown, airflow, known, target, switches)
     together = whole_terms(airflow, crowd)
-    gate = TermGate(flown, switches, target, airflow.turbulence, together, obstacle, motion.moved)
+    gate = TermGate(flown, switches, target, airflow.turbulence or "", together, obstacle, motion.moved)
     fractions, chosen = {}, {}
     for name, one in known.items():
         fractions[name], chosen[name] = _decide(gate, name, one)
     validity = _validity(flown, fractions, known, gate.limit)
     without_air, warned = _without_air(given, fractions) if chain else ([], [])
     strained = warning_lines(flown, airflow, fractions, validity, target, together)
+    slab = () if crowd is None else tuple(collision_lines(crowd))
     stages = expected_stages(flown, airflow, fractions, crowd, sources)
     return Plan(
         airflow=airflow,
         target_error=target,
         force=switches,
         fractions=fractions,
-        used=tuple(used_lines(flown, airflow, fractions, validity, motion, crowd, chain=chain)),
+        used=tuple(used_lines(flown, airflow, fractions, validity, motion, slab, chain=chain)),
         left_out=(*_left_out(flown, fractions, chosen, without_air, chain=chain), *_sticking(flown, known)),
         estimate=estimate_cost(flown, airflow, fractions, stages),
         stages=stages,
@@ -107,14 +119,6 @@ def _planned(
         unit=flown.unit,
         crowd=crowd,
     )
-
-
-def _accuracy(scene: Scene, asked: float | str | None) -> float:
-    """The error of a share that is asked for, instead of the scene's own. Raises SceneError for one that is none."""
-    target = scene.numerics.target_error if asked is None else share_in(asked, "target_error")
-    if not 0.0 < target <= LARGEST_ERROR:
-        raise SceneError(f"target-error = {target:g}: above 0 and at most 0.5 (0.01: one percent of a fraction)")
-    return target
 
 
 @dataclass(frozen=True)
@@ -129,17 +133,17 @@ class Planner:
     force: Mapping[str, bool] = field(default_factory=dict)
     target_error: float | None = None
     sources: Sequence[FliesAgain] = ()
-    _made: dict[str | None, Plan] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _made: dict[str, Plan] = field(default_factory=dict, init=False, repr=False, compare=False)
 
-    def keep(self, rung: str | None, plan: Plan) -> None:
+    def keep(self, rung: str, plan: Plan) -> None:
         """Take the ``plan`` that was made for a ``rung`` elsewhere."""
         self._made[rung] = plan
 
-    def plan(self, rung: str | None = None) -> Plan:
-        """The plan of a ``rung``; None: the scene's own. Raises SceneError as :func:`make_plan` does."""
+    def plan(self, rung: str = "") -> Plan:
+        """The plan of a ``rung``; empty: the scene's own. Raises SceneError as :func:`make_plan` does."""
         if rung not in self._made:
             self._made[rung] = make_plan(
-                self.scene, rung=rung, force=self.force, target_error=self.target_error, sources=self.sources
+                self.scene, rung=rung or None, force=self.force, target_error=self.target_error, sources=self.sources
             )
         return self._made[rung]
 
@@ -206,7 +210,7 @@ def _decide(gate: TermGate, name: str, known: Approach) -> tuple[FractionPlan, T
         mode=_mode(scene, name, clear=clear),
         drag=known.law,
         drag_scale=known.scale,
-        terminal_velocity=arrival.settling,
+        terminal_velocity=None if scene.air is None else arrival.settling,
         relaxation_time=arrival.tau,
         stokes=arrival.stokes,
         arrival_speed=arrival.speed,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +22,7 @@ from ..flight.stages.solved_case import cells_of, forces_of
 from ..scene import Scene
 
 if TYPE_CHECKING:
-    from ..flight.stages.landings import Landings, Tracked
+    from ..flight.stages.landings import Landings
     from ..show import Landed
 
 
@@ -90,15 +90,15 @@ def written_files(folder: Path) -> list[Path]:
 
 def report_into(
     pipeline: Pipeline,
-    tracked: Tracked,
+    drawn: Mapping[str, Sequence[Columns]],
     answer: Mapping[str, Landings],
     granules: Columns,
     result: Result,
     *,
     pdf: bool,
 ) -> None:
-    """Draw the report of a run into its folder; ``answer``: all landings, ``granules``: the sample of them that is
-    kept; ``pdf``: every figure as PDF too.
+    """Draw the report of a run into its folder; ``drawn``: recorded tracks by fraction, ``answer``: all landings,
+    ``granules``: the sample of them that is kept; ``pdf``: every figure as PDF too.
     """
     from ..show import Outcome, write_report
 
@@ -109,7 +109,7 @@ def report_into(
     shown = {name: pipeline.shown(picture) for name, picture in scene.picture.items()}
     air = result.airflow
     cells, history = (None, None) if air is None else (cells_of(pipeline), forces_of(pipeline, air))
-    outcome = Outcome(scene, flow, tracked.drawn, landings, result, shown, granules, cells, history)
+    outcome = Outcome(scene, flow, drawn, landings, result, shown, granules, cells, history)
     write_report(result.folder, outcome, field_files(pipeline, air), pdf=pdf)
     pipeline.listener("report", "done")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,8 +18,8 @@ from ..answer.budget.mesh import airflow_on_grids
 from ..answer.budget.model import MODEL, loading_effects
 from ..answer.budget.source import Flights
 from ..answer.budget.third_dimension import in_three_dimensions
-from ..answer.joint import JointAnswer, effects_in
-from ..answer.notices import notices, with_mesh_error
+from ..answer.joint import effects_in
+from ..answer.notices import air_notices, flight_notices, with_mesh_error
 from ..answer.partition import partition_curves
 from ..answer.provenance import Refinement, provenance_of
 from ..answer.result import (
@@ -39,15 +39,15 @@ from ..answer.shares import InputSummary, LandingResults, collisions_of
 from ..core import sums
 from ..core.errors import SceneError
 from ..core.files import made_folder, path_of, remove_drafts
-from ..core.graded import gravest_first
+from ..core.graded import Notice, gravest_first, less_sure
 from ..core.process import background, check_workers, cores
 from ..core.registry import did_you_mean
 from ..core.store import cache_in_use, cache_root
-from ..core.tables import save_arrays
+from ..core.tables import Columns, save_arrays
 from ..flight.feed.impact_loads import impact_loads
 from ..flight.stages.machine_rates import learn
 from ..flight.stages.pipeline import Pipeline
-from ..planning.feed_funnel import FunnelSummary
+from ..planning.feed_funnel import FunnelSummary, by_law_line, discharge_lines
 from ..planning.stage_cache import Listener, null_listener
 from ..scene import Scene
 from ..scene.changes import stem_name
@@ -72,7 +72,7 @@ from .run_stages import as_blown, one_thread_of_blas, stages_of
 if TYPE_CHECKING:
     from ..air.field import FlowField
     from ..flight.stages.film_stage import Film
-    from ..flight.stages.landings import Landings, Tracked
+    from ..flight.stages.landings import Landings
     from ..planning.plan import Plan
 
 
@@ -92,52 +92,70 @@ class OneRun:
 
     def result(self) -> Result:
         """Make the stages that are asked for, then the report where it is not the one that stands there."""
-        until, flown = self.request.until, None
+        pipeline, until = self.pipeline, self.request.until
         with background(self._ahead()):
             mesh, airflow = self._air()
-            tracked = None if until in ("funnel", "mesh", "airflow") else self.pipeline.tracks()
-            if tracked is not None and until is None:
-                flown = fly_again(Flights(self.pipeline, tracked, self.pipeline.crowd()))
-        if tracked is not None and airflow is not None:
-            airflow = self._flown(airflow)
-        scene, plan, flights = self.pipeline.scene, self.pipeline.plan, None
-        if tracked is not None:
-            flights = FlightResults(tracked.fates, tracked.injected, impact_loads(scene, plan))
-        landings, joint = (None, None) if flown is None else self._landings(flown)
-        slab = None if landings is None else landings.slab
-        told = notices(scene, self.pipeline, airflow, self.poured, tracked, slab)
-        small = total_notices(() if landings is None else landings.budget, plan.target_error)
-        known = gravest_first((*told, *plan.notices, *small))
-        key, solver = self._key(tracked), None if airflow is None else self.pipeline.air.solver
+            flown = self._fly() if until in (None, "tracks") else None
+        if flown is not None and airflow is not None:  # what is known of the field that granules fly in
+            airflow = replace(airflow, divergence=pipeline.divergence, truncation=pipeline.air.truncation)
+        key, solver = self._key(flies=flown is not None), None if airflow is None else pipeline.air.solver
         result = Result(
             schema=SCHEMA,
             scene=self.asked.tables(),
             options=self.request,
-            plan=plan,
+            plan=pipeline.plan,
             funnel=self.poured,
             airflow=airflow,
             mesh=mesh,
-            flights=flights,
-            landings=landings,
-            warnings=tuple(notice.text for notice in known),
-            grades=tuple(notice.grade.value for notice in known),
-            seconds=self.pipeline.seconds,
+            flights=None,
+            landings=None,
+            warnings=(),
+            grades=(),
+            seconds=pipeline.seconds,
             versions=versions(),
             key=key,
-            provenance=provenance_in(self.folder, key) or provenance_of(scene, solver),
+            provenance=provenance_in(self.folder, key) or provenance_of(pipeline.scene, solver),
             refinement=self.refinement,
             folder=self.folder,
         )
-        return self.written(result, tracked, None if flown is None else flown.landings, joint)
+        if flown is None:
+            return self.written(self._warned(result, ()), {}, {})
+        tracked, loads = flown.tracked, impact_loads(pipeline.scene, pipeline.plan)
+        result = replace(result, flights=FlightResults(tracked.fates, tracked.injected, loads))
+        if until is None:
+            result = self._answered(result, flown)
+        slab = None if result.landings is None else result.landings.slab
+        result = self._warned(result, flight_notices(pipeline.scene, pipeline, tracked, slab))
+        return self.written(result, flown.landings, tracked.drawn)
+
+    def _fly(self) -> Flights:
+        """The granules' flights, with all that the sources of the budget fly again where the run goes on to shares."""
+        flown = Flights(self.pipeline, self.pipeline.tracks())
+        return flown if self.request.until else fly_again(replace(flown, crowd=self.pipeline.crowd()))
+
+    def _warned(self, result: Result, of_flights: Iterable[Notice]) -> Result:
+        """The result with what a user must know of it; of its granules that are the notices ``of_flights``."""
+        scene, pipeline = self.pipeline.scene, self.pipeline
+        found = [] if result.airflow is None else air_notices(scene, pipeline, result.airflow)
+        if self.poured is not None:
+            found += map(less_sure, discharge_lines(self.poured))
+        elif scene.funnel is not None and not scene.funnel.computed:
+            found.append(less_sure(by_law_line(scene.funnel)))
+        small = total_notices(result.budget, pipeline.plan.target_error)
+        known = gravest_first((*found, *of_flights, *pipeline.plan.notices, *small))
+        return result.replaced(
+            warnings=tuple(notice.text for notice in known), grades=tuple(notice.grade.value for notice in known)
+        )
 
     def written(
-        self, result: Result, tracked: Tracked | None, answer: Mapping[str, Landings] | None, joint: JointAnswer | None
+        self, result: Result, landings: Mapping[str, Landings], drawn: Mapping[str, Sequence[Columns]]
     ) -> Result:
-        """The result with its pictures, its folder written."""
+        """The result with its pictures, its folder written; the ``landings`` and recorded tracks of granules that flew
+        are in them.
+        """
         with sums.writing(self.folder, partial(written_files, self.folder), COMMAND):
-            result = result.with_joint(joint)
-            result = replace(result, limits=tuple(verdicts_of(result))).with_joint(joint)
-            result = self._drawn(result, tracked, answer, joint).with_joint(joint)
+            result = result.replaced(limits=tuple(verdicts_of(result)))
+            result = self._drawn(result, landings, drawn)
             result.save()
         return result
 
@@ -178,11 +196,8 @@ class OneRun:
         table = replace(airflow, grids=studies, momentum=airflow.by_momentum(scene), loading=loading, fan=fan)
         return mesh, with_mesh_error(table, studies or ())
 
-    def _flown(self, airflow: Airflow) -> Airflow:
-        """The airflow with what is known of the field that granules fly in."""
-        return replace(airflow, divergence=self.pipeline.divergence, truncation=self.pipeline.air.truncation)
-
-    def _landings(self, flights: Flights) -> tuple[LandingResults, JointAnswer]:
+    def _answered(self, result: Result, flights: Flights) -> Result:
+        """The result with its shares, and all that is known of their errors."""
         scene = self.pipeline.scene
         joint, budget = make_budget(flights)
         separation, crowd = joint.own.separation(), flights.crowd
@@ -198,22 +213,21 @@ class OneRun:
         separation = replace(separation, cut=cuts)
         beside = in_three_dimensions(scene, self.pipeline.plan)
         parts, of_targets = effects_in(joint.own) if known else ({}, {})
-        return LandingResults(
+        landings = LandingResults(
             separation, bracket, budget, alone, slab, effects, beside, known, parts, of_targets, joint.record()
-        ), joint
+        )
+        return replace(result, landings=landings).with_joint(joint)
 
-    def _key(self, tracked: Tracked | None) -> str:
+    def _key(self, *, flies: bool) -> str:
         """What the answer depends on."""
-        crowd = self.pipeline.collisions_key if tracked and self.request.until is None else None
-        tracks = self.pipeline.tracks_key if tracked else None
+        crowd = self.pipeline.collisions_key if flies and self.request.until is None else None
+        tracks = self.pipeline.tracks_key if flies else None
         return answer_key(self.asked, self.request, self.pipeline.plan.summary(), tracks, crowd)
 
     def _drawn(
-        self, result: Result, tracked: Tracked | None, answer: Mapping[str, Landings] | None, joint: JointAnswer | None
+        self, result: Result, landings: Mapping[str, Landings], drawn: Mapping[str, Sequence[Columns]]
     ) -> Result:
-        """The result with the pictures of its report, which is drawn where it is not in the folder already; the
-        ``answer``'s landings, where there is one, are in them.
-        """
+        """The result with the pictures of its report, which is drawn where it is not in the folder already."""
         from .. import show as report
 
         folder, scene = self.folder, self.pipeline.scene
@@ -223,16 +237,15 @@ class OneRun:
             report.clear_report(folder)
             for file in (GRANULES, JOINT):
                 (folder / file).unlink(missing_ok=True)
-        if joint is not None:
-            save_arrays(folder / JOINT, joint.arrays(), compressed=True)
-        if tracked is not None:
-            landings = tracked.landings if answer is None else answer
+        if result.landings is not None:
+            save_arrays(folder / JOINT, result.joint.arrays(), compressed=True)
+        if landings:
             granules = some_granules(scene, landings)
             save_arrays(folder / GRANULES, {"names": np.array(list(landings)), **granules})
             wanted = self.request.until is None and self.report
             if wanted and (self.redraw or not stands or not report.is_whole(folder, scene.picture)):
-                report_into(self.pipeline, tracked, landings, granules, result, pdf=self.pdf)
-            return replace(result, pictures=report.pictures_of(folder))
+                report_into(self.pipeline, drawn, landings, granules, result, pdf=self.pdf)
+            return result.replaced(pictures=report.pictures_of(folder))
         if self.request.until == "funnel" and self.poured is not None:
             report.draw_discharge(folder / "figures" / "discharge.png", self.poured)
         return result

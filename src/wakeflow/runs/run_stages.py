@@ -56,7 +56,7 @@ def stages_of(
     """
     if scene.funnel is not None and not scene.funnel.computed:
         scene = scene.fed()
-    planner, rung = Planner(scene.fed(), request.force, request.target_error, in_order()), request.rung
+    planner, rung = Planner(scene.fed(), request.force, request.target_error, in_order()), request.rung or ""
     if made is not None:
         planner.keep(rung, made)
     plan = planner.plan(rung)
@@ -79,7 +79,7 @@ def stages_of(
     return pipeline, poured
 
 
-def _blown(pipeline: Pipeline, planner: Planner, rung: str | None) -> Pipeline:
+def _blown(pipeline: Pipeline, planner: Planner, rung: str) -> Pipeline:
     """The stages with the air at the speed at which the fan's curve meets the drop that is computed: first that of the
     steady airflow, which any other starts from, then the answer's own. Each is solved FEW times at most, and no more
     once the speed lies within the interval that the answer takes it to have; what is left is in the result.

@@ -22,7 +22,7 @@ from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.answer.budget.budget import total_notices
 from wakeflow.answer.budget.flown_again import compared, free_ends
 from wakeflow.answer.budget.inputs import most_crossing, truncation_terms
-from wakeflow.answer.notices import notices
+from wakeflow.answer.notices import flight_notices
 from wakeflow.answer.separation import separate
 from wakeflow.answer.shares import BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.cli import main
@@ -383,7 +383,7 @@ def test_dust_that_may_stay_on_grain_is_bounded() -> None:
     assert most(Scene.parse(tables)) == {}
     scene = shipped("rhombus")
     landed = cast(Tracked, SimpleNamespace(injected={}, landings={}, fates={}))
-    told = notices(scene, Pipeline(scene, make_plan(scene)), None, None, landed)
+    told = flight_notices(scene, Pipeline(scene, make_plan(scene)), landed)
     assert [one.text.endswith("the interval does not hold that") for one in told] == [True]
 
 
