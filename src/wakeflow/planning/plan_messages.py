@@ -13,11 +13,10 @@ from ..core.quantities import metres
 from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from ..scene import Scene
 from ..scene.fraction import COEFFICIENTS
-from .airflow_choice import AirflowPlan
+from .airflow_choice import AirflowPlan, AirMotion
 from .cost import ranks_for, span_cost, typical_cells
 from .coupling import COUPLING, INDEPENDENT, Limit, strained
 from .feed_funnel import summary
-from .lock_in import AirMotion
 from .plan import COMPARED, REPLICATES, FractionPlan
 from .scene_lines import (
     body_checks,

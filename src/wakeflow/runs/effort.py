@@ -329,7 +329,7 @@ def _power(spent: Mapping[str, StageTime]) -> float:
 MIN_GAIN = 1e-12  # error that a step takes away in a second: less is nothing
 
 
-class Step(NamedTuple, Generic[State]):
+class Offer(NamedTuple, Generic[State]):
     """What a step leads ``to``, the ``seconds`` that it costs, and its ``gain``: what it takes away of the error."""
 
     to: State
@@ -337,13 +337,13 @@ class Step(NamedTuple, Generic[State]):
     gain: float
 
 
-def bought(start: State, steps: Callable[[State], Iterable[Step[State]]]) -> list[State]:
+def bought(start: State, steps: Callable[[State], Iterable[Offer[State]]]) -> list[State]:
     """The way from the ``start`` by the ``steps`` that are possible from each place on it: always the one whose second
     takes most error away, as long as any does.
     """
     way = [start]
     while True:
-        best = max(steps(way[-1]), key=lambda step: step.gain / step.seconds, default=Step(start, 1.0, 0.0))
+        best = max(steps(way[-1]), key=lambda step: step.gain / step.seconds, default=Offer(start, 1.0, 0.0))
         if best.gain / best.seconds <= MIN_GAIN:
             return way
         way.append(best.to)
@@ -407,12 +407,12 @@ def choose(
     ``target``; ``now``: those with which the rows were found and the run times ``spent``.
     """
 
-    def turned(at: tuple[RefinedSettings, str]) -> Iterator[Step[tuple[RefinedSettings, str]]]:
+    def turned(at: tuple[RefinedSettings, str]) -> Iterator[Offer[tuple[RefinedSettings, str]]]:
         price, before = expected_seconds(spent, now, at[0]), _excess(rows, now, at[0], target)
         for name in values(at[0]):
             then = knobs[name].next(at[0])
             seconds = max(expected_seconds(spent, now, then) - price, QUICKEST)
-            yield Step((then, name), seconds, before - _excess(rows, now, then, target))
+            yield Offer((then, name), seconds, before - _excess(rows, now, then, target))
 
     way = bought((start, ""), turned)
     chosen = way[-1][0]
@@ -466,10 +466,10 @@ def _finest(rounds: Sequence[Round], done: int, seconds: float) -> int:
     finer effort takes away of the error is not known before it is computed: each counts alike.
     """
 
-    def finer_ones(at: int) -> Iterator[Step[int]]:
+    def finer_ones(at: int) -> Iterator[Offer[int]]:
         for place in range(at + 1, len(rounds)):
             if (price := expected(rounds[place][0], rounds[place][2])) <= SURELY * seconds:
-                yield Step(place, price, float(place - at))
+                yield Offer(place, price, float(place - at))
 
     return bought(done, finer_ones)[-1]
 

@@ -44,9 +44,9 @@ from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.flight.stages.slab_stage import CollisionRerun
 from wakeflow.flight.stages.track_stage import PerturbedRerun
 from wakeflow.laws.best_estimate import WakeEstimate, best_estimate
+from wakeflow.planning.airflow_choice import SHARES_MOVED
 from wakeflow.planning.collisions import CollisionPlan
 from wakeflow.planning.cost import flown_again
-from wakeflow.planning.lock_in import SHARES_MOVED
 from wakeflow.planning.plan import COMPARED, REPLICATES
 from wakeflow.planning.stage_cache import StageTime
 from wakeflow.planning.stages import StageCost, Workload

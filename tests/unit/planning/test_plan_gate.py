@@ -41,8 +41,7 @@ from wakeflow.laws.forces.history_force import MEMORIES, history_kernel, history
 from wakeflow.laws.material import materials
 from wakeflow.laws.turbulence import crossing_times
 from wakeflow.planning import make
-from wakeflow.planning.approach import approaches
-from wakeflow.planning.make import Planner
+from wakeflow.planning.make import Planner, approaches
 from wakeflow.planning.plan import Plan, whole_terms
 from wakeflow.planning.scene_lines import magnitude_lines
 from wakeflow.planning.terms import STICKING, TYPICAL, bounds

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ...flight.stages.landings import Landings
 from ...flight.stages.pipeline import Pipeline
+from ...planning.airflow_choice import vibration_of_scene
 from ...planning.cost import flown_again
-from ...planning.lock_in import vibration_of_scene
 from ...planning.plan import COMPARED, INPUT_SAMPLES, REPLICATES, Plan
 from ...planning.stages import StageCost, Workload
 from ...planning.terms import COLLISIONS, VIBRATION
@@ -137,10 +137,10 @@ def swung(scene: Scene, plan: Plan, part: BudgetPart, effect: InputPart, speed: 
     """The part of air that does not see the body vibrate, where a bound on single flights says little: in a wake that
     sheds any small shift grows, and the shares, which are means over all phases, do not change with it.
 
-    By how much they do was measured of bodies like the shipped rhombus (``planning.lock_in``). Elsewhere they change
-    as the mean wake does, whose drag and base pressure differ by no more than was measured: as if the air were faster
-    by that part, ``effect`` being what its ``speed`` does to the share. Any other ``part`` comes back as it is, and so
-    does this one where nothing was drawn.
+    By how much they do was measured of bodies like the shipped rhombus (``planning.airflow_choice``). Elsewhere they
+    change as the mean wake does, whose drag and base pressure differ by no more than was measured: as if the air were
+    faster by that part, ``effect`` being what its ``speed`` does to the share. Any other ``part`` comes back as it is,
+    and so does this one where nothing was drawn.
     """
     if part.source != VIBRATION or plan.airflow.stepping != "time-resolved":
         return part
