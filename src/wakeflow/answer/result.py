@@ -314,9 +314,9 @@ class Result(WithShares):
         if self.void:
             return f"<Result {self.folder}: {VOID}>"
         recovery = self.landings.separation.recovery
-        told = ", ".join(f"{name} {percent(one)} %" for name, one in recovery.items() if one is not None)
+        parts = ", ".join(f"{name} {percent(one)} %" for name, one in recovery.items() if one is not None)
         flaw = f"; {self.caveat}" if self.caveat else ""
-        return f"<Result {self.folder}: recovery {told or 'of nothing: no fraction has a target'}{flaw}>"
+        return f"<Result {self.folder}: recovery {parts or 'of nothing: no fraction has a target'}{flaw}>"
 
     def _repr_html_(self) -> str:
         """The table of shares, as a notebook shows it."""

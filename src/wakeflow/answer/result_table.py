@@ -98,8 +98,8 @@ def names_for(scene: Scene) -> list[str]:
     found = [*landed, *(f"without_collisions.{name}" for name in landed), SECONDS]
     for prefix, kind, given in (("airflow", Airflow, scene.air), ("funnel", FunnelSummary, scene.funnel)):
         if given is not None:
-            told = [one for one in columns(kind) if {Number, float} & {one.kind, *get_args(one.kind)}]
-            found += [f"{prefix}.{one.key}" for one in told]
+            numbers = [one for one in columns(kind) if {Number, float} & {one.kind, *get_args(one.kind)}]
+            found += [f"{prefix}.{one.key}" for one in numbers]
     return found
 
 

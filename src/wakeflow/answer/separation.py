@@ -91,15 +91,15 @@ def changed(scene: Scene, unknowns: Sequence[Unknown], ties: Dependence, how: Ma
     from scipy.special import ndtr
 
     z = draws_of(unknowns, ties).astype(np.float32).astype(float)  # as they are kept in the run's folder
-    told = {}
+    effects = {}
     for name, one in how.items():
         change, doubt = change_of(scene, unknowns, name, one, z)
         before = (
             one.before if scene.images is None else 0.5 * (one.before + one.before[one.cells.mirrored(scene.images)])
         )
         flown = (ndtr(column(f"{LACK} {name}")) * len(one.off)).astype(int)  # as one of these is off, so is a draw
-        told[name] = FractionChange(change, before, doubt[:, None] * one.off[flown])
-    return Changed(tuple(one.key for one in unknowns), z, next(iter(how.values())).cells, told)
+        effects[name] = FractionChange(change, before, doubt[:, None] * one.off[flown])
+    return Changed(tuple(one.key for one in unknowns), z, next(iter(how.values())).cells, effects)
 
 
 def change_of(
@@ -140,13 +140,13 @@ def joint_answer(
     change, lack = np.zeros((DRAWS, len(names), cells.count), np.float16), np.zeros((DRAWS, *(base @ parts).shape))
     drawn: Mapping[str, FractionChange] = {} if inputs is None else inputs.of
     for number, name in enumerate(names if drawn else ()):
-        told = drawn[name]
+        effect = drawn[name]
         if not factors:  # the answer's granules, of which the draws have a part
-            off, own = base[number] - told.before, base[number] @ parts
-            able = less_at_ends((told.before + told.change) @ parts, own * (1.0 - own))[:, parts.argmax(axis=1)]
-            change[:, number], lack[:, number] = told.change + (able - 1.0) * off, np.float32(told.lack)
+            off, own = base[number] - effect.before, base[number] @ parts
+            able = less_at_ends((effect.before + effect.change) @ parts, own * (1.0 - own))[:, parts.argmax(axis=1)]
+            change[:, number], lack[:, number] = effect.change + (able - 1.0) * off, np.float32(effect.lack)
         else:
-            change[:, number], lack[:, number] = factors[name] * told.change, np.float32(factors[name] * told.lack)
+            change[:, number], lack[:, number] = factors[name] * effect.change, np.float32(factors[name] * effect.lack)
     roots = np.zeros((*lack.shape[1:], 0))
     own_sources = () if inputs is None else (ErrorSource(LACK, roots, computing=False, given=lack),)
     keys, z = ((), np.zeros((DRAWS, 0))) if inputs is None else (inputs.keys, inputs.z)

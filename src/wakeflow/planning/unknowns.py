@@ -298,14 +298,14 @@ def _add_of_fractions(
     ``acts``.
     """
 
-    def found(scene: Scene, plan: Plan) -> Iterator[Unknown]:
+    def acting_in(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         for name in plan.fractions if acts(scene, plan) else ():
             fraction = scene.fraction[name]
             number, key = value(fraction), f"fraction.{name}.{entry}"
             if number > 0.0:
                 yield _unknown(scene, key, entry, number, unit, confidence(fraction, entry), name)
 
-    unknown_kinds.add(entry, UnknownKind(found, vary, span=span))
+    unknown_kinds.add(entry, UnknownKind(acting_in, vary, span=span))
 
 
 def _restitution(fraction: Fraction) -> float:
@@ -400,11 +400,11 @@ def _of_scene(
 ) -> Callable[[Scene, Plan], Iterator[Unknown]]:
     """Finds the unknown at ``key`` where it ``acts``."""
 
-    def found(scene: Scene, plan: Plan) -> Iterator[Unknown]:
+    def acting_in(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         if acts(scene, plan):
             yield _unknown(scene, key, entry, value(scene), unit)
 
-    return found
+    return acting_in
 
 
 def _fall(scene: Scene, _: Plan) -> Iterator[Unknown]:
@@ -450,7 +450,7 @@ def _brings_eddies(scene: Scene, plan: Plan) -> bool:
 def _add_of_wake(name: Literal["theta", "strength"]) -> None:
     """Register theta or the strength of a best estimate's wake, with the range that its measurements leave."""
 
-    def found(scene: Scene, plan: Plan) -> Iterator[Unknown]:
+    def acting_in(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         airflow: AirflowPlan = plan.airflow
         if airflow.wake is not None and airflow.brackets:
             yield _ranged(scene, f"wake.{name}", getattr(airflow.wake, name), "measured wakes (laws/wakes.toml)")
@@ -458,7 +458,7 @@ def _add_of_wake(name: Literal["theta", "strength"]) -> None:
     def vary(drawn: Drawn) -> Variation:
         return drawn.made.with_air(**{name: min(max(drawn.x, 0.0), 1.0)})
 
-    unknown_kinds.add(f"wake.{name}", UnknownKind(found, vary, of_air=True, span=PORTION))
+    unknown_kinds.add(f"wake.{name}", UnknownKind(acting_in, vary, of_air=True, span=PORTION))
 
 
 unknown_kinds.add(SPIN, UnknownKind(_spin_lift, _vary_spin_lift))

@@ -231,8 +231,8 @@ class OneRun:
         from .. import show as report
 
         folder, scene = self.folder, self.pipeline.scene
-        stands = key_in(folder) == result.key
-        if not stands:  # the new answer is there: the older one goes whole, so that no mixture is left
+        unchanged = key_in(folder) == result.key
+        if not unchanged:  # the new answer is there: the older one goes whole, so that no mixture is left
             (folder / FILE).unlink(missing_ok=True)
             report.clear_report(folder)
             for file in (GRANULES, JOINT):
@@ -243,7 +243,7 @@ class OneRun:
             granules = some_granules(scene, landings)
             save_arrays(folder / GRANULES, {"names": np.array(list(landings)), **granules})
             wanted = self.request.until is None and self.report
-            if wanted and (self.redraw or not stands or not report.is_whole(folder, scene.picture)):
+            if wanted and (self.redraw or not unchanged or not report.is_whole(folder, scene.picture)):
                 report_into(self.pipeline, drawn, landings, granules, result, pdf=self.pdf)
             return result.replaced(pictures=report.pictures_of(folder))
         if self.request.until == "funnel" and self.poured is not None:
@@ -362,9 +362,9 @@ def report_again(folder: Path | str, *, pdf: bool = False) -> Path:
     Raises SceneError where the folder holds no finished run.
     """
     scene, asked = asked_in(folder)
-    if (told := Result.load(folder).calibration) is not None:
+    if (calibration := Result.load(folder).calibration) is not None:
         raise SceneError(
-            f"{folder} holds an answer that was calibrated with {told.source}; wakeflow calibrate draws it anew"
+            f"{folder} holds an answer that was calibrated with {calibration.source}; wakeflow calibrate draws it anew"
         )
     run_once(Scene.parse(scene), Path(folder), asked, redraw=True, refinement=refinement_in(folder), pdf=pdf)
     return Path(folder) / "report.html"

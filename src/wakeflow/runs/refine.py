@@ -137,9 +137,9 @@ def what_to_measure(result: Result, target: float) -> tuple[str, ...]:
         place = row.quantity.removeprefix(f"share.{name}.")
         parts = landings.measure_next.get(name, {}).get(place, {})
         beside = min(row.total.numerical or 0.0, SPARED * target)
-        told = _measurements(parts, landings.inputs, half, sqrt(target**2 - beside**2))
-        if told:
-            lines.append(f"{name} in {place} is known to {100 * total:.2g} points in all: {told}")
+        words = _measurements(parts, landings.inputs, half, sqrt(target**2 - beside**2))
+        if words:
+            lines.append(f"{name} in {place} is known to {100 * total:.2g} points in all: {words}")
     return tuple(lines)
 
 
@@ -165,9 +165,9 @@ def _measurements(parts: Mapping[str, InputPart], known: Mapping[str, InputSumma
 def _asked(keys: Sequence[str], known: Mapping[str, InputSummary], factor: float) -> str:
     measured = [_interval(key, known[key], factor) for key in keys if not key.startswith(OF_THE_WAKE)]
     resolved = [_interval(key, known[key], factor) for key in keys if key.startswith(OF_THE_WAKE)]
-    told = [f"measure {', '.join(measured)}"] if measured else []
-    told += [f"run rung 3d for {', '.join(resolved)}"] if resolved else []
-    return " and ".join(told)
+    lines = [f"measure {', '.join(measured)}"] if measured else []
+    lines += [f"run rung 3d for {', '.join(resolved)}"] if resolved else []
+    return " and ".join(lines)
 
 
 def _interval(key: str, known: InputSummary, factor: float) -> str:
@@ -186,9 +186,9 @@ def refined(scene: Scene, target: float, compute: Callable[[Scene], Result], pla
     Raises as the runs do.
     """
     way = _Way(scene, target, plan, listener)
-    choice = Choice(cheapest(way.own, target))
-    own = plan.estimate["seconds"]
-    way.tell(f"first look with {_words(choice.settings)}; the scene's own settings would take about {own:.2g} s")
+    choice = Choice(cheapest(way.of_scene, target))
+    seconds = plan.estimate["seconds"]
+    way.tell(f"first look with {_words(choice.settings)}; the scene's own settings would take about {seconds:.2g} s")
     while True:
         result = compute(applied(scene, choice.settings))
         table = way.judged(result, choice)
@@ -215,7 +215,7 @@ class _Way:
     made: set[tuple[str, float]] = field(default_factory=set)  # stages of all rounds, told apart by their run times
 
     @property
-    def own(self) -> RefinedSettings:
+    def of_scene(self) -> RefinedSettings:
         """What the scene asks for."""
         return own_settings(self.scene, self.plan)
 
@@ -257,7 +257,7 @@ class _Way:
         if _largest(can) > self.target:
             chosen = choose_surely(can, spent, now, self.target).settings
         if len(can) < len(rows):  # what stays beyond the target is at least no coarser than the scene says
-            chosen = finer(chosen, self.own)
+            chosen = finer(chosen, self.of_scene)
         choice = Choice.of(can, spent, now, chosen)
         if chosen != now:
             self.tell(

@@ -127,12 +127,12 @@ def agreement_of(joint: JointAnswer, measured: Measured, missed: Array | None = 
     normal. Raises SceneError for a tray of a fraction or bin that there is not.
     """
     weights, tables = weights_in(joint, measured), joint.own.tables()
-    told = tables.reshape(tables.shape[0] * tables.shape[1], -1) @ weights.T  # what each tray holds in every draw
+    in_draws = tables.reshape(tables.shape[0] * tables.shape[1], -1) @ weights.T  # what each tray holds in every draw
     noise = measured.covariance + (0.0 if missed is None else weights @ missed @ weights.T)
-    off = measured.shares - told.mean(axis=0)
-    inverse, freedom = inverse_of(np.atleast_2d(np.cov(told.T)) + noise)
-    chosen = np.random.default_rng(SEED).multivariate_normal(np.zeros(len(off)), noise, len(told))
-    seen = told - told.mean(axis=0) + chosen
+    off = measured.shares - in_draws.mean(axis=0)
+    inverse, freedom = inverse_of(np.atleast_2d(np.cov(in_draws.T)) + noise)
+    chosen = np.random.default_rng(SEED).multivariate_normal(np.zeros(len(off)), noise, len(in_draws))
+    seen = in_draws - in_draws.mean(axis=0) + chosen
     squares, square = np.einsum("ni,ij,nj->n", seen, inverse, seen), float(off @ inverse @ off)
     chance = (1.0 + float((squares >= square).sum())) / (1.0 + len(squares))
     alone = np.diag(inverse)

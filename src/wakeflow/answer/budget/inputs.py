@@ -58,8 +58,8 @@ class UnknownInputs(Source["InputSamples"]):
         for bin_ in fraction.shares:
             of = fraction.answer.of_share(fraction.name, [bin_])
             over, effects = fraction.answer.number(of), fraction.answer.effects(of, fraction.name)
-            told = ", ".join(f"{key} {one.points}" for key, one in weightiest(effects))
-            note = f"depends most on (points each) {told}" if told else ""
+            causes = ", ".join(f"{key} {one.points}" for key, one in weightiest(effects))
+            note = f"depends most on (points each) {causes}" if causes else ""
             if note and among is not None:
                 note += f"; {among.factor(fraction.name):.2g} times what they move of granules alone"
             low, high = over.low - over.value, over.high - over.value
