@@ -58,7 +58,7 @@ def quantities_of(result: Result) -> tuple[TableQuantity, ...]:
     throughput.BIN; money.total and its parts; the airflow's and the funnel's numbers (airflow.cd, ...); seconds, the
     run time of all stages when they were computed.
     """
-    errors = {row.quantity: row.total.error for row in result.budget}
+    errors = {row.quantity: row.total.error for row in result.budget if row.total.error is not None}
     found: list[TableQuantity] = []
     if result.landings is not None:
         for one in columns(type(result.landings)):
@@ -103,7 +103,7 @@ def names_for(scene: Scene) -> list[str]:
     return found
 
 
-def _inside(record: object, prefix: str, errors: Mapping[str, float | None]) -> Iterator[TableQuantity]:
+def _inside(record: object, prefix: str, errors: Mapping[str, float]) -> Iterator[TableQuantity]:
     for one in columns(type(record)):
         name = prefix + RENAMED.get(one.key, one.key)
         yield from _numbers(getattr(record, one.name), name, one.unit, errors)
@@ -117,7 +117,7 @@ def _measured(record: object, prefix: str) -> Iterator[TableQuantity]:
             yield from _numbers(value, prefix + one.key, one.unit, {})
 
 
-def _numbers(value: object, name: str, unit: str, errors: Mapping[str, float | None]) -> Iterator[TableQuantity]:
+def _numbers(value: object, name: str, unit: str, errors: Mapping[str, float]) -> Iterator[TableQuantity]:
     if isinstance(value, Mapping):
         for key, member in value.items():
             yield from _numbers(member, f"{name}.{key}", unit, errors)

@@ -386,8 +386,7 @@ def expected_part(part: BudgetPart, now: RefinedSettings, then: RefinedSettings)
         return None
     if part.kind in (LEFT_OUT, NOT_COMPUTED):
         return limited_again(part.error, landed(now), landed(then))
-    source = source_of(part)
-    return part.error if source is None else source.expected(part, now, then)
+    return source_of(part).expected(part, now, then)
 
 
 def reachable(rows: Sequence[BudgetRow], now: RefinedSettings, target: float) -> list[BudgetRow]:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import hypot, sqrt
 
-from ..answer.budget.source import INPUTS, Source, source_of
+from ..answer.budget.source import INPUTS, source_of
 from ..answer.provenance import RefinedSettings, Refinement, RefinementRound
 from ..answer.result import Result
 from ..answer.shares import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, InputPart, InputSummary
@@ -100,8 +100,7 @@ def _line(found: _Obstacle, scene: Scene, plan: Plan) -> str:
     where, much = f"{found.name} in {found.place}", f"{100 * found.error:.2g} points"
     if found.part.kind in (LEFT_OUT, NOT_COMPUTED):
         return f"{where}: {source} is not computed and could change it by up to {much}: {_switch(found, scene, plan)}"
-    known = source_of(found.part) or Source
-    return f"{where}: {source} stays at {much}: {known.if_large}"
+    return f"{where}: {source} stays at {much}: {source_of(found.part).if_large}"
 
 
 def _switch(found: _Obstacle, scene: Scene, plan: Plan) -> str:

@@ -96,7 +96,7 @@ class Source(Generic[Flown]):
         """
         return part.size
 
-    def part(self, error: float | None, seconds: float = 0.0, note: str = "") -> BudgetPart:
+    def part(self, error: float, seconds: float = 0.0, note: str = "") -> BudgetPart:
         """A part of the budget in this source's name."""
         return BudgetPart(self.name, error, seconds, self.how, note=note)
 
@@ -217,9 +217,9 @@ def in_order() -> list[Source[Any]]:
     return sorted((budget_sources[name] for name in budget_sources), key=lambda source: source.place)
 
 
-def source_of(part: BudgetPart) -> Source[Any] | None:
-    """The source that a part is of; None of a term that is left out."""
-    return budget_sources[part.source] if not part.kind and part.source in budget_sources else None
+def source_of(part: BudgetPart) -> Source[Any]:
+    """The source that a part is of; of a term that is left out one that no setting changes."""
+    return budget_sources[part.source] if not part.kind and part.source in budget_sources else Source()
 
 
 # -- What an error would be with other settings ------------------------------------------------------------------------
