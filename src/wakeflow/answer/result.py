@@ -219,11 +219,6 @@ class Result(WithShares):
         vars(self)["joint"] = joint
         return self
 
-    def replaced(self, **changes: Any) -> Self:
-        """The same with other columns, and with its shares jointly, where it has them already."""
-        changed = replace(self, **changes)
-        return changed.with_joint(self.joint) if "joint" in vars(self) else changed
-
     def moved(self, changes: Mapping[str, object]) -> MovedBins:
         """The answer with some bins moved, nothing flown: ``{"bin.near.to": "90 mm", "bin.far.from": "90 mm"}``, keys
         as of ``Scene.replace``, lengths in m or with their unit.
@@ -326,6 +321,12 @@ class Result(WithShares):
         """The bins where a fraction should land; empty when the scene names none."""
         target = self.scene["fraction"].get(fraction, {}).get("target") or ()
         return (target,) if isinstance(target, str) else tuple(target)
+
+
+def replaced(result: Result, **changes: Any) -> Result:
+    """A result with other columns, and with its shares jointly, where it has them already."""
+    changed = replace(result, **changes)
+    return changed.with_joint(result.joint) if "joint" in vars(result) else changed
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ from ..answer.result import (
     key_in,
     provenance_in,
     refinement_in,
+    replaced,
 )
 from ..answer.shares import InputSummary, LandingResults, collisions_of
 from ..core import sums
@@ -143,8 +144,10 @@ class OneRun:
             found.append(less_sure(by_law_line(scene.funnel)))
         small = total_notices(result.budget, pipeline.plan.target_error)
         known = gravest_first((*found, *of_flights, *pipeline.plan.notices, *small))
-        return result.replaced(
-            warnings=tuple(notice.text for notice in known), grades=tuple(notice.grade.value for notice in known)
+        return replaced(
+            result,
+            warnings=tuple(notice.text for notice in known),
+            grades=tuple(notice.grade.value for notice in known),
         )
 
     def written(
@@ -154,7 +157,7 @@ class OneRun:
         are in them.
         """
         with sums.writing(self.folder, partial(written_files, self.folder), COMMAND):
-            result = result.replaced(limits=tuple(verdicts_of(result)))
+            result = replaced(result, limits=tuple(verdicts_of(result)))
             result = self._drawn(result, landings, drawn)
             result.save()
         return result
@@ -245,7 +248,7 @@ class OneRun:
             wanted = self.request.until is None and self.report
             if wanted and (self.redraw or not unchanged or not report.is_whole(folder, scene.picture)):
                 report_into(self.pipeline, drawn, landings, granules, result, pdf=self.pdf)
-            return result.replaced(pictures=report.pictures_of(folder))
+            return replaced(result, pictures=report.pictures_of(folder))
         if self.request.until == "funnel" and self.poured is not None:
             report.draw_discharge(folder / "figures" / "discharge.png", self.poured)
         return result
