@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -355,37 +355,6 @@ def _planned(
         unit=flown.unit,
         crowd=crowd,
     )
-
-
-@dataclass(frozen=True)
-class Planner:
-    """Makes the plans of one scene with the same options: each rung's once, however often it is asked for.
-
-    A run needs the plan of the rung asked for and, where its airflow is time-resolved, that of rung draft, from which
-    this one starts; with a funnel the same for the rate that the funnel turned out to have (:meth:`at`).
-    """
-
-    scene: Scene
-    force: Mapping[str, bool] = field(default_factory=dict)
-    target_error: float | None = None
-    sources: Sequence[FliesAgain] = ()
-    _made: dict[str, Plan] = field(default_factory=dict, init=False, repr=False, compare=False)
-
-    def keep(self, rung: str, plan: Plan) -> None:
-        """Take the ``plan`` that was made for a ``rung`` elsewhere."""
-        self._made[rung] = plan
-
-    def plan(self, rung: str = "") -> Plan:
-        """The plan of a ``rung``; empty: the scene's own. Raises SceneError as :func:`make_plan` does."""
-        if rung not in self._made:
-            self._made[rung] = make_plan(
-                self.scene, rung=rung or None, force=self.force, target_error=self.target_error, sources=self.sources
-            )
-        return self._made[rung]
-
-    def at(self, scene: Scene) -> Planner:
-        """The same options for another scene, as for one whose feed rate is known by now."""
-        return self if scene == self.scene else replace(self, scene=scene)
 
 
 def _airflow(scene: Scene, rung: str, target: float, switches: Mapping[str, bool]) -> tuple[AirflowPlan, AirMotion]:
