@@ -241,7 +241,7 @@ def _vary_moisture(drawn: Drawn) -> Variation:
     """What was measured of the material at both ends, where the scene gives no number of its own for it."""
     scene, plan, name, own = drawn.scene, drawn.plan, drawn.one.fraction, drawn.granules
     fraction = scene.fraction[name]
-    wet = known(_water(fraction))
+    wet = _water(fraction)
     moved = dict.fromkeys(WET, 1.0) | {
         key: wet.factor(key, drawn.x) / wet.factor(key, drawn.one.value) for key in _moved_by_water(scene, plan, name)
     }
@@ -259,15 +259,17 @@ def _moved_by_water(scene: Scene, plan: Plan, name: str) -> list[str]:
     given = {"diameter": fraction.size, "density": fraction.density, "friction": fraction.friction}
     wet = _water(fraction)
     return [
-        key
-        for key in (() if wet is None else wet.ends)
-        if (_settles(scene, plan, name) if key == "terminal_velocity" else given[key] is None)
+        key for key in wet.ends if (_settles(scene, plan, name) if key == "terminal_velocity" else given[key] is None)
     ]
 
 
-def _water(fraction: Fraction) -> Moisture | None:
-    """What water does to a fraction's material, where that was measured."""
-    return None if fraction.material is None else materials[fraction.material].moisture
+NO_WATER = Moisture((0.0, 1.0), "", {})
+
+
+def _water(fraction: Fraction) -> Moisture:
+    """What water does to a fraction's material; NO_WATER where that was not measured."""
+    measured = materials[fraction.material].moisture if fraction.material else None
+    return measured or NO_WATER
 
 
 def _settles(scene: Scene, plan: Plan, name: str) -> bool:
@@ -339,7 +341,7 @@ def _moistures(scene: Scene, plan: Plan) -> Iterator[Unknown]:
     for name in plan.fractions:
         fraction, key = scene.fraction[name], f"fraction.{name}.moisture"
         wet = _water(fraction)
-        if wet is not None and _moved_by_water(scene, plan, name):
+        if _moved_by_water(scene, plan, name):
             share = wet.middle if fraction.moisture is None else fraction.moisture
             causes = _causes("moisture", fraction.material or "", METER)
             if key in scene.uncertainty:
