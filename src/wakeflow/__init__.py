@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from .many.variant import variants
     from .planning.plan import Plan
     from .runs import run
-    from .runs.chain import chain
+    from .runs.planned import chain
     from .runs.planned import make_plan as plan
     from .scene import Scene
     from .show.views import Result

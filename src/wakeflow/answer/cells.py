@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,25 +146,20 @@ class LandingCells:
                     raise SceneError(f"bins {one} and {other} overlap: {other} begins at {1000 * low:g} mm")
         return found
 
-    def parts(self, ends: Ends | None = None) -> Array:
+    def parts(self, ends: Ends = MappingProxyType({})) -> Array:
         """The part (cells, bins + 1) of every cell that is in every bin, elsewhere last, the bins between other
         ``ends`` where some are given.
         """
         found = np.zeros((self.count, len(self.bins) + 1))
-        where = self.ends if ends is None else ends
-        for name, (low, high) in where.items():
+        for name, (low, high) in {**self.ends, **ends}.items():
             found[:, self.bins.index(name)] = self.along_side(self.on[name], [(low, high)])
         for number, name in enumerate(self.others):
             found[self.count - 1 - len(self.others) + number, self.bins.index(name)] = 1.0
         found[:, -1] = 1.0 - found[:, :-1].sum(axis=1)
         return np.clip(found, 0.0, 1.0)
 
-    def along_side(self, side: str, stretches: Sequence[tuple[float, float]]) -> Array | None:
-        """The part (cells,) of every cell that lies between the ends (m) of some ``stretches`` of a side; None of one
-        without bins.
-        """
-        if side not in self.edges:
-            return None
+    def along_side(self, side: str, stretches: Sequence[tuple[float, float]]) -> Array:
+        """The part (cells,) of every cell between the ends (m) of some ``stretches`` of a side that has bins."""
         found, edges = np.zeros(self.count), self.edges[side]
         for low, high in stretches:
             found[self.first[side] + np.arange(len(edges) - 1)] += np.diff(np.clip(edges, low, high)) / np.diff(edges)

@@ -248,11 +248,11 @@ def _judged(result: Result, on: str, landed: Landed1D, fraction: str, purity: fl
     product, own = float(mass[inside].sum()), float(mass[inside & wanted].sum())
     recovery, pure = own / (float(mass[wanted].sum()) + landed.lost), own / product if product > 0.0 else math.nan
     first = float(landed.line[0, 0 if on in LEVEL else 1])
-    told = result.joint.between(on, [(first + low, first + high) for low, high in chosen])
-    if told is None or not chosen or product == 0.0:
+    if on not in result.joint.cells.edges or not chosen or product == 0.0:
         return Dividers(fraction, purity, landed.line, chosen, Number(pure), Number(recovery))
-    numbers = (told.number(of, value=value) for of, value in (
-        (told.of_purity(PRODUCT, fraction), pure), (told.of_share(fraction, [PRODUCT]), recovery)))  # fmt: skip
+    bins = result.joint.between(on, [(first + low, first + high) for low, high in chosen])
+    numbers = (bins.number(of, value=value) for of, value in (
+        (bins.of_purity(PRODUCT, fraction), pure), (bins.of_share(fraction, [PRODUCT]), recovery)))  # fmt: skip
     return Dividers(fraction, purity, landed.line, chosen, *numbers)
 
 

@@ -8,7 +8,7 @@ compared draw by draw. What is read off the draws is in :mod:`.joint`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, Self
 
@@ -65,11 +65,11 @@ class ErrorSource:
     bounded: bool = False
     shared: bool = False
     together: bool = False
-    given: Array | None = None
+    given: Array = field(default_factory=lambda: np.zeros(0))
 
     def draws(self, fractions: Sequence[str], salt: str) -> Array:
         """What it adds to every share (DRAWS, fractions, bins + 1)."""
-        if self.given is not None:
+        if self.given.size:
             return self.given
         found = np.zeros((DRAWS, *self.roots.shape[:2]))
         for number, name in enumerate(fractions):
@@ -126,7 +126,7 @@ class JointDraws:
     targets: Mapping[str, tuple[str, ...]]
     flow: float  # kg/s
     cells: LandingCells
-    images: tuple[int, ...] | None
+    images: tuple[int, ...]
     keys: tuple[str, ...]
     z: Array
     base: Array
@@ -141,7 +141,7 @@ class JointDraws:
         ends = {name: (float(low), float(high)) for name, (low, high) in self.cells.ends.items()}
         return JointRecord(
             DRAWS, self.fractions, dict(self.targets), self.keys, self.cells.bins, dict(self.cells.on), ends,
-            self.images, self.flow, sources, self.salt, self.prices,
+            self.images or None, self.flow, sources, self.salt, self.prices,
         )  # fmt: skip
 
     def arrays(self) -> dict[str, Any]:
@@ -151,7 +151,7 @@ class JointDraws:
         found |= {f"edges.{side}": edges for side, edges in self.cells.edges.items()}
         for number, one in enumerate(self.sources):
             found[f"root.{number}"] = one.roots
-            if one.given is not None:
+            if one.given.size:
                 found[f"given.{number}"] = one.given.astype(np.float32)
         return found
 
@@ -170,7 +170,7 @@ class JointDraws:
                   "change": (DRAWS, fractions, cells.count)}  # fmt: skip
         for i, one in enumerate(sources):
             shapes[f"root.{i}"] = (fractions, bins, one.roots.shape[-1])
-            if one.given is not None:
+            if one.given.size:
                 shapes[f"given.{i}"] = (DRAWS, fractions, bins)
         if not (
             set(record.ends) == set(record.on) <= set(record.bins)
@@ -181,8 +181,8 @@ class JointDraws:
         ):
             raise ValueError("a record of other arrays")
         mass, z, base, change = (_wide(arrays, name) for name in ("mass", "z", "base", "change"))
-        return cls(record.fractions, mass, record.targets, record.flow, cells, record.images, record.inputs, z, base,
-                   np.asarray(change, dtype=np.float32), sources, record.salt, record.prices)  # fmt: skip
+        return cls(record.fractions, mass, record.targets, record.flow, cells, record.images or (), record.inputs, z,
+                   base, np.asarray(change, dtype=np.float32), sources, record.salt, record.prices)  # fmt: skip
 
     @cached_property
     def errors(self) -> dict[str, Array]:
@@ -201,5 +201,5 @@ class JointDraws:
 
 
 def _wide(arrays: Mapping[str, Any], name: str) -> Any:
-    """An array as double numbers; None where there is none."""
-    return np.asarray(arrays[name], dtype=float) if name in arrays else None
+    """An array as double numbers; empty where there is none."""
+    return np.asarray(arrays.get(name, ()), dtype=float)

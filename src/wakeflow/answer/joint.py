@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from math import inf
+from math import inf, isnan, nan
 from typing import Any, TypeVar
 
 import numpy as np
@@ -39,6 +39,7 @@ Parts = dict[str, InputPart]  # what each input does to a number
 Bounds = tuple[float, float]
 WHOLE: Bounds = (0.0, 1.0)  # what a share is between
 ANY: Bounds = (-inf, inf)
+EVERYTHING = frozenset({"everything that is not known"})  # inputs and sources
 PRODUCT = "product"  # a bin made of stretches of a side
 
 
@@ -59,12 +60,12 @@ class JointAnswer(JointDraws):
         names = (*self.cells.bins, RESERVED_BIN)
         return _lately(self._read, tuple(whole.items()), 5, lambda: Bins(self, self.cells.parts(whole), names))
 
-    def between(self, side: str, stretches: Sequence[tuple[float, float]]) -> Bins | None:
-        """Its numbers in the bin PRODUCT, all that lands between the ends (m) of some ``stretches`` of a side; None of
-        one that has no bins, whose landings are not told apart.
+    def between(self, side: str, stretches: Sequence[tuple[float, float]]) -> Bins:
+        """Its numbers in the bin PRODUCT, all that lands between the ends (m) of some ``stretches`` of a side that has
+        bins: landings on others are not told apart.
         """
         inside = self.cells.along_side(side, stretches)
-        return None if inside is None else Bins(self, np.stack([inside, 1.0 - inside], axis=1), (PRODUCT, RESERVED_BIN))
+        return Bins(self, np.stack([inside, 1.0 - inside], axis=1), (PRODUCT, RESERVED_BIN))
 
 
 @dataclass(frozen=True)
@@ -81,17 +82,17 @@ class Bins:
         """The answer's shares (fractions, bins + 1); a bin and its image have one."""
         found = np.asarray(self.joint.base @ self.parts)
         found[np.abs(found - 1.0) < LEAST] = 1.0  # sums of cells
-        return 0.5 * (found + found[:, list(self.joint.images or ())]) if self._alike else found
+        return 0.5 * (found + found[:, list(self.joint.images)]) if self._alike else found
 
     @cached_property
     def _turned(self) -> Array:
         """The parts in the mirror image of a machine that has one."""
-        return self.parts[self.joint.cells.mirrored(self.joint.images or ())]
+        return self.parts[self.joint.cells.mirrored(self.joint.images)]
 
     @cached_property
     def _alike(self) -> bool:
         """Whether each bin is in the mirror image where its own image is here."""
-        images = list(self.joint.images or ())
+        images = list(self.joint.images)
         return self.parts.shape[1] == len(images) and np.array_equal(self._turned, self.parts[:, images])
 
     @cached_property
@@ -106,16 +107,16 @@ class Bins:
         within = np.where(total[:, None] > LEAST, mass / np.maximum(total[:, None], LEAST), even)
         return np.asarray(np.einsum("fcb,cd->fbd", within, self.parts))
 
-    def tables(self, used: frozenset[str] | None = None) -> Array:
+    def tables(self, used: frozenset[str] = EVERYTHING) -> Array:
         """The shares of every draw (copies, DRAWS, fractions, bins + 1): by all that is not known, or by what is
         ``used`` alone (INPUTS, names of sources). Copies: one, or the machine and its mirror image.
         """
         every = frozenset({INPUTS, *(one.name for one in self.joint.sources)})
-        asked = every if used is None else used & every
-        return _lately(self._tables, asked, 4, lambda: self._made(asked))
+        acting = every if used is EVERYTHING else used & every
+        return _lately(self._tables, acting, 4, lambda: self._made(acting))
 
     def _made(self, used: frozenset[str]) -> Array:
-        own, images = [self._drawn(self.parts, slice(None), used)], list(self.joint.images or ())
+        own, images = [self._drawn(self.parts, slice(None), used)], list(self.joint.images)
         if images:
             own.append(own[0][..., images] if self._alike else self._drawn(self._turned, images, used))
         return np.stack(own)
@@ -146,16 +147,16 @@ class Bins:
         return np.asarray(np.einsum("nfb,fbd->nfd", errors[:, :, images], self._passed))
 
     # -- numbers -------------------------------------------------------------------------------------------------------
-    def values(self, of: Of, used: frozenset[str] | None = None) -> Array:
+    def values(self, of: Of, used: frozenset[str] = EVERYTHING) -> Array:
         """A number in every draw (copies, DRAWS); the answer's own where the draw has none, as of an empty bin."""
         found = of(self.tables(used))
         return np.where(np.isfinite(found), found, of(self.value))
 
-    def number(self, of: Of, *, value: float | None = None, bounds: Bounds = WHOLE) -> Number:
+    def number(self, of: Of, *, value: float = nan, bounds: Bounds = WHOLE) -> Number:
         """A function ``of`` tables with its 95 % interval: the one maker of intervals. ``value``: where it is known
         better than from the cells. ``bounds``: what it is between.
         """
-        own = float(of(self.value)) if value is None else value
+        own = float(of(self.value)) if isnan(value) else value
         found = middle(self.values(of), own, bounds)
         computed = middle(self.values(of, self.joint.computing), own, bounds)
         return replace(found, numerical=computed.half if self.joint.computing else None)
@@ -296,12 +297,12 @@ class Bins:
             found[key] = InputPart(abs(half), index, float(apart), half)
         return dict(sorted(found.items(), key=lambda one: -one[1].variance))
 
-    def known_better(self, of: Of, parts: Mapping[str, float], value: float | None = None) -> Number:
+    def known_better(self, of: Of, parts: Mapping[str, float], value: float = nan) -> Number:
         """A number once the inputs in ``parts`` are known to that part of the interval that they have now, each still
         where it is expected: what they do alone shrinks, all else stays. Never less than computing adds, nor more than
         is unknown now.
         """
-        own = float(of(self.value)) if value is None else value
+        own = float(of(self.value)) if isnan(value) else value
         inputs, values = self.values(of, frozenset({INPUTS})), self.values(of)
         now, computed = (middle(one, own, WHOLE) for one in (values, self.values(of, self.joint.computing)))
         for key, part in parts.items():
@@ -330,15 +331,14 @@ def effects_in(own: Bins) -> tuple[dict[str, dict[str, Parts]], dict[str, Parts]
     return shares, found
 
 
-def bounded(shares: Array, own: Array | None = None) -> Array:
+def bounded(shares: Array, own: Array | float = 0.0) -> Array:
     """Shares (..., fractions, bins + 1) that are none below 0 and sum to 1, in place; the answer's ``own`` (fractions,
     bins + 1) where errors leave nothing of a fraction.
     """
     np.clip(shares, 0.0, None, out=shares)
     total = shares.sum(axis=-1, keepdims=True)
     np.divide(shares, total, out=shares, where=total > 0.0)
-    if own is not None:
-        np.copyto(shares, own, where=total <= 0.0)
+    np.copyto(shares, own, where=total <= 0.0)
     return shares
 
 

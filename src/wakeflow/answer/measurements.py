@@ -72,9 +72,12 @@ class Purchase:
     number: Number
 
 
-def method_of(key: str) -> Method | None:
-    """How the number at a key is measured; None where nobody measures it."""
-    return METHODS.get(key) or METHODS.get(key.rpartition(".")[2] if key.startswith("fraction.") else "")
+NOBODY = Method(math.inf, False, "nobody measures it", "")
+
+
+def method_of(key: str) -> Method:
+    """How the number at a key is measured; NOBODY where it is not."""
+    return METHODS.get(key) or METHODS.get(key.rpartition(".")[2] if key.startswith("fraction.") else "", NOBODY)
 
 
 def purchases(result: Result, name: str, number: Number, parts: Mapping[str, InputPart]) -> list[Purchase]:
@@ -83,7 +86,7 @@ def purchases(result: Result, name: str, number: Number, parts: Mapping[str, Inp
     inputs, of = {} if result.landings is None else result.landings.inputs, own.of_name(name)
     for key, part in parts.items():
         known, method = inputs[key], method_of(key)
-        if of is None or method is None or not part.tells or not known.half > method.half(known.value) > 0.0:
+        if of is None or not part.tells or not known.half > method.half(known.value) > 0.0:
             continue
         half = method.half(known.value)
         narrower = own.known_better(of, {key: half / known.half}, number.value)

@@ -11,8 +11,6 @@ from ..core.graded import Notice, information, less_sure, void
 from ..core.number import Number
 from ..flight.stages.pipeline import Pipeline
 from ..flight.stages.slab_stage import SHARE_OF_SHIFT
-from ..planning.feed_funnel import FunnelSummary
-from ..planning.feed_funnel import notices as funnel_notices
 from ..planning.terms import STICKING
 from ..planning.unknowns import half_of
 from ..scene import OVER_THE_TOP, Scene
@@ -40,31 +38,31 @@ ENDINGS = {  # fates that are no landing: what they mean, and what to change
 }
 
 
-def notices(
-    scene: Scene,
-    pipeline: Pipeline,
-    airflow: Airflow | None,
-    funnel: FunnelSummary | None,
-    tracked: Tracked | None,
-    slab: CollisionSummary | None = None,
+def air_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> list[Notice]:
+    """What a user must know of the airflow."""
+    found = [] if pipeline.air.at_once else [*_airflow_notices(scene, pipeline, airflow)]
+    return [*found, *_unsettled(scene, pipeline, airflow), *_off_the_fan(scene, airflow)]
+
+
+def flight_notices(
+    scene: Scene, pipeline: Pipeline, tracked: Tracked, slab: CollisionSummary | None = None
 ) -> list[Notice]:
-    """What a user must know of the airflow, of the feed funnel and of how the tracks ended; those in the ``slab``,
-    where granules meet in one.
-    """
+    """What a user must know of how the tracks ended; those in the ``slab``, where granules meet in one."""
     found: list[Notice] = []
-    if airflow is not None:
-        found += [] if pipeline.air.at_once else _airflow_notices(scene, pipeline, airflow)
-        found += [*_unsettled(scene, pipeline, airflow), *_off_the_fan(scene, airflow)]
-    found += [less_sure(line) for line in funnel_notices(scene.funnel, funnel)]
-    if tracked is not None:
-        if slab is not None and slab.jammed:
+    if slab is not None:
+        if slab.jammed:
             found.append(void(f"the feed jams in {slab.jammed} of {slab.replicates} replicates: {JAM}"))
-        found += [] if slab is None else _step_not_reached(slab, pipeline.plan.unit)
-        kept = [row for row in pipeline.plan.left_out if row.name == STICKING]
-        found += [information(f"{row.fraction}: {row.why}; the interval does not hold that") for row in kept]
-        fates = tracked.fates if slab is None else slab.fates
-        found += [*_passing(pipeline, tracked), *_out_of_the_top(scene, tracked), *_unlanded(fates), *_captured(fates)]
-    return found
+        found += _step_not_reached(slab, pipeline.plan.unit)
+    stays = [row for row in pipeline.plan.left_out if row.name == STICKING]
+    found += [information(f"{row.fraction}: {row.why}; the interval does not hold that") for row in stays]
+    fates = tracked.fates if slab is None else slab.fates
+    return [
+        *found,
+        *_passing(pipeline, tracked),
+        *_out_of_the_top(scene, tracked),
+        *_unlanded(fates),
+        *_captured(fates),
+    ]
 
 
 def _unsettled(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iterator[Notice]:

@@ -77,7 +77,7 @@ class Process:
         """Covariance (n, R) of draws at ``at`` (n, K) with those that were flown."""
         return np.asarray(self.size * _kernel(at, self.z, self.weight, self.bend, self.wave, self.steady))
 
-    def told(self, at: Array, outputs: Array) -> tuple[Array, Array]:
+    def predicted(self, at: Array, outputs: Array) -> tuple[Array, Array]:
         """``outputs`` (R, O) of the flown draws as they are expected (n, O) at ``at`` (n, K), and the variance (n,)
         that is left there, in units of the outputs' own.
         """
@@ -274,7 +274,7 @@ class Response:
         bins = self.cells.parts().argmax(axis=1)
         label = bins if by_bin else np.arange(self.cells.count)
         each = np.eye(self.usual.size if by_bin else self.cells.count)
-        rest, doubt = self.rest.told(z, self.beyond @ each[label])
+        rest, doubt = self.rest.predicted(z, self.beyond @ each[label])
         found, before = np.zeros(rest.shape), self.before @ each[label]
         nearest, every = _apart(z, self.z, self.weight).argmin(axis=1), len(self._places.cell)
         for side, (own, hats, cell) in self._scatter.items():
@@ -407,14 +407,14 @@ def _predicted(
     beyond, each = np.zeros((len(z), cells.count)), np.zeros((*own.cell.shape, many))
     for draw in range(len(z)):
         like, chance = neighbours[draw][neighbours[draw] != draw], np.random.default_rng(SEED)
-        told = np.repeat(own.cell[draw : draw + 1], REPEATS, axis=0)
+        moved_to = np.repeat(own.cell[draw : draw + 1], REPEATS, axis=0)
         for side, one in sides.items():
             here = own.side[draw] == side
             at = own.place[draw, here]
             moved = at + _between(one.without[draw], at, one.knots) + _scattered(at, own, one, like, REPEATS, chance)
-            told[:, here] = cells.at(np.full(moved.shape, side), moved, np.zeros_like(moved, dtype=np.int64))
-        beyond[draw] = _shares(then.cell[draw : draw + 1], cells.count)[0] - _shares(told, cells.count).mean(axis=0)
-        each[draw] = _inside(bins[then.cell[draw]], many) - _inside(bins[told], many).mean(axis=0)
+            moved_to[:, here] = cells.at(np.full(moved.shape, side), moved, np.zeros_like(moved, dtype=np.int64))
+        beyond[draw] = _shares(then.cell[draw : draw + 1], cells.count)[0] - _shares(moved_to, cells.count).mean(axis=0)
+        each[draw] = _inside(bins[then.cell[draw]], many) - _inside(bins[moved_to], many).mean(axis=0)
     return beyond, each
 
 

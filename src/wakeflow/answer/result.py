@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+import math
+from collections.abc import Callable, Iterator, Mapping, Set
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from shlex import quote
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -17,9 +18,9 @@ from ..core.files import MAX_RECORD, check_tables, path_of, read_json, write_jso
 from ..core.graded import GRADES, Grade
 from ..core.lazy import cached_property
 from ..core.number import VOID as VOID
-from ..core.number import percent
+from ..core.number import Number, percent
 from ..core.quantities import quantity
-from ..core.record import JsonTable, column, columns, from_json, to_json
+from ..core.record import JsonMapping, JsonTable, column, columns, from_json, to_json
 from ..core.registry import Registry, did_you_mean
 from ..core.store import content_key
 from ..core.tables import Columns, frame_of, load_arrays
@@ -33,8 +34,11 @@ from ..scene.whole import States, switched
 from .cells import Ends
 from .joint import JointAnswer
 from .provenance import Provenance, Refinement
-from .result_checks import are_granules, mistakes_in
 from .shares import SHARE_UNIT, BudgetRow, LandingResults, Separation, Verdict, WithShares, optional
+
+if TYPE_CHECKING:
+    from .shares import LandingResults, Separation
+
 
 SCHEMA = 4
 FILE = "result.json"
@@ -156,7 +160,7 @@ class Result(WithShares):
                 inside = {one.key: table.pop(one.key) for one in columns(kind) if one.key in table}
                 table |= {name: inside or None}
         found = replace(from_json(cls, table, str(Path(folder) / FILE)), folder=Path(folder))
-        if wrong := next(mistakes_in(found, found.scene, found.landings), None):
+        if wrong := next(mistakes_in(found), None):
             raise SceneError(f"{Path(folder) / FILE}: {wrong}; {_cure(folder)}")
         return found
 
@@ -210,9 +214,9 @@ class Result(WithShares):
         except (KeyError, ValueError, IndexError, TypeError):
             raise SceneError(f"{file} is damaged; {cure}") from None
 
-    def with_joint(self, joint: JointAnswer | None) -> Self:
+    def with_joint(self, joint: JointAnswer) -> Self:
         """The same with its shares jointly, before they are in its folder."""
-        vars(self).update({} if joint is None else {"joint": joint})
+        vars(self)["joint"] = joint
         return self
 
     def moved(self, changes: Mapping[str, object]) -> MovedBins:
@@ -305,9 +309,9 @@ class Result(WithShares):
         if self.void:
             return f"<Result {self.folder}: {VOID}>"
         recovery = self.landings.separation.recovery
-        told = ", ".join(f"{name} {percent(one)} %" for name, one in recovery.items() if one is not None)
+        parts = ", ".join(f"{name} {percent(one)} %" for name, one in recovery.items() if one is not None)
         flaw = f"; {self.caveat}" if self.caveat else ""
-        return f"<Result {self.folder}: recovery {told or 'of nothing: no fraction has a target'}{flaw}>"
+        return f"<Result {self.folder}: recovery {parts or 'of nothing: no fraction has a target'}{flaw}>"
 
     def _repr_html_(self) -> str:
         """The table of shares, as a notebook shows it."""
@@ -317,6 +321,12 @@ class Result(WithShares):
         """The bins where a fraction should land; empty when the scene names none."""
         target = self.scene["fraction"].get(fraction, {}).get("target") or ()
         return (target,) if isinstance(target, str) else tuple(target)
+
+
+def replaced(result: Result, **changes: Any) -> Result:
+    """A result with other columns, and with its shares jointly, where it has them already."""
+    changed = replace(result, **changes)
+    return changed.with_joint(result.joint) if "joint" in vars(result) else changed
 
 
 @dataclass(frozen=True)
@@ -430,7 +440,118 @@ def kept_granules(folder: Path) -> Columns:
     cure = f"wakeflow report {quote(str(folder))} writes it anew"
     sums.check(folder, GRANULES, cure)
     table, result = load_arrays(file, cure), Result.load(folder)
-    bins = None if result.landings is None else len(result.landings.separation.bins)
+    bins = np.inf if result.landings is None else len(result.landings.separation.bins)
     if not are_granules(table, set(result.scene["fraction"]), bins):
         raise SceneError(f"{file} is damaged; {cure}")
     return table
+
+
+# -- What a result that is read must hold whatever it is about: numbers in intervals, shares that sum to one -----------
+ROUNDED = 1e-6  # by how much sums and ends of intervals may be off
+
+
+def mistakes_in(result: Result) -> Iterator[str]:
+    """What is wrong with a result: each in words that name the key."""
+    yield from _in_scene(result.scene)
+    yield from _in_numbers(result, "")
+    if result.landings is not None:
+        for name in ("separation", "without_collisions"):
+            if (shares := getattr(result.landings, name)) is not None:
+                yield from _in_shares(shares, name)
+        yield from _in_inputs(result.landings)
+
+
+def _in_scene(scene: JsonMapping) -> Iterator[str]:
+    """Fractions that are no tables, and targets that name no bins."""
+    fractions = scene.get("fraction")
+    if not isinstance(fractions, Mapping) or not all(isinstance(one, Mapping) for one in fractions.values()):
+        yield "scene.fraction is no table of fractions"
+        return
+    for name, one in fractions.items():
+        target = one.get("target") or []
+        if not isinstance(target, str | list | tuple) or not all(isinstance(place, str) for place in target):
+            yield f"scene.fraction.{name}.target names no bins"
+
+
+def _in_inputs(landings: LandingResults) -> Iterator[str]:
+    """Inputs that nothing is known of, and numbers of the answer that there are not, in what inputs do to it."""
+    shares, inputs = landings.separation.fractions, landings.inputs
+    targets = {f"recovery.{name}" for name in shares}
+    targets |= {f"purity.{place}.{name}" for name, places in shares.items() for place in places}
+    moved = {f"of_targets.{name}": parts for name, parts in landings.of_targets.items()}
+    for name in landings.of_targets:
+        if name not in targets:
+            yield f"of_targets.{name} is no recovery and no purity of the answer"
+    for name, places in landings.measure_next.items():
+        for place, parts in places.items():
+            moved[f"measure_next.{name}.{place}"] = parts
+            if place not in shares.get(name, {}):
+                yield f"measure_next.{name}.{place} is no share of the answer"
+    for where, parts in moved.items():
+        if unknown := [key for key in parts if key not in inputs]:
+            yield f"{where}.{unknown[0]} is none of the inputs"
+
+
+def _in_numbers(value: object, place: str) -> Iterator[str]:
+    """Numbers that are none, and intervals that do not hold their number."""
+    if isinstance(value, Number):
+        slack = ROUNDED * max(1.0, abs(value.value)) if math.isfinite(value.value) else 0.0
+        if not value.low - slack <= value.value <= value.high + slack:  # of NaN neither
+            yield f"{place} = {value.value:.6g} is outside of its interval, {value.low:.6g} to {value.high:.6g}"
+    elif isinstance(value, Mapping):
+        for key, one in value.items():
+            yield from _in_numbers(one, f"{place}.{key}".removeprefix("."))
+    elif isinstance(value, tuple | list):
+        for number, one in enumerate(value, 1):
+            if not isinstance(one, float | int | str):
+                yield from _in_numbers(one, f"{place}[{number}]")
+    elif is_dataclass(value):
+        for one in fields(value):
+            yield from _in_numbers(getattr(value, one.name), f"{place}.{one.name}".removeprefix("."))
+
+
+def _in_shares(part: Separation, name: str) -> Iterator[str]:
+    for fraction, places in part.fractions.items():
+        if set(places) != set(part.bins):
+            yield f"{name}.fractions.{fraction}: its bins are not those of the scene"
+        for place, share in places.items():
+            if not 0.0 <= share.value <= 1.0:
+                yield f"{name}.fractions.{fraction}.{place} = {share.value:.6g} is no share, 0 to 1"
+        total = sum(share.value for share in places.values())
+        if abs(total - 1.0) > ROUNDED:
+            yield f"{name}.fractions.{fraction}: its shares sum to {total:.6g}, not to 1"
+    pure = ((place, one) for place, row in part.purity.items() for one in (row or {}).values())
+    for key, found in (*part.recovery.items(), *part.loss.items(), *part.dirt.items(), *pure):
+        if found is not None and not -ROUNDED <= found.value <= 1.0 + ROUNDED:
+            yield f"{name}: {found.value:.6g} of {key} is no share, 0 to 1"
+    for place, rate in part.throughput.items():
+        if not 0.0 <= rate < math.inf:
+            yield f"{name}.throughput.{place} = {rate:.6g} is no rate"
+
+
+# of granules.npz: a row for each granule that is kept
+KEPT = ("fraction", "weight", "position", "bin", "diameter", "fate", "time", "impacts")
+
+
+def are_granules(table: Columns, fractions: Set[str], bins: float) -> bool:
+    """Whether the arrays of granules.npz are those of an answer: granules of its ``fractions``, in one of so many
+    ``bins`` (infinitely many where it ended before it had any), somewhere, with a size and a mass.
+    """
+    if set(table) != {"names", *KEPT} or not all(table[name].dtype.kind in "iuf" for name in KEPT):
+        return False
+    names, fraction, place, mass = (table[name] for name in ("names", "fraction", "bin", "weight"))
+    shapes = {"position": (mass.size, 2)}
+    return bool(
+        all(table[name].shape == shapes.get(name, (mass.size,)) for name in KEPT)
+        and all(np.isfinite(table[name]).all() for name in KEPT)
+        and fraction.dtype.kind in "iu"
+        and place.dtype.kind in "iu"
+        and names.shape == (len(fractions),)
+        and set(names.tolist()) == fractions
+        and ((fraction >= 0) & (fraction < len(fractions))).all()
+        and (place >= -1).all()  # elsewhere, which is the last of the bins
+        and (place < bins - 1).all()
+        and (table["diameter"] > 0).all()
+        and (mass >= 0).all()
+        and (np.bincount(fraction.astype(int), mass)[fraction] > 0).all()  # a fraction weighs something
+    )

@@ -58,7 +58,7 @@ def quantities_of(result: Result) -> tuple[TableQuantity, ...]:
     throughput.BIN; money.total and its parts; the airflow's and the funnel's numbers (airflow.cd, ...); seconds, the
     run time of all stages when they were computed.
     """
-    errors = {row.quantity: row.total.error for row in result.budget}
+    errors = {row.quantity: row.total.error for row in result.budget if row.total.error is not None}
     found: list[TableQuantity] = []
     if result.landings is not None:
         for one in columns(type(result.landings)):
@@ -98,12 +98,12 @@ def names_for(scene: Scene) -> list[str]:
     found = [*landed, *(f"without_collisions.{name}" for name in landed), SECONDS]
     for prefix, kind, given in (("airflow", Airflow, scene.air), ("funnel", FunnelSummary, scene.funnel)):
         if given is not None:
-            told = [one for one in columns(kind) if {Number, float} & {one.kind, *get_args(one.kind)}]
-            found += [f"{prefix}.{one.key}" for one in told]
+            numbers = [one for one in columns(kind) if {Number, float} & {one.kind, *get_args(one.kind)}]
+            found += [f"{prefix}.{one.key}" for one in numbers]
     return found
 
 
-def _inside(record: object, prefix: str, errors: Mapping[str, float | None]) -> Iterator[TableQuantity]:
+def _inside(record: object, prefix: str, errors: Mapping[str, float]) -> Iterator[TableQuantity]:
     for one in columns(type(record)):
         name = prefix + RENAMED.get(one.key, one.key)
         yield from _numbers(getattr(record, one.name), name, one.unit, errors)
@@ -117,7 +117,7 @@ def _measured(record: object, prefix: str) -> Iterator[TableQuantity]:
             yield from _numbers(value, prefix + one.key, one.unit, {})
 
 
-def _numbers(value: object, name: str, unit: str, errors: Mapping[str, float | None]) -> Iterator[TableQuantity]:
+def _numbers(value: object, name: str, unit: str, errors: Mapping[str, float]) -> Iterator[TableQuantity]:
     if isinstance(value, Mapping):
         for key, member in value.items():
             yield from _numbers(member, f"{name}.{key}", unit, errors)

@@ -49,15 +49,12 @@ def _places(cells: LandingCells, scene: Scene, landed: DrawnLandings) -> Places:
     return Places(side, place, cells.at(side, place, cells.off_sides(landed.bin)))
 
 
-def draws_of(unknowns: Sequence[Unknown], ties: Dependence | None) -> Array:
+def draws_of(unknowns: Sequence[Unknown], ties: Dependence) -> Array:
     """Every input (DRAWS, keys) in standard deviations, as they move together. A draw that breaks an order is drawn
     anew; where hardly any keeps them, one that does takes its place.
     """
     keys = [one.key for one in unknowns]
-    z = columns(keys)
-    if ties is None:
-        return z
-    z = ties.joined(z)
+    z = ties.joined(columns(keys))
     kept = ties.kept(z)
     for lot in range(1, LOTS):
         if kept.all():
@@ -89,20 +86,20 @@ class FractionChange(NamedTuple):
     lack: Array
 
 
-def changed(scene: Scene, unknowns: Sequence[Unknown], ties: Dependence | None, how: Mapping[str, Response]) -> Changed:
+def changed(scene: Scene, unknowns: Sequence[Unknown], ties: Dependence, how: Mapping[str, Response]) -> Changed:
     """What the ``unknowns`` of a ``scene`` change of fractions whose landings go with them as ``how`` says."""
     from scipy.special import ndtr
 
     z = draws_of(unknowns, ties).astype(np.float32).astype(float)  # as they are kept in the run's folder
-    told = {}
+    effects = {}
     for name, one in how.items():
         change, doubt = change_of(scene, unknowns, name, one, z)
         before = (
             one.before if scene.images is None else 0.5 * (one.before + one.before[one.cells.mirrored(scene.images)])
         )
         flown = (ndtr(column(f"{LACK} {name}")) * len(one.off)).astype(int)  # as one of these is off, so is a draw
-        told[name] = FractionChange(change, before, doubt[:, None] * one.off[flown])
-    return Changed(tuple(one.key for one in unknowns), z, next(iter(how.values())).cells, told)
+        effects[name] = FractionChange(change, before, doubt[:, None] * one.off[flown])
+    return Changed(tuple(one.key for one in unknowns), z, next(iter(how.values())).cells, effects)
 
 
 def change_of(
@@ -143,19 +140,19 @@ def joint_answer(
     change, lack = np.zeros((DRAWS, len(names), cells.count), np.float16), np.zeros((DRAWS, *(base @ parts).shape))
     drawn: Mapping[str, FractionChange] = {} if inputs is None else inputs.of
     for number, name in enumerate(names if drawn else ()):
-        told = drawn[name]
+        effect = drawn[name]
         if not factors:  # the answer's granules, of which the draws have a part
-            off, own = base[number] - told.before, base[number] @ parts
-            able = less_at_ends((told.before + told.change) @ parts, own * (1.0 - own))[:, parts.argmax(axis=1)]
-            change[:, number], lack[:, number] = told.change + (able - 1.0) * off, np.float32(told.lack)
+            off, own = base[number] - effect.before, base[number] @ parts
+            able = less_at_ends((effect.before + effect.change) @ parts, own * (1.0 - own))[:, parts.argmax(axis=1)]
+            change[:, number], lack[:, number] = effect.change + (able - 1.0) * off, np.float32(effect.lack)
         else:
-            change[:, number], lack[:, number] = factors[name] * told.change, np.float32(factors[name] * told.lack)
+            change[:, number], lack[:, number] = factors[name] * effect.change, np.float32(factors[name] * effect.lack)
     roots = np.zeros((*lack.shape[1:], 0))
     own_sources = () if inputs is None else (ErrorSource(LACK, roots, computing=False, given=lack),)
     keys, z = ((), np.zeros((DRAWS, 0))) if inputs is None else (inputs.keys, inputs.z)
     return JointAnswer(
-        tuple(names), np.array([feed[name] for name in names]), targets, scene.feed.mass_flow, cells, scene.images,
-        keys, z, base, change.astype(np.float32), (*own_sources, *sources), salt,
+        tuple(names), np.array([feed[name] for name in names]), targets, scene.feed.mass_flow, cells,
+        scene.images or (), keys, z, base, change.astype(np.float32), (*own_sources, *sources), salt,
     )  # fmt: skip
 
 
@@ -182,6 +179,6 @@ def separate(scene: Scene, landings: Mapping[str, Landings]) -> Separation:
     """Shares, purity, recovery and throughput (kg/h) of every bin from the ``landings`` of each fraction, with the
     interval that the finite numbers of granules and of shedding cycles make.
     """
-    errors = sample_errors(landings, len(scene.bin), scene.images)
+    errors = sample_errors(landings, len(scene.bin), scene.images or ())
     sources = [ErrorSource(which, roots, together=True) for which, roots in errors._asdict().items()]
     return joint_answer(scene, landings, sources=sources).own.separation()

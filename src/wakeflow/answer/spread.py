@@ -57,6 +57,9 @@ class Spread(NamedTuple):
         return float(np.hypot(self.sampling, self.airflow))
 
 
+BY_SAMPLES = Spread(np.nan, np.nan)  # what the samples themselves say
+
+
 class Tally(NamedTuple):
     """Granules of one fraction by replicate and cycle: ``hits`` (R, C) in a bin, or several, ``released`` (R, C) in
     all, each counted by its weight; ``realisation`` (R,) of the airflow in which each replicate flew.
@@ -67,13 +70,13 @@ class Tally(NamedTuple):
     realisation: NDArray[np.int64]
 
     @classmethod
-    def every(cls, landing: Landings, bins: int, cycles: int, images: Sequence[int] | None = None) -> list[Tally]:
+    def every(cls, landing: Landings, bins: int, cycles: int, images: Sequence[int] = ()) -> list[Tally]:
         """The tally of every bin, with that of its image where there are ``images``, and of what landed elsewhere."""
         found = landing.tally(bins, cycles)
         realisation = np.zeros(len(found), dtype=np.int64)
         realisation[landing.replicate] = landing.realisation
         hits = np.ascontiguousarray(np.swapaxes(found, 0, 1)).astype(float)
-        return [cls(inside, hits.sum(axis=0), realisation) for inside in pooled(hits.T, images).T]
+        return [cls(inside, hits.sum(axis=0), realisation) for inside in pooled(hits.T, images or None).T]
 
     @property
     def samples(self) -> Array:
@@ -135,10 +138,10 @@ def spread_of(deviations: Array, realisation: NDArray[np.int64], chance: float) 
 # -- From landings to the answer ---------------------------------------------------------------------------------------
 
 
-def share_interval(samples: Array, count: int, spread: Spread | None = None) -> Number:
+def share_interval(samples: Array, count: int, spread: Spread = BY_SAMPLES) -> Number:
     """Mean and 95 % interval of a share from its independent replicates.
 
-    Half of it is ``spread``, by default Student's t over the replicates, but no narrower than half a granule a
+    Half of it is the ``spread``, by default Student's t over the replicates, but no narrower than half a granule a
     replicate: balanced samples may agree on a value that is off by that much. Where all agree on 0 or 1: Wilson's
     interval for ``count`` granules.
     """
@@ -146,12 +149,14 @@ def share_interval(samples: Array, count: int, spread: Spread | None = None) -> 
     replicates = len(samples)
     if np.ptp(samples) == 0.0 and value in (0.0, 1.0):
         return Number(value, *wilson(round(value * count), count))
-    found = spread or spread_of(samples[:, None] - value, np.zeros(replicates, dtype=np.int64), 0.0)
+    found = spread
+    if spread is BY_SAMPLES:
+        found = spread_of(samples[:, None] - value, np.zeros(replicates, dtype=np.int64), 0.0)
     half = found._replace(sampling=max(found.sampling, 0.5 * replicates / count)).together
     return Number(value, max(0.0, value - half), min(1.0, value + half))
 
 
-def share_spreads(landing: Landings, bins: int, images: Sequence[int] | None = None) -> list[Spread]:
+def share_spreads(landing: Landings, bins: int, images: Sequence[int] = ()) -> list[Spread]:
     """The two parts of the interval of a fraction's share in every bin, and elsewhere: each as far as the interval
     reaches to its longer side, which of an empty bin is the only one.
     """
@@ -176,7 +181,7 @@ class SampleErrors(NamedTuple):
     airflow: Array
 
 
-def sample_errors(landings: Mapping[str, Landings], bins: int, images: Sequence[int] | None = None) -> SampleErrors:
+def sample_errors(landings: Mapping[str, Landings], bins: int, images: Sequence[int] = ()) -> SampleErrors:
     """How the errors of all shares go together, each as large as :func:`share_spreads` says: of granules as the
     replicates differ, of cycles as these do, which move all bins and all fractions at once.
     """
@@ -232,6 +237,6 @@ def shares_in(scene: Scene, landings: Mapping[str, Landings]) -> dict[str, Array
     """The share of every fraction in every bin and elsewhere (bins + 1,)."""
     cycles = cycles_of(landings.values())
     return {
-        name: np.array([tally.share for tally in Tally.every(one, len(scene.bin), cycles, scene.images)])
+        name: np.array([tally.share for tally in Tally.every(one, len(scene.bin), cycles, scene.images or ())])
         for name, one in landings.items()
     }

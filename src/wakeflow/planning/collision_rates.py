@@ -88,6 +88,9 @@ class _Slope(NamedTuple):
         return np.sqrt(self.start**2 + 2.0 * self.pull * np.maximum(way, 0.0))
 
 
+NO_SLOPE = _Slope(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
 @dataclass(frozen=True)
 class _Stream:
     """One fraction in the feed."""
@@ -101,7 +104,7 @@ class _Stream:
     arrival: float  # m/s at the body, of the median granule; 0 where it does not come there
     thrown: float  # m/s, sideways speed with which it leaves the body
     crossing: float  # s, for which it is in the curtain's way after that
-    slope: _Slope | None  # how it goes down the first body's faces
+    slope: _Slope  # how it goes down the first body's faces, NO_SLOPE where none comes there
 
 
 def encounters(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> dict[str, Encounters]:
@@ -168,7 +171,7 @@ def _ways(own: _Stream, other: _Stream) -> Iterator[tuple[float, float]]:
     if other.crossing > 0.0 and own.arrival > 0.0:
         closing = math.hypot(other.thrown, own.arrival)
         yield sigma * other.flux * other.crossing * closing / max(own.arrival, SLOWEST), closing
-    if own.slope is not None and other.slope is not None:
+    if own.slope.within and other.slope.within:
         thick = max(own.slope.high, other.slope.high, sigma / (own.diameter + other.diameter))
         met, closing = _side_by_side(own.slope, other.slope)
         yield sigma / thick * other.flux * met, closing
@@ -217,21 +220,21 @@ def _stream(scene: Scene, name: str, law: str, scale: float) -> _Stream:
     mass = math.pi / 6.0 * granule.density * granule.diameter**3
     flux = feed.crowding * mass_flow / (mass * feed.width * feed.depth)
     crossing = _crossing(scene, thrown) if arrival > 0.0 else 0.0
-    slope = _slope(scene, fraction, arrival, thrown) if arrival > 0.0 else None
+    slope = _slope(scene, fraction, arrival, thrown) if arrival > 0.0 else NO_SLOPE
     radius, (area, perimeter) = 0.5 * granule.diameter, section(fraction.shape[None], np.array([fraction.flake]))
     wide = float(area[0]) * radius**2, float(perimeter[0]) * radius
     return _Stream(mass, granule.diameter, *wide, flux, falls, arrival, thrown, crossing, slope)
 
 
-def _slope(scene: Scene, fraction: Fraction, arrival: float, thrown: float) -> _Slope | None:
-    """How a fraction goes down the first body's faces, if the curtain falls on them."""
+def _slope(scene: Scene, fraction: Fraction, arrival: float, thrown: float) -> _Slope:
+    """How a fraction goes down the first body's faces; NO_SLOPE where the curtain does not fall on them."""
     beta, _ = slope_of(scene)
     half, away = 0.5 * scene.feed.width, abs(scene.feed.position)
     near = max(away - half, 0.0)  # the wider side of the curtain, from the body's middle
     ends = 0.5 * scene.width - near
     within = min(away + half - near, ends)
     if within <= 0.0:
-        return None
+        return NO_SLOPE
     friction = fraction.properties.friction
     pull = scene.gravity * math.cos(beta) * max(math.sin(beta) - friction * math.cos(beta), 0.0)
     shaking = 0.0 if scene.vibration is None else float(np.linalg.norm(scene.vibration.speed)) / math.sqrt(2.0)

@@ -90,12 +90,13 @@ def _by_law(funnel: Funnel) -> str:
     return f"{1e3 * funnel.expected_rate:.3g} g/s by Beverloo's law for one at rest"
 
 
-def notices(funnel: Funnel | None, found: FunnelSummary | None) -> list[str]:
-    """What a user must know of a scene's ``funnel`` and of what was ``found`` of its discharge."""
-    if funnel is not None and not funnel.computed:
-        return [f"funnel: {_by_law(funnel)}; in seven funnels beads left {PROVED} times as fast"]
-    if found is None:
-        return []
+def by_law_line(funnel: Funnel) -> str:
+    """What a user must know of the answer of a scene whose ``funnel`` delivers by its law."""
+    return f"funnel: {_by_law(funnel)}; in seven funnels beads left {PROVED} times as fast"
+
+
+def discharge_lines(found: FunnelSummary) -> list[str]:
+    """What a user must know of a discharge that was ``found``."""
     lines = []
     if found.verdict != "emptied":
         lines.append(f"funnel: the flow stopped with {found.left} of {found.beads} beads still inside")

@@ -13,12 +13,10 @@ from ..core.quantities import metres
 from ..laws.drag import drag_factor_for_terminal_velocity, slip_correction
 from ..scene import Scene
 from ..scene.fraction import COEFFICIENTS
-from .airflow_choice import AirflowPlan
-from .collisions import CollisionPlan, collision_lines
+from .airflow_choice import AirflowPlan, AirMotion
 from .cost import ranks_for, span_cost, typical_cells
 from .coupling import COUPLING, INDEPENDENT, Limit, strained
 from .feed_funnel import summary
-from .lock_in import AirMotion
 from .plan import COMPARED, REPLICATES, FractionPlan
 from .scene_lines import (
     body_checks,
@@ -65,14 +63,14 @@ def used_lines(
     fractions: Mapping[str, FractionPlan],
     validity: Sequence[Limit],
     motion: AirMotion,
-    crowd: CollisionPlan | None,
+    slab: Iterable[str],
     *,
     chain: bool,
 ) -> Iterator[str]:
     """A line for each thing that is computed: airflow, streams, fractions, feed, vibration, funnel.
 
-    ``motion``: what the vibration asks of the airflow; ``crowd``: the slab in which granules meet; ``chain``: a scene
-    with air is flown without.
+    ``motion``: what the vibration asks of the airflow; ``slab``: what to say of the slab in which granules meet;
+    ``chain``: a scene with air is flown without.
     """
     yield from _airflow_lines(scene, airflow)
     if airflow.span is not None:
@@ -99,8 +97,7 @@ def used_lines(
             f"vibration: {often:.4g} Hz, Gamma = {scene.vibration.strength:.3g}, peak speed {peak:.3g} m/s at the "
             f"impacts{'' if scene.vibration.pivot is None else ' farthest from the pivot'}; {sight}{why}"
         )
-    if crowd is not None:
-        yield from collision_lines(crowd)
+    yield from slab
     if scene.funnel is not None:
         yield summary(scene.funnel)
 

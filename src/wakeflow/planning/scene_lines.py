@@ -328,12 +328,12 @@ def _money(scene: Scene) -> str:
     values = price.by_bin({name: tuple(one.targets) for name, one in scene.fraction.items()})
     shares, hourly = scene.mass_shares(), HOUR / TONNE * feed.mass_flow
     most = sum(hourly * shares[name] * max(0.0, *row.values()) for name, row in values.items())
-    told = [f"at most {most:.3g} EUR/h, with every fraction where it is worth most"] if values else []
+    lines = [f"at most {most:.3g} EUR/h, with every fraction where it is worth most"] if values else []
     if price.electricity is not None and scene.air is not None and not scene.air.still:
         air, point = scene.air, scene.air.point
         loss, about = bluff_loss(blocked(scene)), "about " if point is not None or not scene.body else "some "
         drop = 0.5 * air.density * loss * air.speed**2 if point is None else point.pressure
         flow = air.speed * scene.channel.width if point is None else point.flow / feed.depth
         watts = price.fan_power(drop, flow, feed.depth) or 0.0
-        told.append(f"the fan draws {about}{say(watts, 'W', 2)}, {price.electricity * watts / KILO:.2g} EUR/h")
-    return "; ".join(told)
+        lines.append(f"the fan draws {about}{say(watts, 'W', 2)}, {price.electricity * watts / KILO:.2g} EUR/h")
+    return "; ".join(lines)

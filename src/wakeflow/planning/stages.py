@@ -24,11 +24,11 @@ class AirLabel(NamedTuple):
     """
 
     neighbour: bool = False
-    grid: float | None = None
+    grid: float = 0.0
     draft: bool = False
 
     def __str__(self) -> str:
-        grid = "" if self.grid is None else f"grid x {self.grid:.2g} "
+        grid = f"grid x {self.grid:.2g} " if self.grid else ""
         return f"{'neighbour ' * self.neighbour}{grid}{'draft ' * self.draft}"
 
 
@@ -135,7 +135,7 @@ class StageKey(str):
     @property
     def heading(self) -> str:
         """Under which its run time is shown."""
-        return self.stage.heading if self.label.grid is None else OTHER_MESHES
+        return OTHER_MESHES if self.label.grid else self.stage.heading
 
 
 class FliesAgain(Protocol):

@@ -156,7 +156,7 @@ class TermSelection:
 # -- switches ----------------------------------------------------------------------------------------------------------
 
 
-def check_switches(scene: Scene, force: Mapping[str, bool], turbulence: str | None) -> None:
+def check_switches(scene: Scene, force: Mapping[str, bool], turbulence: str) -> None:
     """Raise SceneError for a switch TERM or FRACTION.TERM that names nothing, or asks for what cannot be computed."""
     for key, on in force.items():
         fraction, _, term = key.rpartition(".")
@@ -174,7 +174,7 @@ def check_switches(scene: Scene, force: Mapping[str, bool], turbulence: str | No
             raise SceneError(f"--force {key}=on: {obstacle}")
 
 
-def _obstacle(scene: Scene, fraction: str, term: str, turbulence: str | None) -> str:
+def _obstacle(scene: Scene, fraction: str, term: str, turbulence: str) -> str:
     """Why a term cannot be switched on for a ``fraction``, or ("") for all; empty where it can."""
     if term == COLLISIONS:
         return why_no_collisions(scene, asked=True)
@@ -206,7 +206,7 @@ class TermGate:
     scene: Scene
     switches: Mapping[str, bool]
     target: float
-    turbulence: str | None
+    turbulence: str
     together: Collection[str] = ()
     crowded: str = ""
     swung: float = math.inf

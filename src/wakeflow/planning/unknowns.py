@@ -241,7 +241,7 @@ def _vary_moisture(drawn: Drawn) -> Variation:
     """What was measured of the material at both ends, where the scene gives no number of its own for it."""
     scene, plan, name, own = drawn.scene, drawn.plan, drawn.one.fraction, drawn.granules
     fraction = scene.fraction[name]
-    wet = known(_water(fraction))
+    wet = _water(fraction)
     moved = dict.fromkeys(WET, 1.0) | {
         key: wet.factor(key, drawn.x) / wet.factor(key, drawn.one.value) for key in _moved_by_water(scene, plan, name)
     }
@@ -259,15 +259,17 @@ def _moved_by_water(scene: Scene, plan: Plan, name: str) -> list[str]:
     given = {"diameter": fraction.size, "density": fraction.density, "friction": fraction.friction}
     wet = _water(fraction)
     return [
-        key
-        for key in (() if wet is None else wet.ends)
-        if (_settles(scene, plan, name) if key == "terminal_velocity" else given[key] is None)
+        key for key in wet.ends if (_settles(scene, plan, name) if key == "terminal_velocity" else given[key] is None)
     ]
 
 
-def _water(fraction: Fraction) -> Moisture | None:
-    """What water does to a fraction's material, where that was measured."""
-    return None if fraction.material is None else materials[fraction.material].moisture
+NO_WATER = Moisture((0.0, 1.0), "", {})
+
+
+def _water(fraction: Fraction) -> Moisture:
+    """What water does to a fraction's material; NO_WATER where that was not measured."""
+    measured = materials[fraction.material].moisture if fraction.material else None
+    return measured or NO_WATER
 
 
 def _settles(scene: Scene, plan: Plan, name: str) -> bool:
@@ -298,14 +300,14 @@ def _add_of_fractions(
     ``acts``.
     """
 
-    def found(scene: Scene, plan: Plan) -> Iterator[Unknown]:
+    def acting_in(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         for name in plan.fractions if acts(scene, plan) else ():
             fraction = scene.fraction[name]
             number, key = value(fraction), f"fraction.{name}.{entry}"
             if number > 0.0:
                 yield _unknown(scene, key, entry, number, unit, confidence(fraction, entry), name)
 
-    unknown_kinds.add(entry, UnknownKind(found, vary, span=span))
+    unknown_kinds.add(entry, UnknownKind(acting_in, vary, span=span))
 
 
 def _restitution(fraction: Fraction) -> float:
@@ -339,7 +341,7 @@ def _moistures(scene: Scene, plan: Plan) -> Iterator[Unknown]:
     for name in plan.fractions:
         fraction, key = scene.fraction[name], f"fraction.{name}.moisture"
         wet = _water(fraction)
-        if wet is not None and _moved_by_water(scene, plan, name):
+        if _moved_by_water(scene, plan, name):
             share = wet.middle if fraction.moisture is None else fraction.moisture
             causes = _causes("moisture", fraction.material or "", METER)
             if key in scene.uncertainty:
@@ -400,11 +402,11 @@ def _of_scene(
 ) -> Callable[[Scene, Plan], Iterator[Unknown]]:
     """Finds the unknown at ``key`` where it ``acts``."""
 
-    def found(scene: Scene, plan: Plan) -> Iterator[Unknown]:
+    def acting_in(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         if acts(scene, plan):
             yield _unknown(scene, key, entry, value(scene), unit)
 
-    return found
+    return acting_in
 
 
 def _fall(scene: Scene, _: Plan) -> Iterator[Unknown]:
@@ -450,7 +452,7 @@ def _brings_eddies(scene: Scene, plan: Plan) -> bool:
 def _add_of_wake(name: Literal["theta", "strength"]) -> None:
     """Register theta or the strength of a best estimate's wake, with the range that its measurements leave."""
 
-    def found(scene: Scene, plan: Plan) -> Iterator[Unknown]:
+    def acting_in(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         airflow: AirflowPlan = plan.airflow
         if airflow.wake is not None and airflow.brackets:
             yield _ranged(scene, f"wake.{name}", getattr(airflow.wake, name), "measured wakes (laws/wakes.toml)")
@@ -458,7 +460,7 @@ def _add_of_wake(name: Literal["theta", "strength"]) -> None:
     def vary(drawn: Drawn) -> Variation:
         return drawn.made.with_air(**{name: min(max(drawn.x, 0.0), 1.0)})
 
-    unknown_kinds.add(f"wake.{name}", UnknownKind(found, vary, of_air=True, span=PORTION))
+    unknown_kinds.add(f"wake.{name}", UnknownKind(acting_in, vary, of_air=True, span=PORTION))
 
 
 unknown_kinds.add(SPIN, UnknownKind(_spin_lift, _vary_spin_lift))

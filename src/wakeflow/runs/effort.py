@@ -1,88 +1,194 @@
-"""How long a run may take: a quick answer, or the best one that a time allows.
+"""What a run's time is spent on, and the one choice of it: before a run within seconds, after one to a target error.
 
-An effort is a set of coarse settings of a scene. The finest is computed that is expected to end early enough for the
-quickest to be computed in its place: where the expectation was wrong, it is given up at that time. Where the quickest
-alone fits, it comes first, and what it leaves is spent in the same way.
+A knob is one number of a scene. All of them together are :class:`RefinedSettings`; a number is None where the scene has
+no such knob: no mesh without a solver, no averaging where nothing sheds, no slab where granules do not meet.
+
+Settings are chosen step by step (:func:`bought`): always the step whose second takes most error away. To a target error
+a step is one knob turned finer; what a later step has made needless is taken back in the end. Within seconds, before
+anything was computed, the steps lead to efforts, sets of coarse settings: to the finest that is expected to end early
+enough for the quickest to be computed in its place: where the expectation was wrong, it is given up at that time. Where
+the quickest alone fits, it comes first, and what it leaves is spent in the same way.
 """
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
-from typing import Any
+from math import ceil, inf, log, log2, nan, sqrt
+from operator import attrgetter
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from ..answer.budget.budget import numerical
+from ..answer.budget.source import landed, limited_again, source_of
+from ..answer.budget.steps import FINER, FINER_STEPS
+from ..answer.provenance import RefinedSettings
 from ..answer.result import Request, Result
+from ..answer.shares import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow
 from ..core.errors import SceneError
 from ..core.process import cores
 from ..core.quantities import duration, quantity
 from ..core.record import JsonTable
+from ..core.registry import Registry
 from ..core.store import FinishedStages, NotFinished, cache_root
 from ..flight.stages.machine_rates import on_this_machine
 from ..flight.stages.pipeline import Pipeline
 from ..planning.cost import REPORT, STARTED, begins, wall_seconds
-from ..planning.plan import Plan
-from ..planning.stage_cache import Listener
-from ..planning.stages import StageCost, StageKey
+from ..planning.plan import COMPARED, REPLICATES, Plan, replicate_size
+from ..planning.stage_cache import Listener, StageTime
+from ..planning.stages import Scaling, StageCost, StageKey
 from ..planning.terms import LOADING
+from ..planning.unknowns import SIGMAS
 from ..scene import Scene
 from ..scene.changes import flat
 from .planned import make_plan
 
-STAGE = "budget"  # as the listener hears of it
-CLOCK: ContextVar[Callable[[], float]] = ContextVar("clock", default=time.monotonic)  # what a budget is measured by, s
+State = TypeVar("State")
+
+# -- The knobs ---------------------------------------------------------------------------------------------------------
+COARSER_MESH = 2.0  # of the cheapest pass, times the scene's own cells: an eighth of the time
+COARSEST = 4.0  # largest numerics.mesh_scale of a scene
+LOOSER = 0.1  # of the target: a landing error that moves few granules over a bin's end
+MIN_PASS_GRANULES = 256  # granules of the cheapest pass: 16 a replicate
+# Granules of the cheapest pass times the target: what any answer needs, since the limit on a term left out of which
+# nothing was found among them is SIGMAS^2 over their number
+IN_FIRST = SIGMAS**2
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One knob: the ``field`` of :class:`RefinedSettings` that holds it, the ``key`` of a scene, the factor ``step`` of
+    its next finer value, and the ``finest`` that a scene may ask for; ``name`` in words.
+    """
+
+    name: str
+    field: str
+    key: str
+    step: float
+    finest: float
+
+    def at(self, settings: RefinedSettings, value: float) -> RefinedSettings:
+        """The settings with the knob at a value."""
+        change: dict[str, Any] = {self.field: round(value) if self.step > 1.0 else value}
+        return replace(settings, **change)
+
+    def next(self, settings: RefinedSettings) -> RefinedSettings:
+        """One step finer; the same at the finest."""
+        then = values(settings)[self.name] * self.step
+        return settings if (then - self.finest) * (self.step - 1.0) > 0.0 else self.at(settings, then)
+
+    def finer(self, *two: float) -> float:
+        """The finer of two values."""
+        return max(two) if self.step > 1.0 else min(two)
+
+    def coarser(self, *two: float) -> float:
+        """The coarser of two values."""
+        return min(two) if self.step > 1.0 else max(two)
+
+
+knobs: Registry[Setting] = Registry("knob")
+for _knob in (
+    Setting("granules", "granules", "feed.count", 2.0, 2**23),
+    Setting("tolerance", "tolerance", "numerics.tolerance", 10**-0.5, 1e-9),
+    Setting("mesh", "mesh_scale", "numerics.mesh_scale", sqrt(0.5), 0.2),
+    Setting("averaging", "averaging", "numerics.averaging", sqrt(0.5), 0.002),
+    Setting("slab", "slab", "collisions.count", 2.0, 2**17),
+):
+    knobs.add(_knob.name, _knob)
+
+
+def values(settings: RefinedSettings) -> dict[str, float]:
+    """Where the knobs are that the scene has, by their names."""
+    every = {name: getattr(settings, knobs[name].field) for name in knobs}
+    return {name: value for name, value in every.items() if value is not None}
+
+
+def own_settings(scene: Scene, plan: Plan) -> RefinedSettings:
+    """What the scene itself asks for, under its ``plan``."""
+    solved = plan.airflow.stepping is not None and plan.airflow.span is None
+    sheds = solved and plan.airflow.stepping == "time-resolved"
+    return RefinedSettings(
+        granules=REPLICATES * replicate_size(scene.feed.count),
+        tolerance=scene.numerics.tolerance,
+        mesh_scale=scene.numerics.mesh_scale if solved else None,
+        averaging=plan.airflow.accuracy if sheds else None,
+        slab=None if plan.crowd is None else plan.crowd.count,
+    )
+
+
+def cheapest(own: RefinedSettings, target: float) -> RefinedSettings:
+    """Of the first pass, which measures how the errors stand: never finer than the scene's ``own``."""
+    count, asked = max(MIN_PASS_GRANULES, 2 ** ceil(log2(IN_FIRST / target))), values(own)
+    pass_at = {"granules": count, "tolerance": LOOSER * target, "slab": count}
+    if "mesh" in asked:
+        pass_at["mesh"] = min(COARSER_MESH * asked["mesh"], COARSEST)
+    for name in pass_at.keys() & asked.keys():
+        own = knobs[name].at(own, knobs[name].coarser(asked[name], pass_at[name]))
+    return own
+
+
+def finer(first: RefinedSettings, second: RefinedSettings) -> RefinedSettings:
+    """Every knob at the finer of two settings of one scene."""
+    for name, value in values(second).items():
+        first = knobs[name].at(first, knobs[name].finer(values(first)[name], value))
+    return first
+
+
+def finest_of(settings: RefinedSettings) -> RefinedSettings:
+    """Every knob at the end of its steps."""
+    for name in values(settings):
+        while (further := knobs[name].next(settings)) != settings:
+            settings = further
+    return settings
+
+
+def applied(scene: Scene, settings: RefinedSettings) -> Scene:
+    """The scene with the settings in it."""
+    return scene.replace({knobs[name].key: value for name, value in values(settings).items()})
+
+
+# -- The efforts: coarse settings for little time ----------------------------------------------------------------------
 SOLVED = ("steady", "time-resolved")
-OVERTIME = 1.15  # of a budget: where a round is given up that has another's answer behind it
-LATEST = 1.25  # of a budget: when the answer is there in any case
 # Of a whole channel, whose air takes several times as long as half of one: times a mesh's edges, up to the coarsest
 # that a scene may ask for, and a part of the granules of a quick answer; chosen
-WHOLE_CHANNEL, COARSEST, FEWER = 4.0 / 3.0, 4.0, 2
+WHOLE_CHANNEL, FEWER = 4.0 / 3.0, 2
 FEW_IN_FLIGHT, THINNEST = 500.0, 5.0  # granules in a thin slab; its depth in the coarsest granules, at least; chosen
 ROUNDING = 1e-3
-SURELY = 0.95  # of what is left: what a round is expected to take at most, as the rounds before it taught
 
 
 @dataclass(frozen=True)
 class Effort:
-    """Settings no finer than these: ``granules`` of a fraction, cells' edges ``mesh`` times the usual, the tracker's
-    ``tolerance``; without ``in_time`` no time-resolved wake. Where the granules' force on the air would take longer
-    than ``force_within`` seconds it is solved for once, and not at all where that takes longer too; then a dense feed
-    is flown in a thin slab, the beads of a funnel are not computed, and a whole channel gets half of the granules.
-    None: as the scene says.
+    """Settings no finer than these: ``at``, where knobs are by their names (of the mesh for half of a channel); without
+    ``in_time`` no time-resolved wake. Where the granules' force on the air would take longer than ``force_within``
+    seconds it is solved for once, and not at all where that takes longer too; then a dense feed is flown in a thin
+    slab, the beads of a funnel are not computed, and a whole channel gets half of the granules.
     """
 
     name: str
-    granules: int | None = None
-    mesh: float | None = None
-    tolerance: float | None = None
+    at: Mapping[str, float] = field(default_factory=dict)
     in_time: bool = True
-    force_within: float | None = None
+    force_within: float = inf
 
     def of(self, scene: Scene, request: Request) -> tuple[Scene, Request]:
         """The scene with these settings where its own are finer, and how to ask for it."""
-        own, changes, request = scene.numerics, dict[str, object](), replace(request, effort=self.name)
-        if self.granules is not None:
-            changes["feed.count"] = min(self.granules, scene.feed.count)
-        if self.tolerance is not None:
-            changes["numerics.tolerance"] = max(self.tolerance, own.tolerance)
-        if self.force_within is not None and scene.funnel is not None:
-            changes["funnel.computed"] = False
-        plan = _planned(scene, request)
-        if plan.airflow.stepping in SOLVED:
-            if not self.in_time:
-                request = replace(request, rung="draft")
-                plan = _planned(scene, request)
-            if self.mesh is not None:
-                whole = 1.0 if plan.airflow.half else WHOLE_CHANNEL  # whose solution takes several times as long
-                changes["numerics.mesh_scale"] = max(min(whole * self.mesh, COARSEST), own.mesh_scale)
-            if self.force_within is not None and self.granules is not None and not plan.airflow.half:
-                changes["feed.count"] = min(self.granules // FEWER, scene.feed.count)
+        request, rough, limits = replace(request, effort=self.name), self.force_within < inf, dict(self.at)
+        changes: dict[str, object] = {"funnel.computed": False} if rough and scene.funnel is not None else {}
+        airflow = _planned(scene, request).airflow
+        if airflow.stepping in SOLVED and not self.in_time:
+            request = replace(request, rung="draft")
+            airflow = _planned(scene, request).airflow
+        if airflow.stepping not in SOLVED:
+            limits.pop("mesh", None)
+        elif limits and not airflow.half:
+            limits["mesh"] = min(WHOLE_CHANNEL * limits["mesh"], COARSEST)
+            limits["granules"] //= FEWER if rough else 1
+        for knob, value in ((knobs[name], value) for name, value in limits.items()):
+            changes[knob.key] = knob.coarser(value, attrgetter(knob.key)(scene))
         scene = scene.replace(changes)
-        return (scene, request) if self.force_within is None else _roughly(scene, request, self.force_within)
+        return _roughly(scene, request, self.force_within) if rough else (scene, request)
 
 
 def _planned(scene: Scene, request: Request) -> Plan:
@@ -118,24 +224,33 @@ def _thin(scene: Scene, request: Request) -> Scene:
     return scene.replace({"collisions.depth": min(crowd.depth, max(THINNEST * coarsest, crowd.depth / many))})
 
 
-QUICK = Effort("quick", 256, 3.0, 1e-2, in_time=False, force_within=8.0)
+QUICK = Effort("quick", {"granules": 256, "mesh": 3.0, "tolerance": 1e-2}, in_time=False, force_within=8.0)
 EFFORTS = (
     QUICK,
-    Effort("coarse", 1024, 2.0, 1e-2),
-    Effort("medium", 2048, 1.4, 1e-2),
-    Effort("the scene's own", None, None, None),
+    Effort("coarse", {"granules": 1024, "mesh": 2.0, "tolerance": 1e-2}),
+    Effort("medium", {"granules": 2048, "mesh": 1.4, "tolerance": 1e-2}),
+    Effort("the scene's own"),
 )
 
 
-def seconds_of(given: float | str) -> float:
-    """A budget in s, from a number or a text such as "3 min". Raises SceneError for anything else."""
-    try:
-        found = quantity(given, "s", "3 min") if isinstance(given, str) else float(given)
-    except (TypeError, ValueError) as problem:
-        raise SceneError(f"budget = {given!r}: {problem}") from None
-    if not found > 0.0:
-        raise SceneError(f"budget = {given!r}: must be above 0")
-    return found
+def quick_settings(scene: Scene, how: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
+    """The scene of a quick answer and how to ask for it: ``rung``, ``force`` and ``target_error`` as of a plan."""
+    request = Request.asked(None, how.get("rung"), how.get("force"), how.get("target_error"), None)
+    coarse, asked = QUICK.of(scene, request)
+    return coarse, {**how, "rung": asked.rung, "force": asked.force}
+
+
+def quick_keys(scene: Scene) -> JsonTable:
+    """What a quick answer changes of a scene, by dotted key."""
+    coarse, asked = QUICK.of(scene, Request.asked())
+    own, switches = flat(scene.tables()), {f"force.{term}": on for term, on in asked.force.items()}
+    found = {key: value for key, value in flat(coarse.tables()).items() if own.get(key) != value}
+    return {**found, **({} if asked.rung is None else {"numerics.rung": asked.rung}), **switches}
+
+
+# -- What a round would cost: by its plan, and, from what the stages of one took, by how each goes with the knobs ------
+OVERHEAD = 0.4  # s of a stage in which granules fly, however few they are
+MIN_POWER, MAX_POWER = 0.02, 0.34  # of a flight's time with its tolerance: from one step a cell to order three
 
 
 def expected(scene: Scene, plan: Plan) -> float:
@@ -171,6 +286,193 @@ def solved_before(scene: Scene, plan: Plan) -> frozenset[str]:
     return frozenset(known.seconds)
 
 
+def expected_seconds(spent: Mapping[str, StageTime], now: RefinedSettings, then: RefinedSettings) -> float:
+    """Run time (s) of a round with the settings ``then``, from what the stages of one with those of ``now`` took."""
+    if then == now:
+        return 0.0
+    slab_only = all(getattr(then, key) == getattr(now, key) for key in ("granules", "tolerance", "mesh_scale"))
+    same_air = (then.mesh_scale, then.averaging) == (now.mesh_scale, now.averaging)
+    power, whole = _power(spent), 0.0
+    for name, stage in spent.items():
+        match StageKey.of(name).stage.scaling:
+            case Scaling.AIR | Scaling.CELLS as scaling:
+                whole += 0.0 if same_air else stage.seconds * _air_factor(scaling, now, then)
+            case Scaling.SLAB:
+                whole += stage.seconds * (then.slab or 1) / (now.slab or 1)
+            case Scaling.FLIGHTS if not (slab_only and same_air):
+                whole += OVERHEAD + max(0.0, stage.seconds - OVERHEAD) * _flight_factor(power, now, then)
+    return whole
+
+
+def _air_factor(scaling: Scaling, now: RefinedSettings, then: RefinedSettings) -> float:
+    """Steps go with the cells' edges, averages with the square of what they are known to."""
+    finer = (now.mesh_scale or 1.0) / (then.mesh_scale or 1.0)
+    longer = (now.averaging or 1.0) / (then.averaging or 1.0)
+    return float(finer**2 if scaling is Scaling.CELLS else finer**3 * longer**2)
+
+
+def _flight_factor(power: float, now: RefinedSettings, then: RefinedSettings) -> float:
+    crossed = (now.mesh_scale or 1.0) / (then.mesh_scale or 1.0)  # cells on a granule's way
+    return float(then.granules / now.granules * (now.tolerance / then.tolerance) ** power * crossed)
+
+
+def _power(spent: Mapping[str, StageTime]) -> float:
+    """Of a flight's time with its tolerance, as the companion with finer steps shows it."""
+    own, finer = spent.get("tracks"), spent.get(FINER_STEPS)
+    if own is None or finer is None or min(own.seconds, finer.seconds) <= 2.0 * OVERHEAD:
+        return MIN_POWER
+    slower = finer.seconds / own.seconds * REPLICATES / COMPARED
+    return min(max(log(max(slower, 1.0)) / log(1.0 / FINER), MIN_POWER), MAX_POWER)
+
+
+# -- The one choice ----------------------------------------------------------------------------------------------------
+MIN_GAIN = 1e-12  # error that a step takes away in a second: less is nothing
+
+
+class Offer(NamedTuple, Generic[State]):
+    """What a step leads ``to``, the ``seconds`` that it costs, and its ``gain``: what it takes away of the error."""
+
+    to: State
+    seconds: float
+    gain: float
+
+
+def bought(start: State, steps: Callable[[State], Iterable[Offer[State]]]) -> list[State]:
+    """The way from the ``start`` by the ``steps`` that are possible from each place on it: always the one whose second
+    takes most error away, as long as any does.
+    """
+    way = [start]
+    while True:
+        best = max(steps(way[-1]), key=lambda step: step.gain / step.seconds, default=Offer(start, 1.0, 0.0))
+        if best.gain / best.seconds <= MIN_GAIN:
+            return way
+        way.append(best.to)
+
+
+# -- To a target error, by what a round has found ----------------------------------------------------------------------
+MARGIN = 0.9  # of the target that is aimed at: what is expected is itself an estimate
+QUICKEST = 1e-3  # s: a step that costs nothing still costs that
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The ``settings`` of the next round, the largest ``half`` width by computing that is expected of the rows that can
+    meet the target, and the run time expected (s).
+    """
+
+    settings: RefinedSettings
+    half: float = nan
+    seconds: float = nan
+
+    @classmethod
+    def of(
+        cls, rows: Sequence[BudgetRow], spent: Mapping[str, StageTime], now: RefinedSettings, then: RefinedSettings
+    ) -> Choice:
+        """Of the settings ``then``; the rest as of :func:`choose`."""
+        half = max((expected_half(row, now, then) for row in rows), default=0.0)
+        return cls(then, half, expected_seconds(spent, now, then))
+
+
+def expected_half(row: BudgetRow, now: RefinedSettings, then: RefinedSettings) -> float:
+    """Half of the 95 % interval of a ``row`` by computing alone, expected with the settings ``then``, from parts that
+    were found with those of ``now``.
+    """
+    return numerical(replace(part, error=expected_part(part, now, then)) for part in row.parts)
+
+
+def expected_part(part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float | None:
+    """The error of one part, likewise; None where it is unknown."""
+    if part.error is None:
+        return None
+    if part.kind in (LEFT_OUT, NOT_COMPUTED):
+        return limited_again(part.error, landed(now), landed(then))
+    return source_of(part).expected(part, now, then)
+
+
+def reachable(rows: Sequence[BudgetRow], now: RefinedSettings, target: float) -> list[BudgetRow]:
+    """The rows that settings can bring below the target, found with those of ``now``."""
+    finest = finest_of(now)
+    return [row for row in rows if expected_half(row, now, finest) <= target]
+
+
+def choose(
+    rows: Sequence[BudgetRow],
+    spent: Mapping[str, StageTime],
+    now: RefinedSettings,
+    start: RefinedSettings,
+    target: float,
+) -> Choice:
+    """The cheapest settings, from those of ``start`` on, with which every row of ``rows`` is expected to meet the
+    ``target``; ``now``: those with which the rows were found and the run times ``spent``.
+    """
+
+    def turned(at: tuple[RefinedSettings, str]) -> Iterator[Offer[tuple[RefinedSettings, str]]]:
+        price, before = expected_seconds(spent, now, at[0]), _excess(rows, now, at[0], target)
+        for name in values(at[0]):
+            then = knobs[name].next(at[0])
+            seconds = max(expected_seconds(spent, now, then) - price, QUICKEST)
+            yield Offer((then, name), seconds, before - _excess(rows, now, then, target))
+
+    way = bought((start, ""), turned)
+    chosen = way[-1][0]
+    met = _excess(rows, now, chosen, target) <= 0.0
+    for _, name in reversed(way[1:] if met else ()):  # steps that are needless beside the others
+        back = knobs[name].at(chosen, values(chosen)[name] / knobs[name].step)
+        if _excess(rows, now, back, target) <= 0.0:
+            chosen = back
+    return Choice.of(rows, spent, now, chosen)
+
+
+def choose_surely(
+    rows: Sequence[BudgetRow], spent: Mapping[str, StageTime], now: RefinedSettings, target: float
+) -> Choice:
+    """The cheapest settings, from those of ``now`` on, that are expected to stay within MARGIN of the ``target``; where
+    what no setting lowers comes too near to it for that, to meet the target itself, and not whatever could be bought.
+    """
+    sure = choose(rows, spent, now, now, MARGIN * target)
+    return sure if sure.half <= MARGIN * target else choose(rows, spent, now, now, target)
+
+
+def _excess(rows: Sequence[BudgetRow], now: RefinedSettings, then: RefinedSettings, target: float) -> float:
+    """Sum over the rows of how far the squares of their errors lie beyond the target's."""
+    return sum(max(0.0, expected_half(row, now, then) ** 2 - target**2) for row in rows)
+
+
+# -- Within seconds, by the plans of rounds ----------------------------------------------------------------------------
+STAGE = "budget"  # as the listener hears of it
+CLOCK: ContextVar[Callable[[], float]] = ContextVar("clock", default=time.monotonic)  # what a budget is measured by, s
+OVERTIME = 1.15  # of a budget: where a round is given up that has another's answer behind it
+LATEST = 1.25  # of a budget: when the answer is there in any case
+SURELY = 0.95  # of what is left: what a round is expected to take at most, as the rounds before it taught
+
+
+def seconds_of(given: float | str) -> float:
+    """A budget in s, from a number or a text such as "3 min". Raises SceneError for anything else."""
+    try:
+        found = quantity(given, "s", "3 min") if isinstance(given, str) else float(given)
+    except (TypeError, ValueError) as problem:
+        raise SceneError(f"budget = {given!r}: {problem}") from None
+    if not found > 0.0:
+        raise SceneError(f"budget = {given!r}: must be above 0")
+    return found
+
+
+Round = tuple[Scene, Request, Plan]
+
+
+def _finest(rounds: Sequence[Round], done: int, seconds: float) -> int:
+    """The place of the round that is chosen next, with no more ``seconds`` than that; ``done`` where none is. What a
+    finer effort takes away of the error is not known before it is computed: each counts alike.
+    """
+
+    def finer_ones(at: int) -> Iterator[Offer[int]]:
+        for place in range(at + 1, len(rounds)):
+            if (price := expected(rounds[place][0], rounds[place][2])) <= SURELY * seconds:
+                yield Offer(place, price, float(place - at))
+
+    return bought(done, finer_ones)[-1]
+
+
 class OutOfTime(Exception):
     """A round has used up the budget."""
 
@@ -202,26 +504,24 @@ class Within:
         for the quickest.
         """
         rounds = list(self._rounds())
-        times = [expected(scene, plan) for scene, _, plan, _ in rounds]
+        times = [expected(scene, plan) for scene, _, plan in rounds]
         while times[1:] and times[1] <= times[0]:  # its airflow is in the cache
             times, rounds = times[1:], rounds[1:]
         quickest = times[0]
         if quickest > OVERTIME * self.budget:
             least = duration(quickest)
             raise SceneError(f"budget = {duration(self.budget)}: the quickest answer takes about {least}; give more")
-        straight = self._finest(rounds, 1, LATEST * self.budget - quickest)
-        if straight and self._ends(*rounds[straight], latest=LATEST, instead=quickest):
-            done = straight
-        else:
+        done = _finest(rounds, 0, LATEST * self.budget - quickest)
+        if not (done and self._ends(*rounds[done], latest=LATEST, instead=quickest)):
             done = 0
             self._ends(*rounds[0])
-        while finer := self._finest(rounds, done + 1, self.left + STARTED):
-            if not self._ends(*rounds[finer], latest=OVERTIME - REPORT / self.budget):
+        while (further := _finest(rounds, done, self.left + STARTED)) > done:
+            if not self._ends(*rounds[further], latest=OVERTIME - REPORT / self.budget):
                 break
-            done = finer
+            done = further
         return rounds[done][:2]
 
-    def _rounds(self) -> Iterator[tuple[Scene, Request, Plan, Effort]]:
+    def _rounds(self) -> Iterator[Round]:
         """The efforts that differ for this scene, the quickest first, with their plans."""
         seen: list[Any] = []
         for effort in EFFORTS:
@@ -230,29 +530,15 @@ class Within:
             what = scene.tables(), plan.rung
             if what not in seen:
                 seen.append(what)
-                yield scene, request, plan, effort
+                yield scene, request, plan
 
-    def _finest(self, rounds: list[tuple[Scene, Request, Plan, Effort]], tried: int, seconds: float) -> int:
-        """The finest round from ``tried`` on that is expected to take no longer than that; 0 where none is."""
-        fits = [i for i in range(tried, len(rounds)) if expected(rounds[i][0], rounds[i][2]) <= SURELY * seconds]
-        return max(fits, default=0)
-
-    def _ends(
-        self,
-        scene: Scene,
-        request: Request,
-        plan: Plan,
-        effort: Effort,
-        *,
-        latest: float = math.inf,
-        instead: float = 0.0,
-    ) -> bool:
+    def _ends(self, scene: Scene, request: Request, plan: Plan, *, latest: float = inf, instead: float = 0.0) -> bool:
         """Compute a round, and whether it ended; it is given up so that the answer is there at the ``latest`` (times
         the budget): when what is left of it takes too long, and another ``instead``, which is expected to take so many
         seconds, can only just be computed. How much slower than expected this machine is, the stages tell when they
         begin.
         """
-        begun, slower, left = self.clock(), 1.0, math.inf
+        begun, slower, left = self.clock(), 1.0, inf
         due, whole = (beginnings(scene, plan), expected(scene, plan)) if instead else ({}, 0.0)
 
         def listener(stage: str, text: str) -> None:
@@ -263,11 +549,11 @@ class Within:
                 raise OutOfTime
             self.listener(stage, text)
 
-        self.listener(STAGE, f"done {effort.name}: {duration(max(0.0, self.left))} left of {duration(self.budget)}")
+        self.listener(STAGE, f"done {request.effort}: {duration(max(0.0, self.left))} left of {duration(self.budget)}")
         try:
             self.compute(scene, request, listener)
         except OutOfTime:
-            self.listener(STAGE, f"done {effort.name} given up: it would not end within {duration(self.budget)}")
+            self.listener(STAGE, f"done {request.effort} given up: it would not end within {duration(self.budget)}")
             return False
         return True
 
@@ -288,23 +574,7 @@ def affordable(
         raise SceneError("quick and budget: give one of them")
     if budget is None:
         return QUICK.of(scene, request)
-
-    def computed(asked: Scene, how: Request, heard: Listener) -> Result:
-        return compute(asked, request=how, listener=heard)
-
-    return Within(seconds_of(budget), scene, request, computed, listener).best()
-
-
-def quick_settings(scene: Scene, how: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
-    """The scene of a quick answer and how to ask for it: ``rung``, ``force`` and ``target_error`` as of a plan."""
-    request = Request.asked(None, how.get("rung"), how.get("force"), how.get("target_error"), None)
-    coarse, asked = QUICK.of(scene, request)
-    return coarse, {**how, "rung": asked.rung, "force": asked.force}
-
-
-def quick_keys(scene: Scene) -> JsonTable:
-    """What a quick answer changes of a scene, by dotted key."""
-    coarse, asked = QUICK.of(scene, Request.asked())
-    own, switches = flat(scene.tables()), {f"force.{term}": on for term, on in asked.force.items()}
-    found = {key: value for key, value in flat(coarse.tables()).items() if own.get(key) != value}
-    return {**found, **({} if asked.rung is None else {"numerics.rung": asked.rung}), **switches}
+    rounds = Within(
+        seconds_of(budget), scene, request, lambda one, how, heard: compute(one, request=how, listener=heard), listener
+    )
+    return rounds.best()

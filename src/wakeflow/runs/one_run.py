@@ -2,34 +2,260 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..answer.provenance import Refinement
-from ..answer.result import Request, Result, asked_in, refinement_in
+import numpy as np
+
+from ..air.kinds.airflow_table import Airflow, MeshReport
+from ..answer.budget.agreement import verdicts_of
+from ..answer.budget.budget import flights_ahead, fly_again, make_budget, total_notices
+from ..answer.budget.inputs import UNKNOWN
+from ..answer.budget.mesh import airflow_on_grids
+from ..answer.budget.model import MODEL, loading_effects
+from ..answer.budget.source import Flights
+from ..answer.budget.third_dimension import in_three_dimensions
+from ..answer.joint import effects_in
+from ..answer.notices import air_notices, flight_notices, with_mesh_error
+from ..answer.partition import partition_curves
+from ..answer.provenance import Refinement, provenance_of
+from ..answer.result import (
+    FILE,
+    GRANULES,
+    JOINT,
+    SCHEMA,
+    FlightResults,
+    Request,
+    Result,
+    asked_in,
+    key_in,
+    provenance_in,
+    refinement_in,
+    replaced,
+)
+from ..answer.shares import InputSummary, LandingResults, collisions_of
+from ..core import sums
 from ..core.errors import SceneError
 from ..core.files import made_folder, path_of, remove_drafts
-from ..core.process import check_workers
+from ..core.graded import Notice, gravest_first, less_sure
+from ..core.lazy import cached_property
+from ..core.process import background, check_workers, cores
 from ..core.store import cache_in_use, cache_root
+from ..core.tables import save_arrays
+from ..flight.feed.impact_loads import impact_loads
 from ..flight.stages.machine_rates import learn
+from ..flight.stages.pipeline import Pipeline
+from ..planning.feed_funnel import FunnelSummary, by_law_line, discharge_lines
 from ..planning.stage_cache import Listener, null_listener
 from ..scene import Scene
 from ..scene.changes import stem_name
 from ..scene.whole import States
-from .answer import OneRun
 from .effort import affordable
-from .folder import LOCK, refuse_foreign
+from .folder import (
+    COMMAND,
+    LOCK,
+    answer_key,
+    refuse_foreign,
+    report_into,
+    seen_of,
+    some_granules,
+    versions,
+    written_files,
+)
 from .planned import make_plan
 from .progress import as_listener, ignore
 from .refine import refined
 from .run_stages import as_blown, one_thread_of_blas, stages_of
 
 if TYPE_CHECKING:
+    from ..flight.stages.landings import Landings
     from ..planning.plan import Plan
+    from ..show import AirAndTracks
 
 
+@dataclass(frozen=True)
+class OneRun:
+    """One run: the scene as asked for, the pipeline that computes it, and where its answer goes."""
+
+    asked: Scene
+    pipeline: Pipeline
+    poured: FunnelSummary | None
+    folder: Path
+    request: Request
+    redraw: bool
+    report: bool
+    refinement: Refinement | None = None
+    pdf: bool = False
+
+    def result(self) -> Result:
+        """Make the stages that are asked for, then the report where it is not the one that stands there."""
+        pipeline, until = self.pipeline, self.request.until
+        with background(self._ahead()):
+            mesh, airflow = self._air()
+            flown = self._fly() if until in (None, "tracks") else None
+        if flown is not None and airflow is not None:  # what is known of the field that granules fly in
+            airflow = replace(airflow, divergence=pipeline.divergence, truncation=pipeline.air.truncation)
+        key, solver = self._key(flies=flown is not None), None if airflow is None else pipeline.air.solver
+        result = Result(
+            schema=SCHEMA,
+            scene=self.asked.tables(),
+            options=self.request,
+            plan=pipeline.plan,
+            funnel=self.poured,
+            airflow=airflow,
+            mesh=mesh,
+            flights=None,
+            landings=None,
+            warnings=(),
+            grades=(),
+            seconds=pipeline.seconds,
+            versions=versions(),
+            key=key,
+            provenance=provenance_in(self.folder, key) or provenance_of(pipeline.scene, solver),
+            refinement=self.refinement,
+            folder=self.folder,
+        )
+        if flown is None:
+            return self.written(self._warned(result, ()), {})
+        tracked, loads = flown.tracked, impact_loads(pipeline.scene, pipeline.plan)
+        result = replace(result, flights=FlightResults(tracked.fates, tracked.injected, loads))
+        if until is None:
+            result = self._answered(result, flown)
+        slab = None if result.landings is None else result.landings.slab
+        result = self._warned(result, flight_notices(pipeline.scene, pipeline, tracked, slab))
+        return self.written(result, flown.landings)
+
+    def _fly(self) -> Flights:
+        """The granules' flights, with all that the sources of the budget fly again where the run goes on to shares."""
+        flown = Flights(self.pipeline, self.pipeline.tracks())
+        if self.request.until is not None:
+            return flown
+        with background([self._draw_ahead]):
+            return fly_again(replace(flown, crowd=self.pipeline.crowd()))
+
+    def _warned(self, result: Result, of_flights: Iterable[Notice]) -> Result:
+        """The result with what a user must know of it; of its granules that are the notices ``of_flights``."""
+        scene, pipeline = self.pipeline.scene, self.pipeline
+        found = [] if result.airflow is None else air_notices(scene, pipeline, result.airflow)
+        if self.poured is not None:
+            found += map(less_sure, discharge_lines(self.poured))
+        elif scene.funnel is not None and not scene.funnel.computed:
+            found.append(less_sure(by_law_line(scene.funnel)))
+        small = total_notices(result.budget, pipeline.plan.target_error)
+        known = gravest_first((*found, *of_flights, *pipeline.plan.notices, *small))
+        return replaced(
+            result,
+            warnings=tuple(notice.text for notice in known),
+            grades=tuple(notice.grade.value for notice in known),
+        )
+
+    def written(self, result: Result, landings: Mapping[str, Landings]) -> Result:
+        """The result with its pictures, its folder written; the ``landings`` of granules that flew are in them."""
+        with sums.writing(self.folder, partial(written_files, self.folder), COMMAND):
+            result = replaced(result, limits=tuple(verdicts_of(result)))
+            result = self._drawn(result, landings)
+            result.save()
+        return result
+
+    def _ahead(self) -> list[Callable[[], object]]:
+        """What another core makes while this one waits for the airflow; nothing on one core, or without such a wait."""
+        pipeline, until = self.pipeline, self.request.until
+        threads = cores() if pipeline.workers is None else pipeline.workers
+        if threads < 2 or until in ("funnel", "mesh") or pipeline.air.at_once:
+            return []
+        spare = replace(pipeline)  # the two threads share what is in the cache, nothing else
+        coarser = spare.grids[1:]  # from which the answer's airflow starts in time
+        others = [spare.steady] if pipeline.plan.airflow.brackets else coarser
+        solved: list[Callable[[], object]] = [partial(getattr, other, "solution") for other in others]
+        if pipeline.plan.airflow.loaded:
+            solved.insert(0, spare.airs.solve_start)  # while the force is gathered
+        return solved if until is not None else [*solved, *flights_ahead(spare)]
+
+    @cached_property
+    def _seen(self) -> AirAndTracks:
+        """What the report shows of the air and the tracks."""
+        return seen_of(self.pipeline, self.pipeline.tracks())
+
+    def _draw_ahead(self) -> None:
+        """Draw what the report shows before there is an answer, while granules fly again."""
+        if self.report:
+            drawn_ahead(self.pipeline, self._seen, pdf=self.pdf)
+
+    def _air(self) -> tuple[MeshReport | None, Airflow | None]:
+        """The mesh and the airflow; None without air, and where the run stops before them."""
+        pipeline, scene, until = self.pipeline, self.pipeline.scene, self.request.until
+        if scene.air is None or until == "funnel":
+            return None, None
+        flies = until not in ("mesh", "airflow") or (until == "airflow" and pipeline.plan.airflow.loaded)
+        if flies and not pipeline.air.at_once:
+            pipeline.compile_in_background()
+        mesh = pipeline.air.mesh_quality
+        if until == "mesh":
+            return mesh, None
+        airflow = pipeline.airflow
+        studies = airflow_on_grids(pipeline)
+        loading = None if pipeline.loading is None else pipeline.loading.summary
+        fan = airflow.by_fan(scene, loaded=loading is not None)
+        table = replace(airflow, grids=studies, momentum=airflow.by_momentum(scene), loading=loading, fan=fan)
+        return mesh, with_mesh_error(table, studies or ())
+
+    def _answered(self, result: Result, flights: Flights) -> Result:
+        """The result with its shares, and all that is known of their errors."""
+        scene = self.pipeline.scene
+        joint, budget = make_budget(flights)
+        separation, crowd = joint.own.separation(), flights.crowd
+        alone = None if crowd is None else make_budget(replace(flights, crowd=None))[0].own.separation()
+        slab = None if crowd is None else collisions_of(self.pipeline.plan, crowd)
+        wakes = flights.of(MODEL)
+        bracket = None if wakes is None else wakes.means(list(scene.bin))
+        loading = self.pipeline.loading
+        effects = {} if loading is None else loading_effects(loading, separation.bins)
+        draws = flights.of(UNKNOWN)
+        known = {} if draws is None else {one.key: InputSummary.of(one) for one in draws.unknowns}
+        cuts = partition_curves(scene, self.pipeline.plan, flights.landings, joint.own)
+        separation = replace(separation, cut=cuts)
+        beside = in_three_dimensions(scene, self.pipeline.plan)
+        parts, of_targets = effects_in(joint.own) if known else ({}, {})
+        landings = LandingResults(
+            separation, bracket, budget, alone, slab, effects, beside, known, parts, of_targets, joint.record()
+        )
+        return replace(result, landings=landings).with_joint(joint)
+
+    def _key(self, *, flies: bool) -> str:
+        """What the answer depends on."""
+        crowd = self.pipeline.collisions_key if flies and self.request.until is None else None
+        tracks = self.pipeline.tracks_key if flies else None
+        return answer_key(self.asked, self.request, self.pipeline.plan.summary(), tracks, crowd)
+
+    def _drawn(self, result: Result, landings: Mapping[str, Landings]) -> Result:
+        """The result with the pictures of its report, which is drawn where it is not in the folder already."""
+        from .. import show as report
+
+        folder, scene = self.folder, self.pipeline.scene
+        unchanged = key_in(folder) == result.key
+        if not unchanged:  # the new answer is there: the older one goes whole, so that no mixture is left
+            (folder / FILE).unlink(missing_ok=True)
+            report.clear_report(folder)
+            for file in (GRANULES, JOINT):
+                (folder / file).unlink(missing_ok=True)
+        if result.landings is not None:
+            save_arrays(folder / JOINT, result.joint.arrays(), compressed=True)
+        if landings:
+            granules = some_granules(scene, landings)
+            save_arrays(folder / GRANULES, {"names": np.array(list(landings)), **granules})
+            wanted = self.request.until is None and self.report
+            if wanted and (self.redraw or not unchanged or not report.is_whole(folder, scene.picture)):
+                report_into(self.pipeline, self._seen, landings, granules, result, pdf=self.pdf)
+            return replaced(result, pictures=report.pictures_of(folder))
+        if self.request.until == "funnel" and self.poured is not None:
+            report.draw_discharge(folder / "figures" / "discharge.png", self.poured)
+        return result
+
+
+# -- run(), and one run of it ------------------------------------------------------------------------------------------
 STOPS = ("funnel", "mesh", "airflow", "tracks")  # stages after which a run can be asked to stop
 
 
@@ -140,9 +366,9 @@ def report_again(folder: Path | str, *, pdf: bool = False) -> Path:
     Raises SceneError where the folder holds no finished run.
     """
     scene, asked = asked_in(folder)
-    if (told := Result.load(folder).calibration) is not None:
+    if (calibration := Result.load(folder).calibration) is not None:
         raise SceneError(
-            f"{folder} holds an answer that was calibrated with {told.source}; wakeflow calibrate draws it anew"
+            f"{folder} holds an answer that was calibrated with {calibration.source}; wakeflow calibrate draws it anew"
         )
     run_once(Scene.parse(scene), Path(folder), asked, redraw=True, refinement=refinement_in(folder), pdf=pdf)
     return Path(folder) / "report.html"

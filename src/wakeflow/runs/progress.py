@@ -186,9 +186,9 @@ class _OnTerminal(ProgressListener):
         lines: list[RenderableType] = [
             Text.assemble((stage, "bold"), f"  {text}") for stage, text in list(self.now.values())
         ]
-        if told := str(self.progress):
+        if status := str(self.progress):
             grid = Table.grid(padding=(0, 1))
-            grid.add_row(ProgressBar(total=1.0, completed=self.progress.part, width=BAR), told)
+            grid.add_row(ProgressBar(total=1.0, completed=self.progress.part, width=BAR), status)
             lines.insert(0, grid)
         return Group(*lines)
 
@@ -212,8 +212,8 @@ class _InLines(ProgressListener):
 
     def _line(self, stage: str, text: str) -> str:
         if not self.as_json:
-            told = "" if text.startswith(DONE) else str(self.progress)
-            return f"{stage}: {text}" + (f" ({told})" if told else "")
+            status = "" if text.startswith(DONE) else str(self.progress)
+            return f"{stage}: {text}" + (f" ({status})" if status else "")
         progress, left = self.progress, self.progress.left
         seconds_left = None if left is None else round(left, 1)
         known = {"stage": stage, "text": text, "number": progress.number, "of": len(progress.expected)}
@@ -231,10 +231,10 @@ def live(*, enabled: bool, as_json: bool = False) -> Iterator[ProgressListener]:
     if not enabled:
         yield ProgressListener()
     elif console.is_terminal and not as_json:
-        told = _OnTerminal(console=console)
-        with _shown(told, console):
-            yield told
-        _tell_cached(told, console)
+        listener = _OnTerminal(console=console)
+        with _shown(listener, console):
+            yield listener
+        _tell_cached(listener, console)
     else:
         lines = _InLines(console=console, as_json=as_json)
         yield lines
@@ -242,15 +242,15 @@ def live(*, enabled: bool, as_json: bool = False) -> Iterator[ProgressListener]:
             _tell_cached(lines, console)
 
 
-def _tell_cached(told: ProgressListener, console: Console) -> None:
-    if line := told.progress.from_cache:
+def _tell_cached(listener: ProgressListener, console: Console) -> None:
+    if line := listener.progress.from_cache:
         console.print(line, highlight=False)
 
 
-def _shown(told: _OnTerminal, console: Console) -> Live:
+def _shown(listener: _OnTerminal, console: Console) -> Live:
     from rich.live import Live
 
-    return Live(get_renderable=told.__rich__, console=console, transient=True, refresh_per_second=4)
+    return Live(get_renderable=listener.__rich__, console=console, transient=True, refresh_per_second=4)
 
 
 EVERY = 0.5  # s between pictures of the bar
@@ -262,8 +262,8 @@ def as_listener(listener: Listener | None, planned: Planned | None = None) -> tu
     silence elsewhere.
     """
     if listener is None and _in_notebook():
-        told = _InNotebook()
-        return told, planned or told.planned
+        in_notebook = _InNotebook()
+        return in_notebook, planned or in_notebook.planned
     return listener or null_listener, planned or ignore
 
 
@@ -307,7 +307,7 @@ class _InNotebook(ProgressListener):
             self.cell.update(shown)
 
     def _html(self) -> str:
-        told = str(self.progress)
-        bar = f'<progress max="1" value="{self.progress.part:.3f}"></progress> {escape(told)}<br>' if told else ""
+        status = str(self.progress)
+        bar = f'<progress max="1" value="{self.progress.part:.3f}"></progress> {escape(status)}<br>' if status else ""
         lines = [*(f"✓ {line}" for line in self.finished), *self.now.values()]
         return bar + "<br>".join(f"<small>{escape(line)}</small>" for line in lines)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import hypot, sqrt
 
-from ..answer.budget.source import INPUTS, Source, source_of
+from ..answer.budget.source import INPUTS, source_of
 from ..answer.provenance import RefinedSettings, Refinement, RefinementRound
 from ..answer.result import Result
 from ..answer.shares import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, InputPart, InputSummary
@@ -22,19 +22,18 @@ from ..planning.plan import Plan
 from ..planning.stage_cache import Listener
 from ..planning.terms import AIR, COLLISIONS, LOADING, VIBRATION, bounds, check_switches
 from ..scene import Scene
-from .settings import (
+from .effort import (
     Choice,
     applied,
     cheapest,
     choose_surely,
     expected_half,
     expected_part,
-    expected_seconds,
     finer,
     finest_of,
-    knobs,
     own_settings,
     reachable,
+    values,
 )
 
 # -- What computing cannot bring to a target error ---------------------------------------------------------------------
@@ -101,8 +100,7 @@ def _line(found: _Obstacle, scene: Scene, plan: Plan) -> str:
     where, much = f"{found.name} in {found.place}", f"{100 * found.error:.2g} points"
     if found.part.kind in (LEFT_OUT, NOT_COMPUTED):
         return f"{where}: {source} is not computed and could change it by up to {much}: {_switch(found, scene, plan)}"
-    known = source_of(found.part) or Source
-    return f"{where}: {source} stays at {much}: {known.if_large}"
+    return f"{where}: {source} stays at {much}: {source_of(found.part).if_large}"
 
 
 def _switch(found: _Obstacle, scene: Scene, plan: Plan) -> str:
@@ -112,7 +110,7 @@ def _switch(found: _Obstacle, scene: Scene, plan: Plan) -> str:
         return OTHERS.get(source, "nothing in this version computes it")
     key = source if source in WHOLE_RUN else f"{found.name}.{source}"
     try:
-        check_switches(plan.airflow.flown(scene), {key: True}, plan.airflow.turbulence)
+        check_switches(plan.airflow.flown(scene), {key: True}, plan.airflow.turbulence or "")
     except SceneError as problem:
         return str(problem).partition(": ")[2]
     return f"--force {key}=on"
@@ -138,23 +136,21 @@ def what_to_measure(result: Result, target: float) -> tuple[str, ...]:
         place = row.quantity.removeprefix(f"share.{name}.")
         parts = landings.measure_next.get(name, {}).get(place, {})
         beside = min(row.total.numerical or 0.0, SPARED * target)
-        told = _measurements(parts, landings.inputs, half, sqrt(target**2 - beside**2))
-        if told:
-            lines.append(f"{name} in {place} is known to {100 * total:.2g} points in all: {told}")
+        words = _measurements(parts, landings.inputs, half, sqrt(target**2 - beside**2))
+        if words:
+            lines.append(f"{name} in {place} is known to {100 * total:.2g} points in all: {words}")
     return tuple(lines)
 
 
-def _measurements(
-    parts: Mapping[str, InputPart], known: Mapping[str, InputSummary], half: float, room: float
-) -> str | None:
-    """Which inputs to know how well, so that all of them together are worth ``room`` instead of ``half``; None where
+def _measurements(parts: Mapping[str, InputPart], known: Mapping[str, InputSummary], half: float, room: float) -> str:
+    """Which inputs to know how well, so that all of them together are worth ``room`` instead of ``half``; empty where
     they are.
 
     With first-order parts s_i of the variance, intervals that shrink to the factor f leave 1 - (1 - f^2) sum s_i of it.
     """
     wanted = (room / half) ** 2
     if wanted >= 1.0:
-        return None
+        return ""
     ranked = sorted(parts, key=lambda key: -parts[key].variance)
     removed = 0.0
     for count, key in enumerate(ranked, start=1):
@@ -168,9 +164,9 @@ def _measurements(
 def _asked(keys: Sequence[str], known: Mapping[str, InputSummary], factor: float) -> str:
     measured = [_interval(key, known[key], factor) for key in keys if not key.startswith(OF_THE_WAKE)]
     resolved = [_interval(key, known[key], factor) for key in keys if key.startswith(OF_THE_WAKE)]
-    told = [f"measure {', '.join(measured)}"] if measured else []
-    told += [f"run rung 3d for {', '.join(resolved)}"] if resolved else []
-    return " and ".join(told)
+    lines = [f"measure {', '.join(measured)}"] if measured else []
+    lines += [f"run rung 3d for {', '.join(resolved)}"] if resolved else []
+    return " and ".join(lines)
 
 
 def _interval(key: str, known: InputSummary, factor: float) -> str:
@@ -189,23 +185,21 @@ def refined(scene: Scene, target: float, compute: Callable[[Scene], Result], pla
     Raises as the runs do.
     """
     way = _Way(scene, target, plan, listener)
-    now: RefinedSettings | None = cheapest(way.own, target)
-    assert now is not None
-    own = plan.estimate["seconds"]
-    way.tell(f"first look with {_words(now)}; the scene's own settings would take about {own:.2g} s")
-    choice: Choice | None = None
+    choice = Choice(cheapest(way.of_scene, target))
+    seconds = plan.estimate["seconds"]
+    way.tell(f"first look with {_words(choice.settings)}; the scene's own settings would take about {seconds:.2g} s")
     while True:
-        result = compute(applied(scene, now))
-        table = way.judged(result, now, choice)
+        result = compute(applied(scene, choice.settings))
+        table = way.judged(result, choice)
         result = replace(result, refinement=table)
         result.save()  # the answer so far, were the next round to be interrupted
         if len(way.rounds) == 1:
             way.tell_first(table)
-        choice = None if len(way.rounds) == MAX_ROUNDS else way.next(result, now)
-        if choice is None:
+        following = choice if len(way.rounds) == MAX_ROUNDS else way.next(result, choice.settings)
+        if following.settings == choice.settings:
             way.tell_end(table)
             return result
-        now = choice.settings
+        choice = following
 
 
 @dataclass
@@ -220,24 +214,24 @@ class _Way:
     made: set[tuple[str, float]] = field(default_factory=set)  # stages of all rounds, told apart by their run times
 
     @property
-    def own(self) -> RefinedSettings:
+    def of_scene(self) -> RefinedSettings:
         """What the scene asks for."""
         return own_settings(self.scene, self.plan)
 
-    def judged(self, result: Result, now: RefinedSettings, choice: Choice | None) -> Refinement:
-        """The table of all rounds, with the one that ``result`` is of."""
+    def judged(self, result: Result, choice: Choice) -> Refinement:
+        """The table of all rounds, with the one that ``result`` is of, whose settings were the ``choice``."""
+        now, first = choice.settings, not self.rounds
         rows, can = _rows(result), reachable(_rows(result), now, self.target)
         taken = ((name, stage.seconds) for name, stage in result.seconds.items() if name != str(COMPILED))
         spent = set(taken) - self.made
         self.made |= spent
-        before = self.rounds[-1].settings if self.rounds else None
         self.rounds.append(
             RefinementRound(
                 settings=now,
-                bought="a first look" if before is None else _bought(before, now),
-                expected=None if choice is None else choice.half,
+                bought="a first look" if first else _bought(self.rounds[-1].settings, now),
+                expected=None if first else choice.half,
                 found=_largest(can),
-                expected_seconds=None if choice is None else choice.seconds,
+                expected_seconds=None if first else choice.seconds,
                 seconds=sum(seconds for _, seconds in spent),
             )
         )
@@ -254,23 +248,21 @@ class _Way:
             measure=what_to_measure(result, self.target),
         )
 
-    def next(self, result: Result, now: RefinedSettings) -> Choice | None:
-        """What to compute with next; None where that is done. Says it."""
+    def next(self, result: Result, now: RefinedSettings) -> Choice:
+        """What to compute with next, which it says; the settings are those of ``now`` where nothing is to be done."""
         rows, spent = _rows(result), result.seconds
         can = reachable(rows, now, self.target)
         chosen = now
         if _largest(can) > self.target:
             chosen = choose_surely(can, spent, now, self.target).settings
         if len(can) < len(rows):  # what stays beyond the target is at least no coarser than the scene says
-            chosen = finer(chosen, self.own)
-        if chosen == now:
-            return None
-        half = max((expected_half(row, now, chosen) for row in can), default=0.0)
-        choice = Choice(chosen, half, expected_seconds(spent, now, chosen))
-        self.tell(
-            f"found {100 * _largest(can):.2g} points; next {_words(chosen)}: {_bought(now, chosen)}, for "
-            f"{100 * half:.2g} points in about {choice.seconds:.2g} s"
-        )
+            chosen = finer(chosen, self.of_scene)
+        choice = Choice.of(can, spent, now, chosen)
+        if chosen != now:
+            self.tell(
+                f"found {100 * _largest(can):.2g} points; next {_words(chosen)}: {_bought(now, chosen)}, for "
+                f"{100 * choice.half:.2g} points in about {choice.seconds:.2g} s"
+            )
         return choice
 
     def tell_first(self, table: Refinement) -> None:
@@ -301,15 +293,10 @@ def _largest(rows: Sequence[BudgetRow]) -> float:
 
 def _words(settings: RefinedSettings) -> str:
     """The settings in a line."""
-    values = ((knobs[name], knobs[name].of(settings)) for name in knobs)
-    return ", ".join(f"{knob.name} {value:.4g}" for knob, value in values if value is not None)
+    return ", ".join(f"{name} {value:.4g}" for name, value in values(settings).items())
 
 
 def _bought(before: RefinedSettings, now: RefinedSettings) -> str:
     """What became finer, in words."""
-    told = []
-    for name in knobs:
-        was, now_is = knobs[name].of(before), knobs[name].of(now)
-        if was is not None and now_is is not None and was != now_is:
-            told.append(f"{name} {was:.4g} to {now_is:.4g}")
-    return ", ".join(told) or "nothing"
+    was, finer_ones = values(before), values(now).items()
+    return ", ".join(f"{name} {was[name]:.4g} to {at:.4g}" for name, at in finer_ones if was[name] != at) or "nothing"

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..air.kinds.airflow_kinds import CaseAir
-from ..answer.budget.source import in_order
 from ..answer.result import Request, asked_in
 from ..core.errors import SceneError, known
 from ..core.store import content_key
@@ -18,11 +18,11 @@ from ..flight.stages.air_loading import exerted_by
 from ..flight.stages.pipeline import Pipeline
 from ..flight.stages.track_stage import unweighed
 from ..planning.feed_funnel import FunnelSummary
-from ..planning.make import Planner
 from ..planning.stage_cache import Listener, StageTimes, thread_safe
 from ..planning.stages import AirLabel
 from ..planning.unknowns import half_of
 from ..scene import Scene
+from .planned import make_plan
 from .progress import ignore
 
 if TYPE_CHECKING:
@@ -56,10 +56,8 @@ def stages_of(
     """
     if scene.funnel is not None and not scene.funnel.computed:
         scene = scene.fed()
-    planner, rung = Planner(scene.fed(), request.force, request.target_error, in_order()), request.rung
-    if made is not None:
-        planner.keep(rung, made)
-    plan = planner.plan(rung)
+    plan_of = partial(make_plan, rung=request.rung, force=request.force, target_error=request.target_error)
+    plan = plan_of(scene) if made is None else made
     planned(plan)
     one_at_a_time = thread_safe(listener)
     beside = None if request.near is None else _neighbour(Path(request.near), before, one_at_a_time)
@@ -70,16 +68,15 @@ def stages_of(
     poured = pipeline.funnel
     if poured is not None and request.until != "funnel":
         fed = _fed(scene, poured)
-        planner = planner.at(fed)  # the bounds on loading follow the rate
-        plan = planner.plan(rung)
+        plan = plan_of(fed)  # the bounds on loading follow the rate
         pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan)
     fan = None if pipeline.scene.air is None else pipeline.scene.air.fan
     if fan is not None and plan.airflow.stepping is not None and request.until not in ("funnel", "mesh"):
-        pipeline = _blown(pipeline, planner, rung)
+        pipeline = _blown(pipeline, plan_of)
     return pipeline, poured
 
 
-def _blown(pipeline: Pipeline, planner: Planner, rung: str | None) -> Pipeline:
+def _blown(pipeline: Pipeline, plan_of: Callable[[Scene], Plan]) -> Pipeline:
     """The stages with the air at the speed at which the fan's curve meets the drop that is computed: first that of the
     steady airflow, which any other starts from, then the answer's own. Each is solved FEW times at most, and no more
     once the speed lies within the interval that the answer takes it to have; what is left is in the result.
@@ -94,8 +91,7 @@ def _blown(pipeline: Pipeline, planner: Planner, rung: str | None) -> Pipeline:
                 break
             pipeline.listener("airflow", f"the fan has the air at {found.meets:.3g} m/s by its drop, not {speed:.3g}")
             blown = scene.replace({CHANNEL: air.numbers.loss(scene, loaded=loaded)})
-            planner = planner.at(blown)
-            plan = planner.plan(rung)
+            plan = plan_of(blown)
             pipeline = replace(pipeline, scene=plan.airflow.flown(blown), plan=plan)
     return pipeline
 

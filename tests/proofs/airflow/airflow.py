@@ -11,7 +11,7 @@ from proofs.airflow.published import Case, Published, cases, verification_scenes
 from proofs.report import NOTHING, Column, Report, Row, Table, Tell, cell
 from support import as_computed
 from wakeflow.air.kinds.airflow_table import GridEstimate
-from wakeflow.answer.grid_convergence import cell_size, estimate
+from wakeflow.answer.budget.mesh import cell_size, estimate
 from wakeflow.core.errors import FoamError, MeshError, SceneError
 from wakeflow.core.number import Number
 from wakeflow.flight.stages.pipeline import Pipeline

@@ -21,7 +21,7 @@ from proofs.report import Report, Row, Table, Tell
 from wakeflow.air.foam import FlowSpec, solve_airflow
 from wakeflow.air.mesh import build_mesh, plan_mesh
 from wakeflow.air.mesh.spec import Strategy
-from wakeflow.answer.grid_convergence import cell_size, estimate
+from wakeflow.answer.budget.mesh import cell_size, estimate
 from wakeflow.core.errors import known
 from wakeflow.core.files import case_template, write_json
 from wakeflow.core.sources import code_key

@@ -28,8 +28,7 @@ from wakeflow.core.graded import Grade
 from wakeflow.flight import Body, Tracks
 from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.runs import run
-from wakeflow.runs.chain import chain
-from wakeflow.runs.planned import make_plan
+from wakeflow.runs.planned import chain, make_plan
 from wakeflow.scene import Scene
 
 FINER = 0.01

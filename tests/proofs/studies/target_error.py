@@ -33,8 +33,8 @@ from wakeflow.answer.provenance import RefinedSettings
 from wakeflow.answer.result import Result
 from wakeflow.answer.separation import separate
 from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.runs.effort import applied, cheapest, knobs, own_settings
 from wakeflow.runs.planned import make_plan
-from wakeflow.runs.settings import applied, cheapest, knobs, own_settings
 from wakeflow.scene import Scene
 
 from .common import Row, compile_tracker, show, with_one_fraction
@@ -78,7 +78,7 @@ def best_fixed(scene: Scene, target: float, tolerances: Sequence[float], rung: s
         settings = replace(own, granules=cheapest(own, target).granules, tolerance=tolerance)
         while (point := timed_run(applied(scene, settings), None, rung)).half > target:
             further = knobs["granules"].next(settings)
-            assert further is not None
+            assert further != settings
             settings = further
         found.append(point)
     return min(found, key=lambda point: point.seconds)

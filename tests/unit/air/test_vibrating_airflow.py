@@ -25,7 +25,13 @@ from wakeflow.air.foam.time_resolved import best_loop
 from wakeflow.air.mesh import build_mesh, plan_mesh
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.record import to_json
-from wakeflow.planning.lock_in import SHARES_MOVED, AirMotion, frequency_ratios, vibration_of_air, vibration_of_scene
+from wakeflow.planning.airflow_choice import (
+    SHARES_MOVED,
+    AirMotion,
+    frequency_ratios,
+    vibration_of_air,
+    vibration_of_scene,
+)
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 

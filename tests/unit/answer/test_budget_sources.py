@@ -16,12 +16,12 @@ import wakeflow as wf
 from support import landings_in, shipped
 from wakeflow.answer.budget.budget import NOTICEABLE, gain_by_replicates, in_ensemble, numerical, remedies, total_of
 from wakeflow.answer.budget.flown_again import MAX_FACTOR, AmongOthers, Comparison, compared, differences
+from wakeflow.answer.budget.inputs import AIR_SPEED, NO_EFFECT, VIBRATION, swung
 from wakeflow.answer.budget.mesh import Grid, difference_noise, mesh_error, shedding_noise
 from wakeflow.answer.budget.model import MODEL
 from wakeflow.answer.budget.slab_sources import beyond_chance
 from wakeflow.answer.budget.source import INPUTS, FractionResults, Parts, Source, add, budget_sources, signed_column
 from wakeflow.answer.budget.steps import NOISE
-from wakeflow.answer.budget.truncation import AIR_SPEED, NO_EFFECT, VIBRATION, swung
 from wakeflow.answer.cells import LandingCells
 from wakeflow.answer.draws import columns
 from wakeflow.answer.joint import JointAnswer
@@ -44,17 +44,17 @@ from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.flight.stages.slab_stage import CollisionRerun
 from wakeflow.flight.stages.track_stage import PerturbedRerun
 from wakeflow.laws.best_estimate import WakeEstimate, best_estimate
+from wakeflow.planning.airflow_choice import SHARES_MOVED
 from wakeflow.planning.collisions import CollisionPlan
 from wakeflow.planning.cost import flown_again
-from wakeflow.planning.lock_in import SHARES_MOVED
 from wakeflow.planning.plan import COMPARED, REPLICATES
 from wakeflow.planning.stage_cache import StageTime
 from wakeflow.planning.stages import StageCost, Workload
 from wakeflow.planning.unknowns import SIGMAS, unknowns
 from wakeflow.planning.wake import Wake
+from wakeflow.runs.effort import expected_half, expected_part, expected_seconds
 from wakeflow.runs.planned import make_plan
 from wakeflow.runs.refine import unreached_lines
-from wakeflow.runs.settings import expected_half, expected_part, expected_seconds
 from wakeflow.scene import Scene
 
 
@@ -386,7 +386,7 @@ def answer_of(value: float, moved: Callable[[np.ndarray], np.ndarray] | None = N
     by = np.zeros(len(z)) if moved is None else moved(z[:, 0])
     change = (by[:, None, None] * (even[:, 0] - even[:, 1])).astype(np.float32)
     return JointAnswer(
-        ("grain",), np.ones(1), {"grain": ("near",)}, 1.0, cells, None, keys, z,
+        ("grain",), np.ones(1), {"grain": ("near",)}, 1.0, cells, (), keys, z,
         (even @ np.array([value, 1.0 - value, 0.0]))[None], change, salt="run",
     )  # fmt: skip
 
@@ -570,6 +570,6 @@ def test_a_bin_that_no_draw_changes_is_not_moved_by_air_that_does_not_see_the_vi
     speed = next(one for one in unknowns(scene, plan) if one.key == AIR_SPEED)
     crude = BudgetPart(VIBRATION, 0.3, 0.0, CALIBRATED, NOT_COMPUTED)
     assert swung(scene, plan, crude, NO_EFFECT, speed).error == 0.0
-    assert swung(scene, plan, crude, None, speed).error == SHARES_MOVED < 0.3
+    assert swung(scene, plan, crude, NO_EFFECT, None).error == SHARES_MOVED < 0.3
     stronger = shipped("rhombus", {"vibration.gamma": 3.0})  # than was measured
-    assert swung(stronger, make_plan(stronger), crude, None, speed).error == 0.3
+    assert swung(stronger, make_plan(stronger), crude, NO_EFFECT, None).error == 0.3

@@ -48,7 +48,7 @@ def made(
     change = (by[:, :, None] * way).astype(np.float16).astype(np.float32)
     targets = {"soft": ("near",), "hard": ("far",)}
     return JointAnswer(
-        ("soft", "hard"), np.array([0.25, 0.75]), targets, 1.0, cells, None, KEYS,
+        ("soft", "hard"), np.array([0.25, 0.75]), targets, 1.0, cells, (), KEYS,
         z.astype(np.float32).astype(float), base, change, sources, salt,
     )  # fmt: skip
 

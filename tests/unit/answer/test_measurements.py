@@ -53,7 +53,7 @@ def answer(halves: Mapping[str, float], known: Mapping[str, InputSummary] = KNOW
     change = (z @ np.array(list(halves.values())) / SIGMAS)[:, None, None] * way
     roots = rest / SIGMAS * np.array([[[1.0], [-1.0], [0.0]]])
     joint = JointAnswer(
-        ("wheat",), np.ones(1), {"wheat": ("near",)}, 1.0, cells, None, tuple(halves), z, base[None],
+        ("wheat",), np.ones(1), {"wheat": ("near",)}, 1.0, cells, (), tuple(halves), z, base[None],
         change.astype(np.float32), (ErrorSource("sampling", roots),), "run",
     )  # fmt: skip
     return cast("Result", SimpleNamespace(joint=joint, landings=SimpleNamespace(inputs=known)))

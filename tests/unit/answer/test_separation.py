@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import norm, qmc
 
 from support import landings_in, shipped
+from wakeflow.answer.budget.mesh import cell_size, estimate, extrapolate, observed_order
 from wakeflow.answer.cells import LandingCells
 from wakeflow.answer.draws import DRAWS, ErrorSource, columns
-from wakeflow.answer.grid_convergence import cell_size, estimate, extrapolate, observed_order
 from wakeflow.answer.joint import Bins, JointAnswer, effects_in
 from wakeflow.answer.separation import change_of, changed, joint_answer, responses, separate
 from wakeflow.answer.shares import InputPart
@@ -19,6 +19,7 @@ from wakeflow.answer.spread import share_interval
 from wakeflow.core.errors import SceneError
 from wakeflow.core.number import Number
 from wakeflow.flight.stages.input_samples import DrawnLandings, InputSamples
+from wakeflow.planning.dependence import Dependence
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown
 from wakeflow.scene import Scene
 
@@ -143,7 +144,7 @@ def answered(
     draws = InputSamples(numbers, z, {name: on_floor(then, scene)}, {name: on_floor(own, scene)})
     every = on_floor(own.ravel() if answer is None else answer, scene)
     landings = {name: landings_in(every.bin, position=every.position.astype(float))}
-    inputs = changed(scene, numbers, None, responses(scene, draws))
+    inputs = changed(scene, numbers, Dependence(tuple(numbers), np.eye(len(numbers))), responses(scene, draws))
     return joint_answer(scene, landings, inputs=inputs).own
 
 
@@ -314,7 +315,7 @@ def test_the_answer_of_many_fractions_is_there_at_once() -> None:
     change[:, 0] = 0.0  # f0 stays where it is
     sampling = ErrorSource("sampling", np.zeros((count, 3, 1)), together=True)
     many = JointAnswer(
-        names, np.full(count, 1.0 / count), dict.fromkeys(names, ("far",)), 1.0, cells, None, keys, z, base, change,
+        names, np.full(count, 1.0 / count), dict.fromkeys(names, ("far",)), 1.0, cells, (), keys, z, base, change,
         (sampling,),
     ).own  # fmt: skip
     began = time.thread_time()

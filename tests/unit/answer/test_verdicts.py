@@ -9,8 +9,8 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.answer.budget import verdicts
-from wakeflow.answer.budget.verdicts import verdicts_of
+from wakeflow.answer.budget import agreement
+from wakeflow.answer.budget.agreement import verdicts_of
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import MET, NOT_MET, OPEN, BudgetPart
 from wakeflow.core.graded import Grade
@@ -67,7 +67,7 @@ def test_a_product_in_which_nothing_lands_is_open(small_run: Result, monkeypatch
     assert small_run.landings is not None
     empty = replace(small_run.landings.separation, dirt={"near": None})
     other = replace(small_run, landings=replace(small_run.landings, separation=empty))
-    monkeypatch.setattr(verdicts, "purchases", SimpleNamespace())  # nothing is measured of no number
+    monkeypatch.setattr(agreement, "purchases", SimpleNamespace())  # nothing is measured of no number
     (found,) = held_to(other.with_joint(small_run.joint), {"dirt": {"near": 0.1}}).limits
     assert (found.value, found.verdict, found.decides) == (None, OPEN, "a design in which something lands there")
 

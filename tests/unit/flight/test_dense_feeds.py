@@ -20,7 +20,7 @@ from wakeflow.air.kinds.airflow_kinds import FlownAir
 from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.answer.budget.slab_sources import BetweenGranulesRestitution, shows
-from wakeflow.answer.notices import _step_not_reached, notices
+from wakeflow.answer.notices import _step_not_reached, air_notices
 from wakeflow.answer.separation import separate
 from wakeflow.answer.shares import collisions_of
 from wakeflow.answer.spread import Tally
@@ -172,9 +172,7 @@ def test_the_force_of_a_dense_curtain_settles() -> None:
         return Pipeline(asked, make_plan(asked, force=CALM))
 
     few, enough = piped(3), piped(10)
-    few_told, told = (
-        [notice.text for notice in notices(one.scene, one, air_of(one), None, None)] for one in (few, enough)
-    )
+    few_told, told = ([notice.text for notice in air_notices(one.scene, one, air_of(one))] for one in (few, enough))
     off = r"the granules' force on the air has not settled, it is \d+ % off; numerics.loading_passes above 3 goes on"
     assert [line for line in few_told if re.fullmatch(off, line)]
     assert not [line for line in told if "force on the air" in line]

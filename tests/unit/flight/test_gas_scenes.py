@@ -14,7 +14,7 @@ from wakeflow.core.errors import SceneError, known
 from wakeflow.flight.feed.feedstock import feedstock, granules_of
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.laws.drag import slip_correction, terminal_velocity
-from wakeflow.planning.approach import approaches
+from wakeflow.planning.make import approaches
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.uniform_fall import UniformFall
 from wakeflow.runs.planned import make_plan

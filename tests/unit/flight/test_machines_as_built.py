@@ -11,7 +11,7 @@ import wakeflow as wf
 from support import G, shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.flight.stages.fraction_flights import bodies_and_walls
-from wakeflow.planning.lock_in import vibration_of_scene
+from wakeflow.planning.airflow_choice import vibration_of_scene
 from wakeflow.scene import Scene
 
 SIZE = 2e-3  # m, of the granules

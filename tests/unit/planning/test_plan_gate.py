@@ -21,8 +21,8 @@ from wakeflow.air.field import FlowField
 from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.answer.budget.budget import total_notices
 from wakeflow.answer.budget.flown_again import compared, free_ends
-from wakeflow.answer.budget.truncation import most_crossing, truncation_terms
-from wakeflow.answer.notices import notices
+from wakeflow.answer.budget.inputs import most_crossing, truncation_terms
+from wakeflow.answer.notices import flight_notices
 from wakeflow.answer.separation import separate
 from wakeflow.answer.shares import BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.cli import main
@@ -40,9 +40,7 @@ from wakeflow.laws.forces.fluctuations import EDDY, WAKE_INTENSITY
 from wakeflow.laws.forces.history_force import MEMORIES, history_kernel, history_time, memories_of
 from wakeflow.laws.material import materials
 from wakeflow.laws.turbulence import crossing_times
-from wakeflow.planning import make
-from wakeflow.planning.approach import approaches
-from wakeflow.planning.make import Planner
+from wakeflow.planning.make import approaches
 from wakeflow.planning.plan import Plan, whole_terms
 from wakeflow.planning.scene_lines import magnitude_lines
 from wakeflow.planning.terms import STICKING, TYPICAL, bounds
@@ -383,7 +381,7 @@ def test_dust_that_may_stay_on_grain_is_bounded() -> None:
     assert most(Scene.parse(tables)) == {}
     scene = shipped("rhombus")
     landed = cast(Tracked, SimpleNamespace(injected={}, landings={}, fates={}))
-    told = notices(scene, Pipeline(scene, make_plan(scene)), None, None, landed)
+    told = flight_notices(scene, Pipeline(scene, make_plan(scene)), landed)
     assert [one.text.endswith("the interval does not hold that") for one in told] == [True]
 
 
@@ -655,17 +653,6 @@ def test_a_plan_is_complete_when_it_is_made_and_cannot_be_changed(draft: Scene) 
         assert isinstance(getattr(plan, name), tuple)
     assert plan == make_plan(draft)
     assert plan.with_forces(BASE).fractions["wheat"].bounds == plan.fractions["wheat"].bounds
-
-
-def test_a_planner_makes_each_rungs_plan_once(draft: Scene) -> None:
-    planner = Planner(draft, force={"lift": True})
-    assert planner.plan("draft") is planner.plan("draft")
-    assert planner.plan("draft") == make.make_plan(draft, rung="draft", force={"lift": True})
-    assert planner.plan().rung == "draft"
-    assert planner.at(draft) is planner
-    faster = planner.at(draft.replace({"feed.rate": "900 kg/hour"}))
-    assert faster.force == {"lift": True}
-    assert faster.plan("draft").validity != planner.plan("draft").validity
 
 
 ABOVE_HALF = {("wake", "wheat", "buoyancy")}  # 0.57 of a bound that is a tenth of what any accuracy allows

@@ -20,9 +20,9 @@ from wakeflow.planning.cost import COMPILE, STARTED, begins, wall_seconds
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.stage_cache import StageCache, StageTime, StageTimes, code_of
 from wakeflow.planning.stages import OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, stages
+from wakeflow.runs.effort import expected_seconds
 from wakeflow.runs.planned import make_plan
 from wakeflow.runs.progress import RunProgress
-from wakeflow.runs.settings import expected_seconds
 from wakeflow.show.plan_words import cost_words
 
 COARSE = RefinedSettings(granules=1024, tolerance=1e-3, mesh_scale=2.0, averaging=None, slab=None)

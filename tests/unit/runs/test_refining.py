@@ -16,9 +16,7 @@ from wakeflow.answer.provenance import RefinedSettings, Refinement
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.planning.stage_cache import StageTime
-from wakeflow.runs.planned import make_plan
-from wakeflow.runs.refine import unreached_lines
-from wakeflow.runs.settings import (
+from wakeflow.runs.effort import (
     applied,
     cheapest,
     choose,
@@ -28,10 +26,12 @@ from wakeflow.runs.settings import (
     expected_seconds,
     finer,
     finest_of,
-    knobs,
     own_settings,
     reachable,
+    values,
 )
+from wakeflow.runs.planned import make_plan
+from wakeflow.runs.refine import unreached_lines
 from wakeflow.scene import Scene
 
 NOW = RefinedSettings(granules=1024, tolerance=1e-3, mesh_scale=None, averaging=None, slab=None)
@@ -158,7 +158,7 @@ def test_settings_go_into_a_scene_and_come_out_of_it() -> None:
     assert finer(first, own) == replace(own, slab=own.slab)
     assert cheapest(replace(own, granules=64), 0.02).granules == 64  # never finer than the scene
     finest = finest_of(own)
-    assert all((knobs[name].of(finest) is None) == (knobs[name].of(own) is None) for name in knobs)
+    assert values(finest).keys() == values(own).keys() == {"granules", "tolerance", "mesh", "slab"}
     shedding = own_settings(scene, make_plan(scene, rung="standard"))
     assert shedding.averaging == 0.05
     longer = scene.replace({"numerics.averaging": "1 %"})

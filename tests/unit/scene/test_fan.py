@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -18,7 +18,6 @@ from wakeflow.answer.budget.budget import _prices
 from wakeflow.answer.notices import _off_the_fan
 from wakeflow.extras.studies import operating
 from wakeflow.laws.operating_point import borne, meeting
-from wakeflow.planning.make import Planner
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.scene_lines import trade_lines
 from wakeflow.runs.run_stages import CHANNEL, FEW, _blown, as_blown
@@ -172,9 +171,8 @@ def prism(changes: dict[str, Any] | None = None) -> Scene:
 
 def blown_by(scene: Scene, loss: float = LOSS) -> Computed:
     plan = wf.plan(scene, rung="draft")
-    planner = Planner(scene)
     made = Computed(scene, plan, loss=loss)
-    found = _blown(cast("Pipeline", made), planner, "draft")
+    found = _blown(cast("Pipeline", made), partial(wf.plan, rung="draft"))
     assert isinstance(found, Computed)
     return found
 

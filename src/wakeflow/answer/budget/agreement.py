@@ -1,7 +1,10 @@
-"""An answer beside measured shares: both with their intervals, and whether they agree."""
+"""An answer beside measured shares, both with their intervals, whether they agree; and beside the limits of its scene:
+met, not met or open, and what would decide.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from math import hypot, sqrt
@@ -15,7 +18,10 @@ from ...planning.unknowns import SIGMAS
 from ...scene import Scene
 from ...scene.measured import Measured
 from ..joint import JointAnswer, Of
+from ..measurements import measured_words, purchases
 from ..result import Result
+from ..shares import OPEN, Standing, Verdict
+from .budget import remedies
 
 Array = NDArray[np.float64]
 RARE = 0.01  # a misfit that is less probable than that is none of chance
@@ -121,12 +127,12 @@ def agreement_of(joint: JointAnswer, measured: Measured, missed: Array | None = 
     normal. Raises SceneError for a tray of a fraction or bin that there is not.
     """
     weights, tables = weights_in(joint, measured), joint.own.tables()
-    told = tables.reshape(tables.shape[0] * tables.shape[1], -1) @ weights.T  # what each tray holds in every draw
+    in_draws = tables.reshape(tables.shape[0] * tables.shape[1], -1) @ weights.T  # what each tray holds in every draw
     noise = measured.covariance + (0.0 if missed is None else weights @ missed @ weights.T)
-    off = measured.shares - told.mean(axis=0)
-    inverse, freedom = inverse_of(np.atleast_2d(np.cov(told.T)) + noise)
-    chosen = np.random.default_rng(SEED).multivariate_normal(np.zeros(len(off)), noise, len(told))
-    seen = told - told.mean(axis=0) + chosen
+    off = measured.shares - in_draws.mean(axis=0)
+    inverse, freedom = inverse_of(np.atleast_2d(np.cov(in_draws.T)) + noise)
+    chosen = np.random.default_rng(SEED).multivariate_normal(np.zeros(len(off)), noise, len(in_draws))
+    seen = in_draws - in_draws.mean(axis=0) + chosen
     squares, square = np.einsum("ni,ij,nj->n", seen, inverse, seen), float(off @ inverse @ off)
     chance = (1.0 + float((squares >= square).sum())) / (1.0 + len(squares))
     alone = np.diag(inverse)
@@ -164,3 +170,47 @@ def measured_in(result: Result) -> Measured | None:
     """What was measured, as the scene of a run says; None without it."""
     trays = Scene.parse(result.scene).measured if result.scene.get("measured") else []
     return Measured.of(trays) if trays else None
+
+
+# -- An answer beside its limits ---------------------------------------------------------------------------------------
+def verdicts_of(result: Result) -> Iterator[Verdict]:
+    """A verdict on every limit of the scene of a ``result`` that has shares."""
+    if result.landings is None:
+        return
+    separation = result.landings.separation
+    for name, most in Scene.parse(result.scene).limit.asked.items():
+        kind, of = name.split(".")
+        value = separation.loss[of] if kind == "loss" else separation.dirt[of]
+        verdict = judged(result, value, most)
+        yield Verdict(name, most, value, verdict, _deciding(result, name, value, most) if verdict is OPEN else "")
+
+
+def judged(result: Result, value: Number | None, most: float) -> Standing:
+    """Whether a ``value`` of a ``result`` is known to be at most so much: met, not met or open. An answer that is void
+    says nothing, and one whose interval lacks something at most what exceeds the limit is known to be too little.
+    """
+    if value is None or result.void or result.lacking:
+        return OPEN
+    return Standing.of(value.low, value.high, most)
+
+
+def _deciding(result: Result, name: str, value: Number | None, most: float) -> str:
+    """What would decide of a limit that is open: first what is against every number of the answer, then finer
+    computing where that alone leaves it open, then the measurement that leaves the limit out of the interval.
+    """
+    if result.void:
+        return f"an answer that is not void: {result.why_void}"
+    if value is None:
+        return "a design in which something lands there"
+    if result.lacking:
+        cures = "; ".join(remedies(result.lacking)) or "nothing that the program computes"
+        return f"the size of {', '.join(result.lacking)}, which the interval lacks: {cures}"
+    if value.numerical is not None and value.value - value.numerical <= most < value.value + value.numerical:
+        return f"finer computing, which alone leaves +- {100 * value.numerical:.2g} points (--target-error)"
+    own = result.joint.own
+    of = own.of_name(name)
+    bought = [] if of is None else purchases(result, name, value, own.effects(of))
+    for one in bought:
+        if Standing.of(one.number.low, one.number.high, most) is not OPEN:
+            return f"measuring {measured_words(one)}"
+    return f"no measurement alone; first {measured_words(bought[0])}" if bought else "no single measurement"

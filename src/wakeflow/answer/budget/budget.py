@@ -150,8 +150,8 @@ def total_notices(rows: Sequence[BudgetRow], target: float) -> list[Notice]:
         error = TYPICAL * sum(small.values())
         name, _, place = row.quantity.removeprefix("share.").partition(".")
         if error > max(target, worst[name][0] if name in worst else 0.0):
-            told = f"{name}: the terms left out could change its share in {place} by {100 * error:.2g} points together"
-            worst[name] = error, f"{told}, more than the {100 * target:.2g} asked for; {_cure(small)}"
+            line = f"{name}: the terms left out could change its share in {place} by {100 * error:.2g} points together"
+            worst[name] = error, f"{line}, more than the {100 * target:.2g} asked for; {_cure(small)}"
     return [less_sure(text) for _, text in worst.values()]
 
 

@@ -96,11 +96,11 @@ class PassesOfLoading(Source[None]):
         effects = loading_effects(loading, list(fraction.shares))[fraction.name]
         for number, (bin_, effect) in enumerate(effects.items()):
             moved, last = effect.loaded - effect.without, loading.last_change(fraction.name, number)
-            told = (
+            note = (
                 f"in the steady airflow the force moves the share by {100 * moved:+.2g} points, its last pass by "
                 f"{100 * last:+.2g}; of the force {100 * loading.sampling:.2g} % are not known"
             )
-            found[bin_] = [self.part(hypot(last, loading.sampling * moved), note=told)]
+            found[bin_] = [self.part(hypot(last, loading.sampling * moved), note=note)]
         return found
 
 

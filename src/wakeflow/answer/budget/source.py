@@ -96,7 +96,7 @@ class Source(Generic[Flown]):
         """
         return part.size
 
-    def part(self, error: float | None, seconds: float = 0.0, note: str = "") -> BudgetPart:
+    def part(self, error: float, seconds: float = 0.0, note: str = "") -> BudgetPart:
         """A part of the budget in this source's name."""
         return BudgetPart(self.name, error, seconds, self.how, note=note)
 
@@ -127,7 +127,7 @@ class Flights:
     @cached_property
     def sample_errors(self) -> SampleErrors:
         """How the errors of all shares go together that finite numbers of granules and of shedding cycles make."""
-        return sample_errors(self.landings, len(self.pipeline.scene.bin), self.pipeline.scene.images)
+        return sample_errors(self.landings, len(self.pipeline.scene.bin), self.pipeline.scene.images or ())
 
     @cached_property
     def among(self) -> AmongOthers | None:
@@ -145,7 +145,7 @@ class Flights:
     def ensemble(self) -> JointAnswer:
         """The joint answer with what the unknown inputs change, and with no other source of error."""
         scene, draws = self.pipeline.scene, self._made.get(INPUTS)
-        if draws is not None and CHANGED not in self._made:
+        if draws is not None and self.ties is not None and CHANGED not in self._made:
             self._made[CHANGED] = changed(scene, draws.unknowns, self.ties, responses(scene, draws))
         factors = {} if self.among is None else {name: self.among.factor(name) for name in self.landings}
         salt = self.pipeline.tracks_key if self.crowd is None else f"{self.pipeline.collisions_key}"
@@ -191,7 +191,7 @@ class FractionResults:
     @cached_property
     def spreads(self) -> dict[str, Spread]:
         """What the share in every bin may be off by for being taken from few granules and few sheddings."""
-        found = share_spreads(self.landings, len(self.shares) - 1, self.pipeline.scene.images)
+        found = share_spreads(self.landings, len(self.shares) - 1, self.pipeline.scene.images or ())
         return dict(zip(self.shares, found, strict=True))
 
 
@@ -217,9 +217,9 @@ def in_order() -> list[Source[Any]]:
     return sorted((budget_sources[name] for name in budget_sources), key=lambda source: source.place)
 
 
-def source_of(part: BudgetPart) -> Source[Any] | None:
-    """The source that a part is of; None of a term that is left out."""
-    return budget_sources[part.source] if not part.kind and part.source in budget_sources else None
+def source_of(part: BudgetPart) -> Source[Any]:
+    """The source that a part is of; of a term that is left out one that no setting changes."""
+    return budget_sources[part.source] if not part.kind and part.source in budget_sources else Source()
 
 
 # -- What an error would be with other settings ------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from ...answer.budget.verdicts import judged
+from ...answer.budget.agreement import judged
 from ...answer.dividers import StoredLandings
 from ...answer.result import FILE, VOID, Result
 from ...answer.result_table import difference_of

@@ -306,7 +306,7 @@ def _write(found: Posterior, agreed: Matched) -> None:
             with sums.replacing(materials, COMMAND) as draft:
                 found.save(draft)
     answer = found.before if found.result is None else found.result
-    agreed.run.written(answer, agreed.flights.tracked, agreed.flights.landings, answer.joint)
+    agreed.run.written(answer.with_joint(answer.joint), agreed.flights.landings)
 
 
 def _write_tables(found: Posterior, folder: Path) -> None:

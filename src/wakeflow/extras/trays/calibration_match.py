@@ -20,7 +20,7 @@ from ...core.errors import SceneError, known
 from ...core.quantities import say
 from ...planning.stage_cache import Listener
 from ...planning.unknowns import Unknown, unknown_kinds
-from ...runs.answer import OneRun
+from ...runs.one_run import OneRun
 from ...runs.run_stages import stages_of
 from ...scene import Scene
 from ...scene.measured import Measured

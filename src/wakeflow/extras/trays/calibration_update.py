@@ -228,7 +228,7 @@ def _posterior(model: _Model, draws: Array) -> JointAnswer:
     rest = (cells - middle).astype(np.float16).astype(np.float32)
     apart = z.std(axis=0)  # inputs by what is known of them now
     own = ((z - z.mean(axis=0)) / np.where(apart > 0.0, apart, 1.0)).astype(np.float32).astype(float)
-    return replace(joint, base=middle, change=rest, z=own, sources=(), images=None)
+    return replace(joint, base=middle, change=rest, z=own, sources=(), images=())
 
 
 def _within(base: Array, parts: Array) -> Array:
