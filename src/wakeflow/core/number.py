@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
-from pydantic import BeforeValidator
+from .record import Null, column
 
-from .record import column
-
-# What has no bound is infinite here and null in JSON.
-Most = Annotated[float, BeforeValidator(lambda x: math.inf if x is None else x)]
-Least = Annotated[float, BeforeValidator(lambda x: -math.inf if x is None else x)]
+# What has no bound is infinite here and null in JSON; what is not known is not a number here.
+Most = Annotated[float, Null(math.inf)]
+Least = Annotated[float, Null(-math.inf)]
+Known = Annotated[float, Null(math.nan)]
+Count = Annotated[int, Null(0)]
 
 
 @dataclass(frozen=True)

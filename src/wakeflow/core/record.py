@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Hashable, Iterator, Mapping
-from dataclasses import MISSING, field, fields, is_dataclass
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import ConfigDict, GetCoreSchemaHandler, TypeAdapter, ValidationError
+from pydantic_core import core_schema
 
 from .errors import SceneError
 from .files import write_json
@@ -50,6 +51,24 @@ def _is_none(value: object) -> bool:
     return value is None
 
 
+@dataclass(frozen=True)
+class Null:
+    """Marks a column (``Annotated[float, Null(math.nan)]``) that is ``empty`` where nothing is known, and null in JSON:
+    a number that is none, or what is false (0 of a count, "", no entries, a record that says so of itself).
+    """
+
+    empty: Any
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        inner, number = handler(source), isinstance(self.empty, float)  # of numbers JSON has neither NaN nor infinity
+        writes = core_schema.wrap_serializer_function_ser_schema(
+            lambda value, write: write(value) if number or value else None, schema=inner
+        )
+        return core_schema.no_info_before_validator_function(
+            lambda given: self.empty if given is None else given, inner, serialization=writes
+        )
+
+
 class Column(NamedTuple):
     """One key of a record's JSON table: the ``name`` of its field, the ``kind`` of value, ``unit`` and ``meaning``."""
 
@@ -64,12 +83,14 @@ class Column(NamedTuple):
 
 def columns(kind: type) -> Iterator[Column]:
     """The columns of a record type, in the order of its JSON table."""
-    hints = get_type_hints(kind)
+    hints, marks = get_type_hints(kind), get_type_hints(kind, include_extras=True)
     for one in fields(kind):
         if (extra := one.metadata.get("json_schema_extra")) is not None:
             about, key = one.metadata["description"], one.metadata.get("alias", one.name)
             absent = "exclude_if" in one.metadata
-            yield Column(one.name, key, hints[one.name], extra["unit"], about, absent, extra["flat"])
+            null = any(isinstance(mark, Null) for mark in getattr(marks[one.name], "__metadata__", ()))
+            hint = hints[one.name] | None if null else hints[one.name]
+            yield Column(one.name, key, hint, extra["unit"], about, absent, extra["flat"])
 
 
 def _any(kind: Any) -> Hashable:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...core.number import Number
 from ...core.record import JsonTable, from_json
 from ...laws.turbulence import NUT
-from .airflow_result import CaseResult, CheckMesh, MeshMotionSummary, RunStatistics
+from .airflow_result import AT_REST, CaseResult, CheckMesh, MeshMotionSummary, RunStatistics
 from .case import FlowSpec, axis_points
 from .force_history import CD, Tail, read_table, spread
 from .read import LOOP, STATES, CaseFields, Snapshot, late_states, loop_of, mean_of, nodes_of
@@ -202,9 +202,9 @@ def plane_numbers(
     }, at_rear
 
 
-def motion_in(loop: JsonTable) -> MeshMotionSummary | None:
-    """How the mesh moves that a ``loop`` was recorded on; None where it rests."""
-    return from_json(MeshMotionSummary, loop["motion"], LOOP) if "motion" in loop else None
+def motion_in(loop: JsonTable) -> MeshMotionSummary:
+    """How the mesh moves that a ``loop`` was recorded on."""
+    return from_json(MeshMotionSummary, loop["motion"], LOOP) if "motion" in loop else AT_REST
 
 
 def _mean_pressure(plane: PlaneMesh, shots: Sequence[Snapshot], chosen: NDArray[np.bool_]) -> float:

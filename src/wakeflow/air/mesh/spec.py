@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import MeshError
 from ...core.geometry import WallEdge, wall_edge
+from ...core.number import Count, Known
 from ...core.process import call_in_child
-from ...core.record import column, save
+from ...core.record import Null, column, save
 
 # -- What to mesh ------------------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
@@ -122,14 +123,14 @@ class MeshReport:
     """Counts and quality of the mesh; of a given case only its cells."""
 
     cells: int = column("1", "cells")
-    points: int | None = column("1", "points", default=None)
+    points: Count = column("1", "points", default=0)
     quads: int | None = column("1", "quadrangles", default=None)
     triangles: int | None = column("1", "triangles", default=None)
-    min_angle: float | None = column("deg", "smallest angle of a cell", default=None)
-    max_angle: float | None = column("deg", "largest angle of a cell", default=None)
-    max_aspect: float | None = column("1", "largest ratio of edges of a cell", default=None)
-    smallest_edge: float | None = column("m", "smallest edge of a cell", default=None)
-    boundary: dict[str, int] | None = column("1", "edges of each patch", default=None)
+    min_angle: Known = column("deg", "smallest angle of a cell", default=math.nan)
+    max_angle: Known = column("deg", "largest angle of a cell", default=math.nan)
+    max_aspect: Known = column("1", "largest ratio of edges of a cell", default=math.nan)
+    smallest_edge: Known = column("m", "smallest edge of a cell", default=math.nan)
+    boundary: Annotated[dict[str, int], Null({})] = column("1", "edges of each patch", default=dict)
 
 
 def read_mesh(path: Path) -> tuple[Array, dict[str, NDArray[np.intp]], dict[str, int]]:
@@ -221,9 +222,9 @@ def build_mesh(spec: MeshSpec, folder: Path, *, timeout: float = 300.0) -> MeshR
     missing = sorted(set(spec.patches) - {"front", "back"} - set(boundary))
     if missing:
         raise MeshError(f"the mesh has no edges on: {', '.join(missing)}; log: {log}", log=log)
-    if (sharpest := report.min_angle or 0.0) < MIN_ANGLE:
+    if report.min_angle < MIN_ANGLE:
         raise MeshError(
-            f"the mesh has a cell with an angle of {sharpest:.1f} degrees (at least {MIN_ANGLE:g} needed): "
+            f"the mesh has a cell with an angle of {report.min_angle:.1f} degrees (at least {MIN_ANGLE:g} needed): "
             f"check the outlines for near-coincident corners; log: {log}",
             log=log,
         )
