@@ -74,7 +74,7 @@ def read_sheet(path: Path, *, headed: bool = True, whole: str = "") -> Sheet:
     while table and (not heads if headed else not QUANTITY.fullmatch(table[0][1][0])):
         heads = _without_end(table.pop(0)[1])
     width = len(heads) if headed else 0
-    points = {found[2] for _, row in table for cell in row if (found := _decimal(cell))}
+    points = {mark for _, row in table for cell in row if (mark := _decimal_mark(cell))}
     units = {i: found[2] for i, head in enumerate(heads) if (found := HEAD.fullmatch(head))}
     names = [found[1].lower() if (found := HEAD.fullmatch(head)) else head.lower() for head in heads]
     rows = []
@@ -122,11 +122,11 @@ def _without_end(cells: list[str], least: int = 0) -> list[str]:
     return cells
 
 
-def _decimal(cell: str) -> re.Match[str] | None:
-    """The number of a cell whose mark can only be a decimal one."""
-    found = QUANTITY.fullmatch(cell)
-    parted = None if found is None else DECIMAL.fullmatch(found[1])
-    return None if parted is None or PARTED.fullmatch(parted[0]) else parted
+def _decimal_mark(cell: str) -> str:
+    """The mark in the number of a cell that can only be a decimal one; empty for any other."""
+    number = QUANTITY.fullmatch(cell)
+    parted = number and DECIMAL.fullmatch(number[1])
+    return "" if parted is None or PARTED.fullmatch(parted[0]) else parted[2]
 
 
 def _plain(cell: str, unit: str, points: set[str], at: str, whole: str) -> str:

@@ -132,8 +132,8 @@ def _joined(lines: list[Array]) -> tuple[list[Array], int]:
             continue
         parts = [free.take(number)]
         start, end = parts[0][0], parts[0][-1]
-        while math.dist(start, end) > near and (met := free.meeting(end)) is not None:
-            line = free.take(met[0])[:: -1 if met[1] else 1]
+        while math.dist(start, end) > near and (met := free.meeting(end)):
+            line = free.take(met[0][0])[:: -1 if met[0][1] else 1]
             parts.append(line[1:])
             end = line[-1]
         chain = np.concatenate(parts)
@@ -164,12 +164,12 @@ class _FreeEnds:
             del self.squares[self._square(end)][number, backward]
         return line
 
-    def meeting(self, point: Array) -> tuple[int, bool] | None:
-        """The first line with an end at ``point``, and whether that is its last point; None where there is none."""
+    def meeting(self, point: Array) -> list[tuple[int, bool]]:
+        """The lines with an end at ``point``, the first one first, and of each whether that is its last point."""
         column, row = self._square(point)
         around = (self.squares.get((column + i, row + j), {}) for i in (-1, 0, 1) for j in (-1, 0, 1))
         met = (next((one for one, end in ends.items() if math.dist(end, point) <= self.near), None) for ends in around)
-        return min((one for one in met if one is not None), default=None)
+        return sorted(one for one in met if one is not None)
 
     def _square(self, point: Array) -> tuple[int, int]:
         return math.floor(point[0] / self.near), math.floor(point[1] / self.near)

@@ -198,7 +198,7 @@ class Fraction(Table):
                 raise SceneError("give impact or inertia, not both")
         for name in COEFFICIENTS:
             self._middle(name)
-        if self.flake and self._dimensions is None:
+        if self.flake and not self._dimensions:
             raise SceneError("impact = 'flake' needs dimensions = [length, width, thickness]")
         if self.tangential_restitution and self.inertia is None:
             raise SceneError("tangential_restitution is of granules that turn; give an impact model or inertia too")
@@ -314,13 +314,13 @@ class Fraction(Table):
         return self.own_inertia is None and impact_models[self.impact_model].flake
 
     @property
-    def _dimensions(self) -> Sequence[float] | None:
-        return self.dimensions or self._source.dimensions
+    def _dimensions(self) -> Sequence[float]:
+        return self.dimensions or self._source.dimensions or ()
 
     @property
     def shape(self) -> Array:
         """Length, width and thickness (3,) over the diameter of the ball of equal volume; ones of a ball."""
-        return np.ones(3) if self._dimensions is None else shape_of(self._dimensions, flake=self.flake)
+        return shape_of(self._dimensions, flake=self.flake) if self._dimensions else np.ones(3)
 
     @property
     def roundness(self) -> float:

@@ -172,7 +172,7 @@ def doubted_lengths(data: Mapping[str, object]) -> Iterator[tuple[Place, float, 
     all of them, or above LARGEST; and that median (m). One with a unit is never doubted.
     """
     given = {
-        place: (value, _metres(value))
+        place: (value, _metres_in(value))
         for place, value, node in values_in(data)
         if place[0] in MACHINE and (unit_and_example(node) or ("",))[0] == "m"
     }
@@ -183,14 +183,14 @@ def doubted_lengths(data: Mapping[str, object]) -> Iterator[tuple[Place, float, 
             yield place, length, scale
 
 
-def _metres(value: object) -> float | None:
-    """The length that a value says; None where it says none, which is another message's matter."""
+def _metres_in(value: object) -> float:
+    """The length that a value says; 0 where it says none, which is another message's matter."""
     if not isinstance(value, str):
-        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else 0.0
     try:
         return quantity(value, "m", "")
     except ValueError:
-        return None
+        return 0.0
 
 
 def doubts(data: Mapping[str, object], among: Iterable[Place]) -> dict[str, str]:

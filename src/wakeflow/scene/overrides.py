@@ -130,8 +130,8 @@ def _keeps_keys(place: Sequence[str]) -> bool:
     return len(place) <= depth
 
 
-def unquoted(words: Sequence[str]) -> str | None:
-    """How to write ``--set KEY=7 m/s`` of a command line's ``words``, whose blank has parted the value; None where no
+def unquoted(words: Sequence[str]) -> str:
+    """How to write ``--set KEY=7 m/s`` of a command line's ``words``, whose blank has parted the value; empty where no
     setting is followed by a word that goes on with it.
     """
     for place, word in enumerate(words[:-2]):
@@ -140,7 +140,7 @@ def unquoted(words: Sequence[str]) -> str | None:
             key, *parts = [one for one in rest if not one.endswith(".toml")]
             if parts:
                 return f"put quotes round a value with blanks: --set '{' '.join([key, *parts])}'"
-    return None
+    return ""
 
 
 def _refuse_misspelt(place: tuple[str, ...], table: str, key: str, data: JsonTable, name: str) -> None:

@@ -279,9 +279,9 @@ class SceneTables(Table):
         """The bodies that keep what touches them, or a part of it, each with the place of its bin among the bins."""
         return {one.body: i for i, one in enumerate(self.bin.values()) if one.body is not None}
 
-    def on_sides(self, side: str | None = None) -> dict[str, SideBin]:
+    def on_sides(self, side: str = "") -> dict[str, SideBin]:
         """The bins that are stretches of a ``side`` of the channel, or of any."""
-        return {name: one for name, one in self.bin.items() if isinstance(one, SideBin) and side in (None, one.on)}
+        return {name: one for name, one in self.bin.items() if isinstance(one, SideBin) and side in ("", one.on)}
 
     @property
     def all_kept(self) -> list[str]:

@@ -77,12 +77,8 @@ def cells(triangles: ArrayLike, nodes: Array) -> Index:
     return np.ascontiguousarray(cells)
 
 
-def times(values: ArrayLike | None, period: float | None) -> Array | None:
-    """Increasing times (T,) s that span no more than the ``period`` (s); None without times, then without a period."""
-    if values is None:
-        if period is not None:
-            raise SceneError(f"period = {period} s needs the times of the snapshots")
-        return None
+def times(values: ArrayLike, period: float | None) -> Array:
+    """Increasing times (T,) s that span no more than the ``period`` (s), where there is one."""
     clock = finite("times", values, "s")
     if clock.ndim != 1 or not len(clock):
         raise SceneError(f"times: shape {clock.shape}, expected (T,)")
@@ -93,10 +89,12 @@ def times(values: ArrayLike | None, period: float | None) -> Array | None:
     return clock
 
 
-def coefficients(values: ArrayLike, knots: Array | None, period: float | None) -> Array:
-    """Coefficients (T, R) of splines whose ``knots`` (T,) s are the times: uniform over the period, at least four."""
+def coefficients(values: ArrayLike, knots: Array | None, period: float) -> Array:
+    """Coefficients (T, R) of splines whose ``knots`` (T,) s are the times: uniform over the ``period`` (s; 0 without
+    one), at least four.
+    """
     array = finite("coefficients", values)
-    if knots is None or period is None or len(knots) < 4:
+    if knots is None or not period or len(knots) < 4:
         raise SceneError("coefficients: need a period and at least four times, the knots of the splines")
     if array.ndim != 2 or array.shape[0] != len(knots) or array.shape[1] < 1:
         raise SceneError(f"coefficients: shape {array.shape}, expected ({len(knots)}, R), a row for each time")

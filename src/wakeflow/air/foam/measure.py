@@ -41,17 +41,15 @@ class Coefficients:
     notes: tuple[str, ...] = ()
 
 
-def drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str, float]:
-    """Cd of each of several bodies, averaged as Cd of a steady run is; else the mean from ``begin`` (s) on."""
-    found = {}
+def drag_of_each(spec: FlowSpec, folder: Path, begin: float) -> dict[str, float]:
+    """Cd of each of several bodies: the mean from ``begin`` (s) on; 0: averaged as Cd of a run that came to rest is."""
+    drags = {}
     for name in spec.mesh.names if len(spec.mesh.names) > 1 else ():
         rows = read_table(folder, f"drag_{name}", (CD,))
-        if begin is None:
-            found[name] = float(_window(rows)[:, 1].mean())
-            continue
-        late = rows[rows[:, 0] >= begin]
-        found[name] = float(np.trapezoid(late[:, 1], late[:, 0]) / np.ptp(late[:, 0]))
-    return found
+        late = rows[rows[:, 0] >= begin] if begin else _window(rows)
+        integral = np.trapezoid(late[:, 1], late[:, 0]) / np.ptp(late[:, 0]) if begin else late[:, 1].mean()
+        drags[name] = float(integral)
+    return drags
 
 
 def spanned(rows: Array, *notes: str) -> Coefficients:
@@ -118,14 +116,14 @@ class Edges(NamedTuple):
         return cls(plane.on("inlet"), plane.on("outlet"), fields.wall & body)
 
 
-def _since(spec: FlowSpec, folder: Path, rows: Array, loop: JsonTable) -> tuple[float | None, Coefficients]:
+def _since(spec: FlowSpec, folder: Path, rows: Array, loop: JsonTable) -> tuple[float, Coefficients]:
     """When the record began (s, or iterations) that an airflow is measured on, and what its history says since then;
-    None of one that came to rest: its end alone counts.
+    0 of one that came to rest: its end alone counts.
     """
     if loop:
         return loop["begin"], in_time(spec, rows, loop["begin"])
     if not late_states(folder):
-        return None, at_rest(spec, rows)
+        return 0.0, at_rest(spec, rows)
     begin = json.loads((folder / STATES).read_text())["begin"]
     late = rows[rows[:, 0] > begin]
     return begin, spanned(late, _unsettled(late[:, 1]))

@@ -50,13 +50,13 @@ PERIODIC = {"length": 0.01, "drag": 0.01, "lift": 0.03}  # relative spread from 
 class Statistics:
     """Means since ``begin`` (s, the end of the start-up) over ``periods`` whole periods of mean length ``period`` (s).
 
-    ``frequency`` (1/s) and ``period`` are None where the lift shows no shedding; the mean is then taken over equal
+    ``frequency`` (1/s) is None and ``period`` 0 where the lift shows no shedding; the mean is then taken over equal
     pieces of the record. ``cp_base`` is in the units of the history. ``excess``: the largest of half-width over the
     half-width asked; the answer is settled when it is at most 1.
     """
 
     begin: float
-    period: float | None
+    period: float
     periods: int
     cd: Number
     cl_rms: Number
@@ -99,7 +99,7 @@ def evaluate(rows: Array, accuracy: float) -> Statistics | None:
     found = {name: _at_least(part, RESOLVED * asked[name]) for name, part in parts.items()}
     return Statistics(
         begin=float(kept[0, 0]),
-        period=length.value if shedding else None,
+        period=length.value if shedding else 0.0,
         periods=len(kept),
         cd=found["cd"],
         cl_rms=found["cl_rms"],
@@ -255,6 +255,5 @@ class Stopping:
         if now < self.next:
             return False
         found = evaluate(rows, self.accuracy)
-        period = (found.period if found else None) or 0.0
-        self.next = now + max(LATER * (now - first), 2 * period)
+        self.next = now + max(LATER * (now - first), 2 * found.period if found else 0.0)
         return found is not None and found.stands
