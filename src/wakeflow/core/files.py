@@ -133,25 +133,19 @@ def read_whole(path: Path, most: int = MAX_INPUT) -> bytes:
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
         if not stat.S_ISREG(about.st_mode):
             raise SceneError(f"{path}: is a device or a pipe; name a file")
-        found = _bytes_of(handle, most, path)
+        content = bytearray()
+        try:
+            while len(content) <= most and (part := os.read(handle, PIECE)):
+                content += part
+        except OSError as problem:  # names no file
+            raise SceneError(f"{path}: cannot be read ({problem.strerror}); is its disk damaged or away?") from None
     finally:
         os.close(handle)
-    if len(found) > most:
+    if len(content) > most:
         raise SceneError(
             f"{path}: has more than {most / 1e6:g} MB, which nothing of its kind has; is it the right file?"
         )
-    return found
-
-
-def _bytes_of(handle: int, most: int, path: Path) -> bytes:
-    """At most PIECE more than ``most`` bytes of an open file, ``path`` in the message of SceneError."""
-    found = bytearray()
-    try:
-        while len(found) <= most and (part := os.read(handle, PIECE)):
-            found += part
-    except OSError as problem:  # names no file
-        raise SceneError(f"{path}: cannot be read ({problem.strerror}); is its disk damaged or away?") from None
-    return bytes(found)
+    return bytes(content)
 
 
 def digest_of(path: Path) -> str:

@@ -30,22 +30,17 @@ INCLUDED = 100  # files: more are one that includes itself
 ETC = "/usr/share/openfoam"  # WM_PROJECT_DIR of Debian's package
 
 
-def read_entries(path: Path) -> Entries:
-    """What a dictionary or a field says, packed by gzip or not, its header as FoamFile.
+def read_entries(path: Path) -> tuple[Entries, list[Path]]:
+    """What a dictionary or a field says, packed by gzip or not, its header as FoamFile; and the files that were read:
+    with those that it includes.
 
     A list of values as internalField is not written out where a patch names it: it stays ``$internalField``. Raises
     FoamError, with file and line, for what is cut short, computed by OpenFOAM, or defined nowhere; OSError where there
     is no file.
     """
-    return entries_and_files(path)[0]
-
-
-def entries_and_files(path: Path) -> tuple[Entries, list[Path]]:
-    """The same, and the files that were read: with those that it includes."""
-    files, found = list[Path](), Entries()
-    reader = _Reader(path, files)
+    reader, found = _Reader(path, []), Entries()
     reader.fill((found,))
-    return {"FoamFile": reader.header, **found}, files
+    return {"FoamFile": reader.header, **found}, reader.files
 
 
 def text_of(entries: Entries) -> str:

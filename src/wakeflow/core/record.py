@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
-from functools import cache
+from functools import cache, partial
+from operator import is_
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
@@ -40,15 +41,11 @@ def column(
     ``dict`` for an empty one.
     """
     metadata: dict[str, object] = {"description": meaning, "json_schema_extra": {"unit": unit, "flat": flat}}
-    metadata |= {"exclude_if": _is_none} if absent else {}
+    metadata |= {"exclude_if": partial(is_, None)} if absent else {}
     metadata |= {"alias": key} if key else {}
     if default is dict:
         return field(default_factory=dict, metadata=metadata)
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
-
-
-def _is_none(value: object) -> bool:
-    return value is None
 
 
 @dataclass(frozen=True)
@@ -61,12 +58,9 @@ class Null:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         inner, number = handler(source), isinstance(self.empty, float)  # of numbers JSON has neither NaN nor infinity
-        writes = core_schema.wrap_serializer_function_ser_schema(
-            lambda value, write: write(value) if number or value else None, schema=inner
-        )
-        return core_schema.no_info_before_validator_function(
-            lambda given: self.empty if given is None else given, inner, serialization=writes
-        )
+        read = core_schema.no_info_before_validator_function(lambda x: self.empty if x is None else x, inner)
+        written = core_schema.wrap_serializer_function_ser_schema(lambda x, write: write(x) if number or x else None)
+        return {**read, "serialization": written}
 
 
 class Column(NamedTuple):
@@ -93,11 +87,6 @@ def columns(kind: type) -> Iterator[Column]:
             yield Column(one.name, key, hint, extra["unit"], about, absent, extra["flat"])
 
 
-def _any(kind: Any) -> Hashable:
-    """A type as a key of a cache: mypy does not take every type for hashable."""
-    return kind  # type: ignore[no-any-return]
-
-
 @cache
 def _adapter(kind: Hashable) -> TypeAdapter[Any]:
     """Of a table with one record in it: its key names where the record comes from, in errors."""
@@ -113,7 +102,8 @@ def _plain(value: Any) -> object:
 def to_json(value: object) -> Any:
     """A record, or what holds some, as JSON knows it: records become dicts, sequences lists; numbers and text stay."""
     kind = type(value) if is_dataclass(value) else Any
-    return json.loads(_adapter(_any(kind)).dump_json({"": value}, warnings=False, fallback=_plain))[""]
+    adapter = _adapter(kind)  # type: ignore[arg-type]  # mypy does not take every type for hashable
+    return json.loads(adapter.dump_json({"": value}, warnings=False, fallback=_plain))[""]
 
 
 def from_json(kind: type[Kind], table: object, where: str = "result.json") -> Kind:
@@ -122,7 +112,7 @@ def from_json(kind: type[Kind], table: object, where: str = "result.json") -> Ki
     Raises SceneError, naming ``where`` and the key, where a key is missing or unknown or holds what it cannot.
     """
     try:
-        found: Kind = _adapter(_any(kind)).validate_python({where: table})[where]
+        found: Kind = _adapter(kind).validate_python({where: table})[where]  # type: ignore[arg-type]
     except ValidationError as problem:
         first = problem.errors()[0]
         _, *keys = map(str, first["loc"])

@@ -62,7 +62,7 @@ def _wanted_by(module: str, name: str) -> Iterator[tuple[str, str]]:
         return
     if name == ALL:  # as an object: whatever it hands on
         yield from ((source, inner) for source, inner, _, _ in imports)
-    elif _exists(f"{module}.{name}"):
+    elif any(place.exists() for place in _places(f"{module}.{name}")):
         yield f"{module}.{name}", ALL
     else:  # a lazy name stands among its imports for type checking
         yield from ((source, inner) for source, inner, bound, _ in imports if bound == name)
@@ -104,14 +104,9 @@ def _source(node: ast.ImportFrom, package: str) -> str:
     return ".".join([*above, *([node.module] if node.module else [])])
 
 
-def _exists(module: str) -> bool:
-    return any(path.exists() for path in _places(module))
-
-
 def _path(module: str) -> Path:
-    for path in _places(module):
-        if path.exists():
-            return path
+    if path := next((path for path in _places(module) if path.exists()), None):
+        return path
     raise ModuleNotFoundError(f"{module} is no module of {NAME}", name=module)
 
 

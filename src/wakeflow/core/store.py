@@ -152,25 +152,19 @@ def cache_in_use(root: Path, *, alone: bool = False) -> Iterator[bool]:
     that is so; the block runs either way.
     """
     root.mkdir(parents=True, exist_ok=True)
-    handle = _opened(root / USERS, alone)
-    if handle is None:
+    handle = -1
+    # For reading where others own the cache and share it for reading alone: their cleaning waits for us too
+    for way in [os.O_RDWR | os.O_CREAT] if alone else [os.O_RDWR | os.O_CREAT, os.O_RDONLY]:
+        with suppress(OSError):
+            handle = os.open(root / USERS, way | os.O_CLOEXEC, 0o666)
+            break
+    if handle < 0:  # that cannot be, or the cache is theirs and we would clean it
         yield not alone
         return
     try:
         yield _used(handle, alone)
     finally:
         os.close(handle)
-
-
-def _opened(users: Path, alone: bool) -> int | None:
-    """The file that is locked, open; for reading where others own the cache and share it for reading alone: their
-    cleaning waits for us too. None where that cannot be, and where we would clean what is theirs.
-    """
-    ways = [os.O_RDWR | os.O_CREAT] if alone else [os.O_RDWR | os.O_CREAT, os.O_RDONLY]
-    for way in ways:
-        with suppress(OSError):
-            return os.open(users, way | os.O_CLOEXEC, 0o666)
-    return None
 
 
 def _used(handle: int, alone: bool) -> bool:
@@ -204,7 +198,8 @@ class Store:
 
         final = self.root / stage / key
         if self._whole(final):
-            _note_use(final)
+            with suppress(PermissionError):  # a cache that others own and share for reading alone
+                os.utime(final / MANIFEST)  # the stage that was used longest ago goes first when the cache is cleaned
             return final, True
         mark(self.root, stage)
         part = final.with_name(f"{key}.part")
@@ -299,12 +294,6 @@ def _members(folder: Path) -> list[str]:
     """Every file below the folder, except what a killed ``atomic_write`` left behind."""
     files = (p for p in folder.rglob("*") if p.is_file() and p.name not in (MANIFEST, BEGUN))
     return sorted(p.relative_to(folder).as_posix() for p in files if not (p.name[0] == "." and p.suffix == ".tmp"))
-
-
-def _note_use(folder: Path) -> None:
-    """Note that a stage was used now, which decides what goes first when the cache is cleaned."""
-    with suppress(PermissionError):  # a cache that others own and share for reading alone
-        os.utime(folder / MANIFEST)
 
 
 # -- What the cache holds ----------------------------------------------------------------------------------------------

@@ -12,28 +12,13 @@ from pathlib import Path
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write, scene_templates
-from ..core.record import JsonTable
 from ..core.registry import did_you_mean
 from .scene import Scene
+from .table import flat as flat  # handed on
 
 # -- What differs between scenes ---------------------------------------------------------------------------------------
 LONGEST = 100  # letters of a folder's name: file systems take 255 bytes, people fewer
 PARTS = "+"  # between the changes in a name
-
-
-def flat(tables: Mapping[str, object]) -> JsonTable:
-    """Nested tables as dotted keys and their values.
-
-    >>> flat({"air": {"speed": 5.0}, "fraction": {"husk": {"size": {"mean": 1e-3}}}})
-    {'air.speed': 5.0, 'fraction.husk.size.mean': 0.001}
-    """
-    found: dict[str, object] = {}
-    for key, value in tables.items():
-        if isinstance(value, Mapping) and value:
-            found |= {f"{key}.{below}": member for below, member in flat(value).items()}
-        else:
-            found[key] = value
-    return found
 
 
 def differing(scenes: Sequence[Scene]) -> dict[str, list[object]]:

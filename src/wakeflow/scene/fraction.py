@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -45,6 +45,22 @@ for _name in sizes:
 Factor = Annotated[float, Field(gt=1, le=10)]
 
 
+class Spread(LawTable):
+    """How a quantity of the granules spreads over their mass: one of the ``laws``, and its parameters."""
+
+    laws: ClassVar[Registry[Callable[..., Array]]]
+    distribution: str
+
+    @model_validator(mode="after")
+    def _has_quantiles(self) -> Self:
+        self.quantile(np.array([0.5]))
+        return self
+
+    def quantile(self, p: Array) -> Array:
+        """What the quantity (SI) is below in the mass fractions ``p``."""
+        return made_by(self.laws, self.distribution, p, **self.given)
+
+
 @parameters(
     diameter=Diameter,
     **dict.fromkeys(("low", "high", "mean", "std", "median"), Diameter),
@@ -56,36 +72,20 @@ Factor = Annotated[float, Field(gt=1, le=10)]
         list[Annotated[float, Field(ge=0, le=1), SHARE]], "table: mass fraction finer than each sieve, from 0 to 1"
     ),
 )  # fmt: skip
-class Size(LawTable):
+class Size(Spread):
     """A size distribution by mass: ``distribution`` and its parameters."""
 
+    laws: ClassVar = sizes
     distribution: str = Field(description="one of: " + ", ".join(sizes))
     file: str | None = Field(None, description="a CSV file of a sieve analysis, instead of all other keys")
 
-    @model_validator(mode="after")
-    def _has_quantiles(self) -> Size:
-        self.quantile(np.array([0.5]))
-        return self
-
-    def quantile(self, p: Array) -> Array:
-        """Diameters (m) below which the mass fractions ``p`` lie."""
-        return made_by(sizes, self.distribution, p, **self.given)
-
 
 @parameters(**dict.fromkeys(("low", "high", "mean", "std", "median"), PositiveSpeed), geometric_std=Factor)
-class Speeds(LawTable):
+class Speeds(Spread):
     """Terminal velocities as they were measured, spread over the granules by mass, whatever their sizes."""
 
+    laws: ClassVar = spreads
     distribution: str = Field(description="one of: " + ", ".join(spreads))
-
-    @model_validator(mode="after")
-    def _has_quantiles(self) -> Speeds:
-        self.quantile(np.array([0.5]))
-        return self
-
-    def quantile(self, p: Array) -> Array:
-        """Terminal velocities (m/s) below which the mass fractions ``p`` lie."""
-        return made_by(spreads, self.distribution, p, **self.given)
 
 
 # -- [fraction.NAME] ---------------------------------------------------------------------------------------------------
@@ -107,18 +107,13 @@ def _number_law_or_table(value: object) -> str:
     return _number_or_table(value)
 
 
-def _one_diameter(value: object) -> object:
-    """``size = "4 mm"`` is short for a distribution of one diameter."""
-    return value if isinstance(value, Mapping) else {"distribution": "single", "diameter": value}
-
-
 class Fraction(Table):
     """[fraction.NAME]: a class of granules; what is not given comes from its material."""
 
     material: str | None = Field(None, description="one of: " + ", ".join(materials))
-    size: Annotated[Size, Shorthand(Diameter, _one_diameter)] | None = Field(
-        None, description="one diameter, or a distribution by mass"
-    )
+    size: (
+        Annotated[Size, Shorthand(Diameter, lambda diameter: {"distribution": "single", "diameter": diameter})] | None
+    ) = Field(None, description="one diameter, or a distribution by mass")
     density: MassDensity | None = None
     sphericity: Annotated[float, Field(gt=0.05, le=1)] | None = Field(
         None, description="surface of the equal sphere over surface"

@@ -275,7 +275,7 @@ def _solved(case: Path) -> list[Path]:
 def _entries(path: Path) -> Entries:
     """What a file of the case says; nothing where there is none. Raises SceneError where it cannot be read."""
     try:
-        return read_entries(path) if any(one.exists() for one in (path, path.with_name(path.name + ".gz"))) else {}
+        return read_entries(path)[0] if any(one.exists() for one in (path, path.with_name(path.name + ".gz"))) else {}
     except FoamError as problem:
         raise SceneError(f"air.case: {problem}") from None
 

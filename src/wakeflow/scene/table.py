@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from inspect import Parameter, signature
 from itertools import pairwise
@@ -38,6 +38,21 @@ class Table(BaseModel):
     """A table of a scene file: unknown keys and values of another type are refused, and nothing changes it later."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+def flat(tables: Mapping[str, object]) -> JsonTable:
+    """Nested tables as dotted keys and their values.
+
+    >>> flat({"air": {"speed": 5.0}, "fraction": {"husk": {"size": {"mean": 1e-3}}}})
+    {'air.speed': 5.0, 'fraction.husk.size.mean': 0.001}
+    """
+    found: dict[str, object] = {}
+    for key, value in tables.items():
+        if isinstance(value, Mapping) and value:
+            found |= {f"{key}.{below}": member for below, member in flat(value).items()}
+        else:
+            found[key] = value
+    return found
 
 
 class LawTable(Table):
@@ -88,15 +103,17 @@ class Weighed(Table):
 
 @dataclass(frozen=True)
 class Shorthand:
-    """Marks a table that may be written as a value of the type ``short``, which ``table`` turns into the table; tables
-    pass through it. The JSON schema allows both.
+    """Marks a table that may be written as a value of the type ``short``, which ``table`` turns into the table. The
+    JSON schema allows both.
     """
 
     short: Any
     table: Callable[[Any], Any]
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return no_info_before_validator_function(self.table, handler(source))
+        return no_info_before_validator_function(
+            lambda given: given if isinstance(given, Mapping | Table) else self.table(given), handler(source)
+        )
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonTable:
         return {"anyOf": [TypeAdapter(self.short).json_schema(), handler(schema)]}

@@ -24,7 +24,7 @@ from typing_extensions import TypedDict
 
 from ..core.quantities import quantity, split_quantity
 from ..core.registry import did_you_mean
-from .table import Table
+from .table import Table, flat
 
 SIGMAS = 1.959964  # standard deviations to either end of a normal distribution's middle 95 %
 Margin = float | str  # half of a 95 % interval: in the number's unit (SI), or "5 %" of the number
@@ -89,18 +89,9 @@ def margins(value: object) -> object:
     """
     if not isinstance(value, Mapping):
         return value
-    return dict(_flat(value, ""))
-
-
-def _flat(table: Mapping[object, object], place: str) -> Iterator[tuple[str, object]]:
-    for key, value in table.items():
-        inside = f"{place}{key}"
-        if inside in (TOGETHER, NEVER_ABOVE):
-            yield inside, value
-        elif isinstance(value, Mapping):
-            yield from _flat(value, f"{inside}.")
-        else:
-            yield inside, _margin(inside, value)
+    ties = {key: tie for key, tie in value.items() if key in (TOGETHER, NEVER_ABOVE)}
+    numbers = {str(key): half for key, half in flat({**value, **dict.fromkeys(ties, 0.0)}).items() if half != {}}
+    return {key: ties.get(key, _margin(key, half)) for key, half in numbers.items()}
 
 
 def _margin(key: str, value: object) -> object:

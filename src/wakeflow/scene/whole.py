@@ -22,7 +22,7 @@ from .measured import Tray
 from .pictures import AnyPicture
 from .plumb import Plumb
 from .rungs import rungs
-from .table import Array, Gravity, Name, Table, WithUnit
+from .table import Array, Gravity, Name, Table, WithUnit, flat
 from .trade import LimitTable, PriceTable
 from .uncertainty import UncertaintyTable, margins
 
@@ -50,15 +50,11 @@ def states_of(table: States) -> dict[str, bool]:
     """{"chaff.lift": True} from {chaff: {lift: "on"}}, as TOML reads ``chaff.lift = "on"``. Raises ValueError for a
     state that is none.
     """
-    found: dict[str, bool] = {}
-    for key, state in table.items():
-        if isinstance(state, Mapping):
-            found.update({f"{key}.{term}": on for term, on in states_of(state).items()})
-        elif isinstance(state, bool) or (isinstance(state, str) and state in ON_OFF):
-            found[str(key)] = state is True or state == "on"
-        else:
+    states = {str(key): state for key, state in flat(table).items() if state != {}}
+    for key, state in states.items():
+        if not isinstance(state, bool) and state not in ON_OFF:
             raise ValueError(f"{key} = {state!r}: write on or off")
-    return found
+    return {key: state in (True, "on") for key, state in states.items()}
 
 
 # -- [numerics] --------------------------------------------------------------------------------------------------------

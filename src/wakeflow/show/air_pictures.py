@@ -182,8 +182,7 @@ def window_round_body(scene: Scene, airflow: Airflow) -> Window:
     """
     channel, width = scene.channel, scene.width
     middle = scene.outline.mean(axis=0)
-    zone = airflow.suction
-    longest = float(np.nanmax([0.0, zone.length, zone.reversal_length]))  # not numbers where none was measured
+    longest = float(np.nanmax([0.0, airflow.suction.length, airflow.suction.reversal_length]))  # nan: none was measured
     behind = max(DOWNSTREAM * width, 1.5 * width + longest)
     above, below = (UPSTREAM * width, behind) if scene.airstream.direction == "down" else (behind, UPSTREAM * width)
     corners = np.concatenate([body.outline() for body in scene.body.values()])

@@ -204,11 +204,7 @@ class CaseResult(AirflowResult):
     cp_base: Number
     cp_front: float
     p_inlet: float
-    pressure_drop: float
-    flow_rate: float
     mass_error: float
-    suction: SuctionZone
-    field_time: str
 
 
 @dataclass(frozen=True, kw_only=True)

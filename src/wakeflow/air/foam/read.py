@@ -77,7 +77,7 @@ def _said(path: Path, *keys: str) -> dict[str, Any]:
     from foamlib import FoamFile
 
     with _reading(path):
-        entries = read_entries(path)
+        entries, _ = read_entries(path)
         asked = {key: entries[key] for key in ("FoamFile", *(keys or entries)) if key in entries}
         return dict(FoamFile.loads(text_of(asked).encode("latin-1")))
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import SceneError
-from ...core.foam_text import entries_and_files
+from ...core.foam_text import read_entries
 from ...core.geometry import distance_to, distance_to_edges
 from ...core.number import Number
 from ...core.record import JsonTable
@@ -37,7 +37,7 @@ def case_files(case: Path, time: str) -> list[Path]:
     taken = list[Path]()
     for path in (one for folder in (case / "constant", *chosen) for one in folder.iterdir()):
         if path.name.removesuffix(".gz").removesuffix("Mean") in READ:
-            taken += entries_and_files(path)[1]
+            taken += read_entries(path)[1]
     return [case / "constant", *(path for path in extra if path.exists()), *chosen, *taken]
 
 

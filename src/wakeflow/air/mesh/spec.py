@@ -160,9 +160,20 @@ def read_mesh(path: Path) -> tuple[Array, dict[str, NDArray[np.intp]], dict[str,
 
 
 def _anticlockwise(points: Array, cells: NDArray[np.intp]) -> NDArray[np.intp]:
-    x, y = points[cells, 0], points[cells, 1]
-    area = (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)
-    return np.where(area[:, None] < 0, cells[:, ::-1], cells)
+    return np.where(double_area(points[cells])[:, None] < 0, cells[:, ::-1], cells)
+
+
+def double_area(corners: Array) -> Array:
+    """Twice the signed area (m,) of polygons (m, k, 2), positive where they run counter-clockwise."""
+    x, y = corners[..., 0], corners[..., 1]
+    return np.asarray((x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1))
+
+
+def angles(corners: Array) -> Array:
+    """Angle (m, k) deg at each corner of counter-clockwise polygons (m, k, 2); below 0 where it turns back."""
+    out, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    turn = out[..., 0] * back[..., 1] - out[..., 1] * back[..., 0]
+    return np.asarray(np.degrees(np.arctan2(turn, (out * back).sum(axis=2))))
 
 
 def report_on(points: Array, cells: dict[str, NDArray[np.intp]], boundary: dict[str, int]) -> MeshReport:
@@ -170,10 +181,7 @@ def report_on(points: Array, cells: dict[str, NDArray[np.intp]], boundary: dict[
     lowest, highest, aspect, shortest = 180.0, 0.0, 1.0, math.inf
     for block in cells.values():
         corner = points[block]
-        out, back = np.roll(corner, -1, axis=1) - corner, np.roll(corner, 1, axis=1) - corner
-        turn = out[..., 0] * back[..., 1] - out[..., 1] * back[..., 0]
-        angle = np.degrees(np.arctan2(turn, (out * back).sum(axis=2)))
-        length = np.linalg.norm(out, axis=2)
+        angle, length = angles(corner), np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=2)
         lowest, highest = min(lowest, float(angle.min())), max(highest, float((angle % 360).max()))
         aspect = max(aspect, float((length.max(axis=1) / length.min(axis=1)).max()))
         shortest = min(shortest, float(length.min()))

@@ -231,8 +231,8 @@ def _told(about: str, names: Sequence[str], *records: object) -> Iterator[tuple[
         if all(table[known[name].key] is not None for table in tables):
             unit, scale = SHOWN.get(known[name].unit, (known[name].unit, 1.0))
             meaning = known[name].meaning.partition("; null")[0]
-            values = (measured_text(getattr(record, name), scale) for record in records)
-            yield f"{about}{name.replace('_', ' ')}: {meaning}", *values, unit
+            yield (f"{about}{name.replace('_', ' ')}: {meaning}",
+                   *(measured_text(getattr(record, name), scale) for record in records), unit)  # fmt: skip
 
 
 def measured_text(value: str | float | Number | Sequence[float], scale: float) -> str:
