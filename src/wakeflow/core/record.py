@@ -78,13 +78,13 @@ class Column(NamedTuple):
 def columns(kind: type) -> Iterator[Column]:
     """The columns of a record type, in the order of its JSON table."""
     hints, marks = get_type_hints(kind), get_type_hints(kind, include_extras=True)
-    for one in fields(kind):
-        if (extra := one.metadata.get("json_schema_extra")) is not None:
-            about, key = one.metadata["description"], one.metadata.get("alias", one.name)
-            absent = "exclude_if" in one.metadata
-            null = any(isinstance(mark, Null) for mark in getattr(marks[one.name], "__metadata__", ()))
-            hint = hints[one.name] | None if null else hints[one.name]
-            yield Column(one.name, key, hint, extra["unit"], about, absent, extra["flat"])
+    for item in fields(kind):
+        if (extra := item.metadata.get("json_schema_extra")) is not None:
+            about, key = item.metadata["description"], item.metadata.get("alias", item.name)
+            absent = "exclude_if" in item.metadata
+            null = any(isinstance(mark, Null) for mark in getattr(marks[item.name], "__metadata__", ()))
+            hint = hints[item.name] | None if null else hints[item.name]
+            yield Column(item.name, key, hint, extra["unit"], about, absent, extra["flat"])
 
 
 @cache
@@ -112,14 +112,14 @@ def from_json(kind: type[Kind], table: object, where: str = "result.json") -> Ki
     Raises SceneError, naming ``where`` and the key, where a key is missing or unknown or holds what it cannot.
     """
     try:
-        found: Kind = _adapter(kind).validate_python({where: table})[where]  # type: ignore[arg-type]
+        result: Kind = _adapter(kind).validate_python({where: table})[where]  # type: ignore[arg-type]
     except ValidationError as problem:
         first = problem.errors()[0]
         _, *keys = map(str, first["loc"])
         given = "null, must have a value" if first["input"] is None else f"{first['input']!r:.40}, {first['msg']}"
         place = ": ".join([where, *([".".join(keys)] if keys else [])])
         raise SceneError(f"{place}: {WRONG.get(first['type'], f'is {given}')}") from None
-    return found
+    return result
 
 
 def save(path: Path, record: object) -> None:

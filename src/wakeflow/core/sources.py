@@ -71,11 +71,11 @@ def _wanted_by(module: str, name: str) -> Iterator[tuple[str, str]]:
 @lru_cache(maxsize=1024)
 def _imports(path: Path, module: str) -> tuple[Import, ...]:
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-    found = list(_read(parsed(path), package, runs=True))
+    result = list(_read(parsed(path), package, runs=True))
     if path.name == "__init__.py" and EVERY in path.read_text(encoding="utf-8"):
-        names = sorted({one.stem for one in path.parent.glob("*.py")} - {"__init__"})
-        found += [(f"{package}.{name}", ALL, name, True) for name in names]
-    return tuple(found)
+        names = sorted({item.stem for item in path.parent.glob("*.py")} - {"__init__"})
+        result += [(f"{package}.{name}", ALL, name, True) for name in names]
+    return tuple(result)
 
 
 def _read(node: ast.AST, package: str, *, runs: bool) -> Iterator[Import]:
@@ -84,8 +84,8 @@ def _read(node: ast.AST, package: str, *, runs: bool) -> Iterator[Import]:
             for statement in child.body:
                 yield from _read(ast.Module([statement], []), package, runs=False)
         elif isinstance(child, ast.Import):
-            own = (alias for alias in child.names if alias.name.split(".")[0] == NAME)
-            yield from ((alias.name, ALL, alias.asname or NAME, runs) for alias in own)
+            inner = (alias for alias in child.names if alias.name.split(".")[0] == NAME)
+            yield from ((alias.name, ALL, alias.asname or NAME, runs) for alias in inner)
         elif isinstance(child, ast.ImportFrom):
             source = _source(child, package)
             if source.split(".")[0] == NAME:
@@ -132,7 +132,7 @@ def kernel_folder(module: str) -> Path:
 def _processor() -> str:
     """The processor's name and what it can do."""
     try:
-        told = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").partition("\n\n")[0]
+        about = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").partition("\n\n")[0]
     except OSError:
         return platform.processor()
-    return "\n".join(re.findall(r"^(?:vendor_id|model name|flags|Features|CPU part)\s*:.*$", told, re.M))
+    return "\n".join(re.findall(r"^(?:vendor_id|model name|flags|Features|CPU part)\s*:.*$", about, re.M))

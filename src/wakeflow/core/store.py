@@ -139,11 +139,11 @@ def _is_stage(path: Path) -> bool:
 def listed_in(folder: Path) -> Mapping[str, str]:
     """The files of a stage and their checksums, as its manifest has them; empty where it has none that can be used."""
     try:
-        found = read_json(folder / MANIFEST)
+        table = read_json(folder / MANIFEST)
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError, SceneError):
         return {}
-    usable = isinstance(found, dict) and all(isinstance(one, str) and DIGEST.fullmatch(one) for one in found.values())
-    return found if usable else {}
+    usable = isinstance(table, dict) and all(isinstance(key, str) and DIGEST.fullmatch(key) for key in table.values())
+    return table if usable else {}
 
 
 @contextmanager
@@ -321,11 +321,11 @@ def kept_stages(root: Path) -> list[KeptStage]:
     A file that a run's folder shares (a hard link) counts nothing: it stays on the disk. Raises SceneError where the
     folder is not the cache's own.
     """
-    found = []
+    result = []
     for folder in stage_folders(root):
         with suppress(FileNotFoundError):  # a run that ends at this moment gives it its final name
-            found.append(_kept(folder))
-    return sorted(found, key=lambda one: (one.finished, one.used))
+            result.append(_kept(folder))
+    return sorted(result, key=lambda one: (one.finished, one.used))
 
 
 def _kept(folder: Path) -> KeptStage:
@@ -342,12 +342,12 @@ def _kept(folder: Path) -> KeptStage:
 
 def oldest_beyond(stages: Sequence[KeptStage], keep: float) -> list[KeptStage]:
     """The stages that come first, as many as must go until the others take no more than ``keep`` bytes."""
-    total, gone = sum(one.size for one in stages), []
-    for one in stages:
+    total, gone = sum(item.size for item in stages), []
+    for item in stages:
         if total <= keep:
             break
-        total -= one.size
-        gone.append(one)
+        total -= item.size
+        gone.append(item)
     return gone
 
 
@@ -361,17 +361,17 @@ def remove_stages(root: Path, stages: Sequence[KeptStage]) -> list[KeptStage]:
     if not stages:
         return removed
     with cache_in_use(root, alone=True) as alone:
-        for one in stages:
-            if one.finished and not alone:
+        for item in stages:
+            if item.finished and not alone:
                 continue
             try:
-                with FileLock(one.folder.with_name(f"{one.folder.name.removesuffix('.part')}.lock"), timeout=0):
-                    if is_worked_in(one.folder):
+                with FileLock(item.folder.with_name(f"{item.folder.name.removesuffix('.part')}.lock"), timeout=0):
+                    if is_worked_in(item.folder):
                         continue
-                    _remove(one.folder)
+                    _remove(item.folder)
             except Timeout:
                 continue
-            removed.append(one)
+            removed.append(item)
     return removed
 
 
@@ -383,7 +383,7 @@ def bytes_of(text: str) -> float:
 
     Raises SceneError for any other text.
     """
-    found = SIZE.fullmatch(text)
-    if found is None:
+    match = SIZE.fullmatch(text)
+    if match is None:
         raise SceneError(f"{text!r} is no size; write it with its unit, as 10GB or 500MB")
-    return float(found[1] or 0) * PREFIX[(found[2] or "")[:1].lower()]
+    return float(match[1] or 0) * PREFIX[(match[2] or "")[:1].lower()]

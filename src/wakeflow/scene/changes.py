@@ -26,8 +26,8 @@ def differing(scenes: Sequence[Scene]) -> dict[str, list[object]]:
     scene has no such key.
     """
     every = [flat(scene.model_dump(mode="json", by_alias=True)) for scene in scenes]
-    keys = dict.fromkeys(key for one in every for key in one)
-    columns = {key: [one.get(key) for one in every] for key in keys}
+    keys = dict.fromkeys(key for item in every for key in item)
+    columns = {key: [item.get(key) for item in every] for key in keys}
     return {key: values for key, values in columns.items() if any(value != values[0] for value in values)}
 
 
@@ -51,7 +51,7 @@ def run_folder(stem: str, scene: Scene, changed: Iterable[str], options: Mapping
     that are given; so that variants of a scene do not overwrite each other.
     """
     tables = flat(scene.tables())
-    values = {key: value for key, value in tables.items() if any(f"{key}.".startswith(f"{one}.") for one in changed)}
+    values = {key: value for key, value in tables.items() if any(f"{key}.".startswith(f"{item}.") for item in changed)}
     given = {name: value for name, value in options.items() if value is not None}
     return PARTS.join(filter(None, (stem_name(stem), folder_name({**values, **given}))))
 

@@ -220,20 +220,20 @@ class Fraction(Table):
     @property
     def _source(self) -> Material:
         """Its material, as it is at the fraction's moisture; UNNAMED without one."""
-        found = UNNAMED if self.material is None else materials[self.material]
-        return found if self.moisture is None else found.at_moisture(self.moisture)
+        result = UNNAMED if self.material is None else materials[self.material]
+        return result if self.moisture is None else result.at_moisture(self.moisture)
 
     def _or_material(self, name: str) -> Any:
-        own = getattr(self, name)
-        return getattr(self._source, name) if own is None else own
+        value = getattr(self, name)
+        return getattr(self._source, name) if value is None else value
 
     @property
     def properties(self) -> Material:
         """The fraction's own values where given, its material's elsewhere; diameter is the mass median, coefficients of
         rebound are the middle ones.
         """
-        own, source = self.terminal_velocity, self._source
-        terminal = float(own.quantile(np.array([0.5]))[0]) if isinstance(own, Speeds) else own
+        value, source = self.terminal_velocity, self._source
+        terminal = float(value.quantile(np.array([0.5]))[0]) if isinstance(value, Speeds) else value
         if terminal is None and self.sphericity is None:
             terminal = source.terminal_velocity
         return Material(
@@ -257,15 +257,15 @@ class Fraction(Table):
 
     def _middle(self, name: str) -> Any:
         """A coefficient of rebound: the number or the law of all granules, or that of the middle one."""
-        own = self._or_material(name)
-        if isinstance(own, Coefficient):
-            return float(own.quantile(np.array([0.5]), MAX_COEFFICIENT[name])[0])
-        return own.of_speed if isinstance(own, Rebound) else own
+        value = self._or_material(name)
+        if isinstance(value, Coefficient):
+            return float(value.quantile(np.array([0.5]), MAX_COEFFICIENT[name])[0])
+        return value.of_speed if isinstance(value, Rebound) else value
 
     def _of_shape(self, name: str) -> float:
         """What a granule has of its shape: given, or its material's; nothing where granules are alike."""
-        own = getattr(self, name)
-        return float(getattr(self.spread_material, name) if own is None else own)
+        value = getattr(self, name)
+        return float(getattr(self.spread_material, name) if value is None else value)
 
     @property
     def spread_material(self) -> Material:
@@ -276,12 +276,12 @@ class Fraction(Table):
 
     def coefficients(self, name: Literal["restitution", "friction"], p: Array) -> Array | None:
         """Coefficients below which the shares ``p`` of the granules lie; None where all have the same one, or law."""
-        own = getattr(self, name)
-        if isinstance(own, Coefficient):
-            return own.quantile(p, MAX_COEFFICIENT[name])
+        value = getattr(self, name)
+        if isinstance(value, Coefficient):
+            return value.quantile(p, MAX_COEFFICIENT[name])
         source = self.spread_material
         std = getattr(source, f"{name}_std")
-        if own is not None or not std:
+        if value is not None or not std:
             return None
         return within(p, mean=getattr(source, name), std=std, low=0.0, high=MAX_COEFFICIENT[name])
 
@@ -290,8 +290,8 @@ class Fraction(Table):
         """Whether its granules differ in more than place, time, size and a terminal velocity given for each."""
         middle = np.array([0.5])
         drawn = not isinstance(self.terminal_velocity, Speeds) and self.settling(middle) is not None
-        own = (self.coefficients(name, middle) is not None for name in COEFFICIENTS)
-        return drawn or any(own) or self.properties.rebound_scatter > 0.0
+        differing = (self.coefficients(name, middle) is not None for name in COEFFICIENTS)
+        return drawn or any(differing) or self.properties.rebound_scatter > 0.0
 
     @property
     def impact_model(self) -> str:
@@ -346,12 +346,12 @@ class Fraction(Table):
         The material's own granule when the material brings the velocity: a scene's other size or density does not
         change what was measured, it changes how fast its granules fall.
         """
-        own, source = self.properties, self._source
-        if own.terminal_velocity is None:
+        value, source = self.properties, self._source
+        if value.terminal_velocity is None:
             return None
         if self.terminal_velocity is None:
-            return source.diameter, source.density, own.terminal_velocity
-        return own.diameter, own.density, own.terminal_velocity
+            return source.diameter, source.density, value.terminal_velocity
+        return value.diameter, value.density, value.terminal_velocity
 
     def settling(self, p: Array) -> Array | None:
         """Measured terminal velocities (m/s) below which the mass fractions ``p`` lie; None where all granules of one
@@ -365,7 +365,7 @@ class Fraction(Table):
         source = self.spread_material
         if source.terminal_velocity is None or source.terminal_velocity_std == 0.0:
             return None
-        if any(own is not None for own in (self.size, self.density, self.sphericity, self.terminal_velocity)):
+        if any(value is not None for value in (self.size, self.density, self.sphericity, self.terminal_velocity)):
             return None
         return sizes["normal"](p, mean=source.terminal_velocity, std=source.terminal_velocity_std)
 

@@ -196,14 +196,14 @@ def _metres_in(value: object) -> float:
 def doubts(data: Mapping[str, object], among: Iterable[Place]) -> dict[str, str]:
     """What to ask about each doubted length of a scene's tables in the places ``among``, by its key."""
     places = list(among)
-    found = [one for one in doubted_lengths(data) if any(one[0][: len(place)] == place for place in places)]
-    usual, asked = units_in(data).get("m", "m"), {}
-    for place, length, scale in found:
+    result = [item for item in doubted_lengths(data) if any(item[0][: len(place)] == place for place in places)]
+    usual, questions = units_in(data).get("m", "m"), {}
+    for place, length, scale in result:
         with speaking({"m": usual}):
             usually = f"lengths of this scene are about {metres(scale, 2)}"
         meant = f"'{length:g} {'mm' if usual == 'm' else usual}', or '{length:g} m' if that is meant"
-        asked[dotted(place)] = f"{dotted(place)} = {length:g} m: unit forgotten? Other {usually}; write {meant}"
-    return asked
+        questions[dotted(place)] = f"{dotted(place)} = {length:g} m: unit forgotten? Other {usually}; write {meant}"
+    return questions
 
 
 def with_units(data: Mapping[str, object]) -> dict[str, object]:

@@ -46,13 +46,13 @@ def flat(tables: Mapping[str, object]) -> JsonTable:
     >>> flat({"air": {"speed": 5.0}, "fraction": {"husk": {"size": {"mean": 1e-3}}}})
     {'air.speed': 5.0, 'fraction.husk.size.mean': 0.001}
     """
-    found: dict[str, object] = {}
+    result: dict[str, object] = {}
     for key, value in tables.items():
         if isinstance(value, Mapping) and value:
-            found |= {f"{key}.{below}": member for below, member in flat(value).items()}
+            result |= {f"{key}.{below}": member for below, member in flat(value).items()}
         else:
-            found[key] = value
-    return found
+            result[key] = value
+    return result
 
 
 class LawTable(Table):
@@ -74,8 +74,8 @@ def parameters(**types: Any) -> Callable[[type[Kind]], type[Kind]]:
     :attr:`LawTable.given` alone. ``types``: of each key its type, or that, a description and the name in the file.
     """
     keys: dict[str, Any] = {}
-    for key, one in types.items():
-        inner, words, name = (*one, None)[:3] if isinstance(one, tuple) else (one, None, None)
+    for key, item in types.items():
+        inner, words, name = (*item, None)[:3] if isinstance(item, tuple) else (item, None, None)
         keys[key] = inner | None, Field(None, description=words, alias=name)
 
     def with_keys(table: type[Kind]) -> type[Kind]:

@@ -52,12 +52,12 @@ OF_SCENE = {
 
 def with_uncertainty_table(data: Mapping[str, object]) -> Mapping[str, object]:
     """The tables of a scene with every {value, uncertainty} as the value, its uncertainty in [uncertainty]."""
-    found: dict[str, object] = {}
-    plain = _plain(data, "", found)
-    if not found:
+    result: dict[str, object] = {}
+    plain = _plain(data, "", result)
+    if not result:
         return data
     given = plain.get(TABLE, {})
-    return {**plain, TABLE: {**found, **given} if isinstance(given, Mapping) else given}
+    return {**plain, TABLE: {**result, **given} if isinstance(given, Mapping) else given}
 
 
 def _plain(table: Mapping[str, object], place: str, found: dict[str, object]) -> dict[str, object]:
@@ -172,11 +172,11 @@ def said_of(uncertainty: UncertaintyTable) -> set[str]:
 
 def correlation_of(uncertainty: UncertaintyTable, keys: Sequence[str]) -> Array:
     """The correlation (K, K) of the numbers at ``keys``; those that are not said to move together do not."""
-    found, place = np.eye(len(keys)), {key: i for i, key in enumerate(keys)}
+    result, place = np.eye(len(keys)), {key: i for i, key in enumerate(keys)}
     for tie in uncertainty.get(TOGETHER, []):
-        for one, other in combinations([place[key] for key in tie.inputs if key in place], 2):
-            found[one, other] = found[other, one] = tie.correlation
-    return found
+        for item, other in combinations([place[key] for key in tie.inputs if key in place], 2):
+            result[item, other] = result[other, item] = tie.correlation
+    return result
 
 
 # -- What cannot be ----------------------------------------------------------------------------------------------------
@@ -233,8 +233,8 @@ def _wrong_orders(uncertainty: UncertaintyTable, units: Mapping[str, str]) -> It
     for low, high in orders_of(uncertainty):
         above.setdefault(high, set()).add(low)
         if units[low] != units[high]:
-            own, other = (f"{key} ({'no unit' if units[key] == '1' else units[key]})" for key in (low, high))
-            yield f"uncertainty.never_above: {own} cannot be compared with {other}"
+            lower, other = (f"{key} ({'no unit' if units[key] == '1' else units[key]})" for key in (low, high))
+            yield f"uncertainty.never_above: {lower} cannot be compared with {other}"
     try:
         TopologicalSorter(above).prepare()
     except CycleError as problem:

@@ -36,10 +36,10 @@ def points(values: ArrayLike) -> Array:
 
 def positive(name: str, value: float, unit: str = "1", *, or_zero: bool = False) -> float:
     """A number in ``unit`` that is positive, or ``or_zero``, and finite."""
-    found = number(name, value, unit)
-    if not (np.isfinite(found) and (found > 0 or (or_zero and found == 0))):
-        raise SceneError(f"{name} = {found:g} must be positive{' or 0' if or_zero else ''} and finite")
-    return found
+    result = number(name, value, unit)
+    if not (np.isfinite(result) and (result > 0 or (or_zero and result == 0))):
+        raise SceneError(f"{name} = {result:g} must be positive{' or 0' if or_zero else ''} and finite")
+    return result
 
 
 def of_shape(name: str, values: ArrayLike, shape: tuple[int, ...], unit: str = "1") -> Array:

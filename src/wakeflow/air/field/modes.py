@@ -51,8 +51,8 @@ def fit(t: Array, values: Array, period: float, knots: int) -> Array:
     """Coefficients (knots, K) of the least-squares splines through ``values`` (T, K) at times ``t``; knots begin at
     t[0].
     """
-    found = np.linalg.lstsq(design(t, float(t[0]), period, knots), values, rcond=1e-10)[0]
-    return np.asarray(found, dtype=np.float64)
+    result = np.linalg.lstsq(design(t, float(t[0]), period, knots), values, rcond=1e-10)[0]
+    return np.asarray(result, dtype=np.float64)
 
 
 # -- A field's functions of time ---------------------------------------------------------------------------------------
@@ -263,11 +263,11 @@ def _smooth(
     rows = np.sqrt(share)[:, None]
     energy = [(rows * motion).T @ gram @ (rows * motion) for gram in grams]
     for count in knots:
-        found = fit(times, motion, period, count)
-        left = rows * (design(times, float(times[0]), period, count) @ found - motion)
+        result = fit(times, motion, period, count)
+        left = rows * (design(times, float(times[0]), period, count) @ result - motion)
         if all(float(np.sum((left.T @ left) * e)) <= lost for e in energy):
             break
-    return found
+    return result
 
 
 def _measured(

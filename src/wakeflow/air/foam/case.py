@@ -240,12 +240,12 @@ def write_case(spec: FlowSpec, folder: Path) -> None:
     Raises FoamError where the template lacks a field of the model.
     """
     shutil.copytree(case_template(), folder, ignore=shutil.ignore_patterns(MODELS), dirs_exist_ok=True)
-    own = case_template() / MODELS / spec.turbulence
-    if own.is_dir():
-        shutil.copytree(own, folder, dirs_exist_ok=True)
+    of_model = case_template() / MODELS / spec.turbulence
+    if of_model.is_dir():
+        shutil.copytree(of_model, folder, dirs_exist_ok=True)
     lacking = [field.name for field in spec.model.fields if not (folder / "0" / field.name).exists()]
     if lacking:
-        raise FoamError(f"the case template has no 0/{lacking[0]} for {spec.turbulence}: put it into {own / '0'}")
+        raise FoamError(f"the case template has no 0/{lacking[0]} for {spec.turbulence}: put it into {of_model / '0'}")
     write_parameters(folder, spec.parameters())
     write_inlets(spec, folder)
     names = spec.mesh.names if len(spec.mesh.names) > 1 else ()

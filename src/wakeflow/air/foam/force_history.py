@@ -40,7 +40,7 @@ def read_vectors(case: Path, what: str) -> Array:
 def _placed(text: str, columns: tuple[int, ...]) -> tuple[int, ...]:
     """``columns`` with CL where the table's head has Cl: behind the parts of Cd in openfoam.com's later releases."""
     head = re.search(r"^# Time\s.*\sCl\s", text, re.M)
-    return tuple(len(head[0].split()) - 2 if head and one == CL else one for one in columns)
+    return tuple(len(head[0].split()) - 2 if head and item == CL else item for item in columns)
 
 
 def _parsed(text: str, columns: tuple[int, ...]) -> Array:

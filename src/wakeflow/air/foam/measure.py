@@ -63,28 +63,28 @@ def at_rest(spec: FlowSpec, rows: Array) -> Coefficients:
     rest.
     """
     late = _window(rows)
-    found = spanned(late)
+    result = spanned(late)
     if spec.stepping == "steady":
-        return found
-    drag, base = replace(found.cd, value=float(late[-1, 1])), replace(found.cp_base, value=float(late[-1, 3]))
-    return replace(found, cd=drag, cp_base=base)
+        return result
+    drag, base = replace(result.cd, value=float(late[-1, 1])), replace(result.cp_base, value=float(late[-1, 3]))
+    return replace(result, cd=drag, cp_base=base)
 
 
 def in_time(spec: FlowSpec, rows: Array, begin: float) -> Coefficients:
     """Means since the end of the start-up; from ``begin`` (s) on where there are too few periods for that."""
     swings = spec.vibration is not None and is_still(rows, spec.convective_time, swings=True)
-    found = None if swings else evaluate(rows, spec.accuracy)
-    if found is None:  # an irregular wake that shed less than six times, or one that only swings with the body
+    result = None if swings else evaluate(rows, spec.accuracy)
+    if result is None:  # an irregular wake that shed less than six times, or one that only swings with the body
         note = f"the airflow shed too few vortices in {rows[-1, 0]:.3g} s for intervals: they are the ranges it spanned"
         return spanned(rows[rows[:, 0] >= begin], *(() if swings else (note,)))
-    number = None if found.frequency is None else found.frequency.times(spec.convective_time)
-    made_of = RunStatistics(found.periods, found.begin, spec.accuracy, found.excess)
+    number = None if result.frequency is None else result.frequency.times(spec.convective_time)
+    made_of = RunStatistics(result.periods, result.begin, spec.accuracy, result.excess)
     note = (
-        f"the airflow's intervals are up to {found.excess:.1f} times as wide as asked, from {found.periods} periods, "
+        f"the airflow's intervals are up to {result.excess:.1f} times as wide as asked, from {result.periods} periods, "
         f"after {rows[-1, 0] / spec.convective_time:.0f} widths of travel, where the run was ended"
     )
-    said = () if found.stands else (note,)
-    return Coefficients(found.cd, found.cl_rms, found.cp_base, number, made_of, said)
+    said = () if result.stands else (note,)
+    return Coefficients(result.cd, result.cl_rms, result.cp_base, number, made_of, said)
 
 
 def _unsettled(drag: Array) -> str:
@@ -141,7 +141,7 @@ def measure(spec: FlowSpec, folder: Path, verdict: str, *, residuals: dict[str, 
     times = [fields.folder(name) for name in names or ["latest"]]
     shots = [fields.snapshot(time) for time in times]
     nodes = mean_of(nodes_of(fields, times[0], shots))
-    found, at_rear = plane_numbers(spec, fields, times[-1], shots, nodes, Edges.of(fields))
+    result, at_rear = plane_numbers(spec, fields, times[-1], shots, nodes, Edges.of(fields))
     flow_rate, mass_error = _mass_balance(spec, fields, shots)
     return CaseResult(
         stepping=spec.stepping,
@@ -165,7 +165,7 @@ def measure(spec: FlowSpec, folder: Path, verdict: str, *, residuals: dict[str, 
         statistics=history.statistics,
         notes=history.notes,
         cd_of=drag_of_each(spec, folder, begin),
-        **found,
+        **result,
     )
 
 

@@ -95,17 +95,17 @@ def evaluate(rows: Array, accuracy: float) -> Statistics | None:
     parts = {"cd": drag, "cl_rms": _root(mean_square), "cp_base": pressure}
     if shedding:
         parts["strouhal"] = _inverse(length)
-    asked = wanted({name: part.value for name, part in parts.items()}, accuracy)
-    found = {name: _at_least(part, RESOLVED * asked[name]) for name, part in parts.items()}
+    half = wanted({name: part.value for name, part in parts.items()}, accuracy)
+    wide = {name: _at_least(part, RESOLVED * half[name]) for name, part in parts.items()}
     return Statistics(
         begin=float(kept[0, 0]),
         period=length.value if shedding else 0.0,
         periods=len(kept),
-        cd=found["cd"],
-        cl_rms=found["cl_rms"],
-        frequency=found.get("strouhal"),
-        cp_base=found["cp_base"],
-        excess=max(max(part.high - part.value, part.value - part.low) / asked[name] for name, part in found.items()),
+        cd=wide["cd"],
+        cl_rms=wide["cl_rms"],
+        frequency=wide.get("strouhal"),
+        cp_base=wide["cp_base"],
+        excess=max(max(part.high - part.value, part.value - part.low) / half[name] for name, part in wide.items()),
         verdict=_verdict(kept, square) if shedding else "broadband",
     )
 
@@ -254,6 +254,6 @@ class Stopping:
         now, first = float(rows[-1, 0]), float(rows[0, 0])
         if now < self.next:
             return False
-        found = evaluate(rows, self.accuracy)
-        self.next = now + max(LATER * (now - first), 2 * found.period if found else 0.0)
-        return found is not None and found.stands
+        result = evaluate(rows, self.accuracy)
+        self.next = now + max(LATER * (now - first), 2 * result.period if result else 0.0)
+        return result is not None and result.stands

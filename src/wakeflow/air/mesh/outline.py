@@ -144,13 +144,13 @@ def _side(spec: MeshSpec, side: str, x: float, size: Callable[[Array], Array]) -
         edge = spec.standing(index)
         if edge is not None and edge.side == side:
             parts.append((edge.low, edge.high, _standing(seen(spec, index), f"body_{name}", spec, size)))
-    found, level = [], spec.bottom
+    result, level = [], spec.bottom
     for low, high, pieces in [*sorted(parts, key=lambda part: part[0]), (spec.top, spec.top, [])]:
         if low > level:
-            found.append([Piece((x, level if upwards else low), side)])
-        found.append(pieces)
+            result.append([Piece((x, level if upwards else low), side)])
+        result.append(pieces)
         level = high
-    return [piece for pieces in (found if upwards else reversed(found)) for piece in pieces]
+    return [piece for pieces in (result if upwards else reversed(result)) for piece in pieces]
 
 
 def _standing(ring: Array, patch: str, spec: MeshSpec, size: Callable[[Array], Array]) -> list[Piece]:

@@ -228,7 +228,7 @@ def boxes(spec: MeshSpec) -> list[Box]:
     """Behind every body, from its widest place on, the near wake and the way out of the wake; and where cells may not
     be longer than the far ones.
     """
-    found = []
+    result = []
     ahead = 1.0 if spec.direction == "up" else -1.0
     for outline, width in zip(spec.bodies, spec.widths, strict=True):
         share = width / min(spec.widths)
@@ -239,11 +239,11 @@ def boxes(spec: MeshSpec) -> list[Box]:
             ends = sorted((widest, (high if ahead > 0 else low) + ahead * length * reach))
             middle, half = (left + right) / 2, wide * width / 2
             size = min(edge * share * spec.h_wake, spec.h_far)
-            found.append(Box(float(middle - half), float(middle + half), ends[0], float(ends[1]), size))
+            result.append(Box(float(middle - half), float(middle + half), ends[0], float(ends[1]), size))
     if spec.h_end > spec.h_far:
         low, high = max(spec.fine[0], spec.bottom), min(spec.fine[1], spec.top)
-        found.append(Box(-spec.width / 2, spec.width / 2, low, high, spec.h_far))
-    return found
+        result.append(Box(-spec.width / 2, spec.width / 2, low, high, spec.h_far))
+    return result
 
 
 def _on_body(spec: MeshSpec, index: int) -> tuple[Array, Array]:
