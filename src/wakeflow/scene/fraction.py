@@ -45,7 +45,7 @@ for _name in sizes:
 Factor = Annotated[float, Field(gt=1, le=10)]
 
 
-class Spread(LawTable):
+class SpreadTable(LawTable):
     """How a quantity of the granules spreads over their mass: one of the ``laws``, and its parameters."""
 
     laws: ClassVar[Registry[Callable[..., Array]]]
@@ -72,7 +72,7 @@ class Spread(LawTable):
         list[Annotated[float, Field(ge=0, le=1), SHARE]], "table: mass fraction finer than each sieve, from 0 to 1"
     ),
 )  # fmt: skip
-class Size(Spread):
+class Size(SpreadTable):
     """A size distribution by mass: ``distribution`` and its parameters."""
 
     laws: ClassVar = sizes
@@ -81,7 +81,7 @@ class Size(Spread):
 
 
 @parameters(**dict.fromkeys(("low", "high", "mean", "std", "median"), PositiveSpeed), geometric_std=Factor)
-class Speeds(Spread):
+class Speeds(SpreadTable):
     """Terminal velocities as they were measured, spread over the granules by mass, whatever their sizes."""
 
     laws: ClassVar = spreads
