@@ -77,6 +77,14 @@ def cells(triangles: ArrayLike, nodes: Array) -> Index:
     return np.ascontiguousarray(cells)
 
 
+def period(value: float, *, timed: bool) -> float:
+    """A period (s), which goes with the times of snapshots."""
+    length = number("period", value, "s")
+    if not timed:
+        raise SceneError(f"period = {length} s needs the times of the snapshots")
+    return length
+
+
 def times(values: ArrayLike, period: float | None) -> Array:
     """Increasing times (T,) s that span no more than the ``period`` (s), where there is one."""
     clock = finite("times", values, "s")

@@ -97,9 +97,7 @@ class FlowField(Triangles):
         """
         nodes = checks.points(points)
         cells = checks.cells(triangles, nodes)
-        period = None if period is None else number("period", period, "s")
-        if times is None and period is not None:
-            raise SceneError(f"period = {period} s needs the times of the snapshots")
+        period = None if period is None else checks.period(period, timed=times is not None)
         clock = None if times is None else checks.times(times, period)
         parts = None if coefficients is None else checks.coefficients(coefficients, clock, period or 0.0)
         lead = (len(nodes),) if clock is None else ((clock if parts is None else parts.T).shape[0], len(nodes))

@@ -71,7 +71,8 @@ def plan_mesh(
     outlines = [np.asarray(body, dtype=float) for body in bodies]
     _check_places(outlines, width, top, bottom)
     _check_inlets(inlets, top, bottom)
-    symmetric = all(is_symmetric(outline) for outline in outlines) and _are_mirrored(inlets)
+    left, right = ({(i.start, i.end) for i in inlets if i.side == side} for side in ("left", "right"))
+    symmetric = all(is_symmetric(outline) for outline in outlines) and left == right
     if half and not symmetric:
         raise SceneError("the half domain needs bodies and openings that are symmetric about x = 0")
     fine = _around(outlines, top, bottom, direction, NEAR_REGION)
@@ -157,11 +158,6 @@ def _check_inlets(inlets: Sequence[SideInlet], top: float, bottom: float) -> Non
                 raise SceneError(f"two openings are called {inlet.name!r}: rename one of them")
             if inlet.side == other.side and inlet.start < other.end and other.start < inlet.end:
                 raise SceneError(f"the openings {other.name!r} and {inlet.name!r} overlap: move one of them")
-
-
-def _are_mirrored(inlets: Sequence[SideInlet]) -> bool:
-    left, right = ({(i.start, i.end) for i in inlets if i.side == side} for side in ("left", "right"))
-    return left == right
 
 
 # -- How long a cell's edge is where -----------------------------------------------------------------------------------
