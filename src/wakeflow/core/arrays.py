@@ -37,28 +37,28 @@ def numbers(name: str, values: ArrayLike, unit: str = "1") -> Array:
 
 def number(name: str, value: object, unit: str = "1") -> float:
     """One number in ``unit``. Raises SceneError as :func:`numbers` does, and where it is none or more than one."""
-    found = numbers(name, value, unit)  # type: ignore[arg-type]
-    if value is None or found.ndim:
+    result = numbers(name, value, unit)  # type: ignore[arg-type]
+    if value is None or result.ndim:
         raise SceneError(f"{name} = {value!r}: needs one number{'' if unit == '1' else f' in {unit}'}")
-    return float(found)
+    return float(result)
 
 
 def whole(name: str, values: ArrayLike) -> NDArray[np.int64]:
     """The same of whole numbers alone."""
-    found = numbers(name, values)
-    if not (found == np.rint(found)).all():
+    result = numbers(name, values)
+    if not (result == np.rint(result)).all():
         raise SceneError(f"{name}: needs an array of integers")
-    return found.astype(np.int64)
+    return result.astype(np.int64)
 
 
 def truths(name: str, values: ArrayLike) -> NDArray[np.bool_]:
     """Truth values, or numbers as such. Raises SceneError for masked ones."""
     if isinstance(values, list | tuple):
-        return np.array([truths(name, one) for one in values], dtype=bool)
-    found = np.asarray(numbers(name, values) if _unit_and_number(values) else _unmasked(values, f"{name}: "))
-    if found.dtype.kind not in "biuf":
-        raise SceneError(f"{name}: needs truth values, not {found.dtype}")
-    return found.astype(bool)
+        return np.array([truths(name, item) for item in values], dtype=bool)
+    result = np.asarray(numbers(name, values) if _unit_and_number(values) else _unmasked(values, f"{name}: "))
+    if result.dtype.kind not in "biuf":
+        raise SceneError(f"{name}: needs truth values, not {result.dtype}")
+    return result.astype(bool)
 
 
 def as_written(value: Any) -> object:
@@ -75,7 +75,7 @@ def as_written(value: Any) -> object:
 def plain(name: str, values: Any) -> Any:
     """Cells of a column, texts too, quantities as texts with their unit. Raises SceneError for masked ones."""
     if isinstance(values, list | tuple):
-        return [plain(name, one) for one in values]
+        return [plain(name, item) for item in values]
     try:
         return as_written(values) if _unit_and_number(values) is not None else _unmasked(values)
     except SceneError as problem:
@@ -83,13 +83,13 @@ def plain(name: str, values: Any) -> Any:
 
 
 def _in_unit(found: Any, unit: str) -> object:
-    return [_in_unit(one, unit) for one in found] if isinstance(found, list) else f"{found!r} {unit}"
+    return [_in_unit(item, unit) for item in found] if isinstance(found, list) else f"{found!r} {unit}"
 
 
 def _floats(values: Any, unit: str) -> Array:
     if isinstance(values, list | tuple):
         if not set(map(type, values)) <= PLAIN:  # what an entry says, numpy would drop
-            return np.array([_floats(one, unit) for one in values])
+            return np.array([_floats(item, unit) for item in values])
         return np.array(values, dtype=np.float64)
     if (said := _unit_and_number(values)) is not None:
         return _floats(said[1], "1") * _factor(said[0], unit)
@@ -109,7 +109,7 @@ def _of_array(array: NDArray[Any], values: Any, unit: str) -> Array:
     if array.dtype.kind in "OU":
         if not array.ndim:
             return np.array(values, dtype=np.float64)
-        return np.array([_floats(one, unit) for one in array.ravel().tolist()], np.float64).reshape(array.shape)
+        return np.array([_floats(item, unit) for item in array.ravel().tolist()], np.float64).reshape(array.shape)
     if array.dtype.kind not in "iuf":
         raise SceneError(f"{array.dtype} are no numbers of this kind; give real ones")
     return array.astype(np.float64)

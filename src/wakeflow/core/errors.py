@@ -24,7 +24,7 @@ def one_line(text: str) -> str:
 
     What is left out is in the middle: a message ends in what to do.
     """
-    line = "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)
+    line = "".join(item if item.isprintable() else repr(item)[1:-1] for item in text)
     if len(line) <= LONGEST:
         return line
     mark = f" [... {len(line) - LONGEST + 24} letters ...] "

@@ -227,8 +227,8 @@ class Cluster(Executor):
 
     @property
     def _workers(self) -> Mapping[str, Any]:
-        found: Mapping[str, Any] = self.client.scheduler_info(n_workers=-1)["workers"]
-        return found
+        result: Mapping[str, Any] = self.client.scheduler_info(n_workers=-1)["workers"]
+        return result
 
     def on(self, ranks: int) -> Cluster:
         """The same cluster for a task of so many MPI processes; one that needs only one may run on any worker.
@@ -310,14 +310,14 @@ def _call_here(
                 "system that all workers share"
             )
     log, env = place.logs / f"{socket.gethostname()}-{os.getpid()}", {"WAKEFLOW_CACHE": str(place.cache)}
-    own = _here.setdefault(place, Workers(get_worker().state.nthreads, log, place.cwd, env))
-    return own.submit(function, *arguments, **options).result()
+    workers = _here.setdefault(place, Workers(get_worker().state.nthreads, log, place.cwd, env))
+    return workers.submit(function, *arguments, **options).result()
 
 
 def _end_here(place: TaskPlace) -> None:
     """On a Dask worker: end the processes that work in ``place``, whatever they do."""
-    if own := _here.pop(place, None):
-        own.end()
+    if workers := _here.pop(place, None):
+        workers.end()
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from types import ModuleType
 def extras() -> tuple[ModuleType, ...]:
     """Every extra that is there. ``COMMANDS`` of one: its commands, "module:function" each."""
     home = import_module("..extras", __package__)
-    return tuple(import_module(f"{home.__name__}.{found.name}") for found in iter_modules(home.__path__))
+    return tuple(import_module(f"{home.__name__}.{module.name}") for module in iter_modules(home.__path__))
 
 
 @cache

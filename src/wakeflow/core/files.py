@@ -133,25 +133,19 @@ def read_whole(path: Path, most: int = MAX_INPUT) -> bytes:
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
         if not stat.S_ISREG(about.st_mode):
             raise SceneError(f"{path}: is a device or a pipe; name a file")
-        found = _bytes_of(handle, most, path)
+        content = bytearray()
+        try:
+            while len(content) <= most and (part := os.read(handle, PIECE)):
+                content += part
+        except OSError as problem:  # names no file
+            raise SceneError(f"{path}: cannot be read ({problem.strerror}); is its disk damaged or away?") from None
     finally:
         os.close(handle)
-    if len(found) > most:
+    if len(content) > most:
         raise SceneError(
             f"{path}: has more than {most / 1e6:g} MB, which nothing of its kind has; is it the right file?"
         )
-    return found
-
-
-def _bytes_of(handle: int, most: int, path: Path) -> bytes:
-    """At most PIECE more than ``most`` bytes of an open file, ``path`` in the message of SceneError."""
-    found = bytearray()
-    try:
-        while len(found) <= most and (part := os.read(handle, PIECE)):
-            found += part
-    except OSError as problem:  # names no file
-        raise SceneError(f"{path}: cannot be read ({problem.strerror}); is its disk damaged or away?") from None
-    return bytes(found)
+    return bytes(content)
 
 
 def digest_of(path: Path) -> str:
@@ -166,12 +160,12 @@ def read_packed(path: Path, most: int = MAX_RECORD) -> bytes:
     """What a file holds that gzip packed. Raises SceneError where it is damaged, or holds more bytes than ``most``."""
     try:
         with gzip.open(path) as stream:
-            found = stream.read(most + 1)
+            result = stream.read(most + 1)
     except (EOFError, zlib.error, gzip.BadGzipFile):
         raise SceneError(f"{path} is damaged") from None
-    if len(found) > most:
+    if len(result) > most:
         raise SceneError(f"{path}: unpacks to more than {most / 1e6:g} MB")
-    return found
+    return result
 
 
 def read_json(path: Path, most: int = MAX_RECORD) -> Any:
@@ -209,15 +203,15 @@ def read_toml(path: Path) -> dict[str, Any]:
 def toml_of(text: str, where: str) -> dict[str, Any]:
     """The tables of a text of TOML. Raises SceneError, naming ``where`` it is from, where it is none."""
     try:
-        found = tomllib.loads(text)
+        result = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
         raise SceneError(f"{where}: not valid TOML: {problem}{_hint(text, str(problem))}") from None
     except ValueError as problem:  # a number of thousands of digits, a day that there is not
         raise SceneError(f"{where}: not valid TOML: {str(problem).partition(';')[0]}") from None
     except RecursionError:
         raise SceneError(f"{where}: {DEEP}") from None
-    check_tables(found, where)
-    return found
+    check_tables(result, where)
+    return result
 
 
 def check_tables(tables: object, where: str, most: float = MAX_KEYS) -> None:
@@ -226,13 +220,13 @@ def check_tables(tables: object, where: str, most: float = MAX_KEYS) -> None:
     """
     depth, keys, inside = 0, 0, [tables]
     while inside:
-        keys += sum(len(one) for one in inside if isinstance(one, dict))
+        keys += sum(len(item) for item in inside if isinstance(item, dict))
         if keys > most:
             raise SceneError(f"{where}: has more than {most} keys; is it the right file?")
-        depth, inside = depth + 1, [part for one in inside for part in _inside(one)]
+        depth, inside = depth + 1, [part for item in inside for part in _inside(item)]
         if depth > MAX_DEPTH + 1:
             raise SceneError(f"{where}: {DEEP}")
-        if long := next((one for one in inside if isinstance(one, int) and one.bit_length() > 63), None):
+        if long := next((item for item in inside if isinstance(item, int) and item.bit_length() > 63), None):
             raise SceneError(f"{where}: holds a whole number of {long.bit_length()} bits; TOML has 64")
 
 
@@ -247,8 +241,8 @@ def _hint(text: str, problem: str) -> str:
     """A hint for the line that is not TOML, as ``speed = 7 m/s`` and ``speed = 1,5`` are not; empty where there is
     none. ``problem``: tomllib's message, which tells the line.
     """
-    found, lines = re.search(r"at line (\d+)", problem), text.splitlines()
-    line = lines[int(found[1]) - 1] if found and int(found[1]) <= len(lines) else ""
+    result, lines = re.search(r"at line (\d+)", problem), text.splitlines()
+    line = lines[int(result[1]) - 1] if result and int(result[1]) <= len(lines) else ""
     key, sign, value = (part.strip() for part in line.partition("#")[0].partition("="))
     if "Cannot declare" in problem:
         return "; a table stands twice: rename one"

@@ -30,16 +30,17 @@ INCLUDED = 100  # files: more are one that includes itself
 ETC = "/usr/share/openfoam"  # WM_PROJECT_DIR of Debian's package
 
 
-def read_entries(path: Path, files: list[Path] | None = None) -> Entries:
-    """What a dictionary or a field says, packed by gzip or not, its header as FoamFile; ``files`` gets those read.
+def read_entries(path: Path) -> tuple[Entries, list[Path]]:
+    """What a dictionary or a field says, packed by gzip or not, its header as FoamFile; and the files that were read:
+    with those that it includes.
 
     A list of values as internalField is not written out where a patch names it: it stays ``$internalField``. Raises
     FoamError, with file and line, for what is cut short, computed by OpenFOAM, or defined nowhere; OSError where there
     is no file.
     """
-    reader, found = _Reader(path, [] if files is None else files), Entries()
-    reader.fill((found,))
-    return {"FoamFile": reader.header, **found}
+    reader, result = _Reader(path, []), Entries()
+    reader.fill((result,))
+    return {"FoamFile": reader.header, **result}, reader.files
 
 
 def text_of(entries: Entries) -> str:
@@ -102,11 +103,11 @@ class _Reader:
             else:
                 scope[key] = child
             return end
-        found, end = self._value(scopes, then)
-        if isinstance(old, dict) and isinstance(found, dict):
-            _merge(old, found)
+        result, end = self._value(scopes, then)
+        if isinstance(old, dict) and isinstance(result, dict):
+            _merge(old, result)
         else:
-            scope[key] = found
+            scope[key] = result
         return end
 
     def _value(self, scopes: tuple[Entries, ...], at: int) -> tuple[str | Entries, int]:
@@ -150,12 +151,12 @@ class _Reader:
     def _macro(self, scopes: tuple[Entries, ...], macro: str, at: int) -> str | Entries:
         """What a ``macro`` at byte ``at`` represents."""
         name, _, usual = macro.strip("${}").partition(":-")
-        found = _named(scopes, name)
-        if isinstance(found, str) and found.startswith("nonuniform") and name.endswith("internalField"):
+        result = _named(scopes, name)
+        if isinstance(result, str) and result.startswith("nonuniform") and name.endswith("internalField"):
             return "$internalField"
-        if found is None and not usual:
+        if result is None and not usual:
             raise self._refused(at, f"${name} is defined nowhere before; write out what it represents")
-        return usual if found is None else found
+        return usual if result is None else result
 
     def _directive(self, scopes: tuple[Entries, ...], word: str, at: int) -> int:
         """Obey ``#include``, ``#ifeq`` and their like; returns where to go on, known up to byte ``at`` of its line."""
@@ -168,10 +169,10 @@ class _Reader:
             return end
         if word in ("#ifeq", "#else"):
             return self._skipped(word, at)
-        told = re.match(r'\s*"([^"]*)"', line)
-        if word not in ("#include", "#includeIfPresent", "#sinclude", "#includeEtc") or told is None:
+        named = re.match(r'\s*"([^"]*)"', line)
+        if word not in ("#include", "#includeIfPresent", "#sinclude", "#includeEtc") or named is None:
             raise self._refused(at, f"{word} is for OpenFOAM alone; write out what it brings")
-        path = self._place(scopes, told[1], at, etc=word == "#includeEtc")
+        path = self._place(scopes, named[1], at, etc=word == "#includeEtc")
         if path.is_file() or word in ("#include", "#includeEtc"):
             if not path.is_file():
                 raise self._refused(at, f"includes {path}, which is no file")
@@ -182,7 +183,7 @@ class _Reader:
 
     def _alike(self, scopes: tuple[Entries, ...], line: str, at: int) -> bool:
         """Whether the two words of an ``#ifeq`` are one."""
-        words = [self._macro(scopes, one, at) if one[:1] == "$" else one for one in line.partition("//")[0].split()]
+        words = [self._macro(scopes, item, at) if item[:1] == "$" else item for item in line.partition("//")[0].split()]
         if len(words) != 2:
             raise self._refused(at, "#ifeq needs two words")
         return words[0] == words[1]
@@ -204,8 +205,8 @@ class _Reader:
         name = re.sub(r"\$\{?FOAM_CASE\b\}?", lambda _: place, name)
 
         def said(macro: re.Match[str]) -> str:
-            found = self._macro(scopes, macro[0], at)
-            return found.strip('"') if isinstance(found, str) else macro[0]
+            result = self._macro(scopes, macro[0], at)
+            return result.strip('"') if isinstance(result, str) else macro[0]
 
         name = os.fsdecode(re.sub(r"\$(?:\{[^{}]*\}|\w+)", said, name).encode("latin-1"))
         return Path(os.environ.get("WM_PROJECT_DIR", ETC), "etc", name) if etc else self.path.parent / name
@@ -222,8 +223,8 @@ class _Reader:
 def _named(scopes: tuple[Entries, ...], name: str) -> str | Entries | None:
     """What a name means in the innermost of the ``scopes`` that has it; None where none has."""
     for scope in reversed(scopes):
-        if (found := _in(scope, name)) is not None:
-            return found
+        if (result := _in(scope, name)) is not None:
+            return result
     if name[:1] in ":!":
         steps, scopes = re.split(r"[./]", name[1:]), scopes[:1]
     elif "/" in name:
@@ -234,10 +235,10 @@ def _named(scopes: tuple[Entries, ...], name: str) -> str | Entries | None:
         steps = name.lstrip(".").split(".")
         up = len(name) - len(name.lstrip("."))
         scopes = scopes[len(scopes) - up : len(scopes) - up + 1] if up else scopes
-    found = next((one for scope in reversed(scopes) if (one := _in(scope, steps[0])) is not None), None)
+    result = next((item for scope in reversed(scopes) if (item := _in(scope, steps[0])) is not None), None)
     for step in steps[1:]:
-        found = _in(found, step) if isinstance(found, dict) else None
-    return found
+        result = _in(result, step) if isinstance(result, dict) else None
+    return result
 
 
 def _in(scope: Entries, name: str) -> str | Entries | None:

@@ -64,7 +64,7 @@ def between_walls(outlines: Iterable[Array], width: float) -> float:
         edge = wall_edge(outline, width / 2)
         if edge is not None:
             sides[edge.side].append(outline)
-    return min((distance_between(one, other) for one, other in product(*sides.values())), default=math.inf)
+    return min((distance_between(item, other) for item, other in product(*sides.values())), default=math.inf)
 
 
 def edges(outline: Array) -> tuple[Array, Array]:

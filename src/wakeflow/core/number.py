@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
-from pydantic import BeforeValidator
+from .record import Null, column
 
-from .record import column
-
-# What has no bound is infinite here and null in JSON.
-Most = Annotated[float, BeforeValidator(lambda x: math.inf if x is None else x)]
-Least = Annotated[float, BeforeValidator(lambda x: -math.inf if x is None else x)]
+# What has no bound is infinite here and null in JSON; what is not known is not a number here.
+Most = Annotated[float, Null(math.inf)]
+Least = Annotated[float, Null(-math.inf)]
+Known = Annotated[float, Null(math.nan)]
+Count = Annotated[int, Null(0)]
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def percent(number: Number | None, *, void: bool = False) -> str:
     arms = [100.0 * arm for arm in (number.value - number.low, number.high - number.value) if arm > 0.0]
     digits = -math.floor(math.log10(min(arms) / COARSE)) if arms else 1
     digits = min(MAX_DIGITS, max(0, digits))
-    value, low, high = (_whole(f"{100 * one:.{digits}f}") for one in number)
+    value, low, high = (_whole(f"{100 * item:.{digits}f}") for item in number)
     wide = round(number.high - number.low, 2) >= UNKNOWN_SPAN
     return f"{UNKNOWN_ERROR if wide else value} ({low} to {high})"
 

@@ -57,8 +57,8 @@ _SPOKEN: ContextVar[Mapping[str, str]] = ContextVar("spoken units")
 
 def split_quantity(text: str) -> tuple[float, str] | None:
     """Number and unit of a text such as "50 mm", the unit empty where there is none; None for any other text."""
-    found = _PARTS.fullmatch(text)
-    return (float(found[1].replace("\u2212", "-")), (found[2] or "").strip()) if found else None
+    match = _PARTS.fullmatch(text)
+    return (float(match[1].replace("\u2212", "-")), (match[2] or "").strip()) if match else None
 
 
 def quantity(text: str, unit: str, example: str) -> float:
@@ -95,7 +95,7 @@ def _pointed(text: str, unit: str, example: str) -> str:
     meant = [f"{before.replace('.', '')}.{after}"] if comma and "," not in after else []
     if not meant or re.search(r",[0-9]{3}(?![0-9])", text):
         meant.append(_MARKED.sub("", plain))
-    return " or ".join(filter(None, (_accepted(one, unit, example) for one in meant)))
+    return " or ".join(filter(None, (_accepted(item, unit, example) for item in meant)))
 
 
 def _accepted(text: str, unit: str, example: str) -> str:
@@ -122,10 +122,10 @@ def converted(value: float, given: str, wanted: str) -> float:
     if wanted == "K":
         given = DEGREES.get(given, given)
     try:
-        source, target = (_unit(one) for one in (given, wanted))
+        source, target = (_unit(item) for item in (given, wanted))
         if _kind(source) != _kind(target):  # one turn a period
             hertz, turns = registry.parse_units("Hz"), registry.parse_units("turn / second")
-            source, target = (turns if one == hertz else one for one in (source, target))
+            source, target = (turns if item == hertz else item for item in (source, target))
         if _kind(source) == _kind(target):
             return float(registry.Quantity(value, source).to(target).magnitude)
     except (pint.PintError, *NOT_READ):
@@ -180,7 +180,7 @@ def say(value: float, unit: str, digits: int = 6) -> str:
     wanted = spoken(unit) or unit
     shown = value if wanted == unit else converted(value, unit, wanted)
     if spoken(unit) in LENGTHS and shown and not 0.01 <= abs(shown) < 1e4:
-        wanted = next((one for one in LENGTHS if abs(value) >= converted(1.0, one, "m")), LENGTHS[-1])
+        wanted = next((item for item in LENGTHS if abs(value) >= converted(1.0, item, "m")), LENGTHS[-1])
         shown = converted(value, "m", wanted)
     rounded = float(f"{shown:.{digits}g}")  # 140, not 1.4e+02
     return f"{rounded:g} {wanted}".removesuffix(" 1")

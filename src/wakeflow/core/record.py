@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Hashable, Iterator, Mapping
-from dataclasses import MISSING, field, fields, is_dataclass
-from functools import cache
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from functools import cache, partial
+from operator import is_
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import ConfigDict, GetCoreSchemaHandler, TypeAdapter, ValidationError
+from pydantic_core import core_schema
 
 from .errors import SceneError
 from .files import write_json
@@ -39,15 +41,26 @@ def column(
     ``dict`` for an empty one.
     """
     metadata: dict[str, object] = {"description": meaning, "json_schema_extra": {"unit": unit, "flat": flat}}
-    metadata |= {"exclude_if": _is_none} if absent else {}
+    metadata |= {"exclude_if": partial(is_, None)} if absent else {}
     metadata |= {"alias": key} if key else {}
     if default is dict:
         return field(default_factory=dict, metadata=metadata)
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
 
-def _is_none(value: object) -> bool:
-    return value is None
+@dataclass(frozen=True)
+class Null:
+    """Marks a column (``Annotated[float, Null(math.nan)]``) that is ``empty`` where nothing is known, and null in JSON:
+    a number that is none, or what is false (0 of a count, "", no entries, a record that says so of itself).
+    """
+
+    empty: Any
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        inner, number = handler(source), isinstance(self.empty, float)  # of numbers JSON has neither NaN nor infinity
+        read = core_schema.no_info_before_validator_function(lambda x: self.empty if x is None else x, inner)
+        written = core_schema.wrap_serializer_function_ser_schema(lambda x, write: write(x) if number or x else None)
+        return {**read, "serialization": written}
 
 
 class Column(NamedTuple):
@@ -64,17 +77,14 @@ class Column(NamedTuple):
 
 def columns(kind: type) -> Iterator[Column]:
     """The columns of a record type, in the order of its JSON table."""
-    hints = get_type_hints(kind)
-    for one in fields(kind):
-        if (extra := one.metadata.get("json_schema_extra")) is not None:
-            about, key = one.metadata["description"], one.metadata.get("alias", one.name)
-            absent = "exclude_if" in one.metadata
-            yield Column(one.name, key, hints[one.name], extra["unit"], about, absent, extra["flat"])
-
-
-def _any(kind: Any) -> Hashable:
-    """A type as a key of a cache: mypy does not take every type for hashable."""
-    return kind  # type: ignore[no-any-return]
+    hints, marks = get_type_hints(kind), get_type_hints(kind, include_extras=True)
+    for item in fields(kind):
+        if (extra := item.metadata.get("json_schema_extra")) is not None:
+            about, key = item.metadata["description"], item.metadata.get("alias", item.name)
+            absent = "exclude_if" in item.metadata
+            null = any(isinstance(mark, Null) for mark in getattr(marks[item.name], "__metadata__", ()))
+            hint = hints[item.name] | None if null else hints[item.name]
+            yield Column(item.name, key, hint, extra["unit"], about, absent, extra["flat"])
 
 
 @cache
@@ -92,7 +102,8 @@ def _plain(value: Any) -> object:
 def to_json(value: object) -> Any:
     """A record, or what holds some, as JSON knows it: records become dicts, sequences lists; numbers and text stay."""
     kind = type(value) if is_dataclass(value) else Any
-    return json.loads(_adapter(_any(kind)).dump_json({"": value}, warnings=False, fallback=_plain))[""]
+    adapter = _adapter(kind)  # type: ignore[arg-type]  # mypy does not take every type for hashable
+    return json.loads(adapter.dump_json({"": value}, warnings=False, fallback=_plain))[""]
 
 
 def from_json(kind: type[Kind], table: object, where: str = "result.json") -> Kind:
@@ -101,14 +112,14 @@ def from_json(kind: type[Kind], table: object, where: str = "result.json") -> Ki
     Raises SceneError, naming ``where`` and the key, where a key is missing or unknown or holds what it cannot.
     """
     try:
-        found: Kind = _adapter(_any(kind)).validate_python({where: table})[where]
+        result: Kind = _adapter(kind).validate_python({where: table})[where]  # type: ignore[arg-type]
     except ValidationError as problem:
         first = problem.errors()[0]
         _, *keys = map(str, first["loc"])
         given = "null, must have a value" if first["input"] is None else f"{first['input']!r:.40}, {first['msg']}"
         place = ": ".join([where, *([".".join(keys)] if keys else [])])
         raise SceneError(f"{place}: {WRONG.get(first['type'], f'is {given}')}") from None
-    return found
+    return result
 
 
 def save(path: Path, record: object) -> None:

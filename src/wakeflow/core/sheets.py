@@ -38,15 +38,15 @@ class Sheet:
         """The sheet without a last row that is the sum of those before it in the columns ``amounts``, and is called so
         in one of the columns ``labels``. Raises SceneError where it adds up to another number.
         """
-        if len(self.rows) < 2 or not {self.rows[-1][1][one].rstrip(":").lower() for one in labels} & SUMS:
+        if len(self.rows) < 2 or not {self.rows[-1][1][item].rstrip(":").lower() for item in labels} & SUMS:
             return self
         *rows, (at, last) = self.rows
         for column in amounts:
             parts = [split_quantity(cells[column]) for _, cells in rows]
             if (said := split_quantity(last[column])) is not None:
-                found = sum(part[0] for part in parts if part is not None)
-                if abs(found - said[0]) > 0.005 * abs(found):
-                    raise SceneError(f"{at}: {said[0]:g} is not the sum of the rows before it, {found:g}; delete it")
+                result = sum(part[0] for part in parts if part is not None)
+                if abs(result - said[0]) > 0.005 * abs(result):
+                    raise SceneError(f"{at}: {said[0]:g} is not the sum of the rows before it, {result:g}; delete it")
         return Sheet(self.heads, rows)
 
 
@@ -74,9 +74,9 @@ def read_sheet(path: Path, *, headed: bool = True, whole: str = "") -> Sheet:
     while table and (not heads if headed else not QUANTITY.fullmatch(table[0][1][0])):
         heads = _without_end(table.pop(0)[1])
     width = len(heads) if headed else 0
-    points = {found[2] for _, row in table for cell in row if (found := _decimal(cell))}
-    units = {i: found[2] for i, head in enumerate(heads) if (found := HEAD.fullmatch(head))}
-    names = [found[1].lower() if (found := HEAD.fullmatch(head)) else head.lower() for head in heads]
+    points = {mark for _, row in table for cell in row if (mark := _decimal_mark(cell))}
+    units = {i: match[2] for i, head in enumerate(heads) if (match := HEAD.fullmatch(head))}
+    names = [match[1].lower() if (match := HEAD.fullmatch(head)) else head.lower() for head in heads]
     rows = []
     for at, cells in table:
         kept = _without_end(cells, width)
@@ -96,23 +96,23 @@ def _decoded(path: Path) -> str:
         text = raw.decode("cp1252")
     except UnicodeDecodeError:
         text = "\0"
-    if any(ord(one) < 32 and one not in "\t\r\n\f" for one in text):
+    if any(ord(item) < 32 and item not in "\t\r\n\f" for item in text):
         raise SceneError(f"cannot read {path}: not a text file")
     return text
 
 
 def _cells(name: str, lines: Sequence[tuple[int, str]], mark: str, headed: bool) -> list[tuple[int, list[str]]]:
-    found = []
+    result = []
     for number, line in lines:
-        in_line = next((one for one in MARKS if one in line), "")
+        in_line = next((item for item in MARKS if item in line), "")
         parting = mark or in_line
         mark = parting if headed else mark  # a table without heads tells it line by line
         try:
             cells = next(csv.reader([line], delimiter=parting)) if parting else line.split() if not headed else [line]
         except csv.Error as problem:
             raise SceneError(f"{name}, line {number}: {problem}; part cells by commas or semicolons") from None
-        found.append((number, [cell.strip().strip("\u00a0") for cell in cells]))
-    return found
+        result.append((number, [cell.strip().strip("\u00a0") for cell in cells]))
+    return result
 
 
 def _without_end(cells: list[str], least: int = 0) -> list[str]:
@@ -122,19 +122,19 @@ def _without_end(cells: list[str], least: int = 0) -> list[str]:
     return cells
 
 
-def _decimal(cell: str) -> re.Match[str] | None:
-    """The number of a cell whose mark can only be a decimal one."""
-    found = QUANTITY.fullmatch(cell)
-    parted = None if found is None else DECIMAL.fullmatch(found[1])
-    return None if parted is None or PARTED.fullmatch(parted[0]) else parted
+def _decimal_mark(cell: str) -> str:
+    """The mark in the number of a cell that can only be a decimal one; empty for any other."""
+    number = QUANTITY.fullmatch(cell)
+    parted = number and DECIMAL.fullmatch(number[1])
+    return "" if parted is None or PARTED.fullmatch(parted[0]) else parted[2]
 
 
 def _plain(cell: str, unit: str, points: set[str], at: str, whole: str) -> str:
     """A cell with its number as a program reads it, and its unit."""
-    found = QUANTITY.fullmatch(cell)
-    if found is None:
+    quantity = QUANTITY.fullmatch(cell)
+    if quantity is None:
         return cell
-    number, own = found[1], found[2] or unit
+    number, unit = quantity[1], quantity[2] or unit
     parted = PARTED.fullmatch(number)
     counts = at.endswith(f": {whole} =")
     if GROUPED.fullmatch(number) and not (parted and points == {parted[1]} and not counts):
@@ -142,4 +142,4 @@ def _plain(cell: str, unit: str, points: set[str], at: str, whole: str) -> str:
         once = parted and not counts and len(re.findall(r"[.,]", number)) == 1
         other = f" or {number.replace(',', '.')}0" if once else ""
         raise SceneError(f"{at} {number!r} may have thousands parted; write {plain.replace(',', '.')}{other}")
-    return f"{number.replace(',', '.')} {own}".strip() if re.fullmatch(r"[^,]*,[^,]*", number) or own else cell
+    return f"{number.replace(',', '.')} {unit}".strip() if re.fullmatch(r"[^,]*,[^,]*", number) or unit else cell

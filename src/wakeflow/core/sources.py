@@ -27,7 +27,8 @@ NAME = __name__.partition(".")[0]
 PACKAGE = Path(__file__).parent.parent
 CALL = re.compile(rf"({NAME}(?:\.\w+)*):\w[\w.]*")  # "wakeflow.module:function" in a string: what a child process runs
 EVERY = "iter_modules(__path__)"  # in a package that imports whatever lies in its folder
-Import = tuple[str, str | None, str, bool]  # module, name wanted of it (None: itself), bound as, whether it runs
+Import = tuple[str, str, str, bool]  # module, name wanted of it, bound as, whether it runs
+ALL, NO_NAME = "*", ""  # in place of a name: the module itself, or that it runs alone
 
 
 @cache
@@ -57,8 +58,7 @@ def closure(*modules: str) -> frozenset[str]:
 
     Raises ModuleNotFoundError for a name that is no module of it.
     """
-    seen: set[tuple[str, str | None]] = set()
-    ahead: list[tuple[str, str | None]] = [(module, None) for module in modules]
+    seen, ahead = set[tuple[str, str]](), [(module, ALL) for module in modules]
     while ahead:
         if (wanted := ahead.pop()) not in seen:
             seen.add(wanted)
@@ -66,19 +66,19 @@ def closure(*modules: str) -> frozenset[str]:
     return frozenset(module for module, _ in seen)
 
 
-def _wanted_by(module: str, name: str | None) -> Iterator[tuple[str, str | None]]:
-    """What using ``name`` of a module (None: all of it) makes run: modules, and the names wanted of them."""
+def _wanted_by(module: str, name: str) -> Iterator[tuple[str, str]]:
+    """What using ``name`` of a module makes run: modules, and the names wanted of them."""
     path = _path(module)
     imports = _imports(path, module)
     yield from ((source, inner) for source, inner, _, runs in imports if runs)
     if parent := module.rpartition(".")[0]:
-        yield parent, ""  # its __init__ runs; no name of it is asked for
-    if path.name != "__init__.py" or name == "":
+        yield parent, NO_NAME  # its __init__ runs
+    if path.name != "__init__.py" or name == NO_NAME:
         return
-    if name is None:  # as an object: whatever it hands on
+    if name == ALL:  # as an object: whatever it hands on
         yield from ((source, inner) for source, inner, _, _ in imports)
-    elif _exists(f"{module}.{name}"):
-        yield f"{module}.{name}", None
+    elif any(place.exists() for place in _places(f"{module}.{name}")):
+        yield f"{module}.{name}", ALL
     else:  # a lazy name stands among its imports for type checking
         yield from ((source, inner) for source, inner, bound, _ in imports if bound == name)
 
@@ -86,11 +86,11 @@ def _wanted_by(module: str, name: str | None) -> Iterator[tuple[str, str | None]
 @lru_cache(maxsize=1024)
 def _imports(path: Path, module: str) -> tuple[Import, ...]:
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-    found = list(_read(parsed(path), package, runs=True))
+    result = list(_read(parsed(path), package, runs=True))
     if path.name == "__init__.py" and EVERY in path.read_text(encoding="utf-8"):
-        names = sorted({one.stem for one in path.parent.glob("*.py")} - {"__init__"})
-        found += [(f"{package}.{name}", None, name, True) for name in names]
-    return tuple(found)
+        names = sorted({item.stem for item in path.parent.glob("*.py")} - {"__init__"})
+        result += [(f"{package}.{name}", ALL, name, True) for name in names]
+    return tuple(result)
 
 
 def _read(node: ast.AST, package: str, *, runs: bool) -> Iterator[Import]:
@@ -99,15 +99,15 @@ def _read(node: ast.AST, package: str, *, runs: bool) -> Iterator[Import]:
             for statement in child.body:
                 yield from _read(ast.Module([statement], []), package, runs=False)
         elif isinstance(child, ast.Import):
-            own = (alias for alias in child.names if alias.name.split(".")[0] == NAME)
-            yield from ((alias.name, None, alias.asname or NAME, runs) for alias in own)
+            inner = (alias for alias in child.names if alias.name.split(".")[0] == NAME)
+            yield from ((alias.name, ALL, alias.asname or NAME, runs) for alias in inner)
         elif isinstance(child, ast.ImportFrom):
             source = _source(child, package)
             if source.split(".")[0] == NAME:
                 yield from ((source, alias.name, alias.asname or alias.name, runs) for alias in child.names)
         elif isinstance(child, ast.Constant) and isinstance(child.value, str):
             if call := CALL.fullmatch(child.value):
-                yield call[1], None, "", runs
+                yield call[1], ALL, "", runs
         else:
             yield from _read(child, package, runs=runs)
 
@@ -119,14 +119,9 @@ def _source(node: ast.ImportFrom, package: str) -> str:
     return ".".join([*above, *([node.module] if node.module else [])])
 
 
-def _exists(module: str) -> bool:
-    return any(path.exists() for path in _places(module))
-
-
 def _path(module: str) -> Path:
-    for path in _places(module):
-        if path.exists():
-            return path
+    if path := next((path for path in _places(module) if path.exists()), None):
+        return path
     raise ModuleNotFoundError(f"{module} is no module of {NAME}", name=module)
 
 
@@ -152,7 +147,7 @@ def kernel_folder(module: str) -> Path:
 def _processor() -> str:
     """The processor's name and what it can do."""
     try:
-        told = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").partition("\n\n")[0]
+        about = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").partition("\n\n")[0]
     except OSError:
         return platform.processor()
-    return "\n".join(re.findall(r"^(?:vendor_id|model name|flags|Features|CPU part)\s*:.*$", told, re.M))
+    return "\n".join(re.findall(r"^(?:vendor_id|model name|flags|Features|CPU part)\s*:.*$", about, re.M))

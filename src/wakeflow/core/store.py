@@ -139,11 +139,11 @@ def _is_stage(path: Path) -> bool:
 def listed_in(folder: Path) -> Mapping[str, str]:
     """The files of a stage and their checksums, as its manifest has them; empty where it has none that can be used."""
     try:
-        found = read_json(folder / MANIFEST)
+        table = read_json(folder / MANIFEST)
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError, SceneError):
         return {}
-    usable = isinstance(found, dict) and all(isinstance(one, str) and DIGEST.fullmatch(one) for one in found.values())
-    return found if usable else {}
+    usable = isinstance(table, dict) and all(isinstance(key, str) and DIGEST.fullmatch(key) for key in table.values())
+    return table if usable else {}
 
 
 @contextmanager
@@ -152,25 +152,19 @@ def cache_in_use(root: Path, *, alone: bool = False) -> Iterator[bool]:
     that is so; the block runs either way.
     """
     root.mkdir(parents=True, exist_ok=True)
-    handle = _opened(root / USERS, alone)
-    if handle is None:
+    handle = -1
+    # For reading where others own the cache and share it for reading alone: their cleaning waits for us too
+    for way in [os.O_RDWR | os.O_CREAT] if alone else [os.O_RDWR | os.O_CREAT, os.O_RDONLY]:
+        with suppress(OSError):
+            handle = os.open(root / USERS, way | os.O_CLOEXEC, 0o666)
+            break
+    if handle < 0:  # that cannot be, or the cache is theirs and we would clean it
         yield not alone
         return
     try:
         yield _used(handle, alone)
     finally:
         os.close(handle)
-
-
-def _opened(users: Path, alone: bool) -> int | None:
-    """The file that is locked, open; for reading where others own the cache and share it for reading alone: their
-    cleaning waits for us too. None where that cannot be, and where we would clean what is theirs.
-    """
-    ways = [os.O_RDWR | os.O_CREAT] if alone else [os.O_RDWR | os.O_CREAT, os.O_RDONLY]
-    for way in ways:
-        with suppress(OSError):
-            return os.open(users, way | os.O_CLOEXEC, 0o666)
-    return None
 
 
 def _used(handle: int, alone: bool) -> bool:
@@ -204,7 +198,8 @@ class Store:
 
         final = self.root / stage / key
         if self._whole(final):
-            _note_use(final)
+            with suppress(PermissionError):  # a cache that others own and share for reading alone
+                os.utime(final / MANIFEST)  # the stage that was used longest ago goes first when the cache is cleaned
             return final, True
         mark(self.root, stage)
         part = final.with_name(f"{key}.part")
@@ -301,12 +296,6 @@ def _members(folder: Path) -> list[str]:
     return sorted(p.relative_to(folder).as_posix() for p in files if not (p.name[0] == "." and p.suffix == ".tmp"))
 
 
-def _note_use(folder: Path) -> None:
-    """Note that a stage was used now, which decides what goes first when the cache is cleaned."""
-    with suppress(PermissionError):  # a cache that others own and share for reading alone
-        os.utime(folder / MANIFEST)
-
-
 # -- What the cache holds ----------------------------------------------------------------------------------------------
 SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(B|[kMGT]B?)\s*|\s*0\s*", re.IGNORECASE)  # a bare 10 may mean gigabytes
 PREFIX = {"": 1.0, "b": 1.0, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}
@@ -332,11 +321,11 @@ def kept_stages(root: Path) -> list[KeptStage]:
     A file that a run's folder shares (a hard link) counts nothing: it stays on the disk. Raises SceneError where the
     folder is not the cache's own.
     """
-    found = []
+    result = []
     for folder in stage_folders(root):
         with suppress(FileNotFoundError):  # a run that ends at this moment gives it its final name
-            found.append(_kept(folder))
-    return sorted(found, key=lambda one: (one.finished, one.used))
+            result.append(_kept(folder))
+    return sorted(result, key=lambda one: (one.finished, one.used))
 
 
 def _kept(folder: Path) -> KeptStage:
@@ -353,12 +342,12 @@ def _kept(folder: Path) -> KeptStage:
 
 def oldest_beyond(stages: Sequence[KeptStage], keep: float) -> list[KeptStage]:
     """The stages that come first, as many as must go until the others take no more than ``keep`` bytes."""
-    total, gone = sum(one.size for one in stages), []
-    for one in stages:
+    total, gone = sum(item.size for item in stages), []
+    for item in stages:
         if total <= keep:
             break
-        total -= one.size
-        gone.append(one)
+        total -= item.size
+        gone.append(item)
     return gone
 
 
@@ -372,17 +361,17 @@ def remove_stages(root: Path, stages: Sequence[KeptStage]) -> list[KeptStage]:
     if not stages:
         return removed
     with cache_in_use(root, alone=True) as alone:
-        for one in stages:
-            if one.finished and not alone:
+        for item in stages:
+            if item.finished and not alone:
                 continue
             try:
-                with FileLock(one.folder.with_name(f"{one.folder.name.removesuffix('.part')}.lock"), timeout=0):
-                    if is_worked_in(one.folder):
+                with FileLock(item.folder.with_name(f"{item.folder.name.removesuffix('.part')}.lock"), timeout=0):
+                    if is_worked_in(item.folder):
                         continue
-                    _remove(one.folder)
+                    _remove(item.folder)
             except Timeout:
                 continue
-            removed.append(one)
+            removed.append(item)
     return removed
 
 
@@ -394,7 +383,7 @@ def bytes_of(text: str) -> float:
 
     Raises SceneError for any other text.
     """
-    found = SIZE.fullmatch(text)
-    if found is None:
+    match = SIZE.fullmatch(text)
+    if match is None:
         raise SceneError(f"{text!r} is no size; write it with its unit, as 10GB or 500MB")
-    return float(found[1] or 0) * PREFIX[(found[2] or "")[:1].lower()]
+    return float(match[1] or 0) * PREFIX[(match[2] or "")[:1].lower()]

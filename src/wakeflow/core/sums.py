@@ -29,8 +29,8 @@ def listed(folder: Path) -> dict[str, str]:
     """The checksums (hex) of what was written into a folder, by path relative to it; empty where none are noted. A path
     that leads out of the folder is none.
     """
-    found = {match[2]: match[1] for match in map(LINE.fullmatch, _lines(folder)) if match}
-    return {name: digest for name, digest in found.items() if name[0] != "/" and ".." not in Path(name).parts}
+    result = {match[2]: match[1] for match in map(LINE.fullmatch, _lines(folder)) if match}
+    return {name: digest for name, digest in result.items() if name[0] != "/" and ".." not in Path(name).parts}
 
 
 def _lines(folder: Path) -> list[str]:
@@ -47,13 +47,13 @@ def note(folder: Path, files: Iterable[Path], *, anew: bool = True) -> None:
     those that are not listed.
     """
     with _one_at_a_time(folder):
-        own = {name: digest for name, digest in listed(folder).items() if (folder / name).is_file()}
+        sums = {name: digest for name, digest in listed(folder).items() if (folder / name).is_file()}
         for path in files:
             name = path.relative_to(folder).as_posix()
-            if path.is_file() and not path.is_symlink() and (anew or name not in own):
-                own[name] = digest_of(path)
+            if path.is_file() and not path.is_symlink() and (anew or name not in sums):
+                sums[name] = digest_of(path)
         with atomic_write(folder / SUMS) as stream:
-            stream.writelines([f"{MARK}\n", *(f"{digest}  {name}\n" for name, digest in sorted(own.items()))])
+            stream.writelines([f"{MARK}\n", *(f"{digest}  {name}\n" for name, digest in sorted(sums.items()))])
 
 
 @contextmanager
@@ -70,9 +70,9 @@ def _one_at_a_time(folder: Path) -> Iterator[None]:
 
 def refuse_foreign(folder: Path, files: Iterable[Path], command: str) -> None:
     """Raise SceneError where one of the ``files`` of a ``command`` is in a folder and the program did not write it."""
-    own = listed(folder)
+    sums = listed(folder)
     held = [
-        name for path in files if os.path.lexists(path) and (name := path.relative_to(folder).as_posix()) not in own
+        name for path in files if os.path.lexists(path) and (name := path.relative_to(folder).as_posix()) not in sums
     ]
     if (folder / f"{BEGUN}{command}").exists():  # it was killed
         held = []

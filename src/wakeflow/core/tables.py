@@ -37,7 +37,7 @@ class CellTable:
     @classmethod
     def of(cls, records: Iterable[object], attributes: Mapping[str, str]) -> CellTable:
         """A row a record; ``attributes``: the name of each by the head of its column."""
-        return cls(tuple(attributes), [[getattr(one, name) for name in attributes.values()] for one in records])
+        return cls(tuple(attributes), [[getattr(item, name) for name in attributes.values()] for item in records])
 
     def write_csv(self, path: Path, digits: int = 10) -> None:
         """Write the table; empty where nothing is known, ``digits`` a number."""
@@ -89,8 +89,8 @@ def load_arrays(path: Path, cure: str) -> Columns:
     try:
         with zipfile.ZipFile(path) as archive:
             inside = archive.infolist()
-        packed = any(one.compress_type != zipfile.ZIP_STORED for one in inside)
-        if sum(one.file_size for one in inside) > (MAX_RECORD if packed else path.stat().st_size):
+        packed = any(item.compress_type != zipfile.ZIP_STORED for item in inside)
+        if sum(item.file_size for item in inside) > (MAX_RECORD if packed else path.stat().st_size):
             raise SceneError(f"{path} claims to hold more than it may; {cure}")
         with np.load(path, allow_pickle=False) as data:
             return {name: data[name] for name in data.files}

@@ -58,6 +58,7 @@ from .folder import (
     COMMAND,
     LOCK,
     answer_key,
+    drawn_ahead,
     refuse_foreign,
     report_into,
     seen_of,

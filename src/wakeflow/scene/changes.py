@@ -12,28 +12,13 @@ from pathlib import Path
 
 from ..core.errors import SceneError
 from ..core.files import atomic_write, scene_templates
-from ..core.record import JsonTable
 from ..core.registry import did_you_mean
 from .scene import Scene
+from .table import flat as flat  # handed on
 
 # -- What differs between scenes ---------------------------------------------------------------------------------------
 LONGEST = 100  # letters of a folder's name: file systems take 255 bytes, people fewer
 PARTS = "+"  # between the changes in a name
-
-
-def flat(tables: Mapping[str, object]) -> JsonTable:
-    """Nested tables as dotted keys and their values.
-
-    >>> flat({"air": {"speed": 5.0}, "fraction": {"husk": {"size": {"mean": 1e-3}}}})
-    {'air.speed': 5.0, 'fraction.husk.size.mean': 0.001}
-    """
-    found: dict[str, object] = {}
-    for key, value in tables.items():
-        if isinstance(value, Mapping) and value:
-            found |= {f"{key}.{below}": member for below, member in flat(value).items()}
-        else:
-            found[key] = value
-    return found
 
 
 def differing(scenes: Sequence[Scene]) -> dict[str, list[object]]:
@@ -41,8 +26,8 @@ def differing(scenes: Sequence[Scene]) -> dict[str, list[object]]:
     scene has no such key.
     """
     every = [flat(scene.model_dump(mode="json", by_alias=True)) for scene in scenes]
-    keys = dict.fromkeys(key for one in every for key in one)
-    columns = {key: [one.get(key) for one in every] for key in keys}
+    keys = dict.fromkeys(key for item in every for key in item)
+    columns = {key: [item.get(key) for item in every] for key in keys}
     return {key: values for key, values in columns.items() if any(value != values[0] for value in values)}
 
 
@@ -66,7 +51,7 @@ def run_folder(stem: str, scene: Scene, changed: Iterable[str], options: Mapping
     that are given; so that variants of a scene do not overwrite each other.
     """
     tables = flat(scene.tables())
-    values = {key: value for key, value in tables.items() if any(f"{key}.".startswith(f"{one}.") for one in changed)}
+    values = {key: value for key, value in tables.items() if any(f"{key}.".startswith(f"{item}.") for item in changed)}
     given = {name: value for name, value in options.items() if value is not None}
     return PARTS.join(filter(None, (stem_name(stem), folder_name({**values, **given}))))
 

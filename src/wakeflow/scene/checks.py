@@ -29,8 +29,8 @@ Array = NDArray[np.float64]
 
 def _bodies_apart(scene: SceneTables) -> Iterator[str]:
     outlines = [(name, body.outline()) for name, body in scene.body.items()]
-    for (name, one), (other_name, other) in itertools.combinations(outlines, 2):
-        gap = distance_between(one, other)
+    for (name, item), (other_name, other) in itertools.combinations(outlines, 2):
+        gap = distance_between(item, other)
         if gap < APART * scene.width:
             how = "touch each other" if gap == 0.0 else f"are only {metres(gap, 3)} apart"
             yield f"body.{name} and body.{other_name} {how} (allowed: at least {metres(APART * scene.width, 3)})"
@@ -72,8 +72,8 @@ def _body_fits(scene: SceneTables) -> Iterator[str]:
 def _standing_bodies_leave_room(scene: SceneTables) -> Iterator[str]:
     """Bins and streams on a wall keep off the bodies that stand on it."""
     taken = [
-        *((f"bin.{name}", one.on, *one.ends) for name, one in scene.on_sides().items()),
-        *((f"channel.inlet.{name}", one.side, *one.span) for name, one in scene.channel.inlet.items()),
+        *((f"bin.{name}", item.on, *item.ends) for name, item in scene.on_sides().items()),
+        *((f"channel.inlet.{name}", item.side, *item.span) for name, item in scene.channel.inlet.items()),
     ]
     for name, body in scene.body.items():
         edge = wall_edge(body.outline(), scene.channel.width / 2)
@@ -137,12 +137,12 @@ def _tracked_impact(scene: SceneTables) -> Iterator[str]:
     if scene.vibration is not None and scene.vibration.pivot is not None and scene.feed.mode == "injected":
         yield "vibration.pivot: feed.mode = 'injected' is of bodies that do not turn; choose auto or resolved"
     first = next(iter(scene.body), None)
-    for name in (name for name, one in scene.bin.items() if one.body is not None and one.body == first):
+    for name in (name for name, item in scene.bin.items() if item.body is not None and item.body == first):
         if scene.feed.mode == "injected":
             yield f"bin.{name}.on = {first!r}: feed.mode = 'injected' lets all rebound; choose auto or resolved"
         if scene.feed.start == "resting":
             yield f"bin.{name}.on = {first!r}: granules that lie on the body would not leave it; let them fall"
-    keys = [(f"fraction.{name}.{key}", getattr(one, key)) for name, one in scene.fraction.items() for key in STAYING]
+    keys = [(f"fraction.{name}.{key}", getattr(item, key)) for name, item in scene.fraction.items() for key in STAYING]
     for key in (key for key, given in keys if given):
         if scene.feed.mode == "injected":
             yield f"{key}: feed.mode = 'injected' lets all rebound; choose auto or resolved"
@@ -243,33 +243,33 @@ def _bins_apart(scene: SceneTables) -> Iterator[str]:
     for name, bin_ in scene.bin.items():
         if bin_.body is not None and (other := collecting.setdefault(bin_.body, name)) != name:
             yield f"bin.{other} and bin.{name} are both on body.{bin_.body}"
-    placed = ((one.on, *one.ends, name) for name, one in scene.on_sides().items())
+    placed = ((item.on, *item.ends, name) for name, item in scene.on_sides().items())
     reached: tuple[str, float, float, str] | None = None  # of those before on its side, the bin that reaches farthest
-    for one in sorted(placed):
-        if reached is None or one[0] != reached[0]:
-            reached = one
+    for item in sorted(placed):
+        if reached is None or item[0] != reached[0]:
+            reached = item
             continue
-        low, high = one[1], min(one[2], reached[2])
+        low, high = item[1], min(item[2], reached[2])
         if high - low > 1e-9:
-            yield f"bin.{reached[3]} and bin.{one[3]} overlap from {metres(low)} to {metres(high)}"
-        reached = max(reached, one, key=lambda bin_: bin_[2])
+            yield f"bin.{reached[3]} and bin.{item[3]} overlap from {metres(low)} to {metres(high)}"
+        reached = max(reached, item, key=lambda bin_: bin_[2])
 
 
 def _inlets_fit(scene: SceneTables) -> Iterator[str]:
     channel, placed = scene.channel, list(scene.channel.inlet.items())
     if placed and (scene.air is None or scene.air.still):
         yield "channel.inlet: secondary air streams need an [air] table with a speed above 0"
-    for name, one in placed:
-        low, high = one.span
+    for name, item in placed:
+        low, high = item.span
         if low <= channel.bottom or high >= channel.top:
             reach = f"from y = {metres(low)} to {metres(high)}"
             yield f"channel.inlet.{name} reaches {reach}, outside channel.bottom .. channel.top"
-    for (name, one), (other_name, other) in itertools.combinations(placed, 2):
-        if one.side == other.side and abs(one.position - other.position) < (one.width + other.width) / 2:
+    for (name, item), (other_name, other) in itertools.combinations(placed, 2):
+        if item.side == other.side and abs(item.position - other.position) < (item.width + other.width) / 2:
             yield f"channel.inlet.{name} and channel.inlet.{other_name} overlap"
-    for name, one in placed:
-        low, high = one.span
-        for bin_name, bin_ in scene.on_sides(one.side).items():
+    for name, item in placed:
+        low, high = item.span
+        for bin_name, bin_ in scene.on_sides(item.side).items():
             if min(high, bin_.to) - max(low, bin_.start) > 1e-9:
                 yield f"bin.{bin_name} overlaps channel.inlet.{name}"
 
@@ -280,19 +280,19 @@ def _pictures_fit(scene: SceneTables) -> Iterator[str]:
         key = f"picture.{name}"
         if name in STANDARD_FIGURES:
             yield f"{key}: every run draws one of this name; choose another"
-        for one in picture.fractions or []:
-            if one not in known:
-                yield f"{key}.fractions: no fraction {one!r}{did_you_mean(one, known)} (known: {', '.join(known)})"
+        for item in picture.fractions or []:
+            if item not in known:
+                yield f"{key}.fractions: no fraction {item!r}{did_you_mean(item, known)} (known: {', '.join(known)})"
         if isinstance(picture, Streamlines) and (scene.air is None or scene.air.still or not scene.body):
             what = "an [air] table" if scene.air is None else "air that moves" if scene.air.still else "a body"
             yield f"{key}: streamlines need {what}"
         low, high = scene.channel.bottom, scene.channel.top
         for level in (y for y in getattr(picture, "levels", ()) if not low < y < high):
             yield f"{key}.levels: y = {metres(level)} is not in the channel, {metres(low)} to {metres(high)}"
-        asked, most = getattr(picture, "body_speed", None), abs(float(scene.shaking[1]))
-        if asked is not None and asked > most:
+        wanted, most = getattr(picture, "body_speed", None), abs(float(scene.shaking[1]))
+        if wanted is not None and wanted > most:
             peak = f"the body rises by at most {say(most, 'm/s', 3)}"
-            yield f"{key}.body_speed = {say(asked, 'm/s')}: {peak}; change [vibration]"
+            yield f"{key}.body_speed = {say(wanted, 'm/s')}: {peak}; change [vibration]"
 
 
 def _rung_fits(scene: SceneTables) -> Iterator[str]:
@@ -311,11 +311,11 @@ def _uncertain_numbers_exist(scene: SceneTables) -> Iterator[str]:
 
 
 def _limits_exist(scene: SceneTables) -> Iterator[str]:
-    yield from scene.limit.mistakes([name for name, one in scene.fraction.items() if one.targets], scene.products)
+    yield from scene.limit.mistakes([name for name, item in scene.fraction.items() if item.targets], scene.products)
 
 
 def _prices_exist(scene: SceneTables) -> Iterator[str]:
-    targets = {name: tuple(one.targets) for name, one in scene.fraction.items()}
+    targets = {name: tuple(item.targets) for name, item in scene.fraction.items()}
     over = [OVER_THE_TOP] if scene.air is not None and scene.air.rises else []
     yield from scene.price.mistakes(targets, list(dict.fromkeys([*scene.bin, *over])))
     if scene.air is not None and scene.air.fan is not None and scene.price.other_drop:

@@ -54,13 +54,13 @@ def read_outline(file: str, base: Path, unit: object = None, layer: object = Non
     try:
         with np.errstate(all="ignore"):
             drawing = read(io.StringIO(text, newline=None))
-            found = _joined(_lines_of(_seen(drawing, layer, say), say))
+            result = _joined(_lines_of(_seen(drawing, layer, say), say))
     except SceneError:
         raise
     except (DXFError, ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as problem:
         raise SceneError(f"{say}: is no DXF drawing in text that can be read ({problem}); save it again") from None
     scale = _metres(unit, drawing.units if "$INSUNITS" in text else 0, say)  # ezdxf takes metres where it is missing
-    corners: list[list[float]] = (scale * _only(found, say)).tolist()
+    corners: list[list[float]] = (scale * _only(result, say)).tolist()
     return corners
 
 
@@ -68,25 +68,25 @@ def _seen(drawing: Drawing, layer: object, say: str) -> Iterator[DXFEntity]:
     """What a draughtsman sees of a drawing, on one ``layer`` of it where one is named; blocks as what they hold."""
     from ezdxf.entities.insert import Insert
 
-    hidden = {one.dxf.name.lower() for one in drawing.layers if one.is_off() or one.is_frozen()}
-    names = sorted({one.dxf.name for one in drawing.layers})
+    hidden = {item.dxf.name.lower() for item in drawing.layers if item.is_off() or item.is_frozen()}
+    names = sorted({item.dxf.name for item in drawing.layers})
     if layer is not None and str(layer).lower() not in map(str.lower, names):
         raise SceneError(
             f"{say}: outline_layer = {layer!r}{did_you_mean(str(layer), names)} (it has {', '.join(names)})"
         )
-    waiting: list[tuple[DXFEntity, str, int]] = [(one, "0", 0) for one in reversed(list(drawing.modelspace()))]
+    waiting: list[tuple[DXFEntity, str, int]] = [(item, "0", 0) for item in reversed(list(drawing.modelspace()))]
     while waiting:
-        one, block, depth = waiting.pop()
+        item, block, depth = waiting.pop()
         if depth > DEEP:
             raise SceneError(f"{say}: holds blocks in each other, deeper than {DEEP}; explode them")
-        own = str(one.dxf.get("layer", "0")).lower()
-        own = block if own == "0" else own  # as the block that it is in lies
-        if own in hidden or one.dxf.get("invisible", 0):
+        on_layer = str(item.dxf.get("layer", "0")).lower()
+        on_layer = block if on_layer == "0" else on_layer  # as the block that it is in lies
+        if on_layer in hidden or item.dxf.get("invisible", 0):
             continue
-        if isinstance(one, Insert):
-            waiting += [(i, own, depth + 1) for part in one.multi_insert() for i in part.virtual_entities()]
-        elif layer is None or own == str(layer).lower():
-            yield one
+        if isinstance(item, Insert):
+            waiting += [(i, on_layer, depth + 1) for part in item.multi_insert() for i in part.virtual_entities()]
+        elif layer is None or on_layer == str(layer).lower():
+            yield item
 
 
 def _metres(unit: object, coded: int, say: str) -> float:
@@ -105,13 +105,13 @@ def _lines_of(entities: Iterable[DXFEntity], say: str) -> list[Array]:
     from ezdxf.path import make_path
 
     paths = []
-    for one in entities:
-        kind = one.dxftype()
+    for item in entities:
+        kind = item.dxftype()
         if kind in SILENT:
             continue
         if kind not in DRAWN:
             raise SceneError(f"{say}: holds a {kind}; explode it into lines and arcs, or delete it")
-        paths.append(make_path(one))
+        paths.append(make_path(item))
     ends = np.array([(p.x, p.y) for path in paths for p in path.control_vertices()] or [(0.0, 0.0)])
     extent = float(np.ptp(ends, axis=0).max())
     if not 0.0 < extent < math.inf:
@@ -132,8 +132,8 @@ def _joined(lines: list[Array]) -> tuple[list[Array], int]:
             continue
         parts = [free.take(number)]
         start, end = parts[0][0], parts[0][-1]
-        while math.dist(start, end) > near and (met := free.meeting(end)) is not None:
-            line = free.take(met[0])[:: -1 if met[1] else 1]
+        while math.dist(start, end) > near and (met := free.meeting(end)):
+            line = free.take(met[0][0])[:: -1 if met[0][1] else 1]
             parts.append(line[1:])
             end = line[-1]
         chain = np.concatenate(parts)
@@ -164,12 +164,12 @@ class _FreeEnds:
             del self.squares[self._square(end)][number, backward]
         return line
 
-    def meeting(self, point: Array) -> tuple[int, bool] | None:
-        """The first line with an end at ``point``, and whether that is its last point; None where there is none."""
+    def meeting(self, point: Array) -> list[tuple[int, bool]]:
+        """The lines with an end at ``point``, the first one first, and of each whether that is its last point."""
         column, row = self._square(point)
         around = (self.squares.get((column + i, row + j), {}) for i in (-1, 0, 1) for j in (-1, 0, 1))
-        met = (next((one for one, end in ends.items() if math.dist(end, point) <= self.near), None) for ends in around)
-        return min((one for one in met if one is not None), default=None)
+        met = (next((key for key, end in ends.items() if math.dist(end, point) <= self.near), None) for ends in around)
+        return sorted(key for key in met if key is not None)
 
     def _square(self, point: Array) -> tuple[int, int]:
         return math.floor(point[0] / self.near), math.floor(point[1] / self.near)

@@ -81,15 +81,17 @@ def fan_point(scene: Blown, fan: Fan) -> FanPoint:
         flow, others = meeting(fan.gives, takes(1.0), fan.most)
     except ValueError as problem:
         raise SceneError(f"air.fan: its curve does not meet the machine's pressure drop: {problem}") from None
-    found = float(speed(np.array(flow)))
-    if not 0.0 < found <= FASTEST:
-        raise SceneError(f"air.fan: the air would blow at {found:.3g} m/s (allowed: above 0, up to {FASTEST:g} m/s)")
-    ends = [found, found]
+    air_speed = float(speed(np.array(flow)))
+    if not 0.0 < air_speed <= FASTEST:
+        raise SceneError(
+            f"air.fan: the air would blow at {air_speed:.3g} m/s (allowed: above 0, up to {FASTEST:g} m/s)"
+        )
+    ends = [air_speed, air_speed]
     if fan.channel_loss is None and scene.body:
         ends = [_speed_or(end, fan, takes(part), speed) for end, part in ((0.0, OFF), (FASTEST, 1.0 / OFF))]
     at = np.array(flow)
     return FanPoint(
-        Number(found, *ends), flow, float(fan.gives(at)), float(through(at)), float(rest(at)),
+        Number(air_speed, *ends), flow, float(fan.gives(at)), float(through(at)), float(rest(at)),
         float(np.interp(flow, flows, load)), others,
     )  # fmt: skip
 

@@ -56,11 +56,6 @@ class Profile(LawTable):
         return made_by(profiles, self.distribution, p, width, **self.given)
 
 
-def _one_word(value: object) -> object:
-    """``profile = "triangular"`` is short for a table with that distribution alone."""
-    return {"distribution": value} if isinstance(value, str) else value
-
-
 class Feed(Weighed):
     """[feed]: the falling curtain."""
 
@@ -82,7 +77,7 @@ class Feed(Weighed):
     )
     width: Length
     position: Coordinate = Field(0.0, description="x of the curtain's middle")
-    profile: Annotated[Profile, Shorthand(str, _one_word)] = Field(
+    profile: Annotated[Profile, Shorthand(str, lambda x: {"distribution": x} if isinstance(x, str) else x)] = Field(
         Profile(distribution="uniform"), description="of the mass across the width: a name, or a table"
     )
     depth: Length = Field(1.0, description="of the machine, across the plane")

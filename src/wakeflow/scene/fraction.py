@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -45,6 +45,22 @@ for _name in sizes:
 Factor = Annotated[float, Field(gt=1, le=10)]
 
 
+class SpreadTable(LawTable):
+    """How a quantity of the granules spreads over their mass: one of the ``laws``, and its parameters."""
+
+    laws: ClassVar[Registry[Callable[..., Array]]]
+    distribution: str
+
+    @model_validator(mode="after")
+    def _has_quantiles(self) -> Self:
+        self.quantile(np.array([0.5]))
+        return self
+
+    def quantile(self, p: Array) -> Array:
+        """What the quantity (SI) is below in the mass fractions ``p``."""
+        return made_by(self.laws, self.distribution, p, **self.given)
+
+
 @parameters(
     diameter=Diameter,
     **dict.fromkeys(("low", "high", "mean", "std", "median"), Diameter),
@@ -56,36 +72,20 @@ Factor = Annotated[float, Field(gt=1, le=10)]
         list[Annotated[float, Field(ge=0, le=1), SHARE]], "table: mass fraction finer than each sieve, from 0 to 1"
     ),
 )  # fmt: skip
-class Size(LawTable):
+class Size(SpreadTable):
     """A size distribution by mass: ``distribution`` and its parameters."""
 
+    laws: ClassVar = sizes
     distribution: str = Field(description="one of: " + ", ".join(sizes))
     file: str | None = Field(None, description="a CSV file of a sieve analysis, instead of all other keys")
 
-    @model_validator(mode="after")
-    def _has_quantiles(self) -> Size:
-        self.quantile(np.array([0.5]))
-        return self
-
-    def quantile(self, p: Array) -> Array:
-        """Diameters (m) below which the mass fractions ``p`` lie."""
-        return made_by(sizes, self.distribution, p, **self.given)
-
 
 @parameters(**dict.fromkeys(("low", "high", "mean", "std", "median"), PositiveSpeed), geometric_std=Factor)
-class Speeds(LawTable):
+class Speeds(SpreadTable):
     """Terminal velocities as they were measured, spread over the granules by mass, whatever their sizes."""
 
+    laws: ClassVar = spreads
     distribution: str = Field(description="one of: " + ", ".join(spreads))
-
-    @model_validator(mode="after")
-    def _has_quantiles(self) -> Speeds:
-        self.quantile(np.array([0.5]))
-        return self
-
-    def quantile(self, p: Array) -> Array:
-        """Terminal velocities (m/s) below which the mass fractions ``p`` lie."""
-        return made_by(spreads, self.distribution, p, **self.given)
 
 
 # -- [fraction.NAME] ---------------------------------------------------------------------------------------------------
@@ -107,18 +107,13 @@ def _number_law_or_table(value: object) -> str:
     return _number_or_table(value)
 
 
-def _one_diameter(value: object) -> object:
-    """``size = "4 mm"`` is short for a distribution of one diameter."""
-    return value if isinstance(value, Mapping) else {"distribution": "single", "diameter": value}
-
-
 class Fraction(Table):
     """[fraction.NAME]: a class of granules; what is not given comes from its material."""
 
     material: str | None = Field(None, description="one of: " + ", ".join(materials))
-    size: Annotated[Size, Shorthand(Diameter, _one_diameter)] | None = Field(
-        None, description="one diameter, or a distribution by mass"
-    )
+    size: (
+        Annotated[Size, Shorthand(Diameter, lambda diameter: {"distribution": "single", "diameter": diameter})] | None
+    ) = Field(None, description="one diameter, or a distribution by mass")
     density: MassDensity | None = None
     sphericity: Annotated[float, Field(gt=0.05, le=1)] | None = Field(
         None, description="surface of the equal sphere over surface"
@@ -198,7 +193,7 @@ class Fraction(Table):
                 raise SceneError("give impact or inertia, not both")
         for name in COEFFICIENTS:
             self._middle(name)
-        if self.flake and self._dimensions is None:
+        if self.flake and not self._dimensions:
             raise SceneError("impact = 'flake' needs dimensions = [length, width, thickness]")
         if self.tangential_restitution and self.inertia is None:
             raise SceneError("tangential_restitution is of granules that turn; give an impact model or inertia too")
@@ -225,20 +220,20 @@ class Fraction(Table):
     @property
     def _source(self) -> Material:
         """Its material, as it is at the fraction's moisture; UNNAMED without one."""
-        found = UNNAMED if self.material is None else materials[self.material]
-        return found if self.moisture is None else found.at_moisture(self.moisture)
+        result = UNNAMED if self.material is None else materials[self.material]
+        return result if self.moisture is None else result.at_moisture(self.moisture)
 
     def _or_material(self, name: str) -> Any:
-        own = getattr(self, name)
-        return getattr(self._source, name) if own is None else own
+        value = getattr(self, name)
+        return getattr(self._source, name) if value is None else value
 
     @property
     def properties(self) -> Material:
         """The fraction's own values where given, its material's elsewhere; diameter is the mass median, coefficients of
         rebound are the middle ones.
         """
-        own, source = self.terminal_velocity, self._source
-        terminal = float(own.quantile(np.array([0.5]))[0]) if isinstance(own, Speeds) else own
+        value, source = self.terminal_velocity, self._source
+        terminal = float(value.quantile(np.array([0.5]))[0]) if isinstance(value, Speeds) else value
         if terminal is None and self.sphericity is None:
             terminal = source.terminal_velocity
         return Material(
@@ -262,15 +257,15 @@ class Fraction(Table):
 
     def _middle(self, name: str) -> Any:
         """A coefficient of rebound: the number or the law of all granules, or that of the middle one."""
-        own = self._or_material(name)
-        if isinstance(own, Coefficient):
-            return float(own.quantile(np.array([0.5]), MAX_COEFFICIENT[name])[0])
-        return own.of_speed if isinstance(own, Rebound) else own
+        value = self._or_material(name)
+        if isinstance(value, Coefficient):
+            return float(value.quantile(np.array([0.5]), MAX_COEFFICIENT[name])[0])
+        return value.of_speed if isinstance(value, Rebound) else value
 
     def _of_shape(self, name: str) -> float:
         """What a granule has of its shape: given, or its material's; nothing where granules are alike."""
-        own = getattr(self, name)
-        return float(getattr(self.spread_material, name) if own is None else own)
+        value = getattr(self, name)
+        return float(getattr(self.spread_material, name) if value is None else value)
 
     def evidence(self, name: str) -> tuple[str, str]:
         """How far to trust a property of its granules, called as a material's, and where it is from."""
@@ -289,12 +284,12 @@ class Fraction(Table):
 
     def coefficients(self, name: Literal["restitution", "friction"], p: Array) -> Array | None:
         """Coefficients below which the shares ``p`` of the granules lie; None where all have the same one, or law."""
-        own = getattr(self, name)
-        if isinstance(own, Coefficient):
-            return own.quantile(p, MAX_COEFFICIENT[name])
+        value = getattr(self, name)
+        if isinstance(value, Coefficient):
+            return value.quantile(p, MAX_COEFFICIENT[name])
         source = self.spread_material
         std = getattr(source, f"{name}_std")
-        if own is not None or not std:
+        if value is not None or not std:
             return None
         return within(p, mean=getattr(source, name), std=std, low=0.0, high=MAX_COEFFICIENT[name])
 
@@ -303,8 +298,8 @@ class Fraction(Table):
         """Whether its granules differ in more than place, time, size and a terminal velocity given for each."""
         middle = np.array([0.5])
         drawn = not isinstance(self.terminal_velocity, Speeds) and self.settling(middle) is not None
-        own = (self.coefficients(name, middle) is not None for name in COEFFICIENTS)
-        return drawn or any(own) or self.properties.rebound_scatter > 0.0
+        differing = (self.coefficients(name, middle) is not None for name in COEFFICIENTS)
+        return drawn or any(differing) or self.properties.rebound_scatter > 0.0
 
     @property
     def impact_model(self) -> str:
@@ -322,13 +317,13 @@ class Fraction(Table):
         return self.own_inertia is None and impact_models[self.impact_model].flake
 
     @property
-    def _dimensions(self) -> Sequence[float] | None:
-        return self.dimensions or self._source.dimensions
+    def _dimensions(self) -> Sequence[float]:
+        return self.dimensions or self._source.dimensions or ()
 
     @property
     def shape(self) -> Array:
         """Length, width and thickness (3,) over the diameter of the ball of equal volume; ones of a ball."""
-        return np.ones(3) if self._dimensions is None else shape_of(self._dimensions, flake=self.flake)
+        return shape_of(self._dimensions, flake=self.flake) if self._dimensions else np.ones(3)
 
     @property
     def roundness(self) -> float:
@@ -359,12 +354,12 @@ class Fraction(Table):
         The material's own granule when the material brings the velocity: a scene's other size or density does not
         change what was measured, it changes how fast its granules fall.
         """
-        own, source = self.properties, self._source
-        if own.terminal_velocity is None:
+        value, source = self.properties, self._source
+        if value.terminal_velocity is None:
             return None
         if self.terminal_velocity is None:
-            return source.diameter, source.density, own.terminal_velocity
-        return own.diameter, own.density, own.terminal_velocity
+            return source.diameter, source.density, value.terminal_velocity
+        return value.diameter, value.density, value.terminal_velocity
 
     def settling(self, p: Array) -> Array | None:
         """Measured terminal velocities (m/s) below which the mass fractions ``p`` lie; None where all granules of one
@@ -378,7 +373,7 @@ class Fraction(Table):
         source = self.spread_material
         if source.terminal_velocity is None or source.terminal_velocity_std == 0.0:
             return None
-        if any(own is not None for own in (self.size, self.density, self.sphericity, self.terminal_velocity)):
+        if any(value is not None for value in (self.size, self.density, self.sphericity, self.terminal_velocity)):
             return None
         return sizes["normal"](p, mean=source.terminal_velocity, std=source.terminal_velocity_std)
 

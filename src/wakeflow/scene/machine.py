@@ -177,10 +177,10 @@ class Fan(LawTable):
         """Pressure (Pa) at flows (n,) m3/s, by the affinity laws at other turns than those of the curve."""
         as_drawn, given = flow / self.speed_ratio, self.given
         if "flow" in given:
-            found = np.interp(as_drawn, given["flow"], given["pressure"])
+            result = np.interp(as_drawn, given["flow"], given["pressure"])
         else:
-            found = given["p0"] - given["k"] * as_drawn**2
-        return np.asarray(self.speed_ratio**2 * found)
+            result = given["p0"] - given["k"] * as_drawn**2
+        return np.asarray(self.speed_ratio**2 * result)
 
 
 def _speed_or_case(schema: JsonTable) -> None:
@@ -339,8 +339,8 @@ class Vibration(Weighed, LawTable):
         if self.samples is not None:
             if given & {"frequency", "amplitude", "gamma"}:
                 raise SceneError("samples say how fast and how far it moves: leave out frequency, amplitude and gamma")
-            if (found := self.record.peak_acceleration / GRAVITY) > MAX_GAMMA:
-                raise SceneError(f"samples: peak acceleration of {found:.3g} g, allowed {MAX_GAMMA:g} g")
+            if (result := self.record.peak_acceleration / GRAVITY) > MAX_GAMMA:
+                raise SceneError(f"samples: peak acceleration of {result:.3g} g, allowed {MAX_GAMMA:g} g")
         elif (self.pivot is None) != ("angle" not in given):
             raise SceneError("pivot and angle go together: the place it rocks about, and how far to either side")
         elif "frequency" not in given:

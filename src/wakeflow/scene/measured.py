@@ -125,8 +125,8 @@ class Measured:
         shares, covariance = np.zeros(len(trays)), np.zeros((len(trays), len(trays)))
         for name in dict.fromkeys(tray.fraction for tray in trays):
             mine = [place for place, tray in enumerate(trays) if tray.fraction == name]
-            found, spread = _of_fraction([trays[place] for place in mine])
-            shares[mine] = found
+            result, spread = _of_fraction([trays[place] for place in mine])
+            shares[mine] = result
             covariance[np.ix_(mine, mine)] = spread
         summed = tuple({tray.fraction for tray in trays if tray.amount != "share"})
         return cls(tuple((tray.fraction, tray.bin) for tray in trays), shares, covariance, summed)
@@ -136,7 +136,7 @@ class Measured:
         halves = SIGMAS * np.sqrt(np.diag(self.covariance))
         low, high = np.maximum(self.shares - halves, 0.0), np.minimum(self.shares + halves, 1.0)
         ends = zip(self.shares, low, high, strict=True)
-        return [Number(*map(float, one)) for one in ends]
+        return [Number(*map(float, item)) for item in ends]
 
     def weights(self, known: Sequence[tuple[str, str]], mass: Mapping[str, float]) -> Array:
         """What each tray (n,) holds of the shares ``known`` (S,) by fraction and bin; ``mass``: share of every fraction
@@ -171,15 +171,15 @@ def check_names(fraction: str | None, place: str, known: Sequence[tuple[str, str
 
 def _added_up(trays: Sequence[Tray]) -> list[Tray]:
     """The trays, each mass or count that is in several lines as one: each is divided by the sum of all."""
-    found: dict[object, Tray] = {}
+    result: dict[object, Tray] = {}
     for line, tray in enumerate(trays):
         kind = tray.amount
         place = line if kind == "share" else (tray.fraction, tray.bin, kind)
-        if (one := found.get(place)) is not None:
-            spread = hypot(one.uncertainty, tray.uncertainty)
-            tray = one.model_copy(update={kind: getattr(one, kind) + getattr(tray, kind), "uncertainty": spread})
-        found[place] = tray
-    return list(found.values())
+        if (item := result.get(place)) is not None:
+            spread = hypot(item.uncertainty, tray.uncertainty)
+            tray = item.model_copy(update={kind: getattr(item, kind) + getattr(tray, kind), "uncertainty": spread})
+        result[place] = tray
+    return list(result.values())
 
 
 def _of_fraction(trays: Sequence[Tray]) -> tuple[Array, Array]:
@@ -188,19 +188,19 @@ def _of_fraction(trays: Sequence[Tray]) -> tuple[Array, Array]:
     if len(amounts) > 1:
         raise SceneError(f"measured: {trays[0].about}: give all trays of it as {' or as '.join(sorted(amounts))}")
     amount = amounts.pop()
-    found = np.array([float(getattr(tray, amount)) for tray in trays])
-    own = np.array([tray.uncertainty / SIGMAS for tray in trays])
+    given = np.array([float(getattr(tray, amount)) for tray in trays])
+    errors = np.array([tray.uncertainty / SIGMAS for tray in trays])
     if amount == "share":
-        return found, np.diag(own**2)
-    total = float(found.sum())
+        return given, np.diag(errors**2)
+    total = float(given.sum())
     if total <= 0.0:
         raise SceneError(f"measured: {trays[0].about}: nothing lay in any tray of it")
-    shares = found / total
+    shares = given / total
     if amount == "mass":  # each share is of the sum of all trays, which the masses move together
-        slope = (np.eye(len(found)) - shares[:, None]) / total
-        return shares, slope @ np.diag(own**2) @ slope.T
-    chance = (found + BY_CHANCE) / (found + BY_CHANCE).sum()
-    return shares, (np.diag(chance) - np.outer(chance, chance)) / total + np.diag(own**2)
+        slope = (np.eye(len(given)) - shares[:, None]) / total
+        return shares, slope @ np.diag(errors**2) @ slope.T
+    chance = (given + BY_CHANCE) / (given + BY_CHANCE).sum()
+    return shares, (np.diag(chance) - np.outer(chance, chance)) / total + np.diag(errors**2)
 
 
 # -- The file ----------------------------------------------------------------------------------------------------------
@@ -221,10 +221,10 @@ def read_trays(path: Path | str) -> list[Tray]:
         raise SceneError(f"measured: {file.name} is empty; its first line is {EXAMPLE}")
     _check_heads(sheet.heads, file.name)
     places = [[i for i, head in enumerate(sheet.heads) if head in names] for names in (("fraction", "bin"), AMOUNTS)]
-    found = _trays(sheet.heads, sheet.added_up(*places).rows)
-    if not found:
+    result = _trays(sheet.heads, sheet.added_up(*places).rows)
+    if not result:
         raise SceneError(f"measured: {file.name} holds no tray; write one a line: wheat,middle,0.12,0.02")
-    return found
+    return result
 
 
 def trays_of_columns(columns: Mapping[Any, Any]) -> list[Tray]:
@@ -233,13 +233,13 @@ def trays_of_columns(columns: Mapping[Any, Any]) -> list[Tray]:
     Raises SceneError, one line that names the column or the row, for what cannot be read.
     """
     heads = [str(head) for head in columns]
-    arrays = [np.asarray(plain(f"measured: column {head}", one), dtype=object) for head, one in columns.items()]
+    arrays = [np.asarray(plain(f"measured: column {head}", item), dtype=object) for head, item in columns.items()]
     _check_heads(heads, "columns")
-    for head, one in zip(heads, arrays, strict=True):
-        if one.ndim != 1:
+    for head, item in zip(heads, arrays, strict=True):
+        if item.ndim != 1:
             raise SceneError(f"measured: column {head} needs a list of cells, one a tray")
-        if len(one) != len(arrays[0]):
-            raise SceneError(f"measured: columns differ: {heads[0]} has {len(arrays[0])} cells, {head} has {len(one)}")
+        if len(item) != len(arrays[0]):
+            raise SceneError(f"measured: columns differ: {heads[0]} has {len(arrays[0])} cells, {head} has {len(item)}")
     rows = [(f"row {i}", [_text(cell) for cell in row]) for i, row in enumerate(zip(*arrays, strict=True), 1)]
     if not rows:
         raise SceneError("measured: columns hold no tray; give one a row")

@@ -172,7 +172,7 @@ def doubted_lengths(data: Mapping[str, object]) -> Iterator[tuple[Place, float, 
     all of them, or above LARGEST; and that median (m). One with a unit is never doubted.
     """
     given = {
-        place: (value, _metres(value))
+        place: (value, _metres_in(value))
         for place, value, node in values_in(data)
         if place[0] in MACHINE and (unit_and_example(node) or ("",))[0] == "m"
     }
@@ -183,27 +183,27 @@ def doubted_lengths(data: Mapping[str, object]) -> Iterator[tuple[Place, float, 
             yield place, length, scale
 
 
-def _metres(value: object) -> float | None:
-    """The length that a value says; None where it says none, which is another message's matter."""
+def _metres_in(value: object) -> float:
+    """The length that a value says; 0 where it says none, which is another message's matter."""
     if not isinstance(value, str):
-        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else 0.0
     try:
         return quantity(value, "m", "")
     except ValueError:
-        return None
+        return 0.0
 
 
 def doubts(data: Mapping[str, object], among: Iterable[Place]) -> dict[str, str]:
     """What to ask about each doubted length of a scene's tables in the places ``among``, by its key."""
     places = list(among)
-    found = [one for one in doubted_lengths(data) if any(one[0][: len(place)] == place for place in places)]
-    usual, asked = units_in(data).get("m", "m"), {}
-    for place, length, scale in found:
+    result = [item for item in doubted_lengths(data) if any(item[0][: len(place)] == place for place in places)]
+    usual, questions = units_in(data).get("m", "m"), {}
+    for place, length, scale in result:
         with speaking({"m": usual}):
             usually = f"lengths of this scene are about {metres(scale, 2)}"
         meant = f"'{length:g} {'mm' if usual == 'm' else usual}', or '{length:g} m' if that is meant"
-        asked[dotted(place)] = f"{dotted(place)} = {length:g} m: unit forgotten? Other {usually}; write {meant}"
-    return asked
+        questions[dotted(place)] = f"{dotted(place)} = {length:g} m: unit forgotten? Other {usually}; write {meant}"
+    return questions
 
 
 def with_units(data: Mapping[str, object]) -> dict[str, object]:

@@ -117,7 +117,7 @@ def _merged(place: Sequence[str], before: Any, value: Any) -> Any:
         return value
     if KINDS & value.keys():  # another shape has other keys
         return value
-    return {**before, **{key: _merged([*place, key], before.get(key), one) for key, one in value.items()}}
+    return {**before, **{key: _merged([*place, key], before.get(key), item) for key, item in value.items()}}
 
 
 def _keeps_keys(place: Sequence[str]) -> bool:
@@ -130,17 +130,17 @@ def _keeps_keys(place: Sequence[str]) -> bool:
     return len(place) <= depth
 
 
-def unquoted(words: Sequence[str]) -> str | None:
-    """How to write ``--set KEY=7 m/s`` of a command line's ``words``, whose blank has parted the value; None where no
+def unquoted(words: Sequence[str]) -> str:
+    """How to write ``--set KEY=7 m/s`` of a command line's ``words``, whose blank has parted the value; empty where no
     setting is followed by a word that goes on with it.
     """
     for place, word in enumerate(words[:-2]):
         if word == "--set":
-            rest = takewhile(lambda one: not one.startswith("--"), words[place + 1 :])
-            key, *parts = [one for one in rest if not one.endswith(".toml")]
+            rest = takewhile(lambda item: not item.startswith("--"), words[place + 1 :])
+            key, *parts = [item for item in rest if not item.endswith(".toml")]
             if parts:
                 return f"put quotes round a value with blanks: --set '{' '.join([key, *parts])}'"
-    return None
+    return ""
 
 
 def _refuse_misspelt(place: tuple[str, ...], table: str, key: str, data: JsonTable, name: str) -> None:
@@ -160,8 +160,8 @@ def _value(text: str) -> object:
     if "\n" in text:
         return text
     try:
-        found = tomllib.loads(f"value = {text}")["value"]
+        result = tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):  # no TOML, or nothing that any key takes
         return text
-    check_tables(found, "--set")
-    return found
+    check_tables(result, "--set")
+    return result

@@ -30,14 +30,14 @@ def read_materials(path: Path) -> dict[str, Material]:
         tables = read_toml(path)
     except OSError as problem:
         raise SceneError(f"materials = {str(path)!r}: {problem.strerror}") from None
-    found = {}
+    result = {}
     for name, table in tables.items():
         if name in materials:
             raise SceneError(f"{path.name}: {name}: is a built-in material; give yours another name")
         if not isinstance(table, Mapping):
             raise SceneError(f"{path.name}: {name} = {table!r}: write [{name}] and its keys below it")
-        found[name] = read_material(name, table, path.name)
-    return found
+        result[name] = read_material(name, table, path.name)
+    return result
 
 
 def with_own_materials(data: JsonMapping, base: Path) -> JsonMapping:
@@ -51,13 +51,13 @@ def with_own_materials(data: JsonMapping, base: Path) -> JsonMapping:
     if not isinstance(file, str) or not isinstance(fractions, Mapping):
         return data
     known = read_materials(own_path(file, base, "materials"))
-    found = {
+    result = {
         which: _as_fraction(which, known[table["material"]], table)
         if isinstance(table, Mapping) and table.get("material") in list(known)
         else table
         for which, table in fractions.items()
     }
-    return {**{key: table for key, table in data.items() if key != "materials"}, "fraction": found}
+    return {**{key: table for key, table in data.items() if key != "materials"}, "fraction": result}
 
 
 def _as_fraction(which: object, material: Material, table: Mapping[str, object]) -> dict[str, object]:
@@ -149,14 +149,14 @@ def _logo(given: str, base: Path) -> Path:
 
 def _of_case(air: JsonMapping, base: Path) -> JsonTable:
     case = find_case(air["case"], base)
-    found = air_of(case)
-    if (nu := found.pop("nu", None)) is not None:
+    result = air_of(case)
+    if (nu := result.pop("nu", None)) is not None:
         given = {key: air[key] for key in ("temperature", "pressure", "density") if key in air}
         with suppress(ValidationError):  # which the scene's own check says, naming the file
-            found["viscosity"] = nu * Air(speed=0.0, **given).density
-    if "speed" not in found and "speed" not in air:
+            result["viscosity"] = nu * Air(speed=0.0, **given).density
+    if "speed" not in result and "speed" not in air:
         raise SceneError(f"air.case = {air['case']!r}: its inlet is not one uniform velocity; give air.speed")
-    return {**found, **air, "case": str(case)}
+    return {**result, **air, "case": str(case)}
 
 
 # -- A file of measured vibration --------------------------------------------------------------------------------------
@@ -167,7 +167,7 @@ def read_samples(given: str, base: Path) -> dict[str, list[float]]:
 
     Raises SceneError for a file that cannot be read, and for a line that is not two numbers, naming it.
     """
-    path, found = own_path(given, base, "vibration.samples"), {"time": list[float](), "acceleration": list[float]()}
+    path, result = own_path(given, base, "vibration.samples"), {"time": list[float](), "acceleration": list[float]()}
     for at, cells in _sheet(path, f"vibration.samples = {given!r}", headed=False).rows:
         try:
             time, acceleration = cells
@@ -177,11 +177,11 @@ def read_samples(given: str, base: Path) -> dict[str, list[float]]:
                 f"vibration.samples = {given!r}: {at} is {' '.join(cells)[:40]!r}; every line needs two numbers, time "
                 "in s and acceleration in m/s2; a note begins with #"
             ) from None
-        for values, value in zip(found.values(), pair, strict=True):
+        for values, value in zip(result.values(), pair, strict=True):
             values.append(value)
-    if not found["time"]:
+    if not result["time"]:
         raise SceneError(f"vibration.samples = {given!r}: no line of two numbers (time in s, acceleration in m/s2)")
-    return found
+    return result
 
 
 def _sheet(path: Path, key: str, *, headed: bool = True) -> Sheet:
@@ -268,14 +268,14 @@ def find_case(given: str, base: Path) -> Path:
 
 def _solved(case: Path) -> list[Path]:
     """The time folders that hold a velocity, the last one last, 0 left out."""
-    found = [(float(p.name), p) for p in case.iterdir() if re.fullmatch(NUMBER, p.name) and p.name.count(".") <= 1]
-    return [p for time, p in sorted(found) if time > 0 and any((p / file).exists() for file in ("U", "U.gz"))]
+    result = [(float(p.name), p) for p in case.iterdir() if re.fullmatch(NUMBER, p.name) and p.name.count(".") <= 1]
+    return [p for time, p in sorted(result) if time > 0 and any((p / file).exists() for file in ("U", "U.gz"))]
 
 
 def _entries(path: Path) -> Entries:
     """What a file of the case says; nothing where there is none. Raises SceneError where it cannot be read."""
     try:
-        return read_entries(path) if any(one.exists() for one in (path, path.with_name(path.name + ".gz"))) else {}
+        return read_entries(path)[0] if any(item.exists() for item in (path, path.with_name(path.name + ".gz"))) else {}
     except FoamError as problem:
         raise SceneError(f"air.case: {problem}") from None
 
@@ -285,13 +285,13 @@ def air_of(case: Path) -> JsonTable:
     vertical velocity, and its constant viscosity. Streams across the channel are no inlet. Raises SceneError where its
     files cannot be read.
     """
-    found: dict[str, object] = {}
+    result: dict[str, object] = {}
     path = _solved(case)[-1] / "U"
     boundary = _entries(path).get("boundaryField")
     if not isinstance(boundary, dict):
         raise SceneError(f"air.case: {path} is cut short: it has no boundaryField; write that time anew")
     speeds = set()
-    for entry in (one for one in boundary.values() if isinstance(one, dict)):
+    for entry in (item for item in boundary.values() if isinstance(item, dict)):
         uniform = re.fullmatch(UNIFORM, str(entry.get("value")))
         if uniform and entry.get("type") in ("fixedValue", "uniformFixedValue"):
             x, y = float(uniform[1]), float(uniform[2])
@@ -299,12 +299,12 @@ def air_of(case: Path) -> JsonTable:
                 speeds.add(y)
     if len(speeds) == 1:
         speed = speeds.pop()
-        found = {"speed": abs(speed), "direction": "up" if speed > 0 else "down"}
+        result = {"speed": abs(speed), "direction": "up" if speed > 0 else "down"}
     for file in (("constant", "transportProperties"), ("constant", "physicalProperties"), ("system", "parameters")):
         nu = re.fullmatch(rf"(?:nu\s+)?(?:\[[^\]]*\]\s*)?({NUMBER})", str(_entries(case.joinpath(*file)).get("nu")))
-        if nu and "nu" not in found:
-            found["nu"] = float(nu[1])
-    return found
+        if nu and "nu" not in result:
+            result["nu"] = float(nu[1])
+    return result
 
 
 def is_laminar(case: Path) -> bool:

@@ -33,7 +33,7 @@ class Picture(Table):
         """How many granules of each fraction are flown for it, in full detail where they are few, and the upward speed
         (m/s) of the body that one more of them meets; 0: it draws no tracks.
         """
-        return 0, None
+        return getattr(self, "granules", 0), None
 
     def chosen(self, names: list[str]) -> list[str]:
         """Which of the fractions are drawn."""
@@ -81,10 +81,6 @@ class Density(Picture):
     granules: Annotated[int, Field(ge=1, le=4096)] = Field(512, description="tracks that are added up")
     cell: Length | None = Field(None, description="edge of a cell of the map; default: an eighth of the body's width")
 
-    @property
-    def flown(self) -> tuple[int, float | None]:
-        return self.granules, None
-
 
 class Levels(Picture):
     """kind = "levels": mass flow, mean velocity and spread of each fraction where it passes given heights."""
@@ -92,10 +88,6 @@ class Levels(Picture):
     kind: Literal["levels"]
     levels: Annotated[list[Coordinate], Field(min_length=1, max_length=200)] = Field(description="heights y")
     granules: Annotated[int, Field(ge=32, le=4096)] = Field(1024, description="of each fraction")
-
-    @property
-    def flown(self) -> tuple[int, float | None]:
-        return self.granules, None
 
 
 AnyPicture = Annotated[Curves | Streamlines | Density | Levels, Field(discriminator="kind")]

@@ -68,8 +68,8 @@ class Coefficient(LawTable):
         wanted = ("mean", "std") if self.distribution == "normal" else ("low", "high")
         given = self.given
         if tuple(given) != wanted:
-            found = ", ".join(given) or "nothing"
-            raise SceneError(f"a {self.distribution} distribution takes {' and '.join(wanted)}, not {found}")
+            result = ", ".join(given) or "nothing"
+            raise SceneError(f"a {self.distribution} distribution takes {' and '.join(wanted)}, not {result}")
         if "low" in given and not given["low"] < given["high"]:
             raise SceneError(f"low = {given['low']:g} must be below high = {given['high']:g}")
         return self

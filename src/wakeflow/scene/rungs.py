@@ -42,10 +42,10 @@ class Rung:
 rungs: Registry[Rung] = Registry("rung")
 
 
-def check_rung(asked: str) -> None:
+def check_rung(name: str) -> None:
     """Raise SceneError, naming the nearest, for a rung that there is not."""
-    if asked not in rungs:
-        raise SceneError(f"rung = {asked!r}: unknown{did_you_mean(asked, list(rungs))} (known: {', '.join(rungs)})")
+    if name not in rungs:
+        raise SceneError(f"rung = {name!r}: unknown{did_you_mean(name, list(rungs))} (known: {', '.join(rungs)})")
 
 
 rungs.add("auto", Rung("the rung that the Reynolds number and the accuracy asked for need", ""))

@@ -75,22 +75,22 @@ class Scene(SceneTables):
             raise SceneError(f"{name}: needs tables, not {type(data).__name__}")
         check_tables(data, name)
         folder, lengths = base or Path(), doubts(data, doubted)
-        told = list(lengths.values())
+        mistakes = list(lengths.values())
         try:
             whole = with_own_files(with_uncertainty_table(with_own_materials(data, folder)), folder)
             whole = trays_in(whole, folder)
         except SceneError as problem:
-            raise _refused(name, [*told, str(problem)]) from None
+            raise _refused(name, [*mistakes, str(problem)]) from None
         with speaking(units_in(whole)):
             try:
                 scene = cls.model_validate(whole)
             except ValidationError as problem:
-                wrong = [one for one in explain(problem, whole) if one.partition(" ")[0] not in lengths]
-                raise _refused(name, [*told, *wrong]) from None
-            if not told:  # else what does not fit may follow from a unit
-                told += [message for check in CHECKS for message in check(scene)]
-        if told:
-            raise _refused(name, told)
+                wrong = [item for item in explain(problem, whole) if item.partition(" ")[0] not in lengths]
+                raise _refused(name, [*mistakes, *wrong]) from None
+            if not mistakes:  # else what does not fit may follow from a unit
+                mistakes += [message for check in CHECKS for message in check(scene)]
+        if mistakes:
+            raise _refused(name, mistakes)
         return scene
 
     @classmethod
@@ -125,8 +125,8 @@ class Scene(SceneTables):
         """
         if self.funnel is None or self.feed.rate is not None:
             return self
-        found = self.funnel.expected_rate if rate is None else rate
-        return self.model_copy(update={"feed": self.feed.model_copy(update={"rate": found})})
+        result = self.funnel.expected_rate if rate is None else rate
+        return self.model_copy(update={"feed": self.feed.model_copy(update={"rate": result})})
 
     def without_air(self) -> Scene:
         """The scene in a vacuum; itself where it has no air."""
@@ -164,18 +164,18 @@ class Scene(SceneTables):
 Scene.__signature__ = Signature([Parameter("tables", Parameter.VAR_KEYWORD)])
 
 
-def _refused(name: str, told: Sequence[str]) -> SceneError:
+def _refused(name: str, mistakes: Sequence[str]) -> SceneError:
     """The error of a scene called ``name`` with all these mistakes: those that a line has room for, the first whole,
     and how many more there are.
     """
-    room, shown = LONGEST - 60, list(told[:1])
-    for one in told[1:]:
-        if sum(map(len, shown)) + len(one) > room:
+    room, shown = LONGEST - 60, list(mistakes[:1])
+    for item in mistakes[1:]:
+        if sum(map(len, shown)) + len(item) > room:
             break
-        shown.append(one)
-    more = f"; and {len(told) - len(shown)} more" if len(told) > len(shown) else ""
-    every = [*told[:MOST], *([f"and {len(told) - MOST} more"] if len(told) > MOST else [])]
-    return SceneError(f"{name}: {'; '.join(shown)}{more}", [f"{name}: {one}" for one in every])
+        shown.append(item)
+    more = f"; and {len(mistakes) - len(shown)} more" if len(mistakes) > len(shown) else ""
+    every = [*mistakes[:MOST], *([f"and {len(mistakes) - MOST} more"] if len(mistakes) > MOST else [])]
+    return SceneError(f"{name}: {'; '.join(shown)}{more}", [f"{name}: {item}" for item in every])
 
 
 def units_written(path: Path | str) -> dict[str, str]:

@@ -71,7 +71,7 @@ def allowed_range(node: Node, unit: str) -> str:
     """The range of a key in words, such as ">= 10 deg and <= 80 deg"; empty without one. ``unit``: that of its numbers,
     which is said as the user's; "1" for none.
     """
-    number: Node = next((one for one in _here(node) if one.get("type") in ("number", "integer")), {})
+    number: Node = next((item for item in _here(node) if item.get("type") in ("number", "integer")), {})
     return " and ".join(f"{sign} {say(number[word], unit)}" for word, sign in LIMITS if word in number)
 
 
@@ -79,14 +79,14 @@ def known_keys(node: Node, table: object = None) -> list[str]:
     """The keys that a table may have, or the ``table`` that is given; none for one with other keys of the user's, and
     for a value.
     """
-    kinds = (one for one in _variants(node) if table is None or _is_kind(one, table))
-    closed = (one for one in kinds if "properties" in one and not one.get("additionalProperties"))
-    return list(dict.fromkeys(key for one in closed for key in one["properties"]))
+    kinds = (item for item in _variants(node) if table is None or _is_kind(item, table))
+    closed = (item for item in kinds if "properties" in item and not item.get("additionalProperties"))
+    return list(dict.fromkeys(key for item in closed for key in item["properties"]))
 
 
 def unit_and_example(node: Node) -> tuple[str, str] | None:
     """Unit of a key's numbers and an example of a string for it; None where there is no unit."""
-    return next(((one["unit"], one["examples"][0]) for one in _here(node) if "unit" in one), None)
+    return next(((item["unit"], item["examples"][0]) for item in _here(node) if "unit" in item), None)
 
 
 def described(place: Place, data: object) -> Node:
@@ -99,7 +99,7 @@ def described(place: Place, data: object) -> Node:
 
 def named_tables(place: Place, data: object) -> bool:
     """Whether ``place`` in a scene's ``data`` holds tables whose names are the user's, as [fraction] does."""
-    return any("patternProperties" in one for one in _variants(described(place, data)))
+    return any("patternProperties" in item for item in _variants(described(place, data)))
 
 
 def refuse_unknown(key: str, data: Any, where: str) -> None:
@@ -139,7 +139,7 @@ def values_in(data: object) -> Iterator[tuple[Place, object, Node]]:
         else:
             yield place, value, node
             continue
-        ahead += [((*place, part), one, _below(node, part, value)) for part, one in inner]
+        ahead += [((*place, part), item, _below(node, part, value)) for part, item in inner]
 
 
 @cache
@@ -151,26 +151,28 @@ def _here(node: Node) -> Iterator[Node]:
     """The node and whatever else may be in its place."""
     yield node
     for several in ("anyOf", "oneOf"):
-        for one in node.get(several, ()):
-            yield from _here(one)
+        for item in node.get(several, ()):
+            yield from _here(item)
 
 
 def _variants(node: Node) -> Iterator[Node]:
     """The node and whatever else may be in its place, references followed."""
-    for one in _here(node):
-        yield from _variants(_schema()["$defs"][one["$ref"].rpartition("/")[2]]) if "$ref" in one else (one,)
+    for item in _here(node):
+        yield from _variants(_schema()["$defs"][item["$ref"].rpartition("/")[2]]) if "$ref" in item else (item,)
 
 
 def _below(node: Node, part: str | int, table: object) -> Node:
     """What the schema says of ``part`` of a ``table`` or list that ``node`` describes."""
-    for one in _variants(node):
-        found: Node = {}
+    for item in _variants(node):
+        result: Node = {}
         if isinstance(part, int):
-            found = one.get("items", found)
-        elif _is_kind(one, table):
-            found = one.get("properties", {}).get(part) or next(iter(one.get("patternProperties", {}).values()), found)
-        if found:
-            return found
+            result = item.get("items", result)
+        elif _is_kind(item, table):
+            result = item.get("properties", {}).get(part) or next(
+                iter(item.get("patternProperties", {}).values()), result
+            )
+        if result:
+            return result
     return {}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from inspect import Parameter, signature
 from itertools import pairwise
@@ -40,6 +40,21 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
+def flat(tables: Mapping[str, object]) -> JsonTable:
+    """Nested tables as dotted keys and their values.
+
+    >>> flat({"air": {"speed": 5.0}, "fraction": {"husk": {"size": {"mean": 1e-3}}}})
+    {'air.speed': 5.0, 'fraction.husk.size.mean': 0.001}
+    """
+    result: dict[str, object] = {}
+    for key, value in tables.items():
+        if isinstance(value, Mapping) and value:
+            result |= {f"{key}.{below}": member for below, member in flat(value).items()}
+        else:
+            result[key] = value
+    return result
+
+
 class LawTable(Table):
     """A table that names a law, a shape or a motion, whose parameters are keys beside the name."""
 
@@ -59,8 +74,8 @@ def parameters(**types: Any) -> Callable[[type[Kind]], type[Kind]]:
     :attr:`LawTable.given` alone. ``types``: of each key its type, or that, a description and the name in the file.
     """
     keys: dict[str, Any] = {}
-    for key, one in types.items():
-        inner, words, name = (*one, None)[:3] if isinstance(one, tuple) else (one, None, None)
+    for key, item in types.items():
+        inner, words, name = (*item, None)[:3] if isinstance(item, tuple) else (item, None, None)
         keys[key] = inner | None, Field(None, description=words, alias=name)
 
     def with_keys(table: type[Kind]) -> type[Kind]:
@@ -88,15 +103,17 @@ class Weighed(Table):
 
 @dataclass(frozen=True)
 class Shorthand:
-    """Marks a table that may be written as a value of the type ``short``, which ``table`` turns into the table; tables
-    pass through it. The JSON schema allows both.
+    """Marks a table that may be written as a value of the type ``short``, which ``table`` turns into the table. The
+    JSON schema allows both.
     """
 
     short: Any
     table: Callable[[Any], Any]
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return no_info_before_validator_function(self.table, handler(source))
+        return no_info_before_validator_function(
+            lambda given: given if isinstance(given, Mapping | Table) else self.table(given), handler(source)
+        )
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonTable:
         return {"anyOf": [TypeAdapter(self.short).json_schema(), handler(schema)]}

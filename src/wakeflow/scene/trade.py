@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -15,14 +15,6 @@ from .table import RESERVED_BIN, AirFlow, Drop, Name, Portion, Shorthand, Table,
 TARGET = "target"  # of a price: all bins where the fraction should land
 Price = Annotated[float, Field(ge=-1e7, le=1e7), WithUnit("EUR/t", "220 EUR/t")]
 PowerPrice = Annotated[float, Field(ge=0, le=100), WithUnit("EUR/kWh", "0.25 EUR/kWh")]
-
-
-def _in_targets(given: Any) -> Any:
-    return given if isinstance(given, Mapping) else {TARGET: given}
-
-
-def _at_each_flow(given: Any) -> Any:
-    return given if isinstance(given, Mapping) else {"flow": [0.0], "efficiency": [given]}
 
 
 class FanEfficiency(Table):
@@ -74,14 +66,14 @@ class LimitTable(Table):
 class PriceTable(Table):
     """[price]: what a tonne of each fraction is worth where it lands, and what the fan's electricity costs."""
 
-    value: dict[Name, Annotated[dict[Name, Price], Shorthand(str | float, _in_targets)]] = Field(
+    value: dict[Name, Annotated[dict[Name, Price], Shorthand(str | float, lambda price: {TARGET: price})]] = Field(
         {},
         description="EUR/t of a fraction in its targets, or by bin, { target = 220, middle = 90 }; nothing elsewhere",
     )
     electricity: PowerPrice | None = Field(None, description="of the fan")
-    fan_efficiency: Annotated[FanEfficiency, Shorthand(str | float, _at_each_flow)] | None = Field(
-        None, description="of fan, drive and motor together, or a curve: { flow = [...], efficiency = [...] }"
-    )
+    fan_efficiency: (
+        Annotated[FanEfficiency, Shorthand(str | float, lambda share: {"flow": [0.0], "efficiency": [share]})] | None
+    ) = Field(None, description="of fan, drive and motor together, or a curve: { flow = [...], efficiency = [...] }")
     other_drop: Drop = Field(0.0, description="pressure that the fan gives beside the channel: ducts, filter, cyclone")
 
     @property

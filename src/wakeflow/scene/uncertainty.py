@@ -25,7 +25,7 @@ from typing_extensions import TypedDict
 from ..core.quantities import quantity, split_quantity
 from ..core.registry import did_you_mean
 from ..laws.material import default_margins
-from .table import Table
+from .table import Table, flat
 
 SIGMAS = 1.959964  # standard deviations to either end of a normal distribution's middle 95 %
 Margin = float | str  # half of a 95 % interval: in the number's unit (SI), or "5 %" of the number
@@ -53,12 +53,12 @@ OF_SCENE = {
 
 def with_uncertainty_table(data: Mapping[str, object]) -> Mapping[str, object]:
     """The tables of a scene with every {value, uncertainty} as the value, its uncertainty in [uncertainty]."""
-    found: dict[str, object] = {}
-    plain = _plain(data, "", found)
-    if not found:
+    result: dict[str, object] = {}
+    plain = _plain(data, "", result)
+    if not result:
         return data
     given = plain.get(TABLE, {})
-    return {**plain, TABLE: {**found, **given} if isinstance(given, Mapping) else given}
+    return {**plain, TABLE: {**result, **given} if isinstance(given, Mapping) else given}
 
 
 def _plain(table: Mapping[str, object], place: str, found: dict[str, object]) -> dict[str, object]:
@@ -90,18 +90,9 @@ def margins(value: object) -> object:
     """
     if not isinstance(value, Mapping):
         return value
-    return dict(_flat(value, ""))
-
-
-def _flat(table: Mapping[object, object], place: str) -> Iterator[tuple[str, object]]:
-    for key, value in table.items():
-        inside = f"{place}{key}"
-        if inside in (TOGETHER, NEVER_ABOVE):
-            yield inside, value
-        elif isinstance(value, Mapping):
-            yield from _flat(value, f"{inside}.")
-        else:
-            yield inside, _margin(inside, value)
+    ties = {key: tie for key, tie in value.items() if key in (TOGETHER, NEVER_ABOVE)}
+    numbers = {str(key): half for key, half in flat({**value, **dict.fromkeys(ties, 0.0)}).items() if half != {}}
+    return {key: ties.get(key, _margin(key, half)) for key, half in numbers.items()}
 
 
 def _margin(key: str, value: object) -> object:
@@ -182,11 +173,11 @@ def said_of(uncertainty: UncertaintyTable) -> set[str]:
 
 def correlation_of(uncertainty: UncertaintyTable, keys: Sequence[str]) -> Array:
     """The correlation (K, K) of the numbers at ``keys``; those that are not said to move together do not."""
-    found, place = np.eye(len(keys)), {key: i for i, key in enumerate(keys)}
+    result, place = np.eye(len(keys)), {key: i for i, key in enumerate(keys)}
     for tie in uncertainty.get(TOGETHER, []):
-        for one, other in combinations([place[key] for key in tie.inputs if key in place], 2):
-            found[one, other] = found[other, one] = tie.correlation
-    return found
+        for item, other in combinations([place[key] for key in tie.inputs if key in place], 2):
+            result[item, other] = result[other, item] = tie.correlation
+    return result
 
 
 # -- What cannot be ----------------------------------------------------------------------------------------------------
@@ -243,8 +234,8 @@ def _wrong_orders(uncertainty: UncertaintyTable, units: Mapping[str, str]) -> It
     for low, high in orders_of(uncertainty):
         above.setdefault(high, set()).add(low)
         if units[low] != units[high]:
-            own, other = (f"{key} ({'no unit' if units[key] == '1' else units[key]})" for key in (low, high))
-            yield f"uncertainty.never_above: {own} cannot be compared with {other}"
+            lower, other = (f"{key} ({'no unit' if units[key] == '1' else units[key]})" for key in (low, high))
+            yield f"uncertainty.never_above: {lower} cannot be compared with {other}"
     try:
         TopologicalSorter(above).prepare()
     except CycleError as problem:

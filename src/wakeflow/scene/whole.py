@@ -22,7 +22,7 @@ from .measured import Tray
 from .pictures import AnyPicture
 from .plumb import Plumb
 from .rungs import rungs
-from .table import Array, Gravity, Name, Table, WithUnit
+from .table import Array, Gravity, Name, Table, WithUnit, flat
 from .trade import LimitTable, PriceTable
 from .uncertainty import UncertaintyTable, margins
 
@@ -50,15 +50,11 @@ def states_of(table: States) -> dict[str, bool]:
     """{"chaff.lift": True} from {chaff: {lift: "on"}}, as TOML reads ``chaff.lift = "on"``. Raises ValueError for a
     state that is none.
     """
-    found: dict[str, bool] = {}
-    for key, state in table.items():
-        if isinstance(state, Mapping):
-            found.update({f"{key}.{term}": on for term, on in states_of(state).items()})
-        elif isinstance(state, bool) or (isinstance(state, str) and state in ON_OFF):
-            found[str(key)] = state is True or state == "on"
-        else:
+    states = {str(key): state for key, state in flat(table).items() if state != {}}
+    for key, state in states.items():
+        if not isinstance(state, bool) and state not in ON_OFF:
             raise ValueError(f"{key} = {state!r}: write on or off")
-    return found
+    return {key: state in (True, "on") for key, state in states.items()}
 
 
 # -- [numerics] --------------------------------------------------------------------------------------------------------
@@ -268,30 +264,30 @@ class SceneTables(Table):
         ):
             return None
         lines = [(place.line(self), place.keeps_part) for place in self.bin.values()]
-        found = [
+        result = [
             [i for i, other in enumerate(lines) if other[1] == keeps and _same_line(other[0], line * (-1.0, 1.0))]
             for line, keeps in lines
         ]
-        return (*(one[0] for one in found), len(lines)) if all(found) else None
+        return (*(item[0] for item in result), len(lines)) if all(result) else None
 
     @property
     def collecting(self) -> dict[str, int]:
         """The bodies that keep what touches them, or a part of it, each with the place of its bin among the bins."""
-        return {one.body: i for i, one in enumerate(self.bin.values()) if one.body is not None}
+        return {item.body: i for i, item in enumerate(self.bin.values()) if item.body is not None}
 
-    def on_sides(self, side: str | None = None) -> dict[str, SideBin]:
+    def on_sides(self, side: str = "") -> dict[str, SideBin]:
         """The bins that are stretches of a ``side`` of the channel, or of any."""
-        return {name: one for name, one in self.bin.items() if isinstance(one, SideBin) and side in (None, one.on)}
+        return {name: item for name, item in self.bin.items() if isinstance(item, SideBin) and side in ("", item.on)}
 
     @property
     def all_kept(self) -> list[str]:
         """The bodies that keep all that touches them."""
-        return [one.body for one in self.bin.values() if one.body is not None and one.keeps_part == 1.0]
+        return [item.body for item in self.bin.values() if item.body is not None and item.keeps_part == 1.0]
 
     @property
     def products(self) -> list[str]:
         """The bins that are a target of some fraction."""
-        return [name for name in self.bin if any(name in one.targets for one in self.fraction.values())]
+        return [name for name in self.bin if any(name in item.targets for item in self.fraction.values())]
 
     @property
     def release(self) -> tuple[float, float]:
@@ -323,13 +319,13 @@ class SceneTables(Table):
             return []
         first, *others = ((name, body.outline()) for name, body in self.body.items())
         reach = self.feed.width / 2 + max(float(f.diameters(np.array([0.999]))[0]) for f in self.fraction.values())
-        found = []
+        result = []
         for name, outline in others:
             (left, _), (right, high) = outline.min(axis=0), outline.max(axis=0)
             beside = left > self.feed.position + reach or right < self.feed.position - reach
             if not beside and high > first[1][:, 1].min():
-                found.append(name)
-        return found
+                result.append(name)
+        return result
 
     def mass_shares(self) -> dict[str, float]:
         """Share of every fraction in the feed, by mass; they add up to 1."""

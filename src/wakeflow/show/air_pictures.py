@@ -182,8 +182,7 @@ def window_round_body(scene: Scene, airflow: Airflow) -> Window:
     """
     channel, width = scene.channel, scene.width
     middle = scene.outline.mean(axis=0)
-    zone = airflow.suction
-    longest = 0.0 if zone is None else max(zone.length or 0.0, zone.reversal_length or 0.0)
+    longest = float(np.nanmax([0.0, airflow.suction.length, airflow.suction.reversal_length]))  # nan: none was measured
     behind = max(DOWNSTREAM * width, 1.5 * width + longest)
     above, below = (UPSTREAM * width, behind) if scene.airstream.direction == "down" else (behind, UPSTREAM * width)
     corners = np.concatenate([body.outline() for body in scene.body.values()])

@@ -64,8 +64,8 @@ class Wakes:
         field = self.resolved
         velocity = field.velocity if field.coefficients is None else field.at_knots("velocity")
         weights = field.time_axis.shares()
-        found: Array = np.einsum("t,tnj->n", weights, (velocity - self.mean["velocity"]) ** 2)
-        return found
+        result: Array = np.einsum("t,tnj->n", weights, (velocity - self.mean["velocity"]) ** 2)
+        return result
 
     def blended(self, theta: float, strength: float) -> FlowField:
         """The air between the two, see :func:`blended_wake`."""
@@ -75,21 +75,21 @@ class Wakes:
         resolved = self.resolved
         if resolved.times is None or theta == strength == 1.0:
             return resolved
-        own, middle, still = nodal(resolved), self.mean, self.still
-        mean: dict[str, Any] = {name: (1.0 - theta) * still[name] + theta * middle[name] for name in own}
+        data, middle, still = nodal(resolved), self.mean, self.still
+        mean: dict[str, Any] = {name: (1.0 - theta) * still[name] + theta * middle[name] for name in data}
         if resolved.k is not None:
             given = self._dropped(theta, strength)
             share = np.divide(given, mean["k"], out=np.zeros_like(given), where=mean["k"] > 0.0)  # k is 0 on walls
-            mean |= {name: (1.0 + share) * mean[name] for name in POSITIVE if name in own}
+            mean |= {name: (1.0 + share) * mean[name] for name in POSITIVE if name in data}
         if strength == 0.0 and resolved.motion is None:
             return resolved.with_values(times=None, period=None, coefficients=None, truncation=None, **mean)
-        kept = {name: min(strength, theta) if name in POSITIVE else strength for name in own}
+        kept = {name: min(strength, theta) if name in POSITIVE else strength for name in data}
         if resolved.coefficients is None:
             nodes: dict[str, Any] = {
-                name: mean[name] + kept[name] * (values - middle[name]) for name, values in own.items()
+                name: mean[name] + kept[name] * (values - middle[name]) for name, values in data.items()
             }
         else:  # part 0 is the mean, the others have none
-            nodes = {name: np.concatenate([mean[name][None], kept[name] * values[1:]]) for name, values in own.items()}
+            nodes = {name: np.concatenate([mean[name][None], kept[name] * values[1:]]) for name, values in data.items()}
         made = resolved.with_values(**nodes)
         if (motion := resolved.motion) is None:
             return made
@@ -143,12 +143,12 @@ def interpolated(mesh: Triangles, nodal: Mapping[str, Array], points: Array) -> 
     return {name: np.einsum("nk,nk...->n...", weight, values[corner]) for name, values in nodal.items()}
 
 
-def _like(steady: FlowField, own: Mapping[str, Array]) -> dict[str, Array]:
+def _like(steady: FlowField, fields: Mapping[str, Array]) -> dict[str, Array]:
     """The nodal arrays of the steady field that a field in time has as well."""
     if steady.times is not None:
         raise SceneError("blended_wake: the steady field is one in time")
     given: dict[str, Any] = {
-        name: steady.pressure_gradient if name == "given_gradient" else getattr(steady, name) for name in own
+        name: steady.pressure_gradient if name == "given_gradient" else getattr(steady, name) for name in fields
     }
     for name, values in given.items():
         if values is None:
@@ -182,12 +182,12 @@ def _swinging(field: FlowField, motion: MeshOscillation, still: Array, share: fl
         return field.with_values(velocity=field.velocity + share * speed[:, None, None] * pushed)
     count = len(times)
     times = times[0] + np.arange(SAMPLES * count) * (period / (SAMPLES * count))
-    found = fit(times, (motion.velocity(times) @ along)[:, None], period, count)
+    result = fit(times, (motion.velocity(times) @ along)[:, None], period, count)
     more: dict[str, Any] = {
         name: np.concatenate([values, np.zeros_like(values[:1])]) for name, values in nodal(field).items()
     }
     more["velocity"][-1] = share * pushed
-    return field.with_values(coefficients=np.hstack([field.coefficients, found - found.mean(axis=0)]), **more)
+    return field.with_values(coefficients=np.hstack([field.coefficients, result - result.mean(axis=0)]), **more)
 
 
 # -- A record of an irregular wake made periodic -----------------------------------------------------------------------

@@ -36,10 +36,10 @@ def points(values: ArrayLike) -> Array:
 
 def positive(name: str, value: float, unit: str = "1", *, or_zero: bool = False) -> float:
     """A number in ``unit`` that is positive, or ``or_zero``, and finite."""
-    found = number(name, value, unit)
-    if not (np.isfinite(found) and (found > 0 or (or_zero and found == 0))):
-        raise SceneError(f"{name} = {found:g} must be positive{' or 0' if or_zero else ''} and finite")
-    return found
+    result = number(name, value, unit)
+    if not (np.isfinite(result) and (result > 0 or (or_zero and result == 0))):
+        raise SceneError(f"{name} = {result:g} must be positive{' or 0' if or_zero else ''} and finite")
+    return result
 
 
 def of_shape(name: str, values: ArrayLike, shape: tuple[int, ...], unit: str = "1") -> Array:
@@ -77,12 +77,16 @@ def cells(triangles: ArrayLike, nodes: Array) -> Index:
     return np.ascontiguousarray(cells)
 
 
-def times(values: ArrayLike | None, period: float | None) -> Array | None:
-    """Increasing times (T,) s that span no more than the ``period`` (s); None without times, then without a period."""
-    if values is None:
-        if period is not None:
-            raise SceneError(f"period = {period} s needs the times of the snapshots")
-        return None
+def period(value: float, *, timed: bool) -> float:
+    """A period (s), which goes with the times of snapshots."""
+    length = number("period", value, "s")
+    if not timed:
+        raise SceneError(f"period = {length} s needs the times of the snapshots")
+    return length
+
+
+def times(values: ArrayLike, period: float | None) -> Array:
+    """Increasing times (T,) s that span no more than the ``period`` (s), where there is one."""
     clock = finite("times", values, "s")
     if clock.ndim != 1 or not len(clock):
         raise SceneError(f"times: shape {clock.shape}, expected (T,)")
@@ -93,10 +97,12 @@ def times(values: ArrayLike | None, period: float | None) -> Array | None:
     return clock
 
 
-def coefficients(values: ArrayLike, knots: Array | None, period: float | None) -> Array:
-    """Coefficients (T, R) of splines whose ``knots`` (T,) s are the times: uniform over the period, at least four."""
+def coefficients(values: ArrayLike, knots: Array | None, period: float) -> Array:
+    """Coefficients (T, R) of splines whose ``knots`` (T,) s are the times: uniform over the ``period`` (s; 0 without
+    one), at least four.
+    """
     array = finite("coefficients", values)
-    if knots is None or period is None or len(knots) < 4:
+    if knots is None or not period or len(knots) < 4:
         raise SceneError("coefficients: need a period and at least four times, the knots of the splines")
     if array.ndim != 2 or array.shape[0] != len(knots) or array.shape[1] < 1:
         raise SceneError(f"coefficients: shape {array.shape}, expected ({len(knots)}, R), a row for each time")

@@ -25,7 +25,7 @@ from ...core.tables import load_arrays, save_arrays
 from ...laws.gas import MEAN_FREE_PATH, PRESSURE, TEMPERATURE
 from ...laws.gas import mean_free_path as path_in_gas
 from . import field_checks as checks
-from .modes import MeshOscillation, TimeAxis, Truncation, compress, design
+from .modes import MIN_KNOTS, MeshOscillation, TimeAxis, Truncation, compress, design
 from .triangles import VECTORS, Divergence, Triangles, divergence_of, gradient_operators, mirrored
 
 Array = NDArray[np.float64]
@@ -97,9 +97,9 @@ class FlowField(Triangles):
         """
         nodes = checks.points(points)
         cells = checks.cells(triangles, nodes)
-        period = None if period is None else number("period", period, "s")
-        clock = checks.times(times, period)
-        parts = None if coefficients is None else checks.coefficients(coefficients, clock, period)
+        period = None if period is None else checks.period(period, timed=times is not None)
+        clock = None if times is None else checks.times(times, period)
+        parts = None if coefficients is None else checks.coefficients(coefficients, clock, period or 0.0)
         lead = (len(nodes),) if clock is None else ((clock if parts is None else parts.T).shape[0], len(nodes))
         given = (
             ("velocity", velocity, (*lead, 2), "m/s"), ("pressure", pressure, lead, "Pa"), ("k", k, lead, "m^2/s^2"),
@@ -112,7 +112,7 @@ class FlowField(Triangles):
         field = cls(
             nodes, cells, times=clock, period=period, coefficients=parts, truncation=lost,
             given_gradient=nodal.pop("pressure_gradient", None), **nodal,
-            **_gas(density, viscosity, temperature, mean_free_path),
+            **_gas(temperature, density=density, viscosity=viscosity, mean_free_path=mean_free_path),
         )  # fmt: skip
         return field if motion is None else field.moving(*checks.motion(motion))
 
@@ -214,7 +214,8 @@ class FlowField(Triangles):
         if self.times is None or self.coefficients is not None:
             return self
         axis = self.time_axis
-        parts, coefficients, lost = compress(axis, nodal(self), self.node_area, error=error, knots=knots)
+        tried = range(MIN_KNOTS, len(axis.times) + 1) if knots is None else [knots]
+        parts, coefficients, lost = compress(axis, nodal(self), self.node_area, error=error, knots=tried)
         start = axis.times[0] + np.arange(len(coefficients)) * (axis.period / len(coefficients))
         changes: dict[str, Any] = {**parts, "truncation": replace(lost, knots=len(coefficients))}
         return self.with_values(**changes, times=start, coefficients=coefficients)
@@ -328,15 +329,15 @@ def nodal(field: FlowField) -> dict[str, Any]:
     return {name: values for name in NODAL if (values := getattr(field, name)) is not None}
 
 
-def _gas(density: float | None, viscosity: float | None, temperature: float, path: float | None) -> dict[str, Any]:
+def _gas(temperature: float, **numbers: Any) -> dict[str, Any]:
     """What the air is, checked: its density and viscosity by default, and its mean free path where both are."""
-    if path is None:
-        path = MEAN_FREE_PATH if density is None and viscosity is None else 0.0
+    given = {name: value for name, value in numbers.items() if value is not None}
+    path = 0.0 if given else MEAN_FREE_PATH
     return {
-        "density": checks.positive("density", 1.2 if density is None else density, "kg/m^3"),
-        "viscosity": checks.positive("viscosity", 1.8e-5 if viscosity is None else viscosity, "Pa*s"),
+        "density": checks.positive("density", given.get("density", 1.2), "kg/m^3"),
+        "viscosity": checks.positive("viscosity", given.get("viscosity", 1.8e-5), "Pa*s"),
         "temperature": checks.positive("temperature", temperature, "K"),
-        "mean_free_path": checks.positive("mean_free_path", path, "m", or_zero=True),
+        "mean_free_path": checks.positive("mean_free_path", given.get("mean_free_path", path), "m", or_zero=True),
     }
 
 

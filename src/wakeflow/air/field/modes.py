@@ -13,7 +13,7 @@ on the snapshots.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -51,8 +51,8 @@ def fit(t: Array, values: Array, period: float, knots: int) -> Array:
     """Coefficients (knots, K) of the least-squares splines through ``values`` (T, K) at times ``t``; knots begin at
     t[0].
     """
-    found = np.linalg.lstsq(design(t, float(t[0]), period, knots), values, rcond=1e-10)[0]
-    return np.asarray(found, dtype=np.float64)
+    result = np.linalg.lstsq(design(t, float(t[0]), period, knots), values, rcond=1e-10)[0]
+    return np.asarray(result, dtype=np.float64)
 
 
 # -- A field's functions of time ---------------------------------------------------------------------------------------
@@ -199,23 +199,23 @@ def compress(
     node_area: Array,
     *,
     error: float,
-    knots: int | None = None,
+    knots: Sequence[int],
 ) -> tuple[dict[str, Array], Array, Truncation]:
     """Nodal parts (R, N, ..) by name, spline coefficients (M, R) of their functions of time, and what was lost.
 
     ``axis``: of T snapshots over a period; ``nodal``: arrays (T, N, ..) by name, velocity and pressure among them;
     ``node_area`` (N,): share of the area that each node represents. Part 0 is the mean over time.
-    As few modes and, unless ``knots`` says how many, as few knots as keep the rms error of velocity and pressure below
-    ``error`` times the rms of their fluctuations. Raises SceneError without a period, with fewer than MIN_KNOTS
-    snapshots, and for ``error`` or ``knots`` out of range.
+    As few modes and, of the numbers ``knots``, as few knots as keep the rms error of velocity and pressure below
+    ``error`` times the rms of their fluctuations; the last number where none does. Raises SceneError without a period,
+    with fewer than MIN_KNOTS snapshots, and for ``error`` or ``knots`` out of range.
     """
     times, period = axis.times, axis.period
     if not axis.repeats or len(times) < MIN_KNOTS:
         raise SceneError(f"compressed: needs at least {MIN_KNOTS} snapshots over a whole period")
     if not 0 < error < 1:
         raise SceneError(f"compressed: error = {error:g}, allowed above 0 and below 1")
-    if knots is not None and not MIN_KNOTS <= knots <= len(times):
-        raise SceneError(f"compressed: knots = {knots}, allowed {MIN_KNOTS} to {len(times)}, the snapshots")
+    if not MIN_KNOTS <= knots[0] <= len(times):
+        raise SceneError(f"compressed: knots = {knots[0]}, allowed {MIN_KNOTS} to {len(times)}, the snapshots")
     share, area = axis.shares(), node_area
     mean = {name: np.tensordot(share, values, axes=1) for name, values in nodal.items()}
     grams = [_gram(nodal[n] - mean[n], mean[n], share, area) for n in ("velocity", "pressure") if n in nodal]
@@ -255,17 +255,19 @@ def _temporal(grams: list[Array], share: Array, lost: float) -> Array:
 
 
 def _smooth(
-    times: Array, period: float, motion: Array, share: Array, grams: list[Array], lost: float, knots: int | None
+    times: Array, period: float, motion: Array, share: Array, grams: list[Array], lost: float, knots: Sequence[int]
 ) -> Array:
-    """Spline coefficients (M, K) on as few knots as lose no more than ``lost`` of any energy at the snapshots."""
+    """Spline coefficients (M, K) on the first of ``knots`` knots that lose no more than ``lost`` of any energy at the
+    snapshots.
+    """
     rows = np.sqrt(share)[:, None]
     energy = [(rows * motion).T @ gram @ (rows * motion) for gram in grams]
-    for count in range(MIN_KNOTS, len(times) + 1) if knots is None else [knots]:
-        found = fit(times, motion, period, count)
-        left = rows * (design(times, float(times[0]), period, count) @ found - motion)
+    for count in knots:
+        result = fit(times, motion, period, count)
+        left = rows * (design(times, float(times[0]), period, count) @ result - motion)
         if all(float(np.sum((left.T @ left) * e)) <= lost for e in energy):
             break
-    return found
+    return result
 
 
 def _measured(

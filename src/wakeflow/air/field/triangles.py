@@ -109,29 +109,29 @@ class Triangles:
     def locate(self, points: ArrayLike) -> Index:
         """The triangle that holds each point (n, 2); -1 outside the mesh. A point on the boundary is inside."""
         x = np.atleast_2d(np.asarray(points, dtype=float))
-        found = np.full(len(x), -1, dtype=np.int64)
+        result = np.full(len(x), -1, dtype=np.int64)
         low, high = self.box
         slack = 1e-9 * (high - low)
         todo = np.flatnonzero(np.all((x >= low - slack) & (x <= high + slack), axis=1))
         if not len(todo):
-            return found
+            return result
         at = self._centres.query(x[todo])[1].astype(np.int64)
         for _ in range(len(self.triangles)):
             coordinate = self.barycentric(at, x[todo])
             lowest = coordinate.argmin(axis=1)
             inside = coordinate[np.arange(len(todo)), lowest] >= INSIDE
-            found[todo[inside]] = at[inside]
+            result[todo[inside]] = at[inside]
             onward = self.neighbours[at, lowest]
             go = ~inside & (onward >= 0)
             lost = todo[~inside & (onward < 0)]
-            found[lost] = -2  # met the boundary: outside, or behind a body
+            result[lost] = -2  # met the boundary: outside, or behind a body
             todo, at = todo[go], onward[go]
             if not len(todo):
                 break
-        found[todo] = -2
-        lost = np.flatnonzero(found == -2)
-        found[lost] = self._search(x[lost])
-        return found
+        result[todo] = -2
+        lost = np.flatnonzero(result == -2)
+        result[lost] = self._search(x[lost])
+        return result
 
     def _search(self, x: Array) -> Index:
         """Every triangle that may hold them tried, for points whose walk met the boundary: those whose boxes do.
@@ -146,11 +146,11 @@ class Triangles:
         inner = np.arange(len(point)) - np.repeat(np.cumsum(count) - count, count)
         near = member[np.repeat(start[cell], count) + inner]
         least = self.barycentric(near, x[point]).min(axis=1)
-        found = np.full(len(x), -1, dtype=np.int64)
+        result = np.full(len(x), -1, dtype=np.int64)
         order = np.argsort(least, kind="stable")  # the last one written, the deepest inside, stays
         order = order[least[order] >= INSIDE]
-        found[point[order]] = near[order]
-        return found
+        result[point[order]] = near[order]
+        return result
 
     @of_mesh
     def _grid(self) -> tuple[Index, Index, Array, Array, int]:

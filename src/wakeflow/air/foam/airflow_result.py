@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
-from ...core.number import Number
-from ...core.record import column
+from ...core.number import Count, Known, Number
+from ...core.record import Null, column
 
 Kind = TypeVar("Kind")
 SPANNED = 0.99  # channel widths: a suction zone as wide as this reaches both walls, but for a cell at each
@@ -23,9 +24,13 @@ class SuctionZone:
     length: float = column("m", "along the air, from the body's rear-most point")
     width: float = column("m", "across the air")
     area: float = column("m2", "of both sides together")
-    reversal_length: float | None = column(
-        "m", "how far behind the body the mean air on its axis runs backwards", default=None
+    reversal_length: Known = column(
+        "m", "how far behind the body the mean air on its axis runs backwards", default=math.nan
     )
+
+    def __bool__(self) -> bool:
+        """Whether there is a body, behind which it was measured."""
+        return not math.isnan(self.threshold)
 
     def spans(self, channel: float) -> bool:
         """Whether it reaches both walls of a channel so wide (m), but for a cell at each."""
@@ -41,6 +46,10 @@ class MeshMotionSummary:
     amplitude: tuple[float, ...] = column("m", "x and y")
     omega: float = column("rad/s", "angular frequency")
     phase: float = column("rad", "at the start of the stored loop")
+
+    def __bool__(self) -> bool:
+        """Whether it moves."""
+        return self.omega > 0.0
 
 
 @dataclass(frozen=True)
@@ -61,6 +70,10 @@ class CheckMesh:
     non_orthogonality: float = column("deg", "largest non-orthogonality")
     mean_non_orthogonality: float = column("deg", "mean non-orthogonality")
     skewness: float = column("1", "largest skewness")
+
+    def __bool__(self) -> bool:
+        """Whether it was asked."""
+        return not math.isnan(self.skewness)
 
 
 @dataclass(frozen=True)
@@ -104,6 +117,14 @@ class SpanwiseMotion:
     axis: AxisProfiles = column("", "on the body's axis")
 
 
+# Where nothing is known
+NO_SUCTION = SuctionZone(*[math.nan] * 5)
+AT_REST = MeshMotionSummary((), 0.0, 0.0)
+UNCHECKED = CheckMesh(*[math.nan] * 3)
+Text = Annotated[str, Null("")]
+Shares = Annotated[dict[str, float], Null({})]
+
+
 @dataclass(frozen=True, kw_only=True)
 class AirflowResult:
     """What was measured on an airflow, or is known of it; null where nothing is.
@@ -120,42 +141,48 @@ class AirflowResult:
     the static pressure (p, static pressure plus normal stress 2k/3, does not change across the layer next to it).
     """
 
-    stepping: str | None = column("", "steady, time-resolved or given", default=None)
+    stepping: Text = column("", "steady, time-resolved or given", default="")
     verdict: str = column(
         "",
         "steady, periodic, broadband, given, driven (by granules alone), or the profile of air that is known",
         default="",
     )
-    turbulence: str | None = column("", "turbulence model", default=None)
+    turbulence: Text = column("", "turbulence model", default="")
     cells: int | None = column("1", "mesh cells", default=None)
-    reynolds: float | None = column("1", "Reynolds number on the first body's width, inlet's speed", default=None)
+    reynolds: Known = column("1", "Reynolds number on the first body's width, inlet's speed", default=math.nan)
     cd: Number | None = column("1", "drag coefficient of all bodies on the first one's width", default=None)
     cl_rms: Number | None = column("1", "lift coefficient, root mean square", default=None)
     strouhal: Number | None = column("1", "Strouhal number f D / U of the shedding; null when steady", default=None)
     cp_base: Number | None = column("1", "base pressure coefficient, behind the first body", default=None)
     cp_front: float | None = column("1", "pressure coefficient at the first body's front", default=None)
     p_inlet: float | None = column("Pa", "mean static pressure on the inlet", default=None)
-    pressure_drop: float | None = column("Pa", "inlet less outlet", default=None)
-    flow_rate: float | None = column("m2/s", "air flow of the whole channel, per metre of depth", default=None)
+    pressure_drop: Known = column("Pa", "inlet less outlet", default=math.nan)
+    flow_rate: Known = column("m2/s", "air flow of the whole channel, per metre of depth", default=math.nan)
     mass_error: float | None = column("1", "inflow less outflow, over inflow", default=None)
-    suction: SuctionZone | None = column("", "the suction zone behind the first body", default=None)
-    y_plus: tuple[float, ...] | None = column("1", "least and largest y+ of the cells at the bodies", default=None)
-    steps: int | None = column("1", "iterations or time steps of the solver", default=None)
+    suction: Annotated[SuctionZone, Null(NO_SUCTION)] = column(
+        "", "the suction zone behind the first body", default=NO_SUCTION
+    )
+    y_plus: Annotated[tuple[float, ...], Null(())] = column(
+        "1", "least and largest y+ of the cells at the bodies", default=()
+    )
+    steps: Count = column("1", "iterations or time steps of the solver", default=0)
     seconds: float | None = column("s", "wall time of the solver", default=None)
-    field_time: str | None = column("", "what the tracker reads: latest, mean, all or states", default=None)
+    field_time: Text = column("", "what the tracker reads: latest, mean, all or states", default="")
     period: float | None = column("s", "length of the stored loop; null when steady", default=None)
-    motion: MeshMotionSummary | None = column("", "of the mesh; null where it rests", default=None)
+    motion: Annotated[MeshMotionSummary, Null(AT_REST)] = column(
+        "", "of the mesh; null where it rests", default=AT_REST
+    )
     loop_mismatch: float | None = column(
         "1", "rms velocity jump where the loop joins over rms fluctuation", default=None
     )
-    residuals: dict[str, float] | None = column("1", "last residual of every equation", default=None)
-    mesh: CheckMesh | None = column("", "how good the cells are", default=None)
+    residuals: Shares = column("1", "last residual of every equation", default=dict)
+    mesh: Annotated[CheckMesh, Null(UNCHECKED)] = column("", "how good the cells are", default=UNCHECKED)
     statistics: RunStatistics | None = column("", "of a time-resolved run", default=None)
     notes: tuple[str, ...] | None = column("", "what a reader must know of the solution", default=None)
     cd_of: dict[str, float] | None = column("1", "each body's part of cd, where there are several", default=None)
-    settings: str | None = column("", "the solver's settings that served", default=None)
+    settings: Text = column("", "the solver's settings that served", default="")
     attempts: tuple[Attempt, ...] | None = column("", "solutions that failed before", default=None)
-    checks: dict[str, float] | None = column("1", "share of every sanity limit that is taken up", default=None)
+    checks: Shares = column("1", "share of every sanity limit that is taken up", default=dict)
     span: SpanwiseMotion | None = column("", "of an airflow in three dimensions; null in the plane", default=None)
     half: bool | None = column("", "whether a given case is the right half of the channel", default=None)
 
@@ -177,11 +204,7 @@ class CaseResult(AirflowResult):
     cp_base: Number
     cp_front: float
     p_inlet: float
-    pressure_drop: float
-    flow_rate: float
     mass_error: float
-    suction: SuctionZone
-    field_time: str
 
 
 @dataclass(frozen=True, kw_only=True)

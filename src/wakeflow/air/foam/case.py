@@ -240,12 +240,12 @@ def write_case(spec: FlowSpec, folder: Path) -> None:
     Raises FoamError where the template lacks a field of the model.
     """
     shutil.copytree(case_template(), folder, ignore=shutil.ignore_patterns(MODELS), dirs_exist_ok=True)
-    own = case_template() / MODELS / spec.turbulence
-    if own.is_dir():
-        shutil.copytree(own, folder, dirs_exist_ok=True)
+    of_model = case_template() / MODELS / spec.turbulence
+    if of_model.is_dir():
+        shutil.copytree(of_model, folder, dirs_exist_ok=True)
     lacking = [field.name for field in spec.model.fields if not (folder / "0" / field.name).exists()]
     if lacking:
-        raise FoamError(f"the case template has no 0/{lacking[0]} for {spec.turbulence}: put it into {own / '0'}")
+        raise FoamError(f"the case template has no 0/{lacking[0]} for {spec.turbulence}: put it into {of_model / '0'}")
     write_parameters(folder, spec.parameters())
     write_inlets(spec, folder)
     names = spec.mesh.names if len(spec.mesh.names) > 1 else ()
@@ -282,7 +282,8 @@ def write_inlets(spec: FlowSpec, folder: Path) -> None:
     """
     velocity = f"uniform (0 {spec.along * spec.speed:.12g} 0)"
     if spec.profile == "parabolic" and (folder / "constant" / "polyMesh" / "boundary").exists():
-        velocity = _list_of_vectors(0.0, spec.along * _parabola(spec, folder))
+        speeds = spec.along * _parabola(spec, folder)
+        velocity = f"nonuniform List<vector> {len(speeds)}(" + " ".join(f"(0 {y:.12g} 0)" for y in speeds) + ")"
     rows: dict[str, dict[str, str]] = {"U": {"inlet": velocity}, **{field.name: {} for field in spec.transported}}
     for stream in spec.inlets:
         inward = stream.velocity if stream.side == "left" else -stream.velocity
@@ -309,10 +310,6 @@ def _parabola(spec: FlowSpec, folder: Path) -> NDArray[np.float64]:
     x = 2.0 * plane.points[plane.faces[plane.on("inlet")], 0] / spec.mesh.width
     a, b = x.T
     return np.asarray(1.5 * spec.speed * (1.0 - (a * a + a * b + b * b) / 3.0))  # mean of x^2 over [a, b]
-
-
-def _list_of_vectors(x: float, y: NDArray[np.float64]) -> str:
-    return f"nonuniform List<vector> {len(y)}(" + " ".join(f"({x:.12g} {value:.12g} 0)" for value in y) + ")"
 
 
 def set_patch_types(folder: Path, *, walls: str) -> None:

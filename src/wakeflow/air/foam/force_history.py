@@ -40,7 +40,7 @@ def read_vectors(case: Path, what: str) -> Array:
 def _placed(text: str, columns: tuple[int, ...]) -> tuple[int, ...]:
     """``columns`` with CL where the table's head has Cl: behind the parts of Cd in openfoam.com's later releases."""
     head = re.search(r"^# Time\s.*\sCl\s", text, re.M)
-    return tuple(len(head[0].split()) - 2 if head and one == CL else one for one in columns)
+    return tuple(len(head[0].split()) - 2 if head and item == CL else item for item in columns)
 
 
 def _parsed(text: str, columns: tuple[int, ...]) -> Array:
@@ -92,18 +92,17 @@ class HistoryTable:
         self.folder, self.columns = case / "postProcessing" / what, columns
         self.rows = read_table(case, what, columns)
         self.known = {path: path.stat().st_mtime_ns for path in self._files()}
-        self.path: Path | None = None
-        self.at = 0
+        self.path, self.at = Path(), 0  # of the file that grows: none so far
 
     def _files(self) -> list[Path]:
         return [path for path in self.folder.glob("*/*") if path.is_file()]
 
     def update(self) -> Array:
         """All rows so far; a restart replaces what it computes again."""
-        if self.path is None:
+        if self.path == Path():
             growing = (path for path in self._files() if path.stat().st_mtime_ns != self.known.get(path))
-            self.path = next(growing, None)
-        if self.path is not None:
+            self.path = next(growing, self.path)
+        if self.path != Path():
             with self.path.open("rb") as stream:
                 stream.seek(self.at)
                 text = stream.read()
@@ -141,7 +140,7 @@ def kind_of(signal: Array, tolerance: float) -> str:
     """
     if spread(signal) <= tolerance:
         return "steady"
-    return "broadband" if oscillation(signal) is None else "periodic"
+    return "periodic" if oscillation(signal) else "broadband"
 
 
 def spread(signal: Array) -> float:
@@ -149,20 +148,20 @@ def spread(signal: Array) -> float:
     return float(np.ptp(signal)) / max(abs(float(signal.mean())), 1e-12)
 
 
-def oscillation(signal: Array) -> int | None:
+def oscillation(signal: Array) -> int:
     """Rows after which a signal repeats: the first peak of its autocorrelation above 0.5 after it was negative, looked
-    for up to half the signal's length; None without one, and for a signal at rest.
+    for up to half the signal's length; 0 without one, and for a signal at rest.
     """
     deviation = signal - float(signal.mean())
     spectrum = np.fft.rfft(deviation, 2 * len(deviation))
     lagged = np.fft.irfft(np.abs(spectrum) ** 2)[: len(deviation) // 2]
     if not len(lagged) or lagged[0] <= 0:
-        return None
+        return 0
     lagged = lagged / lagged[0] * len(deviation) / (len(deviation) - np.arange(len(lagged)))
     negative = np.flatnonzero(lagged < 0)
     again = np.flatnonzero(lagged[negative[0] :] > AGAIN) if len(negative) else negative
     if not len(again):
-        return None
+        return 0
     first = int(negative[0] + again[0])
     fallen = np.flatnonzero(lagged[first:] <= AGAIN)
     return first + int(lagged[first : first + fallen[0] if len(fallen) else None].argmax())

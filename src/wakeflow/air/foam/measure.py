@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...core.number import Number
 from ...core.record import JsonTable, from_json
 from ...laws.turbulence import NUT
-from .airflow_result import CaseResult, CheckMesh, MeshMotionSummary, RunStatistics
+from .airflow_result import AT_REST, CaseResult, CheckMesh, MeshMotionSummary, RunStatistics
 from .case import FlowSpec, axis_points
 from .force_history import CD, Tail, read_table, spread
 from .read import LOOP, STATES, CaseFields, Snapshot, late_states, loop_of, mean_of, nodes_of
@@ -41,17 +41,15 @@ class Coefficients:
     notes: tuple[str, ...] = ()
 
 
-def drag_of_each(spec: FlowSpec, folder: Path, begin: float | None) -> dict[str, float]:
-    """Cd of each of several bodies, averaged as Cd of a steady run is; else the mean from ``begin`` (s) on."""
-    found = {}
+def drag_of_each(spec: FlowSpec, folder: Path, begin: float) -> dict[str, float]:
+    """Cd of each of several bodies: the mean from ``begin`` (s) on; 0: averaged as Cd of a run that came to rest is."""
+    drags = {}
     for name in spec.mesh.names if len(spec.mesh.names) > 1 else ():
         rows = read_table(folder, f"drag_{name}", (CD,))
-        if begin is None:
-            found[name] = float(_window(rows)[:, 1].mean())
-            continue
-        late = rows[rows[:, 0] >= begin]
-        found[name] = float(np.trapezoid(late[:, 1], late[:, 0]) / np.ptp(late[:, 0]))
-    return found
+        late = rows[rows[:, 0] >= begin] if begin else _window(rows)
+        integral = np.trapezoid(late[:, 1], late[:, 0]) / np.ptp(late[:, 0]) if begin else late[:, 1].mean()
+        drags[name] = float(integral)
+    return drags
 
 
 def spanned(rows: Array, *notes: str) -> Coefficients:
@@ -65,28 +63,28 @@ def at_rest(spec: FlowSpec, rows: Array) -> Coefficients:
     rest.
     """
     late = _window(rows)
-    found = spanned(late)
+    result = spanned(late)
     if spec.stepping == "steady":
-        return found
-    drag, base = replace(found.cd, value=float(late[-1, 1])), replace(found.cp_base, value=float(late[-1, 3]))
-    return replace(found, cd=drag, cp_base=base)
+        return result
+    drag, base = replace(result.cd, value=float(late[-1, 1])), replace(result.cp_base, value=float(late[-1, 3]))
+    return replace(result, cd=drag, cp_base=base)
 
 
 def in_time(spec: FlowSpec, rows: Array, begin: float) -> Coefficients:
     """Means since the end of the start-up; from ``begin`` (s) on where there are too few periods for that."""
     swings = spec.vibration is not None and is_still(rows, spec.convective_time, swings=True)
-    found = None if swings else evaluate(rows, spec.accuracy)
-    if found is None:  # an irregular wake that shed less than six times, or one that only swings with the body
+    result = None if swings else evaluate(rows, spec.accuracy)
+    if result is None:  # an irregular wake that shed less than six times, or one that only swings with the body
         note = f"the airflow shed too few vortices in {rows[-1, 0]:.3g} s for intervals: they are the ranges it spanned"
         return spanned(rows[rows[:, 0] >= begin], *(() if swings else (note,)))
-    number = None if found.frequency is None else found.frequency.times(spec.convective_time)
-    made_of = RunStatistics(found.periods, found.begin, spec.accuracy, found.excess)
+    number = None if result.frequency is None else result.frequency.times(spec.convective_time)
+    made_of = RunStatistics(result.periods, result.begin, spec.accuracy, result.excess)
     note = (
-        f"the airflow's intervals are up to {found.excess:.1f} times as wide as asked, from {found.periods} periods, "
+        f"the airflow's intervals are up to {result.excess:.1f} times as wide as asked, from {result.periods} periods, "
         f"after {rows[-1, 0] / spec.convective_time:.0f} widths of travel, where the run was ended"
     )
-    said = () if found.stands else (note,)
-    return Coefficients(found.cd, found.cl_rms, found.cp_base, number, made_of, said)
+    said = () if result.stands else (note,)
+    return Coefficients(result.cd, result.cl_rms, result.cp_base, number, made_of, said)
 
 
 def _unsettled(drag: Array) -> str:
@@ -118,14 +116,14 @@ class Edges(NamedTuple):
         return cls(plane.on("inlet"), plane.on("outlet"), fields.wall & body)
 
 
-def _since(spec: FlowSpec, folder: Path, rows: Array, loop: JsonTable) -> tuple[float | None, Coefficients]:
+def _since(spec: FlowSpec, folder: Path, rows: Array, loop: JsonTable) -> tuple[float, Coefficients]:
     """When the record began (s, or iterations) that an airflow is measured on, and what its history says since then;
-    None of one that came to rest: its end alone counts.
+    0 of one that came to rest: its end alone counts.
     """
     if loop:
         return loop["begin"], in_time(spec, rows, loop["begin"])
     if not late_states(folder):
-        return None, at_rest(spec, rows)
+        return 0.0, at_rest(spec, rows)
     begin = json.loads((folder / STATES).read_text())["begin"]
     late = rows[rows[:, 0] > begin]
     return begin, spanned(late, _unsettled(late[:, 1]))
@@ -143,7 +141,7 @@ def measure(spec: FlowSpec, folder: Path, verdict: str, *, residuals: dict[str, 
     times = [fields.folder(name) for name in names or ["latest"]]
     shots = [fields.snapshot(time) for time in times]
     nodes = mean_of(nodes_of(fields, times[0], shots))
-    found, at_rear = plane_numbers(spec, fields, times[-1], shots, nodes, Edges.of(fields))
+    result, at_rear = plane_numbers(spec, fields, times[-1], shots, nodes, Edges.of(fields))
     flow_rate, mass_error = _mass_balance(spec, fields, shots)
     return CaseResult(
         stepping=spec.stepping,
@@ -167,7 +165,7 @@ def measure(spec: FlowSpec, folder: Path, verdict: str, *, residuals: dict[str, 
         statistics=history.statistics,
         notes=history.notes,
         cd_of=drag_of_each(spec, folder, begin),
-        **found,
+        **result,
     )
 
 
@@ -202,9 +200,9 @@ def plane_numbers(
     }, at_rear
 
 
-def motion_in(loop: JsonTable) -> MeshMotionSummary | None:
-    """How the mesh moves that a ``loop`` was recorded on; None where it rests."""
-    return from_json(MeshMotionSummary, loop["motion"], LOOP) if "motion" in loop else None
+def motion_in(loop: JsonTable) -> MeshMotionSummary:
+    """How the mesh moves that a ``loop`` was recorded on."""
+    return from_json(MeshMotionSummary, loop["motion"], LOOP) if "motion" in loop else AT_REST
 
 
 def _mean_pressure(plane: PlaneMesh, shots: Sequence[Snapshot], chosen: NDArray[np.bool_]) -> float:

@@ -66,15 +66,15 @@ def cell_forces(force: ForceDensity, mesh: PlaneMesh) -> Array:
         side = np.sign(mesh.centres[:, 0].mean())
         each = np.where((side * middles[:, 0] > 0.0)[:, None], each, 0.0)
     area = mesh.areas
-    place, found = boxes.holding(mesh.centres), np.zeros((len(area), 2))
+    place, density = boxes.holding(mesh.centres), np.zeros((len(area), 2))
     held = (np.abs(mesh.centres - middles[place]) <= 0.5 * boxes.pitch * (1.0 + 1e-9)).all(axis=1)
     covered = np.bincount(place[held], area[held], len(each))
-    found[held] = each[place[held]] / covered[place[held]][:, None]
+    density[held] = each[place[held]] / covered[place[held]][:, None]
     lonely = np.flatnonzero((covered == 0.0) & (np.abs(each) > 0.0).any(axis=1))
     if len(lonely):
         nearest = cKDTree(mesh.centres).query(middles[lonely])[1]
-        np.add.at(found, nearest, each[lonely] / area[nearest][:, None])
-    return found
+        np.add.at(density, nearest, each[lonely] / area[nearest][:, None])
+    return density
 
 
 def write_source(folder: Path, force: ForceDensity, density: float, deep: Path | None = None) -> LaidForce:

@@ -161,16 +161,16 @@ def _take(body: bytes, at: int, kind: str, width: int) -> tuple[NDArray[np.gener
     return np.frombuffer(body, kind, count * width, match.end()), match.end() + size + 1
 
 
-def _numbers(folder: Path, name: str, kind: str | None = None, width: int = 1) -> NDArray[np.generic]:
+def _numbers(folder: Path, name: str, kind: str = "", width: int = 1) -> NDArray[np.generic]:
     """The numbers of a list, ``width`` in each entry: of a numpy ``kind``, by default labels."""
     body, binary, label, header = _open(folder, name)
     if binary:
-        single = kind is not None and b"scalar=32" in header
+        single = bool(kind) and b"scalar=32" in header
         return _take(body, 0, "<f4" if single else kind or label, width)[0]
     words = body[body.find(b"(") + 1 : body.rfind(b")")].translate(bytes.maketrans(b"()", b"  ")).split()
-    told = LIST.match(body)
+    count = LIST.match(body)
     try:
-        if told is None or len(words) != int(told[1]) * width:
+        if count is None or len(words) != int(count[1]) * width:
             raise ValueError(f"{len(words)} numbers")
         return np.array(words, dtype=kind or np.intp)
     except ValueError as problem:

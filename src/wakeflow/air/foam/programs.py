@@ -264,5 +264,5 @@ def openfoam_version() -> str:
             f"OpenFOAM {other[1]} of openfoam.org comes first in PATH, and its cases are written otherwise; put one of "
         )
         raise FoamError(f"{why}openfoam.com before it, or {INSTALL}", command=" ".join(command))
-    found = re.search(r"OpenFOAM-\s*\(?v?(\w+)\)?.*?\((patch=\w+)\)", text, re.S)
-    return f"{found[1]} {found[2]}" if found else " ".join(text.split())[-80:]
+    match = re.search(r"OpenFOAM-\s*\(?v?(\w+)\)?.*?\((patch=\w+)\)", text, re.S)
+    return f"{match[1]} {match[2]}" if match else " ".join(text.split())[-80:]

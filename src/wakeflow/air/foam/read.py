@@ -34,8 +34,8 @@ NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?(e[+-]?[0-9]+)?", re.I)  # the name of a 
 
 def every_time(case: Path) -> list[Path]:
     """The case's time folders in order of time, whole or not; 0 is left out."""
-    found = [path for path in case.iterdir() if path.is_dir() and NUMBER.fullmatch(path.name)] if case.is_dir() else []
-    return sorted((path for path in found if float(path.name) > 0), key=lambda path: float(path.name))
+    result = [path for path in case.iterdir() if path.is_dir() and NUMBER.fullmatch(path.name)] if case.is_dir() else []
+    return sorted((path for path in result if float(path.name) > 0), key=lambda path: float(path.name))
 
 
 def time_folders(case: Path) -> list[Path]:
@@ -77,9 +77,9 @@ def _said(path: Path, *keys: str) -> dict[str, Any]:
     from foamlib import FoamFile
 
     with _reading(path):
-        entries = read_entries(path)
-        asked = {key: entries[key] for key in ("FoamFile", *(keys or entries)) if key in entries}
-        return dict(FoamFile.loads(text_of(asked).encode("latin-1")))
+        entries, _ = read_entries(path)
+        wanted = {key: entries[key] for key in ("FoamFile", *(keys or entries)) if key in entries}
+        return dict(FoamFile.loads(text_of(wanted).encode("latin-1")))
 
 
 class CaseFields:
@@ -173,7 +173,7 @@ class CaseFields:
 
         Raises FoamError where the file says nothing of a patch.
         """
-        found, path = {}, folder / name
+        result, path = {}, folder / name
         said = _said(path, "boundaryField").get("boundaryField", {})
         for patch in patches or self.mesh.plane.patches:
             groups = [key for key in said if key in self.mesh.groups[patch]]
@@ -181,8 +181,8 @@ class CaseFields:
             key = patch if patch in said else next(iter((*groups, *reversed(patterns))), None)
             if key is None:
                 raise FoamError(f"{path} has no condition for the patch {patch}", log=path)
-            found[patch] = said[key]
-        return found
+            result[patch] = said[key]
+        return result
 
     def boundary_flux(self, folder: Path, patch: str) -> Array:
         """Volume flux (m3/s) out of the air through the faces of one patch, from OpenFOAM's conserved phi."""
@@ -354,16 +354,16 @@ def nodes_of(fields: CaseFields, folder: Path, shots: Sequence[Snapshot]) -> dic
     inlet, outlet = _fixed(fields, folder, "U"), _fixed(fields, folder, "p")
     cells = {name: np.stack([shot.cells[name] for shot in shots]) for name in shots[0].cells}
     faces = {name: np.stack([shot.faces[name] for shot in shots]) for name in shots[0].faces}
-    found = {"pressure": nodes.scalar(cells["pressure"], faces["pressure"], outlet)}
+    result = {"pressure": nodes.scalar(cells["pressure"], faces["pressure"], outlet)}
     if "k" in cells:
         at_rest = np.unique(plane.faces[wall])
-        found["pressure"][:, at_rest] += 2 / 3 * nodes.scalar(cells["k"], faces["k"], outlet)[:, at_rest]
-        found["k"] = nodes.scalar(cells["k"], faces["k"], inlet & ~wall, bounded=True)
-        found["k"][:, at_rest] = 0.0
+        result["pressure"][:, at_rest] += 2 / 3 * nodes.scalar(cells["k"], faces["k"], outlet)[:, at_rest]
+        result["k"] = nodes.scalar(cells["k"], faces["k"], inlet & ~wall, bounded=True)
+        result["k"][:, at_rest] = 0.0
     if "dissipation" in cells:
         none = np.zeros(len(plane.faces), dtype=bool)
-        found["dissipation"] = nodes.scalar(cells["dissipation"], np.zeros_like(faces["k"]), none, bounded=True)
-    return {**found, "velocity": nodes.vector(cells["velocity"], faces["velocity"], inlet | wall)}
+        result["dissipation"] = nodes.scalar(cells["dissipation"], np.zeros_like(faces["k"]), none, bounded=True)
+    return {**result, "velocity": nodes.vector(cells["velocity"], faces["velocity"], inlet | wall)}
 
 
 def _fixed(fields: CaseFields, folder: Path, name: str) -> NDArray[np.bool_]:

@@ -107,14 +107,14 @@ def _cut(points: Array, polygon: Index) -> list[Index]:
             angles = _least_angle(points[polygon[corners]]).tolist()
             cuts = zip(angles, inside.tolist(), strict=True)
             best[low, high] = max((min(angle, best[low, m][0], best[m, high][0]), m) for angle, m in cuts)
-    found, waiting = [], [(0, size - 1)]
+    result, waiting = [], [(0, size - 1)]
     while waiting:
         low, high = waiting.pop()
         if high - low > 1:
             middle = best[low, high][1]
-            found.append(polygon[[low, middle, high]])
+            result.append(polygon[[low, middle, high]])
             waiting += [(low, middle), (middle, high)]
-    return found
+    return result
 
 
 def _split_quads(points: Array, quads: Index) -> Index:

@@ -110,9 +110,9 @@ def gap_speed(spec: FlowSpec, inflow: float = 0.0, fastest: float = 0.0, driven:
     all there is; ``driven``: what a force adds to p / rho (m2/s2). A vibrating body's own speed comes on top.
     """
     share = blockage(spec.mesh.bodies, spec.mesh.width)
-    own = 0.0 if spec.vibration is None else abs(spec.vibration.peak_speed)
+    of_body = 0.0 if spec.vibration is None else abs(spec.vibration.peak_speed)
     mean = max(spec.speed, inflow / spec.mesh.width, fastest) / max(1.0 - share, MIN_GAP)
-    return float(np.hypot(mean, (2.0 * driven) ** 0.5)) + own
+    return float(np.hypot(mean, (2.0 * driven) ** 0.5)) + of_body
 
 
 def of_granules(spec: FlowSpec, case: Path) -> float:

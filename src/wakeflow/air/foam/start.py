@@ -108,15 +108,15 @@ def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
     half = "axis" in fields.mesh.plane.patches and not alike
     if half:
         centres = np.vstack([centres, centres * (-1.0, 1.0)])
-    found: dict[str, Array] = {}
+    result: dict[str, Array] = {}
     for name, factor in factors.items():
         if not fields.has(moment, name) or not (folder / "0" / name).exists():
             continue
         values = fields.field(moment, name)[0] * factor
         if half:
             values = np.concatenate([values, values * (-1.0, 1.0) if name == "U" else values])
-        found[name] = values
-    for name, values in (found if alike or not found else _interpolated(centres, found, target)).items():
+        result[name] = values
+    for name, values in (result if alike or not result else _interpolated(centres, result, target)).items():
         write_internal(folder / "0" / name, values)
 
 

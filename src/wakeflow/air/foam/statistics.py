@@ -50,13 +50,13 @@ PERIODIC = {"length": 0.01, "drag": 0.01, "lift": 0.03}  # relative spread from 
 class Statistics:
     """Means since ``begin`` (s, the end of the start-up) over ``periods`` whole periods of mean length ``period`` (s).
 
-    ``frequency`` (1/s) and ``period`` are None where the lift shows no shedding; the mean is then taken over equal
+    ``frequency`` (1/s) is None and ``period`` 0 where the lift shows no shedding; the mean is then taken over equal
     pieces of the record. ``cp_base`` is in the units of the history. ``excess``: the largest of half-width over the
     half-width asked; the answer is settled when it is at most 1.
     """
 
     begin: float
-    period: float | None
+    period: float
     periods: int
     cd: Number
     cl_rms: Number
@@ -95,17 +95,17 @@ def evaluate(rows: Array, accuracy: float) -> Statistics | None:
     parts = {"cd": drag, "cl_rms": _root(mean_square), "cp_base": pressure}
     if shedding:
         parts["strouhal"] = _inverse(length)
-    asked = wanted({name: part.value for name, part in parts.items()}, accuracy)
-    found = {name: _at_least(part, RESOLVED * asked[name]) for name, part in parts.items()}
+    half = wanted({name: part.value for name, part in parts.items()}, accuracy)
+    wide = {name: _at_least(part, RESOLVED * half[name]) for name, part in parts.items()}
     return Statistics(
         begin=float(kept[0, 0]),
-        period=length.value if shedding else None,
+        period=length.value if shedding else 0.0,
         periods=len(kept),
-        cd=found["cd"],
-        cl_rms=found["cl_rms"],
-        frequency=found.get("strouhal"),
-        cp_base=found["cp_base"],
-        excess=max(max(part.high - part.value, part.value - part.low) / asked[name] for name, part in found.items()),
+        cd=wide["cd"],
+        cl_rms=wide["cl_rms"],
+        frequency=wide.get("strouhal"),
+        cp_base=wide["cp_base"],
+        excess=max(max(part.high - part.value, part.value - part.low) / half[name] for name, part in wide.items()),
         verdict=_verdict(kept, square) if shedding else "broadband",
     )
 
@@ -254,7 +254,6 @@ class Stopping:
         now, first = float(rows[-1, 0]), float(rows[0, 0])
         if now < self.next:
             return False
-        found = evaluate(rows, self.accuracy)
-        period = (found.period if found else None) or 0.0
-        self.next = now + max(LATER * (now - first), 2 * period)
-        return found is not None and found.stands
+        result = evaluate(rows, self.accuracy)
+        self.next = now + max(LATER * (now - first), 2 * result.period if result else 0.0)
+        return result is not None and result.stands

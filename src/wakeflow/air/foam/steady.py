@@ -122,7 +122,7 @@ def _apart(drag: Array) -> int:
     """
     least, largest = WINDOW // STATES_KEPT + 1, 2 * WINDOW // STATES_KEPT
     length = oscillation(drag[-2 * WINDOW :])
-    if length is None:
+    if not length:
         return largest
     eighths = 8.0 * np.arange(least, largest + 1) / length
     off = np.abs(eighths - 2.0 * np.floor(eighths / 2.0) - 1.0) / eighths

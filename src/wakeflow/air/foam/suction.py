@@ -88,7 +88,7 @@ def suction_zone(
         cp_min=float(cp[inside].min()),
         length=max(float(corners[:, 1].max()) - rear, 0.0),
         width=float(across),
-        area=twice * (0.5 * float(np.abs(x1 * s2 - x2 * s1).sum()) + sum(abs(area(one - one[0])) for one in pieces)),
+        area=twice * (0.5 * float(np.abs(x1 * s2 - x2 * s1).sum()) + sum(abs(area(item - item[0])) for item in pieces)),
         reversal_length=reversal,
     )
 

@@ -92,8 +92,8 @@ def _verdict(spec: FlowSpec, rows: Array) -> str:
     """steady | periodic | broadband; the wake that only swings with a vibrating body is periodic."""
     if is_still(rows, spec.convective_time, swings=spec.vibration is not None):
         return "steady" if spec.vibration is None else "periodic"
-    found = evaluate(rows, spec.accuracy)
-    return found.verdict if found else "broadband"
+    result = evaluate(rows, spec.accuracy)
+    return result.verdict if result else "broadband"
 
 
 def _start_up(spec: FlowSpec, folder: Path, listener: ProgressListener) -> None:
@@ -235,13 +235,13 @@ def _on_beat(folders: list[Path], begin: float, step: float, vibration: MeshMoti
         count = (float(path.name) - begin) / interval
         return count > -OFF_BEAT and abs(count - round(count)) * interval < OFF_BEAT * step
 
-    found = [path for path in folders if beats(path, step)]
-    gaps = np.diff([float(path.name) for path in found]) > GAP * step
-    found = found[int(np.flatnonzero(gaps)[-1]) + 1 :] if gaps.any() else found
+    result = [path for path in folders if beats(path, step)]
+    gaps = np.diff([float(path.name) for path in result]) > GAP * step
+    result = result[int(np.flatnonzero(gaps)[-1]) + 1 :] if gaps.any() else result
     if vibration is not None:
-        first = next((i for i, path in enumerate(found) if beats(path, vibration.period)), 0)
-        found = found[first:]
-    return found
+        first = next((i for i, path in enumerate(result) if beats(path, vibration.period)), 0)
+        result = result[first:]
+    return result
 
 
 def best_loop(clock: Array, velocity: Array, least: float, whole: float = 0.0) -> tuple[int, int, float, float]:

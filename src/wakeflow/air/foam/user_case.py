@@ -35,9 +35,9 @@ def case_files(case: Path, time: str) -> list[Path]:
     chosen = times[-1:] if time == "latest" else times
     extra = [case / "system" / "parameters", case / "loop.json"]
     taken = list[Path]()
-    for path in (one for folder in (case / "constant", *chosen) for one in folder.iterdir()):
+    for path in (item for folder in (case / "constant", *chosen) for item in folder.iterdir()):
         if path.name.removesuffix(".gz").removesuffix("Mean") in READ:
-            read_entries(path, taken)
+            taken += read_entries(path)[1]
     return [case / "constant", *(path for path in extra if path.exists()), *chosen, *taken]
 
 
@@ -88,7 +88,7 @@ def _from_fields(
     _check_air(spec, fields, -float(outward[inlet].sum() / plane.lengths[inlet].sum()))
     drag = [_drag(spec, fields, folder, shot, wall) for folder, shot in zip(folders, shots, strict=True)]
     flow = read_flow(fields.case, "latest" if time == "latest" else "mean", density=1.0)
-    found, base = plane_numbers(spec, fields, folders[-1], shots, flow, Edges(inlet, outlet, wall))
+    result, base = plane_numbers(spec, fields, folders[-1], shots, flow, Edges(inlet, outlet, wall))
     return {
         "turbulence": "given" if "k" in shots[0].cells else "laminar",
         "cells": len(plane.cells),
@@ -97,7 +97,7 @@ def _from_fields(
         "cp_base": Number(base),
         "flow_rate": inflow * (2.0 if spec.mesh.half else 1.0),
         "mass_error": float(-outward.sum()) / inflow,
-        **found,
+        **result,
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from collections.abc import Callable
@@ -27,21 +28,21 @@ IMPULSE = 50  # first steps, in which a flow started from a guess pushes the bod
 @dataclass(frozen=True)
 class Progress:
     """Where a solver is. ``time`` counts iterations when steady, else seconds of flow; ``left`` is wall seconds,
-    estimated.
+    estimated; infinite where nobody can say.
     """
 
     stage: str
     time: float
     cd: float
     residuals: dict[str, float]
-    left: float | None
+    left: float
 
     def __str__(self) -> str:
         where = f"iteration {self.time:.0f}" if self.stage == "steady" else f"{self.stage}, t = {self.time:.4g} s"
         parts = [where, f"Cd {self.cd:.3f}"]
         if "p" in self.residuals:
             parts.append(f"pressure residual {self.residuals['p']:.1e}")
-        if self.left is not None:
+        if math.isfinite(self.left):
             parts.append(f"about {self.left:.0f} s left")
         return ", ".join(parts)
 
@@ -135,11 +136,11 @@ class Watch:
             drag = float(self.drags.rows[self.judged - 1, 1])
             self.listener(Progress(self.stage, now, drag, dict(self.residuals), self._left()))
 
-    def _left(self) -> float | None:
-        """Wall seconds left at the pace so far; None where that cannot be reported."""
+    def _left(self) -> float:
+        """Wall seconds left at the pace so far; infinite where that cannot be said."""
         covered = self.covered + self.now - self.first
         if not (covered > 0 and self.now < self.expected):  # past it: no idea
-            return None
+            return math.inf
         return (self.expected - self.now) * (self.spent + time.monotonic() - self.started) / covered
 
     def _judge(self, now: float) -> None:

@@ -290,8 +290,8 @@ def layer_fields(air: CaseAir, span: Span) -> StoredFields:
     """
     from .case_field import layer_file, save_layers
 
-    spec, found = air.flow_spec, load(SpanAirflow, air.case / "airflow.json")
-    flown = found.span.flown
+    spec, result = air.flow_spec, load(SpanAirflow, air.case / "airflow.json")
+    flown = result.span.flown
 
     def write(part: Path) -> None:
         air.cache.tell("field", "reading the layers of the airflow")
@@ -299,8 +299,8 @@ def layer_fields(air: CaseAir, span: Span) -> StoredFields:
 
     folder = _made("layers", air, write)
     files = [layer_file(folder, number) for number in range(len(flown))]
-    number = 1.0 / CONVECTIVE_PERIOD if found.strouhal is None else found.strouhal.value
-    sheddings = found.period / spec.convective_time * number
+    number = 1.0 / CONVECTIVE_PERIOD if result.strouhal is None else result.strouhal.value
+    sheddings = result.period / spec.convective_time * number
     return StoredFields(files[0], files, max(1, int(sheddings / len(flown))))
 
 

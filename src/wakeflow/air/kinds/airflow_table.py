@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...core.errors import SceneError, known
-from ...core.number import Number
+from ...core.errors import SceneError
+from ...core.number import Known, Number
 from ...core.record import column
 from ...laws.best_estimate import WakeEstimate
 from ...laws.momentum import Momentum, momentum_pressure
@@ -32,13 +32,11 @@ class GridEstimate(Number):
     kind: str = column("", "richardson, two-grid, range-oscillating or range-statistics")
     why: str = column("", "the kind in words")
     extrapolated: float | None = column("as the quantity", "to cells of no size", default=None)
-    gci_fine: float | None = column("as the quantity", "half band between the two finest grids", default=None)
-    gci_coarse: float | None = column(
-        "as the quantity", "half band between the second and the third grid", default=None
-    )
-    asymptotic: float | None = column(
+    gci_fine: Known = column("as the quantity", "half band between the two finest grids", default=math.nan)
+    gci_coarse: Known = column("as the quantity", "half band between the second and the third grid", default=math.nan)
+    asymptotic: Known = column(
         "1", "gci_coarse / (r21^p gci_fine), near 1 in the asymptotic range; p the order, at most the formal one",
-        default=None,
+        default=math.nan,
     )  # fmt: skip
     noise: float = column(
         "as the quantity", "of half the interval: by statistics alone, were the grids alike", default=0.0
@@ -159,12 +157,12 @@ class Airflow(AirflowResult):
         """
         air = scene.airstream
         borne = air.point.feed if loaded and air.point is not None else 0.0
-        return max(0.0, known(self.pressure_drop) - borne) / (0.5 * air.density * air.speed**2)
+        return max(0.0, self.pressure_drop - borne) / (0.5 * air.density * air.speed**2)
 
     def by_fan(self, scene: Scene, *, loaded: bool) -> FanSummary | None:
         """Where the scene's fan has the air by the drop that was computed; None without a fan, and without a drop."""
         air = scene.air
-        if air is None or air.fan is None or air.point is None or self.pressure_drop is None:
+        if air is None or air.fan is None or air.point is None or math.isnan(self.pressure_drop):
             return None
         fan = air.fan.model_copy(update={"channel_loss": self.loss(scene, loaded=loaded)} if scene.body else {})
         try:

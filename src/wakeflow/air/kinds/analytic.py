@@ -123,7 +123,7 @@ def _spread(reach: float, first: float) -> Array:
     return np.asarray(reach * np.sinh(rate * t) / math.sinh(rate))
 
 
-def duct_airflow(scene: Scene, turbulence: str | None) -> Airflow:
+def duct_airflow(scene: Scene, turbulence: str) -> Airflow:
     """What is known of the air, with the plan's ``turbulence``; null for what only a body has."""
     air, channel = scene.airstream, scene.channel
     parabolic = air.profile == "parabolic"

@@ -120,9 +120,9 @@ def _between(share: Number, steady: Number, resolved: Number) -> Number:
     """A number that is linear in the ``share`` of the time-resolved end, with its interval."""
     (low, value, high), (here, there, beyond) = (_ends(number) for number in (steady, resolved))
     middle = (1.0 - share.value) * value + share.value * there
-    own = hypot((1.0 - share.value) * 0.5 * (high - low), share.value * 0.5 * (beyond - here))
+    spread = hypot((1.0 - share.value) * 0.5 * (high - low), share.value * 0.5 * (beyond - here))
     moved = sorted(((share.low - share.value) * (there - value), (share.high - share.value) * (there - value)))
-    return Number(middle, middle - hypot(own, moved[0]), middle + hypot(own, moved[1]))
+    return Number(middle, middle - hypot(spread, moved[0]), middle + hypot(spread, moved[1]))
 
 
 def _ends(number: Number) -> tuple[float, float, float]:

@@ -51,8 +51,8 @@ class AnalyticAir(FlownAir):
     @property
     def key(self) -> str:
         air, channel = self.scene.air, self.scene.channel
-        asked = (repr(air), channel.width, channel.top, channel.bottom, self.plan.airflow.turbulence)
-        return content_key("duct", asked, code_of("air.kinds.analytic"))
+        about = (repr(air), channel.width, channel.top, channel.bottom, self.plan.airflow.turbulence)
+        return content_key("duct", about, code_of("air.kinds.analytic"))
 
     def make_field(self) -> FlowField:
         from .analytic import duct_field
@@ -62,7 +62,7 @@ class AnalyticAir(FlownAir):
     def make_numbers(self) -> Airflow:
         from .analytic import duct_airflow
 
-        return duct_airflow(self.scene, self.plan.airflow.turbulence)
+        return duct_airflow(self.scene, self.plan.airflow.turbulence or "")
 
     @property
     def unknown(self) -> tuple[str, ...]:

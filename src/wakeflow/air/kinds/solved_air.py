@@ -83,10 +83,10 @@ class SolvedAir(CaseAir):
         """Key and folder of this airflow under a ``force``, from the cache or solved now."""
         (mesh_key, _), spec = self.mesh, self.solved_spec
         code = content_key(code_of(self.code), digest_files([case_template()]), self.solver)
-        asked = {name: value for name, value in asdict(spec).items() if name != "mesh"}
+        about = {name: value for name, value in asdict(spec).items() if name != "mesh"}
         start = None if self.start is None else self.start.case  # in the key: from another it ends at another moment
         begun, under = (None if start is None else start.parent.name), (None if force is None else force.digest)
-        key = content_key("airflow", mesh_key, asked, code, begun, under)
+        key = content_key("airflow", mesh_key, about, code, begun, under)
         return self._solved(self.made_as, key, spec, start, force=force)
 
     def solved_on(self, force: ForceDensity, before: CaseAir, most: int = MOST) -> tuple[str, Path]:

@@ -16,7 +16,7 @@ from ...core.errors import MeshError
 from ...core.record import from_json
 from .outline import Piece, loops
 from .sizing import Sizes, boxes, levels, sources
-from .spec import Array, MeshSpec
+from .spec import Array, MeshSpec, angles, double_area
 
 Indices = NDArray[np.intp]
 FLAT = 160.0  # degrees: a quad with a larger angle is cut in two. Chosen
@@ -38,10 +38,7 @@ class FlatMesh:
 
     def without_flat_quads(self) -> FlatMesh:
         """The same mesh, quads with an angle above FLAT degrees cut into two triangles from that corner."""
-        corner = self.points[self.quads]
-        ahead, back = np.roll(corner, -1, axis=1) - corner, np.roll(corner, 1, axis=1) - corner
-        turn = ahead[..., 0] * back[..., 1] - ahead[..., 1] * back[..., 0]
-        angle = np.degrees(np.arctan2(turn, (ahead * back).sum(axis=2))) % 360
+        angle = angles(self.points[self.quads]) % 360
         flat = angle.max(axis=1) > FLAT
         order = (angle[flat].argmax(axis=1)[:, None] + np.arange(4)) % 4
         a, b, c, d = np.take_along_axis(self.quads[flat], order, axis=1).T
@@ -50,11 +47,7 @@ class FlatMesh:
 
     def is_unfolded(self) -> bool:
         """Whether all cells turn the same way round: one that does not lies on top of others."""
-        turns = []
-        for cells in (self.triangles, self.quads):
-            (x, y), (nx, ny) = self.points[cells].T, np.roll(self.points[cells], -1, axis=1).T
-            turns.append((x * ny - nx * y).sum(axis=0))
-        turn = np.concatenate(turns)
+        turn = np.concatenate([double_area(self.points[cells]) for cells in (self.triangles, self.quads)])
         return bool((turn > 0).all() or (turn < 0).all())
 
     def ordered(self) -> FlatMesh:

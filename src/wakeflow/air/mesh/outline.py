@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import MeshError
-from ...core.geometry import edges, wall_edge
+from ...core.geometry import distance_to_edges, edges, wall_edge
 from .spec import Array, MeshSpec
 
 # Chosen:
@@ -85,13 +85,6 @@ def chains(outline: Array) -> list[tuple[Indices, bool]]:
     return [(np.arange(a, b + 1) % count, False) for a, b in zip(ends, following, strict=True)]
 
 
-def _to_segments(places: Array, start: Array, end: Array) -> Array:
-    along = end - start
-    offset = places[:, None] - start
-    share = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0, 1)
-    return np.asarray(np.linalg.norm(offset - share[..., None] * along, axis=2))
-
-
 def loops(spec: MeshSpec, size: Callable[[Array], Array]) -> list[list[Piece]]:
     """Closed loops of pieces around the air: the channel's first, counter-clockwise, then the bodies inside it.
 
@@ -151,13 +144,13 @@ def _side(spec: MeshSpec, side: str, x: float, size: Callable[[Array], Array]) -
         edge = spec.standing(index)
         if edge is not None and edge.side == side:
             parts.append((edge.low, edge.high, _standing(seen(spec, index), f"body_{name}", spec, size)))
-    found, level = [], spec.bottom
+    result, level = [], spec.bottom
     for low, high, pieces in [*sorted(parts, key=lambda part: part[0]), (spec.top, spec.top, [])]:
         if low > level:
-            found.append([Piece((x, level if upwards else low), side)])
-        found.append(pieces)
+            result.append([Piece((x, level if upwards else low), side)])
+        result.append(pieces)
         level = high
-    return [piece for pieces in (found if upwards else reversed(found)) for piece in pieces]
+    return [piece for pieces in (result if upwards else reversed(result)) for piece in pieces]
 
 
 def _standing(ring: Array, patch: str, spec: MeshSpec, size: Callable[[Array], Array]) -> list[Piece]:
@@ -219,7 +212,8 @@ def _thinned(run: Array, cells: Array) -> Array:
     wanted = float(reached[-1])
     for count in range(1 if wanted < 1.5 else max(2, 2 * round(wanted / 2)), len(cells)):
         kept = np.unique(np.abs(reached[:, None] - np.linspace(0, reached[-1], count + 1)).argmin(axis=0))
-        off = max(float(_to_segments(run[a : b + 1], run[None, a], run[None, b]).max()) for a, b in pairwise(kept))
+        parts = ((run[a : b + 1], run[None, a], run[None, b]) for a, b in pairwise(kept))
+        off = max(float(distance_to_edges(*part).max()) for part in parts)
         if off <= OFF * edge:
             return np.asarray(run[kept[:-1]])
     return run[:-1]

@@ -71,7 +71,8 @@ def plan_mesh(
     outlines = [np.asarray(body, dtype=float) for body in bodies]
     _check_places(outlines, width, top, bottom)
     _check_inlets(inlets, top, bottom)
-    symmetric = all(is_symmetric(outline) for outline in outlines) and _are_mirrored(inlets)
+    left, right = ({(i.start, i.end) for i in inlets if i.side == side} for side in ("left", "right"))
+    symmetric = all(is_symmetric(outline) for outline in outlines) and left == right
     if half and not symmetric:
         raise SceneError("the half domain needs bodies and openings that are symmetric about x = 0")
     fine = _around(outlines, top, bottom, direction, NEAR_REGION)
@@ -159,11 +160,6 @@ def _check_inlets(inlets: Sequence[SideInlet], top: float, bottom: float) -> Non
                 raise SceneError(f"the openings {other.name!r} and {inlet.name!r} overlap: move one of them")
 
 
-def _are_mirrored(inlets: Sequence[SideInlet]) -> bool:
-    left, right = ({(i.start, i.end) for i in inlets if i.side == side} for side in ("left", "right"))
-    return left == right
-
-
 # -- How long a cell's edge is where -----------------------------------------------------------------------------------
 # Chosen:
 TURN = 0.2  # rad: a cell on a rounded part turns no more than this, so that a circle has 31 of them
@@ -228,7 +224,7 @@ def boxes(spec: MeshSpec) -> list[Box]:
     """Behind every body, from its widest place on, the near wake and the way out of the wake; and where cells may not
     be longer than the far ones.
     """
-    found = []
+    result = []
     ahead = 1.0 if spec.direction == "up" else -1.0
     for outline, width in zip(spec.bodies, spec.widths, strict=True):
         share = width / min(spec.widths)
@@ -239,11 +235,11 @@ def boxes(spec: MeshSpec) -> list[Box]:
             ends = sorted((widest, (high if ahead > 0 else low) + ahead * length * reach))
             middle, half = (left + right) / 2, wide * width / 2
             size = min(edge * share * spec.h_wake, spec.h_far)
-            found.append(Box(float(middle - half), float(middle + half), ends[0], float(ends[1]), size))
+            result.append(Box(float(middle - half), float(middle + half), ends[0], float(ends[1]), size))
     if spec.h_end > spec.h_far:
         low, high = max(spec.fine[0], spec.bottom), min(spec.fine[1], spec.top)
-        found.append(Box(-spec.width / 2, spec.width / 2, low, high, spec.h_far))
-    return found
+        result.append(Box(-spec.width / 2, spec.width / 2, low, high, spec.h_far))
+    return result
 
 
 def _on_body(spec: MeshSpec, index: int) -> tuple[Array, Array]:

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import MeshError
 from ...core.geometry import WallEdge, wall_edge
+from ...core.number import Count, Known
 from ...core.process import call_in_child
-from ...core.record import column, save
+from ...core.record import Null, column, save
 
 # -- What to mesh ------------------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
@@ -122,14 +123,14 @@ class MeshReport:
     """Counts and quality of the mesh; of a given case only its cells."""
 
     cells: int = column("1", "cells")
-    points: int | None = column("1", "points", default=None)
+    points: Count = column("1", "points", default=0)
     quads: int | None = column("1", "quadrangles", default=None)
     triangles: int | None = column("1", "triangles", default=None)
-    min_angle: float | None = column("deg", "smallest angle of a cell", default=None)
-    max_angle: float | None = column("deg", "largest angle of a cell", default=None)
-    max_aspect: float | None = column("1", "largest ratio of edges of a cell", default=None)
-    smallest_edge: float | None = column("m", "smallest edge of a cell", default=None)
-    boundary: dict[str, int] | None = column("1", "edges of each patch", default=None)
+    min_angle: Known = column("deg", "smallest angle of a cell", default=math.nan)
+    max_angle: Known = column("deg", "largest angle of a cell", default=math.nan)
+    max_aspect: Known = column("1", "largest ratio of edges of a cell", default=math.nan)
+    smallest_edge: Known = column("m", "smallest edge of a cell", default=math.nan)
+    boundary: Annotated[dict[str, int], Null({})] = column("1", "edges of each patch", default=dict)
 
 
 def read_mesh(path: Path) -> tuple[Array, dict[str, NDArray[np.intp]], dict[str, int]]:
@@ -159,9 +160,20 @@ def read_mesh(path: Path) -> tuple[Array, dict[str, NDArray[np.intp]], dict[str,
 
 
 def _anticlockwise(points: Array, cells: NDArray[np.intp]) -> NDArray[np.intp]:
-    x, y = points[cells, 0], points[cells, 1]
-    area = (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)
-    return np.where(area[:, None] < 0, cells[:, ::-1], cells)
+    return np.where(double_area(points[cells])[:, None] < 0, cells[:, ::-1], cells)
+
+
+def double_area(corners: Array) -> Array:
+    """Twice the signed area (m,) of polygons (m, k, 2), positive where they run counter-clockwise."""
+    x, y = corners[..., 0], corners[..., 1]
+    return np.asarray((x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1))
+
+
+def angles(corners: Array) -> Array:
+    """Angle (m, k) deg at each corner of counter-clockwise polygons (m, k, 2); below 0 where it turns back."""
+    out, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    turn = out[..., 0] * back[..., 1] - out[..., 1] * back[..., 0]
+    return np.asarray(np.degrees(np.arctan2(turn, (out * back).sum(axis=2))))
 
 
 def report_on(points: Array, cells: dict[str, NDArray[np.intp]], boundary: dict[str, int]) -> MeshReport:
@@ -169,10 +181,7 @@ def report_on(points: Array, cells: dict[str, NDArray[np.intp]], boundary: dict[
     lowest, highest, aspect, shortest = 180.0, 0.0, 1.0, math.inf
     for block in cells.values():
         corner = points[block]
-        out, back = np.roll(corner, -1, axis=1) - corner, np.roll(corner, 1, axis=1) - corner
-        turn = out[..., 0] * back[..., 1] - out[..., 1] * back[..., 0]
-        angle = np.degrees(np.arctan2(turn, (out * back).sum(axis=2)))
-        length = np.linalg.norm(out, axis=2)
+        angle, length = angles(corner), np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=2)
         lowest, highest = min(lowest, float(angle.min())), max(highest, float((angle % 360).max()))
         aspect = max(aspect, float((length.max(axis=1) / length.min(axis=1)).max()))
         shortest = min(shortest, float(length.min()))
@@ -221,9 +230,9 @@ def build_mesh(spec: MeshSpec, folder: Path, *, timeout: float = 300.0) -> MeshR
     missing = sorted(set(spec.patches) - {"front", "back"} - set(boundary))
     if missing:
         raise MeshError(f"the mesh has no edges on: {', '.join(missing)}; log: {log}", log=log)
-    if (sharpest := report.min_angle or 0.0) < MIN_ANGLE:
+    if report.min_angle < MIN_ANGLE:
         raise MeshError(
-            f"the mesh has a cell with an angle of {sharpest:.1f} degrees (at least {MIN_ANGLE:g} needed): "
+            f"the mesh has a cell with an angle of {report.min_angle:.1f} degrees (at least {MIN_ANGLE:g} needed): "
             f"check the outlines for near-coincident corners; log: {log}",
             log=log,
         )

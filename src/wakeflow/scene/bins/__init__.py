@@ -36,7 +36,7 @@ class Machine(Protocol):
     @property
     def body(self) -> Mapping[str, Body]: ...
 
-    def on_sides(self, side: str | None = None) -> Mapping[str, Bin]:
+    def on_sides(self, side: str = "") -> Mapping[str, Bin]:
         """The bins that are stretches of a ``side`` of the channel, or of any."""
 
 

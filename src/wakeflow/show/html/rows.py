@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ...answer.result import Request
 from ...core.number import Number
 from ...core.quantities import say, speaking
-from ...core.record import columns
+from ...core.record import columns, to_json
 from ...scene import Fraction, Scene
 from ...scene.changes import flat
 from ...scene.messages import unit_of
@@ -202,15 +202,16 @@ def funnel_rows(funnel: FunnelSummary | None) -> list[tuple[str, ...]]:
 
 def _told(about: str, names: Sequence[str], *records: object) -> Iterator[tuple[str, ...]]:
     """(what it is, a value of each record, unit) of every column in ``names`` that all of the records have."""
-    if None in records:
+    if not all(records):
         return
     known = {one.name: one for one in columns(type(records[0]))}
+    tables = [to_json(record) for record in records]
     for name in names:
-        values = [getattr(record, name) for record in records]
-        if None not in values:
+        if all(table[known[name].key] is not None for table in tables):
             unit, scale = SHOWN.get(known[name].unit, (known[name].unit, 1.0))
             meaning = known[name].meaning.partition("; null")[0]
-            yield f"{about}{name.replace('_', ' ')}: {meaning}", *(measured_text(v, scale) for v in values), unit
+            yield (f"{about}{name.replace('_', ' ')}: {meaning}",
+                   *(measured_text(getattr(record, name), scale) for record in records), unit)  # fmt: skip
 
 
 def measured_text(value: str | float | Number | Sequence[float], scale: float) -> str:

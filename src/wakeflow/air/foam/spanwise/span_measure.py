@@ -61,12 +61,12 @@ class SpanMeans:
     @property
     def integral_lengths(self) -> tuple[float, float, float]:
         """Integral (m) of each component's correlation over the distance up to its first zero, or half the span."""
-        found = []
+        result = []
         for column in self.correlation.T:
             negative = np.flatnonzero(column <= 0)
             last = int(negative[0]) if len(negative) else len(column) - 1
-            found.append(float(np.trapezoid(np.maximum(column[: last + 1], 0.0)) * self.spacing))
-        return found[0], found[1], found[2]
+            result.append(float(np.trapezoid(np.maximum(column[: last + 1], 0.0)) * self.spacing))
+        return result[0], result[1], result[2]
 
 
 def span_means(spec: SpanSpec, record: SpanRecord, begin: float) -> SpanMeans:

@@ -65,8 +65,8 @@ def des_dissipation(k: Array, omega: Array, edge: Array) -> Array:
     the k equation's sink but for the shield of delayed DES, which acts in attached boundary layers only, where the
     model's own length is the smaller one beyond the first cells anyway.
     """
-    own = C_MU * k * omega
-    return np.maximum(own, np.maximum(k, 0.0) ** 1.5 / (C_DES * edge))
+    of_model = C_MU * k * omega
+    return np.maximum(of_model, np.maximum(k, 0.0) ** 1.5 / (C_DES * edge))
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +79,10 @@ class SpanRecord:
     @cached_property
     def files(self) -> list[Path]:
         """The snapshots in order of time. Raises FoamError where there is none."""
-        found = [path for path in (self.folder / PACKED).glob("*.npy") if NUMBER.fullmatch(path.stem)]
-        if not found:
+        result = [path for path in (self.folder / PACKED).glob("*.npy") if NUMBER.fullmatch(path.stem)]
+        if not result:
             raise FoamError(f"{self.folder} holds no snapshots of a three-dimensional airflow: run its solver on")
-        return sorted(found, key=lambda path: float(path.stem))
+        return sorted(result, key=lambda path: float(path.stem))
 
     @cached_property
     def times(self) -> Array:
@@ -190,9 +190,9 @@ def read_layers(record: SpanRecord, layers: Sequence[int], begin: float, density
     triangles = triangulate(plane.points, plane.cells)
     project = solenoidal(plane, triangles, np.unique(plane.faces[record.plane.wall]))
     times = np.array([time for time, _ in chosen])
-    found = []
+    result = []
     for number in range(len(layers)):
         nodes = nodes_of(record.plane, latest, [record.snapshot(values[number]) for _, values in chosen])
         nodes["velocity"] = project(nodes["velocity"])
-        found.append({**flow_arrays(record.plane, nodes, density), "times": times - times[0]})
-    return found
+        result.append({**flow_arrays(record.plane, nodes, density), "times": times - times[0]})
+    return result
