@@ -364,6 +364,8 @@ for _one in (
     Stage("slab", "slab", Scaling.SLAB, "slab", _in_slab),
     Stage("draws", heading="draws"),
     Stage("film"),
+    Stage("vtk", scaling=Scaling.ONCE, heading="report"),
+    Stage("drawings", scaling=Scaling.ONCE, heading="report"),
     Stage("report", heading="report"),
 ):
     stages.add(_one.name, _one)

@@ -128,7 +128,7 @@ def test_prism_in_upward_air_lifts_chaff_and_lets_wheat_fall(prism_run: wf.Resul
 def test_vacuum_touches_neither_mesh_nor_openfoam(small_run: wf.Result) -> None:
     check_contract(small_run)
     assert small_run.table["airflow"] is None
-    assert set(small_run.table["seconds"]) <= {"compile", "tracks", "companion", "draws"}
+    assert set(small_run.table["seconds"]) <= {"compile", "tracks", "companion", "draws", "drawings"}
 
 
 def test_vacuum_flight_is_the_papers_parabola(cases: Path, tmp_path: Path) -> None:
