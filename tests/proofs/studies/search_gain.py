@@ -113,7 +113,7 @@ def searched(problem: Problem, way: str, budget: float, seed: int) -> tuple[floa
     goals, every = (Goal(problem.goal),), tuple({} for _ in levels)
     task = SearchTask(shipped(problem.scene), problem.within, goals, budget, problem.limits, every, seed)
     history = explore(task, lambda level, places: [problem.flown(place, levels[level]) for place in places], propose)
-    best, tried = history.recommended(), sum(map(len, history.found))
+    best, tried = history.recommended(), sum(map(len, history.evaluations))
     if best is None:
         return 0.0, tried
     judged = problem.flown(best, JUDGE).quantities

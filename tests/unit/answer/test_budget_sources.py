@@ -266,7 +266,7 @@ def test_what_longer_intervals_of_noise_move_is_a_part_that_chance_leaves_wide()
     """One in ten leaves the bin and none comes; in a fraction that nothing moves by chance there is no part."""
     own = np.tile(np.arange(1000) % 2, (COMPARED, 1))
     moved = np.where(np.arange(1000) % 10 == 0, 1, own)
-    plan = SimpleNamespace(fractions={"dust": SimpleNamespace(forces=("drag", "dispersion"))})
+    plan = SimpleNamespace(fractions={"dust": SimpleNamespace(random=True)})
     scene = SimpleNamespace(bin={"left": None, "right": None}, images=None)
     flights = SimpleNamespace(of=lambda source: SimpleNamespace(landings={"dust": landings(moved)}))
     pipeline = SimpleNamespace(scene=scene, plan=plan, spent=lambda stage: 1.0)
@@ -282,7 +282,7 @@ def test_what_longer_intervals_of_noise_move_is_a_part_that_chance_leaves_wide()
     now = RefinedSettings(granules=1024, tolerance=1e-3, mesh_scale=None, averaging=None, slab=None)
     expected = NOISE.expected(parts["left"][0], now, replace(now, granules=1024 * 16**3))
     assert expected == pytest.approx(0.1, rel=1e-4)
-    plan.fractions["dust"].forces = ("drag",)
+    plan.fractions["dust"].random = False
     assert NOISE.shares(asked) == {}  # type: ignore[arg-type]
 
 

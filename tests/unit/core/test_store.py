@@ -263,8 +263,13 @@ def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     root = tmp_path / "wakeflow"
     shutil.copytree(sources.PACKAGE, root, ignore=shutil.ignore_patterns("__pycache__"))
     monkeypatch.setattr(sources, "PACKAGE", root)
-    sources.code_key.cache_clear()
+    _read_again()
     yield root
+    _read_again()
+
+
+def _read_again() -> None:
+    sources.package_key.cache_clear()
     sources.code_key.cache_clear()
 
 
@@ -278,10 +283,10 @@ def test_touching_any_module_of_the_closure_changes_the_key(stage: str, copied: 
         path = base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
         text = path.read_text()
         path.write_text(f"{text}# touched\n")
-        sources.code_key.cache_clear()
+        _read_again()
         assert sources.code_key(*STAGES[stage]) != before, module
         path.write_text(text)
-    sources.code_key.cache_clear()
+    _read_again()
     assert sources.code_key(*STAGES[stage]) == before
 
 
@@ -289,14 +294,14 @@ def test_what_no_stage_runs_leaves_its_key_alone(copied: Path) -> None:
     before = sources.code_key(*CODE["airflow"])
     for name in ("cli/run.py", "flight/stages/fraction_flights.py"):
         (copied / name).write_text("")
-    sources.code_key.cache_clear()
+    _read_again()
     assert sources.code_key(*CODE["airflow"]) == before
 
 
 def test_data_files_of_the_funnel_enter_its_key(copied: Path) -> None:
     before = sources.code_key(*POURING)
     (copied / "extras" / "funnel" / "settle.liggghts").write_text("")
-    sources.code_key.cache_clear()
+    _read_again()
     assert sources.code_key(*POURING) != before
 
 
@@ -333,7 +338,7 @@ def test_modules_that_run_while_a_duct_is_made_stand_in_the_closure(cases: Path)
 def test_the_keys_of_all_stages_are_found_by_their_modules() -> None:
     assert set(CODE) == {
         "spec", "airflow", "span_run", "case_field", "analytic", "user_case", "combined", "gathered_force",
-        "fraction_flights", "slab_stage", "input_samples", "film_stage",
+        "fraction_flights", "slab_stage", "input_samples", "film_stage", "vtk_files", "figures",
     }  # fmt: skip
 
 

@@ -100,7 +100,7 @@ def test_the_answer_does_not_hang_on_where_the_airflow_starts(tmp_path: Path, mo
     assert near.key != rest.key
     options: dict[str, Any] = json.loads((tmp_path / "near" / "result.json").read_text())["options"]
     assert options["near"] == str(tmp_path / "first")
-    monkeypatch.setattr("wakeflow.runs.answer.report_into", lambda *_, **__: drawn.append(solved()))
+    monkeypatch.setattr("wakeflow.runs.one_run.report_into", lambda *_, **__: drawn.append(solved()))
     before, drawn = solved(), list[set[str]]()
     report_again(tmp_path / "near")  # finds the airflow that was started so
     assert drawn == [before]
