@@ -1,4 +1,4 @@
-"""Folders that are the user's own: of compiled kernels, keys of sources, and the secret that knows the user's work."""
+"""Folders that are the user's own: compiled kernels, keys of sources, the secret by which the user's work is known."""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ def report_into(
     *,
     pdf: bool,
 ) -> None:
-    """Draw the report of a run into its folder; ``drawn``: recorded tracks by fraction, ``answer``: all landings,
+    """Draw the report of a run into its folder; ``seen``: the air and the tracks, ``answer``: all landings,
     ``granules``: the sample of them that is kept; ``pdf``: every figure as PDF too.
     """
     from ..show import Outcome, write_report
