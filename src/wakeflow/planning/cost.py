@@ -213,10 +213,10 @@ def flown_again(work: Workload, name: str, times: float, label: AirLabel = OWN, 
     return StageCost(StageKey(label, name), seconds, "beside" if ahead else "after")
 
 
-def slab_again(work: Workload, name: str, part: float) -> Iterator[StageCost]:
+def slab_again(work: Workload, name: str, part: float, label: AirLabel = OWN) -> Iterator[StageCost]:
     """The cost of a stage that takes this part of the slab's time, where there is one."""
     if work.crowd is not None:
-        yield StageCost(StageKey(OWN, name), part * _slab_seconds(work, work.crowd), "after")
+        yield StageCost(StageKey(label, name), part * _slab_seconds(work, work.crowd), "after")
 
 
 def _pouring(work: Workload) -> Iterator[StageCost]:

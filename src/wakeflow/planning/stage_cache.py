@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
@@ -103,13 +103,13 @@ class StageCache:
         check_cancelled()
         self.listener(StageKey(self.label, stage), text)
 
-    def make(self, stage: str, key: str, work: Callable[[Path], Any], begun: Path | None = None) -> Path:
+    def make(self, stage: str, key: str, work: Callable[[Path], Any], begun: Sequence[Path] = ()) -> Path:
         """The folder of a stage, from the cache or by ``work(folder)``; the seconds it took to compute are noted. It
-        goes on from the files, and the seconds, of a finished stage that has ``begun`` it.
+        goes on from the files, and the seconds, of finished stages that have ``begun`` it.
         """
 
         def timed(part: Path) -> None:
-            for path in () if begun is None else sorted(begun.iterdir()):
+            for path in sorted(file for folder in begun for file in folder.iterdir()):
                 if path.name != MANIFEST and not (part / path.name).exists():
                     with atomic_write(part / path.name, "wb") as stream:
                         stream.write(path.read_bytes())
@@ -124,7 +124,7 @@ class StageCache:
             stage, key, timed, on_wait=lambda: self.tell(stage, "being computed beside this; waiting for it")
         )
         seconds = json.loads((folder / SECONDS).read_text())
-        counted = 0.0 if begun is None else _spent_before(begun / SECONDS)
+        counted = sum(_spent_before(folder / SECONDS) for folder in begun)
         self.seconds.note(StageKey(self.label, stage), key, seconds - counted, cached=cached)
         self.tell(stage, f"done ({'from the cache' if cached else f'{seconds:.1f} s'})")
         return folder

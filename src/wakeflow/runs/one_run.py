@@ -13,7 +13,6 @@ import numpy as np
 from ..air.kinds.airflow_table import Airflow, MeshReport
 from ..answer.budget.agreement import verdicts_of
 from ..answer.budget.budget import flights_ahead, fly_again, make_budget, total_notices
-from ..answer.budget.inputs import UNKNOWN
 from ..answer.budget.mesh import airflow_on_grids
 from ..answer.budget.model import MODEL, loading_effects
 from ..answer.budget.source import Flights
@@ -131,11 +130,11 @@ class OneRun:
 
     def _fly(self) -> Flights:
         """The granules' flights, with all that the sources of the budget fly again where the run goes on to shares."""
-        flown = Flights(self.pipeline, self.pipeline.tracks())
         if self.request.until is not None:
-            return flown
+            return Flights(self.pipeline, self.pipeline.tracks())
+        self.pipeline.tracks()  # which are drawn while more granules fly
         with background([self._draw_ahead]):
-            return fly_again(replace(flown, crowd=self.pipeline.crowd()))
+            return fly_again(Flights.begun(self.pipeline))
 
     def _warned(self, result: Result, of_flights: Iterable[Notice]) -> Result:
         """The result with what a user must know of it; of its granules that are the notices ``of_flights``."""
@@ -207,15 +206,14 @@ class OneRun:
         """The result with its shares, and all that is known of their errors."""
         scene = self.pipeline.scene
         joint, budget = make_budget(flights)
-        separation, crowd = joint.own.separation(), flights.crowd
-        alone = None if crowd is None else make_budget(replace(flights, crowd=None))[0].own.separation()
-        slab = None if crowd is None else collisions_of(self.pipeline.plan, crowd)
-        wakes = flights.of(MODEL)
-        bracket = None if wakes is None else wakes.means(list(scene.bin))
+        separation, alone, slab = joint.own.separation(), None, None
+        for crowd in flights.slab:
+            alone = make_budget(replace(flights, slab=()))[0].own.separation()
+            slab = collisions_of(self.pipeline.plan, crowd)
+        bracket = next((wakes.means(list(scene.bin)) for wakes in flights.of(MODEL)), None)
         loading = self.pipeline.loading
         effects = {} if loading is None else loading_effects(loading, separation.bins)
-        draws = flights.of(UNKNOWN)
-        known = {} if draws is None else {one.key: InputSummary.of(one) for one in draws.unknowns}
+        known = {unknown.key: InputSummary.of(unknown) for unknown in flights.draws.unknowns}
         cuts = partition_curves(scene, self.pipeline.plan, flights.landings, joint.own)
         separation = replace(separation, cut=cuts)
         beside = in_three_dimensions(scene, self.pipeline.plan)

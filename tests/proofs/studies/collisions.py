@@ -43,6 +43,7 @@ from wakeflow.core.tables import Columns
 from wakeflow.flight.stages.input_samples import CODE, DrawStage
 from wakeflow.flight.stages.landings import Landings
 from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.flight.stages.reruns import SlabRerun
 from wakeflow.planning.collision_rates import encounters
 from wakeflow.planning.plan import INPUT_SAMPLES, SAME_AIR, replicate_size
 from wakeflow.planning.stage_cache import code_of
@@ -102,9 +103,9 @@ def moved(scene: wf.Scene, draws: Sequence[int]) -> Iterator[tuple[str, Moved, f
 
 def _flown_drawn(pipeline: Pipeline, number: int, made: Variation, airs: Realisations) -> Mapping[str, Landings]:
     """Landings of granules that meet, from some replicates under draw ``number``: ``made``, in its ``airs``."""
-    stage, name = pipeline._collision_stage, f"slab-draw-{number}"
+    stage, rerun = pipeline.collision_stage, SlabRerun(f"slab-draw-{number}")
     flown = {"scene": made.fed(pipeline.scene), "airs": airs, "variation": made}
-    flight = replace(stage.flight(name), step=stage.fly().clock.step, **flown)
+    flight = replace(stage.flight(rerun), step=pipeline.crowd().clock.step, **flown)
     key = content_key(
         stage.key,
         "draw",
@@ -113,7 +114,7 @@ def _flown_drawn(pipeline: Pipeline, number: int, made: Variation, airs: Realisa
         REPLICATES_DRAWN,
         code_of(*CODE),
     )
-    folder = pipeline.cache.make(name, key, partial(flight.fly_all, replicates=REPLICATES_DRAWN))
+    folder = pipeline.cache.make(rerun.name, key, partial(flight.fly_all, replicates=REPLICATES_DRAWN))
     return flight.load(folder, REPLICATES_DRAWN).landings
 
 

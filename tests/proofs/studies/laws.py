@@ -41,7 +41,7 @@ from wakeflow.answer.budget.flown_again import shares_of
 from wakeflow.core.record import load
 from wakeflow.flight.stages import air_loading as air_loading_stage
 from wakeflow.flight.stages.air_loading import AirLoading
-from wakeflow.flight.stages.track_stage import PerturbedRerun
+from wakeflow.flight.stages.reruns import PerturbedRerun
 from wakeflow.laws.best_estimate import NUMBER_OF, by_source, wakes
 from wakeflow.laws.best_estimate import best_estimate as estimated
 from wakeflow.laws.material import materials
@@ -266,7 +266,7 @@ def answers(pipeline: Pipeline, bins: Moved) -> Iterator[Row]:
         pipeline.scene, replace(plan, airflow=replace(plan.airflow, loaded=False)), seconds=pipeline.seconds
     )
     for title, air in (("without the force", bare), ("both ends solved under it", pipeline)):
-        shares = shares_of(air, air.tracks(PerturbedRerun("tracks of the comparison")))
+        shares = shares_of(air, air.run(PerturbedRerun("tracks of the comparison")))
         yield {"airflow": title, "cd": air.airflow.cd.value,
                **{name: 100 * float(shares[name][:, number].mean()) for name, (_, number) in bins.items()}}  # fmt: skip
 

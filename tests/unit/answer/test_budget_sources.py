@@ -1,7 +1,7 @@
 """Sources of the budget are registered objects: what each of them owes, and one that is added from outside."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -41,15 +41,12 @@ from wakeflow.core.number import Number, student
 from wakeflow.core.store import Store
 from wakeflow.flight.stages.landings import Landings, Tracked
 from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.flight.stages.slab_stage import CollisionRerun
-from wakeflow.flight.stages.track_stage import PerturbedRerun
+from wakeflow.flight.stages.reruns import CollisionRerun, PerturbedRerun
 from wakeflow.laws.best_estimate import WakeEstimate, best_estimate
 from wakeflow.planning.airflow_choice import SHARES_MOVED
 from wakeflow.planning.collisions import CollisionPlan
-from wakeflow.planning.cost import flown_again
 from wakeflow.planning.plan import COMPARED, REPLICATES
 from wakeflow.planning.stage_cache import StageTime
-from wakeflow.planning.stages import StageCost, Workload
 from wakeflow.planning.unknowns import SIGMAS, unknowns
 from wakeflow.planning.wake import Wake
 from wakeflow.runs.effort import expected_half, expected_part, expected_seconds
@@ -94,16 +91,12 @@ class CoarserSteps(Source[Tracked]):
     if_unknown = "numerics.tolerance = 1e-3"
     if_large = "fly by hand"
 
-    def costs(self, work: Workload) -> Iterable[StageCost]:
-        return [flown_again(work, self.name, 0.5)]  # half as long as the granules of a comparison
-
-    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Tracked:
-        return pipeline.tracks(PerturbedRerun(self.name, tolerance=10 * pipeline.scene.numerics.tolerance))
+    reruns = (PerturbedRerun("coarser-steps", looser=10.0, times=0.5),)  # a flight takes half as long
 
     def shares(self, fraction: FractionResults) -> Parts:
-        coarse, bins = fraction.flights.of(self), len(fraction.pipeline.scene.bin)
+        (coarse,), bins = fraction.flights.of(self), len(fraction.pipeline.scene.bin)
         moved = coarse.landings[fraction.name].counts(bins) - fraction.compared.counts(bins)
-        errors, seconds = np.abs(moved.mean(axis=0)), fraction.pipeline.spent(self.name)
+        errors, seconds = np.abs(moved.mean(axis=0)), self.seconds(fraction)
         return {place: [self.part(float(error), seconds)] for place, error in zip(fraction.shares, errors, strict=True)}
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
@@ -171,8 +164,13 @@ def test_a_source_says_what_it_is(name: str) -> None:
 
 
 def test_every_source_that_flies_granules_again_is_in_the_plans_cost() -> None:
-    flying = {name for name in budget_sources if type(budget_sources[name]).fly is not Source.fly}
-    assert flying == {name for name in budget_sources if type(budget_sources[name]).costs is not Source.costs}
+    again = {name for name in budget_sources if budget_sources[name].reruns}
+    kinds = {name: type(budget_sources[name]) for name in budget_sources}
+    flying, priced = (
+        again | {name for name, kind in kinds.items() if getattr(kind, way) is not getattr(Source, way)}
+        for way in ("fly", "costs")
+    )
+    assert flying == priced
     assert {name for name in flying if budget_sources[name].how != PERTURBED_RERUN} == set()
 
 
@@ -190,7 +188,7 @@ def test_the_models_error_is_of_no_best_estimate_and_the_farthest_wake_of_anothe
 
     def parts(wake: WakeEstimate | None, found: Comparison[Wake]) -> Mapping[str, Sequence[BudgetPart]]:
         pipeline = SimpleNamespace(plan=SimpleNamespace(airflow=SimpleNamespace(wake=wake)))
-        flights = SimpleNamespace(of=lambda source: found)
+        flights = SimpleNamespace(of=lambda source: [found])
         asked = SimpleNamespace(name="dust", shares={"middle": None}, flights=flights, pipeline=pipeline)
         return MODEL.shares(asked)  # type: ignore[arg-type]
 
@@ -210,7 +208,7 @@ def pipeline(cases: Path, tmp_path: Path) -> Pipeline:
 
 
 def test_a_companion_flies_the_first_replicates_granules_again(pipeline: Pipeline) -> None:
-    combine, part = pipeline.tracks(), pipeline.tracks(PerturbedRerun("again"))
+    combine, part = pipeline.tracks(), pipeline.run(PerturbedRerun("again"))
     for name in pipeline.scene.fraction:
         first, again = compared(combine.landings[name]), part.landings[name]
         assert len(again.bin) == len(combine.landings[name].bin) * COMPARED // REPLICATES
@@ -268,8 +266,9 @@ def test_what_longer_intervals_of_noise_move_is_a_part_that_chance_leaves_wide()
     moved = np.where(np.arange(1000) % 10 == 0, 1, own)
     plan = SimpleNamespace(fractions={"dust": SimpleNamespace(random=True)})
     scene = SimpleNamespace(bin={"left": None, "right": None}, images=None)
-    flights = SimpleNamespace(of=lambda source: SimpleNamespace(landings={"dust": landings(moved)}))
     pipeline = SimpleNamespace(scene=scene, plan=plan, spent=lambda stage: 1.0)
+    flown = SimpleNamespace(landings={"dust": landings(moved)})
+    flights = SimpleNamespace(of=lambda source: [flown])
     shares = {"left": 0.5, "right": 0.5, "elsewhere": 0.0}
     asked = SimpleNamespace(name="dust", shares=shares, flights=flights, pipeline=pipeline, compared=landings(own))
     parts: Parts = NOISE.shares(asked)  # type: ignore[arg-type]
@@ -323,10 +322,11 @@ def test_grids_are_compared_beside_what_their_finite_sheddings_leave() -> None:
 
 
 def test_how_granules_rebound_from_each_other_is_no_part_of_computing() -> None:
-    scene = shipped("rhombus", {"collisions.restitution": 0.8})
-    met = CollisionRerun("again", restitution=0.3, friction=0.3).applied(scene).collisions
+    halves = {"uncertainty.collisions.restitution": 0.3, "uncertainty.collisions.friction": 0.1}
+    scene = shipped("rhombus", {"collisions.restitution": 0.8, **halves})
+    met = CollisionRerun("again", restitution=1.0, friction=3.0).applied(scene).collisions
     assert (met.restitution, met.friction) == (1.0, pytest.approx(scene.collisions.friction + 0.3))
-    met = CollisionRerun("below", restitution=-0.9, friction=-0.1).applied(scene).collisions
+    met = CollisionRerun("below", restitution=-3.0, friction=-1.0).applied(scene).collisions
     assert (met.restitution, met.friction) == (0.0, pytest.approx(scene.collisions.friction - 0.1))
     parts = [part("collisions.friction", 0.04), part("steps", 0.03)]
     assert numerical(parts) == pytest.approx(0.03)
@@ -374,7 +374,7 @@ def part(source: str, error: float | None, kind: str | None = None, **more: floa
 CLOSE = 0.03  # of the half of an interval: so well do 2048 draws tell its ends
 PLACES = ("near", "far", "elsewhere")
 # So that no source knows how the errors of its shares go together
-NOTHING_FLOWN = cast("FractionResults", SimpleNamespace(flights=SimpleNamespace(of=lambda source: None, crowd=None)))
+NOTHING_FLOWN = cast("FractionResults", SimpleNamespace(flights=SimpleNamespace(of=lambda source: (), slab=())))
 
 
 def answer_of(value: float, moved: Callable[[np.ndarray], np.ndarray] | None = None) -> JointAnswer:

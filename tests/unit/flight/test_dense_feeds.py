@@ -31,7 +31,8 @@ from wakeflow.flight.stages.air_loading import SHARES, CaseLoading, Pass, exerte
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.flight.stages.gathered_force import Gathered
 from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.flight.stages.slab_stage import CollisionRerun, SlabFlight, SlabFound, _grouped, step_of
+from wakeflow.flight.stages.reruns import CollisionRerun, SlabRerun
+from wakeflow.flight.stages.slab_stage import SlabFlight, SlabFound, _grouped, step_of
 from wakeflow.planning.coupling import COUPLING
 from wakeflow.planning.plan import GATHERED, PASSING
 from wakeflow.planning.terms import COLLISIONS, LOADING
@@ -356,9 +357,7 @@ def pipeline(rate: float) -> Pipeline:
 
 
 def crowd(rate: float) -> SlabFound:
-    found = pipeline(rate).crowd()
-    assert found is not None
-    return found
+    return pipeline(rate).crowd()
 
 
 def test_every_granule_of_steady_operation_lands_once_and_weighs_by_its_mass() -> None:
@@ -411,7 +410,7 @@ def test_more_replicates_go_on_from_those_that_were_enough_before() -> None:
     stages = Pipeline(fed(DENSE), replace(plan, crowd=replace(plan.crowd, replicates=6)))
     few = stages.crowd()
     before = stages.seconds["slab"].seconds
-    more = stages.crowd(beside=few)
+    more = stages.run(SlabRerun(beside=(few,)))
     assert (few.replicates, more.replicates) == (4, 6)
     assert stages.seconds["slab"].seconds > before
     for number in range(4):
@@ -495,14 +494,14 @@ def test_both_ends_of_a_number_fly_where_one_is_cut_off() -> None:
     """A restitution of 0.95 has hardly an upper end: what the lower one moves would not be seen."""
     own, flown = crowd(DENSE), list[float]()
 
-    def again(rerun: CollisionRerun) -> tuple[SlabFound, ...]:
+    def again(rerun: CollisionRerun) -> SlabFound:
         flown.append(rerun.restitution)
-        return (own,)
+        return own
 
     for value, ends in ((0.5, 1), (0.95, 2)):
         asked = pipeline(DENSE).scene.replace({"collisions.restitution": value})
-        piped: Any = SimpleNamespace(scene=asked, crowd=lambda: own, crowd_again=again)
-        found = BetweenGranulesRestitution().fly(piped, None)  # type: ignore[arg-type]
+        piped: Any = SimpleNamespace(scene=asked, crowd=lambda: own, run=again, plan=pipeline(DENSE).plan)
+        found = list(BetweenGranulesRestitution().fly(piped, None))  # type: ignore[arg-type]
         assert len(found) == ends
         assert [end > 0.0 for end in flown] == [True, False][:ends]
         flown.clear()
@@ -523,7 +522,6 @@ def test_each_fraction_flies_in_the_slab_under_its_own_forces() -> None:
     force = {COLLISIONS: True, "plain.basset-history": False, "slow.basset-history": True, "dispersion": False}
     piped = Pipeline(scene, make_plan(scene, force=force))
     among, alone = piped.crowd(), piped.tracks().landings
-    assert among is not None
     for landings in (among.landings, alone):
         times = {name: float(landings[name].time.mean()) for name in ("plain", "slow")}
         assert 1.004 < times["slow"] / times["plain"] < 1.01

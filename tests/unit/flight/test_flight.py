@@ -12,6 +12,7 @@ from support import shipped
 from wakeflow.air.field import FlowField
 from wakeflow.air.field.combined import varied
 from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.answer.budget.inputs import UNKNOWN
 from wakeflow.core.errors import SceneError
 from wakeflow.extras.motion.film_stage import SINGLY, Film, flown_film
 from wakeflow.flight.feed.feedstock import feedstock, samples
@@ -19,6 +20,7 @@ from wakeflow.flight.stages.fraction_flights import Flight, _second_half, bodies
 from wakeflow.flight.stages.input_samples import DrawStage
 from wakeflow.flight.stages.landings import load_tracked
 from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.flight.stages.reruns import InputRerun
 from wakeflow.laws.restitution import Restitution
 from wakeflow.planning.collisions import number_rates
 from wakeflow.planning.plan import COMPARED, INPUT_SAMPLES, REPLICATES, SAME_AIR, replicate_size
@@ -204,14 +206,15 @@ def _only(scene: wf.Scene, key: str, half: float) -> wf.Scene:
 
 
 def test_nothing_is_flown_where_all_is_known(vacuum: wf.Scene) -> None:
-    assert _pipeline(_only(vacuum, "feed.width", 0.0)).draws() is None
+    pipeline = _pipeline(_only(vacuum, "feed.width", 0.0))
+    assert not list(UNKNOWN.fly(pipeline, pipeline.tracks()))
 
 
 def test_the_range_is_that_of_the_scene_at_the_ends_of_the_interval(vacuum: wf.Scene) -> None:
     """One unknown: the response's range is what whole runs at the ends of its interval give."""
     half = 0.04
     scene = _only(vacuum, "fraction.hard.restitution", half)
-    draws = _pipeline(scene).draws()
+    draws = _pipeline(scene).run(InputRerun())
     assert [one.key for one in draws.unknowns] == ["fraction.hard.restitution"]
     moved = np.mean((draws.varied["hard"].bin == 0) * 1.0 - (draws.own["hard"].bin == 0), axis=1)
     slope = float(np.polyfit(draws.z[:, 0], moved, 1)[0]) * SIGMAS

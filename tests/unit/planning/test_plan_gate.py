@@ -34,6 +34,7 @@ from wakeflow.flight.stages import landings
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.flight.stages.landings import Landings, Tracked, load_tracked
 from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.flight.stages.reruns import InputRerun
 from wakeflow.laws.drag import slip_correction, terminal_velocity
 from wakeflow.laws.forces import FlightScales, forces
 from wakeflow.laws.forces.fluctuations import EDDY, WAKE_INTENSITY
@@ -620,12 +621,12 @@ def test_of_very_many_granules_all_are_counted_and_a_balanced_part_is_kept(
 ) -> None:
     scene = shipped("vacuum", {"feed.count": 4096})
     whole = Pipeline(scene, make_plan(scene))
-    every, drawn = whole.tracks(), whole.draws()
+    every, drawn = whole.tracks(), whole.run(InputRerun())
     monkeypatch.setattr(flying, "AT_ONCE", 64)  # a quarter of a replicate at a time
     monkeypatch.setattr(landings, "KEPT", 1024)
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path))
     pipeline = Pipeline(scene, make_plan(scene))
-    tracked, few = pipeline.tracks(), pipeline.draws()
+    tracked, few = pipeline.tracks(), pipeline.run(InputRerun())
     for name in scene.fraction:
         one, other = every.landings[name], tracked.landings[name]
         assert (one.size, other.size, len(other.bin)) == (4096.0, 4096.0, 1024)

@@ -9,13 +9,13 @@ import pytest
 
 import wakeflow as wf
 from support import ALONE, as_computed, shipped
-from wakeflow.answer.budget.inputs import SAMPLE_SECONDS
 from wakeflow.answer.budget.source import budget_sources
 from wakeflow.core.errors import SceneError
 from wakeflow.flight import Body, Fate, track
 from wakeflow.flight.feed.feedstock import feedstock, granules_of
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.flight.stages.reruns import SAMPLE_SECONDS
 from wakeflow.laws.best_estimate import best_estimate
 from wakeflow.laws.impaction import Cylinder, Front, Impaction, Wedge, approach, fronts
 from wakeflow.laws.material import default_margins, materials
@@ -123,7 +123,7 @@ def test_only_a_turbulent_wake_in_time_is_estimated(
     assert [cost.key.label.grid for cost in again["mesh"]] == list(found.scales[1:])
     once = flown_again(work, "once", 1.0).seconds - EACH_STAGE
     (draws,) = again["inputs"]  # as many granules as the answer
-    drawn = INPUT_SAMPLES * SAMPLE_SECONDS[found.stepping or "steady"]
+    drawn = INPUT_SAMPLES * SAMPLE_SECONDS
     assert draws.seconds == pytest.approx(EACH_STAGE + drawn + once * REPLICATES / COMPARED)
 
 

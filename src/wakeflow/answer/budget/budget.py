@@ -19,6 +19,8 @@ import numpy as np
 from ...core.graded import Notice, less_sure
 from ...core.number import Number, student
 from ...flight.stages.pipeline import Pipeline
+from ...flight.stages.reruns import SlabRerun
+from ...flight.stages.slab_stage import SlabFound
 from ...planning.terms import TYPICAL
 from ...planning.unknowns import SIGMAS
 from ..draws import SAMPLING, tied_root
@@ -40,19 +42,21 @@ def fly_again(flights: Flights) -> Flights:
     """
     for source in in_order():
         flights.of(source)
-    most, slab = flights.pipeline.plan.crowd, flights.crowd
-    while most is not None and slab is not None and slab.replicates < most.replicates:
-        parts = {name: _parts(one) for name, one in _results(flights, flights.ensemble).items()}
-        groups = 1 + max(int(one.replicate.max()) for one in slab.landings.values())
-        gain = gain_by_replicates(parts, groups)
-        enough = gain < NOTICEABLE
-        said = f"{slab.replicates} of {most.replicates} replicates; twice as many would lower the shares' errors by "
-        flights.pipeline.cache.tell("slab", f"{said}{100 * gain:.1f} %{': enough' if enough else ''}")
-        if enough:
-            break
-        slab = flights.pipeline.crowd(beside=slab)
-        flights = replace(flights, crowd=slab)
+    for slab in flights.slab:
+        most = flights.pipeline.collision_stage.crowd.replicates
+        while slab.replicates < most and _needs_more(flights, slab, most):
+            slab = flights.pipeline.run(SlabRerun(beside=(slab,)))
+            flights = replace(flights, slab=(slab,))
     return flights
+
+
+def _needs_more(flights: Flights, slab: SlabFound, most: int) -> bool:
+    """Whether more replicates than those of the ``slab`` would make the shares noticeably better known; says so."""
+    parts = {name: _parts(fraction) for name, fraction in _results(flights, flights.ensemble).items()}
+    gain = gain_by_replicates(parts, 1 + max(int(landings.replicate.max()) for landings in slab.landings.values()))
+    words = f"{slab.replicates} of {most} replicates; twice as many would lower the shares' errors by "
+    flights.pipeline.cache.tell("slab", f"{words}{100 * gain:.1f} %{': enough' if gain < NOTICEABLE else ''}")
+    return gain >= NOTICEABLE
 
 
 def gain_by_replicates(parts: Parts, groups: int) -> float:

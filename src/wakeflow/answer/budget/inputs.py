@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 
 from ...flight.stages.landings import Landings
 from ...flight.stages.pipeline import Pipeline
+from ...flight.stages.reruns import InputRerun
 from ...planning.airflow_choice import vibration_of_scene
-from ...planning.cost import flown_again
-from ...planning.plan import COMPARED, INPUT_SAMPLES, REPLICATES, Plan
-from ...planning.stages import StageCost, Workload
+from ...planning.plan import Plan
 from ...planning.terms import COLLISIONS, VIBRATION
-from ...planning.unknowns import Unknown
+from ...planning.unknowns import Unknown, unknowns
 from ...scene import RESERVED_BIN, Scene
 from ..shares import CALIBRATED, LEFT_OUT, NOT_COMPUTED, PERTURBED_RERUN, BudgetPart, InputPart, weightiest
 from ..spread import upper_limit
@@ -33,35 +32,27 @@ if TYPE_CHECKING:
     from ...flight.stages.landings import Tracked
 
 
-STAGE = "draws"
-SAMPLE_SECONDS = {"steady": 0.004, "time-resolved": 0.004}  # s: to draw the granules of a fraction anew, and its air
-
-
 class UnknownInputs(Source["InputSamples"]):
     """The numbers of the scene that are not known exactly: the range of the share over draws of them all."""
 
     name, how, place = INPUTS, PERTURBED_RERUN, 15
 
-    def costs(self, work: Workload) -> Iterable[StageCost]:
-        """As many granules fly as the answer has."""
-        each = SAMPLE_SECONDS.get(work.airflow.stepping or "steady", 0.0)
-        drawn = 0.0 if work.airflow.rung == "none" else INPUT_SAMPLES * each * work.fractions
-        return [flown_again(work, STAGE, REPLICATES / COMPARED, more=drawn)]
+    reruns = (InputRerun(),)
 
-    def fly(self, pipeline: Pipeline, tracked: Tracked) -> InputSamples | None:
-        return pipeline.draws()
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Iterable[InputSamples]:
+        return super().fly(pipeline, tracked) if unknowns(pipeline.scene, pipeline.plan) else ()
 
     def shares(self, fraction: FractionResults) -> Parts:
-        if fraction.flights.of(self) is None:
+        if not fraction.flights.of(self):
             return {}
-        found, among, seconds = {}, fraction.flights.among, fraction.pipeline.spent(STAGE)
+        found, seconds = {}, self.seconds(fraction)
         for bin_ in fraction.shares:
             of = fraction.answer.of_share(fraction.name, [bin_])
             over, effects = fraction.answer.number(of), fraction.answer.effects(of, fraction.name)
             causes = ", ".join(f"{key} {one.points}" for key, one in weightiest(effects))
             note = f"depends most on (points each) {causes}" if causes else ""
-            if note and among is not None:
-                note += f"; {among.factor(fraction.name):.2g} times what they move of granules alone"
+            if note and fraction.flights.slab:
+                note += f"; {fraction.flights.factors[fraction.name]:.2g} times what they move of granules alone"
             low, high = over.low - over.value, over.high - over.value
             found[bin_] = [replace(self.part(max(-low, high), seconds, note), low=low, high=high)]
         return found
@@ -86,8 +77,8 @@ class LeftOutTerms(Source[None]):
         found = truncation_terms(pipeline.scene, pipeline.plan, fraction.name, fraction.landings)
         if VIBRATION in pipeline.plan.force:
             return found
-        draws, answer = flights.of(UNKNOWN), fraction.answer
-        speed = next((one for one in (() if draws is None else draws.unknowns) if one.key == AIR_SPEED), None)
+        answer = fraction.answer
+        speed = next((unknown for unknown in flights.draws.unknowns if unknown.key == AIR_SPEED), None)
         for place, parts in found.items():
             if any(part.source == VIBRATION for part in parts):
                 of = answer.of_share(fraction.name, [place])

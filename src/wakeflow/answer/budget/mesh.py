@@ -27,9 +27,8 @@ from ...core.errors import SceneError, known
 from ...core.geometry import halved
 from ...flight.stages.landings import Landings, pooled
 from ...flight.stages.pipeline import Pipeline
-from ...flight.stages.track_stage import PerturbedRerun
-from ...planning.cost import flown_again
-from ...planning.plan import COMPARED, REPLICATES
+from ...flight.stages.reruns import PerturbedRerun
+from ...planning.plan import REPLICATES
 from ...planning.stages import AirLabel, StageCost, Workload
 from ...planning.unknowns import SIGMAS
 from ..provenance import RefinedSettings
@@ -204,14 +203,14 @@ class Mesh(Source[Comparison[Grid]]):
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         for scale in work.airflow.scales[1:]:
-            yield flown_again(work, ON_ANOTHER_GRID.name, REPLICATES / COMPARED, AirLabel(grid=scale))
+            yield from ON_ANOTHER_GRID.costs(work, AirLabel(grid=scale))
 
-    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Comparison[Grid] | None:
-        """The shares in the airflow on every grid of the plan; None where the plan has one."""
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Iterable[Comparison[Grid]]:
+        """The shares in the airflow on every grid of the plan; nothing where the plan has one."""
         own, *others = pipeline.grids
         if not others:
-            return None
-        flown = {_grid(other): other.tracks(ON_ANOTHER_GRID) for other in others}
+            return ()
+        flown = {_grid(other): other.run(ON_ANOTHER_GRID) for other in others}
         seconds = sum(other.spent(stage) for other in others for stage in ("airflow", "tracks"))
         flown[_grid(own)] = tracked
         names, bins, images = list(tracked.landings), len(pipeline.scene.bin), pipeline.scene.images
@@ -226,16 +225,15 @@ class Mesh(Source[Comparison[Grid]]):
             for grid, found in flown.items()
             if found is not tracked
         }
-        return Comparison(shares, seconds, noise)
+        return [Comparison(shares, seconds, noise)]
 
     def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
-        return [partial(other.tracks, ON_ANOTHER_GRID) for other in pipeline.grids[1:]]
+        return [partial(other.run, ON_ANOTHER_GRID) for other in pipeline.grids[1:]]
 
     def shares(self, fraction: FractionResults) -> Parts:
-        flown = fraction.flights.of(self)
-        if flown is None:
-            return self.unless_known(fraction)
-        return {bin_: [self._part(flown, fraction.name, i)] for i, bin_ in enumerate(fraction.shares)}
+        for flown in fraction.flights.of(self):
+            return {bin_: [self._part(flown, fraction.name, i)] for i, bin_ in enumerate(fraction.shares)}
+        return self.unless_known(fraction)
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         """The part falls as the square of a cell's edge but for what sampling and the wake's averages make of it."""

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from ...flight.stages.air_loading import AirLoading
 from ...flight.stages.pipeline import Pipeline
-from ...flight.stages.track_stage import PerturbedRerun
-from ...planning.cost import flown_again
+from ...flight.stages.reruns import PerturbedRerun
 from ...planning.stages import OWN, AirLabel, StageCost, Workload
 from ...planning.terms import LOADING
 from ...planning.wake import Wake
@@ -32,36 +31,35 @@ class AirflowModel(Source[Comparison[Wake]]):
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         for wake in work.airflow.wakes_beside:
-            yield flown_again(work, _stage(wake), 1.0, AirLabel(draft=True) if wake is Wake.STEADY else OWN)
+            yield from _in_wake(wake).costs(work, AirLabel(draft=True) if wake is Wake.STEADY else OWN)
 
-    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Comparison[Wake] | None:
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Iterable[Comparison[Wake]]:
         """The shares in the other wakes of the plan: the two ends between which the truth lies, and what is between
-        them. None where the computed airflow is the flow itself, or is the steady end.
+        them. Nothing where the computed airflow is the flow itself, or is the steady end.
         """
         wakes = pipeline.plan.airflow.wakes_beside
         if not wakes or pipeline.field[1].times is None:
-            return None
+            return ()
         shares, seconds = {}, 0.0
         for wake, numbers in wakes.items():
-            where, change = pipeline, PerturbedRerun(_stage(wake), wake=numbers)
+            where, rerun = pipeline, _in_wake(wake, *numbers)
             if wake is Wake.STEADY:  # on its own mesh, where a second core may have flown it already
-                where, change = pipeline.steady, PerturbedRerun(_stage(wake))
-            shares[wake] = shares_of(pipeline, where.tracks(change))
-            seconds += where.spent(change.name)
-        return Comparison({**shares, Wake.ANSWER: shares_of(pipeline, tracked)}, seconds)
+                where, rerun = pipeline.steady, _in_wake(wake)
+            shares[wake] = shares_of(pipeline, where.run(rerun))
+            seconds += where.spent(rerun.name)
+        return [Comparison({**shares, Wake.ANSWER: shares_of(pipeline, tracked)}, seconds)]
 
     def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
         if not pipeline.plan.airflow.brackets:
             return ()
-        return [lambda: pipeline.steady.tracks(PerturbedRerun(_stage(Wake.STEADY)))]
+        return [lambda: pipeline.steady.run(_in_wake(Wake.STEADY))]
 
     def shares(self, fraction: FractionResults) -> Parts:
-        wakes = fraction.flights.of(self)
-        if wakes is None:
+        if not fraction.flights.of(self):
             return self.unless_known(fraction)
         if fraction.pipeline.plan.airflow.wake is not None:
             return {}
-        found = {}
+        (wakes,), found = fraction.flights.of(self), {}
         for number, bin_ in enumerate(fraction.shares):
             which, moved = max(differences(wakes, fraction.name, number), key=lambda one: abs(one[1]))
             note = f"farthest: {which} ({100 * moved:+.2g} points)"
@@ -69,8 +67,9 @@ class AirflowModel(Source[Comparison[Wake]]):
         return found
 
 
-def _stage(wake: Wake) -> str:
-    return f"{wake} wake"
+def _in_wake(wake: Wake, *numbers: float) -> PerturbedRerun:
+    """The granules in a ``wake``, whose theta and strength are the ``numbers``."""
+    return PerturbedRerun(f"{wake} wake", wake=numbers)
 
 
 def loading_effects(loading: AirLoading, bins: Sequence[str]) -> dict[str, dict[str, LoadingEffect]]:

@@ -8,17 +8,16 @@ the change's alone, and is nothing where the two agree within their noise.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from math import copysign, sqrt
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from ...core.number import student
-from ...flight.stages.slab_stage import CollisionRerun, SlabFound
-from ...planning.cost import slab_again
-from ...planning.stages import Scaling, Stage, StageCost, Workload, stages
-from ...planning.unknowns import half_of
+from ...flight.stages.reruns import CollisionRerun, half_of_meeting
+from ...flight.stages.slab_stage import SlabFound
+from ...planning.stages import Scaling, Stage, stages
 from ..draws import ErrorSource as Column
 from ..provenance import RefinedSettings
 from ..shares import PERTURBED_RERUN, BudgetPart
@@ -31,35 +30,30 @@ if TYPE_CHECKING:
 COARSER = 2.0  # step of the companion over the answer's: changes more than the answer's own step errs
 SURE = 2.0  # standard errors
 THINNER = 0.5  # depth of the companion's slab over the answer's
+BETWEEN = 0.25  # run time of a companion of how granules rebound from each other, over the slab's
 
 
-class _SlabAgain(Source[tuple[SlabFound, ...]]):
+class _SlabAgain(Source[SlabFound]):
     """Some replicates of the slab under a companion's change, the same granules, compared with the slab or with others,
     each replicate with the same one.
     """
 
     how = PERTURBED_RERUN
-    flown: ClassVar[tuple[str, ...]]  # the stages in which replicates fly again; the first flies always
-    changed: ClassVar[Mapping[str, float]]
-    part_of_slab: ClassVar[float]  # its run time over the slab's
+    reruns: ClassVar[tuple[CollisionRerun, ...]]
 
-    def costs(self, work: Workload) -> Iterable[StageCost]:
-        return slab_again(work, self.flown[0], self.part_of_slab)
-
-    def fly(self, pipeline: Pipeline, tracked: Tracked) -> tuple[SlabFound, ...]:
-        return pipeline.crowd_again(CollisionRerun(self.flown[0], **self.changed))
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Iterable[SlabFound]:
+        return () if pipeline.plan.crowd is None else super().fly(pipeline, tracked)
 
     def shares(self, fraction: FractionResults) -> Parts:
-        found, ends = self._compared(fraction), fraction.flights.of(self) or ()
-        seconds = sum(map(fraction.pipeline.spent, self.flown[: len(ends)]))
+        found, seconds = self._compared(fraction), self.seconds(fraction)
         return {place: [self.part(abs(moved), seconds, note)] for place, (moved, note) in found.items()}
 
     def _compared(self, fraction: FractionResults) -> dict[str, tuple[float, str]]:
         """What the change is of the fraction's share in every bin, beyond chance, and what was compared in words."""
-        found, slab = fraction.flights.of(self), fraction.flights.crowd
-        if not found or slab is None:
+        found, slab = fraction.flights.of(self), fraction.flights.slab
+        if not found or not slab:
             return {}
-        both = (*found, slab)[:2]
+        both = (*found, *slab)[:2]
         bins, images = len(fraction.shares) - 1, fraction.pipeline.scene.images
         changed, own = (found.landings[fraction.name].counts(bins, images) for found in both)
         paired = all(_apart(found, fraction) for found in both)
@@ -79,7 +73,7 @@ class SlabStep(_SlabAgain):
     """The time step in which granules that meet are moved: part of the replicates with one twice as long."""
 
     name, place = "slab-time-step", 21
-    flown, changed, part_of_slab = ("slab longer steps",), {"step": COARSER}, 0.18
+    reruns = (CollisionRerun("slab longer steps", step=COARSER, times=0.18),)
 
 
 class _BetweenGranules(_SlabAgain):
@@ -88,22 +82,17 @@ class _BetweenGranules(_SlabAgain):
     the number can be, the lower end flies too, and it is half of the difference of both.
     """
 
-    beyond_computing, part_of_slab = True, 0.25
+    beyond_computing = True
     number: ClassVar[str]
     most: ClassVar[float]
 
-    def fly(self, pipeline: Pipeline, tracked: Tracked) -> tuple[SlabFound, ...]:
-        scene, own = pipeline.scene, pipeline.crowd()
-        value = getattr(scene.collisions, self.number)
-        half = half_of(scene, f"collisions.{self.number}", "collisions", value)
-        if own is None or not half:
-            return ()
-        ends = zip(self.flown, (half, -half), strict=True)
-        above, below = (CollisionRerun(name, **{self.number: change}) for name, change in ends)
-        upper = pipeline.crowd_again(above)
-        if value + half <= self.most and not any(shows(one, own, len(scene.bin)) for one in upper):
-            return upper
-        return upper + pipeline.crowd_again(below)
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Iterable[SlabFound]:
+        scene, half = pipeline.scene, half_of_meeting(pipeline.scene, self.number)
+        for found in super().fly(pipeline, tracked) if half else ():
+            yield found
+            cut_off = getattr(scene.collisions, self.number) + half > self.most
+            if not cut_off and not shows(found, pipeline.crowd(), len(scene.bin)):
+                return
 
     def column(self, fractions: Sequence[FractionResults]) -> Sequence[Column]:
         return signed_column(
@@ -119,21 +108,27 @@ class BetweenGranulesRestitution(_BetweenGranules):
     """The restitution of one granule on another."""
 
     name, place, number, most = "collisions.restitution", 16, "restitution", 1.0
-    flown = "livelier meetings", "duller meetings"
+    reruns = (
+        CollisionRerun("livelier meetings", restitution=1.0, times=BETWEEN),
+        CollisionRerun("duller meetings", restitution=-1.0),
+    )
 
 
 class BetweenGranulesFriction(_BetweenGranules):
     """The friction of one granule on another."""
 
     name, place, number, most = "collisions.friction", 17, "friction", math.inf
-    flown = "rougher meetings", "smoother meetings"
+    reruns = (
+        CollisionRerun("rougher meetings", friction=1.0, times=BETWEEN),
+        CollisionRerun("smoother meetings", friction=-1.0),
+    )
 
 
 class SlabDepth(_SlabAgain):
     """The slab's depth, beyond which it repeats itself: of part of the replicates half of the depth, cut off."""
 
     name, place = "slab-depth", 22
-    flown, changed, part_of_slab = ("thinner slab",), {"depth": THINNER}, 0.14
+    reruns = (CollisionRerun("thinner slab", depth=THINNER, times=0.14),)
 
 
 def _apart(found: SlabFound, fraction: FractionResults) -> bool:
@@ -177,5 +172,5 @@ def beyond_chance(changed: np.ndarray, own: np.ndarray, *, paired: bool, part: f
 
 for _source in (SlabStep(), SlabDepth(), BetweenGranulesRestitution(), BetweenGranulesFriction()):
     add(_source)
-    for _name in _source.flown:
-        stages.add(_name, Stage(_name, work="slab", scaling=Scaling.SLAB, heading="slab"))
+    for _rerun in _source.reruns:
+        stages.add(_rerun.name, Stage(_rerun.name, work="slab", scaling=Scaling.SLAB, heading="slab"))

@@ -17,8 +17,10 @@ import numpy as np
 
 from ...core.lazy import cached_property
 from ...core.registry import Registry
+from ...flight.stages.input_samples import NOT_DRAWN, InputSamples
 from ...flight.stages.landings import Landings
 from ...flight.stages.pipeline import Pipeline
+from ...flight.stages.reruns import Rerun
 from ...planning.dependence import Dependence, dependence
 from ...planning.stages import StageCost, Workload
 from ...planning.unknowns import SIGMAS
@@ -49,7 +51,7 @@ class Source(Generic[Flown]):
     again), calibrated (from a bound and what was found) or unknown; ``place``: sources fly, and are parts of a row of
     the budget, by growing place; ``beyond_computing``: whether no finer computing makes it smaller, as where it is of
     numbers of the scene or of what no plane air has; ``if_unknown``, ``if_large``: what to give or to run where its
-    size is not known, and where no setting makes it small enough.
+    size is not known, and where no setting makes it small enough; ``reruns``: what it flies in every scene.
     """
 
     name: ClassVar[str]
@@ -58,17 +60,23 @@ class Source(Generic[Flown]):
     beyond_computing: ClassVar[bool] = False
     if_unknown: ClassVar[str] = ""
     if_large: ClassVar[str] = "beyond the finest settings of a scene; ask for a larger --target-error"
+    reruns: ClassVar[Sequence[Rerun[Any]]] = ()
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
         """Each stage in which this source flies granules again, with what it is expected to take."""
-        return ()
+        return [cost for rerun in self.reruns for cost in rerun.costs(work)]
 
-    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Flown | None:
-        """What this source flies again to know its error; None where it flies nothing.
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Iterable[Flown]:
+        """What this source flies again to know its error; nothing where it needs nothing.
 
         It is called once a run, through :meth:`Flights.of`.
         """
-        return None
+        return (pipeline.run(rerun) for rerun in self.reruns)
+
+    def seconds(self, fraction: FractionResults) -> float:
+        """Run time (s) of its reruns that flew."""
+        flown = zip(self.reruns, fraction.flights.of(self), strict=False)
+        return sum(fraction.pipeline.spent(rerun.name) for rerun, _ in flown)
 
     def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
         """Of what :meth:`fly` asks ``pipeline`` for, the stages that need not wait for the answer's own airflow:
@@ -108,20 +116,25 @@ class Source(Generic[Flown]):
 
 @dataclass(frozen=True)
 class Flights:
-    """What the sources of one run fly again; each flies at most once. ``tracked``: every granule alone; ``crowd``: the
-    same among others, where the plan has them meet.
+    """What the sources of one run fly again; each flies at most once. ``tracked``: every granule alone; ``slab``: the
+    same among others, one where the plan has them meet.
     """
 
     pipeline: Pipeline
     tracked: Tracked
-    crowd: SlabFound | None = None
+    slab: tuple[SlabFound, ...] = ()
     _made: dict[str, Any] = field(default_factory=dict, repr=False)
 
-    def of(self, source: Source[Flown]) -> Flown | None:
+    @classmethod
+    def begun(cls, pipeline: Pipeline) -> Flights:
+        """The answer's own, before any source flies again."""
+        return cls(pipeline, pipeline.tracks(), () if pipeline.plan.crowd is None else (pipeline.crowd(),))
+
+    def of(self, source: Source[Flown]) -> tuple[Flown, ...]:
         """What ``source`` flew again."""
         if source.name not in self._made:
-            self._made[source.name] = source.fly(self.pipeline, self.tracked)
-        found: Flown | None = self._made[source.name]
+            self._made[source.name] = tuple(source.fly(self.pipeline, self.tracked))
+        found: tuple[Flown, ...] = self._made[source.name]
         return found
 
     @cached_property
@@ -130,36 +143,40 @@ class Flights:
         return sample_errors(self.landings, len(self.pipeline.scene.bin), self.pipeline.scene.images or ())
 
     @cached_property
-    def among(self) -> AmongOthers | None:
-        """How landings among other granules lie beside those of granules alone; None where each flies alone."""
-        scene, crowd = self.pipeline.scene, self.crowd
-        return None if crowd is None else AmongOthers(scene, self.tracked.landings, crowd.landings)
+    def factors(self) -> dict[str, float]:
+        """On what a shift alone moves of each fraction's shares, where granules meet; empty where each flies alone."""
+        scene, alone = self.pipeline.scene, self.tracked.landings
+        both = [AmongOthers(scene, alone, crowd.landings) for crowd in self.slab]
+        return {name: among.factor(name) for among in both for name in self.landings}
+
+    @property
+    def draws(self) -> InputSamples:
+        """The draws of what is not known exactly, once they flew."""
+        return next(iter(self._made.get(INPUTS, ())), NOT_DRAWN)
 
     @cached_property
-    def ties(self) -> Dependence | None:
-        """How the inputs that are drawn depend on each other; None where everything is known exactly."""
-        draws = self._made.get(INPUTS)
-        return None if draws is None else dependence(self.pipeline.scene, self.pipeline.plan, draws.unknowns)
+    def ties(self) -> Dependence:
+        """How the inputs that are drawn depend on each other."""
+        return dependence(self.pipeline.scene, self.pipeline.plan, self.draws.unknowns)
 
     @cached_property
     def ensemble(self) -> JointAnswer:
         """The joint answer with what the unknown inputs change, and with no other source of error."""
-        scene, draws = self.pipeline.scene, self._made.get(INPUTS)
-        if draws is not None and self.ties is not None and CHANGED not in self._made:
+        scene, draws = self.pipeline.scene, self.draws
+        if draws.unknowns and CHANGED not in self._made:
             self._made[CHANGED] = changed(scene, draws.unknowns, self.ties, responses(scene, draws))
-        factors = {} if self.among is None else {name: self.among.factor(name) for name in self.landings}
-        salt = self.pipeline.tracks_key if self.crowd is None else f"{self.pipeline.collisions_key}"
-        return joint_answer(scene, self.landings, inputs=self._made.get(CHANGED), factors=factors, salt=salt)
+        salt = self.pipeline.collisions_key if self.slab else self.pipeline.tracks_key
+        return joint_answer(scene, self.landings, inputs=self._made.get(CHANGED), factors=self.factors, salt=salt)
 
     @property
     def landings(self) -> Mapping[str, Landings]:
         """The answer's: of granules that meet where they do, else of each alone."""
-        return self.tracked.landings if self.crowd is None else self.crowd.landings
+        return self.slab[0].landings if self.slab else self.tracked.landings
 
     @property
     def tracking(self) -> float:
         """Run time (s) of the answer's own tracks."""
-        return self.pipeline.spent("tracks" if self.crowd is None else "slab")
+        return self.pipeline.spent("slab" if self.slab else "tracks")
 
 
 @dataclass(frozen=True)

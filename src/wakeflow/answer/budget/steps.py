@@ -17,8 +17,7 @@ import numpy as np
 
 from ...flight.stages.landings import Landings
 from ...flight.stages.pipeline import Pipeline
-from ...flight.stages.track_stage import PerturbedRerun
-from ...planning.cost import flown_again
+from ...flight.stages.reruns import PerturbedRerun
 from ...planning.plan import COMPARED, REPLICATES
 from ...planning.stages import StageCost, Workload
 from ..draws import ErrorSource as Column
@@ -36,7 +35,6 @@ FINER = 0.01  # tolerance of the companion run over the scene's: a tenth may giv
 SLOWER = 3.0  # times as long: flights at a hundredth of the tolerance; measured on the shipped rhombus, 2.4 to 3.8
 STEP_RATE = 1.0  # of the share that finer steps put into or out of a bin, with the tolerance
 LANDED_WITHIN = 95  # percentile over the granules of how far a companion run moves a landing
-LONGER = PerturbedRerun("longer noise", noises=2)
 CHEAPER = 0.55  # of a flight's time; measured on the shipped rhombus, steady, granules alone
 JEFFREYS = 0.5  # added to those that changed their bin, and to those that did not
 
@@ -54,12 +52,7 @@ class Integration(Source["Tracked"]):
     """The tracker's steps: the same granules at a hundredth of the tolerance."""
 
     name, how, place = "integration", PERTURBED_RERUN, 20
-
-    def costs(self, work: Workload) -> Iterable[StageCost]:
-        return [flown_again(work, FINER_STEPS, SLOWER)]
-
-    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Tracked:
-        return pipeline.tracks(PerturbedRerun(FINER_STEPS, tolerance=FINER * pipeline.scene.numerics.tolerance))
+    reruns = (PerturbedRerun(FINER_STEPS, looser=FINER, times=SLOWER),)
 
     def shares(self, fraction: FractionResults) -> Parts:
         """Mean of the share of granules that the finer steps put into a bin or take out of it (:func:`mean_share`)."""
@@ -81,32 +74,33 @@ class Integration(Source["Tracked"]):
         return mean_share(found / flown * fewer * again, again)
 
     def _finer(self, fraction: FractionResults) -> Landings:
-        flown = fraction.flights.of(self)
-        assert flown is not None
+        (flown,) = fraction.flights.of(self)
         return flown.landings[fraction.name]
 
     def _part(self, fraction: FractionResults, error: float) -> BudgetPart:
-        return self.part(error, fraction.pipeline.spent(FINER_STEPS))
+        return self.part(error, self.seconds(fraction))
 
 
 class Noise(Source["Tracked"]):
     """The intervals of the air's noise: the same granules in intervals twice as long."""
 
     name, how, place = "noise", PERTURBED_RERUN, 25
+    reruns = (PerturbedRerun("longer noise", noises=2, times=CHEAPER),)
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
-        return [] if work.scene.air is None else [flown_again(work, LONGER.name, CHEAPER)]
+        return () if work.scene.air is None else super().costs(work)
 
-    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Tracked | None:
-        return pipeline.tracks(LONGER) if any(how.random for how in pipeline.plan.fractions.values()) else None
+    def fly(self, pipeline: Pipeline, tracked: Tracked) -> Iterable[Tracked]:
+        noisy = any(how.random for how in pipeline.plan.fractions.values())
+        return super().fly(pipeline, tracked) if noisy else ()
 
     def shares(self, fraction: FractionResults) -> Parts:
-        flown = fraction.flights.of(self)
-        if flown is None or not fraction.pipeline.plan.fractions[fraction.name].random:
+        if not fraction.pipeline.plan.fractions[fraction.name].random:
             return {}
+        (flown,) = fraction.flights.of(self)
         scene, own, other = fraction.pipeline.scene, fraction.compared, flown.landings[fraction.name]
         moved = (one.counts(len(scene.bin), scene.images).mean(axis=0) for one in (own, other))
-        found, seconds = {}, fraction.pipeline.spent(LONGER.name)
+        found, seconds = {}, self.seconds(fraction)
         for i, (place, here, there) in enumerate(zip(fraction.shares, *moved, strict=True)):
             number = i if i < len(scene.bin) else -1  # elsewhere last
             changed = float(np.sum((own.bin == number) != (other.bin == number)))

@@ -26,6 +26,7 @@ from ...flight import Granules, Tracks
 from ...flight.feed.feedstock import feedstock
 from ...flight.stages.gathered_force import resolved
 from ...flight.stages.landings import load_recorded_tracks, paths_of, save_recorded_tracks
+from ...flight.stages.reruns import Work
 from ...flight.stages.slab_stage import SlabFlight, late_in, steady_after
 from ...planning.collisions import CollisionPlan, number_rates
 from ...planning.plan import REPLICATES, Plan
@@ -36,7 +37,7 @@ from ...scene import Scene
 if TYPE_CHECKING:
     from ...air.field import FlowField
     from ...flight.stages.pipeline import Pipeline
-    from ...flight.stages.track_stage import TrackStage
+    from ...flight.stages.reruns import TrackStage
 
 CODE = "extras.motion.film_stage", "flight.stages.slab_stage", "flight.stages.gathered_force"  # what computes it
 
@@ -92,14 +93,19 @@ def film_of(
 
 def flown_film(pipeline: Pipeline, span: float | None = None) -> Film:
     """The granules that are in the machine of a ``pipeline`` over ``span`` (s), on one clock."""
-    return FilmStage(pipeline.track_stage).fly(span)
+    return pipeline.made("film", FilmStage(pipeline).work(span))
 
 
 @dataclass(frozen=True)
 class FilmStage:
-    """Films of the scene, the plan and the airflow in which the ``tracks`` of all granules have flown."""
+    """Films of the scene, the plan and the airflow in which all granules of a ``pipeline`` have flown."""
 
-    tracks: TrackStage
+    pipeline: Pipeline
+
+    @property
+    def tracks(self) -> TrackStage:
+        """How the granules fly alone."""
+        return self.pipeline.track_stage
 
     @property
     def scene(self) -> Scene:
@@ -114,23 +120,25 @@ class FilmStage:
     @cached_property
     def start_up(self) -> float:
         """Seconds until the machine is as full as it stays: a long flight."""
-        landings, crowd = self.tracks.fly().landings, self.plan.crowd
+        landings, crowd = self.pipeline.tracks().landings, self.plan.crowd
         if crowd is not None:
             return steady_after(crowd, late_in(landings))
         return max(float(np.quantile(landings[name].time, LATE)) for name in self.scene.fraction)
 
-    def fly(self, span: float | None = None) -> Film:
-        """``span`` (s) of the machine's time, by default as long as the slowest granules fly."""
+    def work(self, span: float | None) -> Work[Film]:
+        """A film of ``span`` (s) of the machine's time, by default as long as the slowest granules fly."""
         lasting = self.start_up if span is None else span
         rate = self.scene.feed.mass_flow, self.scene.feed.depth, self.scene.mass_shares()
         crowd = None if self.plan.crowd is None else (repr(self.plan.crowd), repr(self.scene.collisions))
-        work, key = partial(self._work, lasting), (lasting, rate, crowd, code_of(*CODE))
-        folder = self.tracks.make("film", work, *key, slab=crowd is not None)
+        key = lasting, rate, crowd, code_of(*CODE)
+        return Work(key, partial(self._fly, lasting), self._read, meet=crowd is not None)
+
+    def _read(self, folder: Path) -> Film:
         kept = json.loads((folder / FILE).read_text())
         paths = {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in self.scene.fraction}
         return Film(**kept, paths=paths)
 
-    def _work(self, span: float, folder: Path) -> None:
+    def _fly(self, span: float, folder: Path) -> None:
         crowd = self.plan.crowd
         film, flown = self._alone(span) if crowd is None else self._slab(span, crowd)
         for name, tracks, grains in flown:

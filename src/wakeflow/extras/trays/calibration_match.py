@@ -11,12 +11,11 @@ import numpy as np
 
 from ...answer.budget.agreement import DISAGREES, Agreement
 from ...answer.budget.budget import fly_again, make_budget
-from ...answer.budget.inputs import UNKNOWN
 from ...answer.budget.source import Flights
 from ...answer.joint import JointAnswer
 from ...answer.result import Request, Result
 from ...answer.separation import acting, responses
-from ...core.errors import SceneError, known
+from ...core.errors import SceneError
 from ...core.quantities import say
 from ...planning.stage_cache import Listener
 from ...planning.unknowns import Unknown, unknown_kinds
@@ -53,7 +52,7 @@ def _flown(
     request = Request(None, result.options.rung, result.options.force, result.options.target_error)
     scene = Scene.parse(result.scene)
     pipeline, poured = stages_of(scene.replace(dict(changes)) if changes else scene, request, workers, listener)
-    flights = fly_again(Flights(pipeline, pipeline.tracks(), pipeline.crowd()))
+    flights = fly_again(Flights.begun(pipeline))
     return flights, OneRun(scene, pipeline, poured, result.folder, result.options, redraw=False, report=True)
 
 
@@ -62,7 +61,7 @@ def matched(result: Result, measured: Measured, discrepancy: float, workers: int
     change of them that does.
     """
     flights, one_run = _flown(result, {}, workers, listener)
-    if flights.of(UNKNOWN) is None:
+    if not flights.draws.unknowns:
         raise SceneError("calibrate: every number of the scene is exact; say how well they are known, [uncertainty]")
     joint, _ = make_budget(flights)
     agreement = agreement_with(joint, measured, discrepancy)
@@ -89,7 +88,7 @@ def _grown(flights: Flights, joint: JointAnswer, agreement: Agreement) -> Iterat
     """Inputs and uncertainties that are tried, the least growth first: those that move the granules most of the tray
     that is farthest off.
     """
-    draws = known(flights.of(UNKNOWN))
+    draws = flights.draws
     worst = max(agreement.trays, key=lambda tray: abs(tray.pull)).fraction
     how = responses(flights.pipeline.scene, draws)
     moves: dict[int, float] = {}

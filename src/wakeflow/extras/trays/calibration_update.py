@@ -18,16 +18,15 @@ from numpy.typing import NDArray
 
 from ...answer.budget.agreement import RARE, Agreement, agreement_of, inverse_of, weights_in
 from ...answer.budget.budget import make_budget
-from ...answer.budget.inputs import UNKNOWN
 from ...answer.budget.source import Flights
 from ...answer.draws import DRAWS, LACK, column, less_at_ends, tied_root
 from ...answer.joint import JointAnswer, bounded
 from ...answer.response import Response
 from ...answer.separation import change_of, responses
-from ...core.errors import known
 from ...core.lazy import cached_property
 from ...core.number import Number
 from ...flight.stages.input_samples import DrawnLandings, Ensemble, InputSamples
+from ...flight.stages.reruns import InputRerun
 from ...planning.unknowns import FARTHEST, Unknown, unknown_kinds
 from ...scene.measured import Measured
 from .tempering import Likelihood, tempered
@@ -107,7 +106,7 @@ def updated(flights: Flights, measured: Measured, discrepancy: float = DISCREPAN
 
     Raises SceneError for a tray of a fraction or bin that there is not.
     """
-    draws = known(flights.of(UNKNOWN))
+    draws = flights.draws
     joint, _ = make_budget(flights)
     agreement, model = agreement_with(joint, measured, discrepancy), _Model.of(flights, joint, draws, discrepancy)
     start = columns_of(joint)
@@ -115,7 +114,7 @@ def updated(flights: Flights, measured: Measured, discrepancy: float = DISCREPAN
     while rounds < MOST_ROUNDS and not stands:
         z = model.inputs(found)
         mean, spread = z.mean(axis=0), np.atleast_2d(np.cov(z.T))
-        more = known(flights.pipeline.draws(Ensemble(mean, _wide_enough(spread)).joined))
+        more = flights.pipeline.run(InputRerun(joined=Ensemble(mean, _wide_enough(spread)).joined))
         flown = _joined(model.flown, more)
         model = replace(model, flown=flown, how=responses(flights.pipeline.scene, flown, joint.cells))
         found, rounds = tempered(model.likelihood(measured), start), rounds + 1
@@ -173,16 +172,16 @@ class _Model:
 
     def inputs(self, draws: Array) -> Array:
         """The inputs (n, keys) of ``draws``, in standard deviations, that move together by their ties."""
-        return np.clip(known(self.flights.ties).joined(draws[:, : len(self.joint.keys)]), -FARTHEST, FARTHEST)
+        return np.clip(self.flights.ties.joined(draws[:, : len(self.joint.keys)]), -FARTHEST, FARTHEST)
 
     def changes(self, z: Array, *, by_bin: bool) -> tuple[Array, Array]:
         """What inputs ``z`` (n, keys) change (n, fractions, cells), or ``by_bin`` (n, fractions, bins + 1), and the
         standard deviation (n, fractions) of its lack of fit.
         """
-        among, scene = self.flights.among, self.flights.pipeline.scene
+        scene = self.flights.pipeline.scene
         moved, doubts = [], []
         for name in self.joint.fractions:
-            factor = 1.0 if among is None else among.factor(name)
+            factor = self.flights.factors.get(name, 1.0)
             change, doubt = change_of(scene, self.flown.unknowns, name, self.how[name], z, by_bin=by_bin)
             moved.append(factor * change)
             doubts.append(factor * doubt)
@@ -211,7 +210,7 @@ class _Model:
             shares = bounded(value + change + self.errors(draws, doubt, value + change))
             off = measured.shares - shares.reshape(len(draws), -1) @ weights.T
             found = -0.5 * np.einsum("ni,ij,nj->n", off, inverse, off)
-            return np.where(known(self.flights.ties).kept(z), found, -np.inf)
+            return np.where(self.flights.ties.kept(z), found, -np.inf)
 
         return likely
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Thread
@@ -72,7 +72,7 @@ class Compilation:
             self.children |= {kernel: _in_child(kernel, log) for kernel, log in logs.items()}
 
     def make(
-        self, cache: StageCache, name: str, key: str, work: Callable[[Path], object], begun: Path | None = None, *,
+        self, cache: StageCache, name: str, key: str, work: Callable[[Path], object], begun: Sequence[Path] = (), *,
         slab: bool = False,
     ) -> Path:  # fmt: skip
         """The folder of a stage in which granules fly, as :meth:`StageCache.make`; where they must fly now the kernels

@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,7 +23,6 @@ from ...laws.size import normal_points
 from ...laws.turbulence import entering_energy
 from ...planning.dependence import Dependence, correlated, dependence
 from ...planning.plan import INPUT_SAMPLES, REPLICATES, SAME_AIR, replicate_size
-from ...planning.stage_cache import code_of
 from ...planning.unknowns import FARTHEST, Unknown, unknowns, variation_at
 from ...scene.variation import AirVariation, Variation
 from .landings import BLOCKS, block_of
@@ -33,7 +31,7 @@ if TYPE_CHECKING:
     from ...air.kinds.realisations import Realisations
     from ...scene import Scene
     from .landings import Tracked
-    from .track_stage import TrackStage
+    from .reruns import TrackStage
 
 CODE = "flight.stages.input_samples", "air.field.combined"  # what computes it
 
@@ -63,6 +61,9 @@ class InputSamples:
     z: Array
     varied: Mapping[str, DrawnLandings]
     own: Mapping[str, DrawnLandings]
+
+
+NOT_DRAWN = InputSamples((), np.zeros((INPUT_SAMPLES, 0)), {}, {})  # where everything is known exactly
 
 
 @dataclass(frozen=True)
@@ -130,24 +131,17 @@ class DrawStage:
             kept_draws += list(z[ties.kept(z)])
         return np.array(kept_draws)
 
-    def fly(self) -> InputSamples | None:
-        """The draws, from the cache or flown; None where everything is known exactly."""
-        if not self.unknowns:
-            return None
-        stage = self.tracks
-        tolerance = stage.scene.numerics.tolerance
-        known = [[unknown.key, unknown.kind, unknown.value, unknown.low, unknown.high] for unknown in self.unknowns]
-        work = partial(self._fly_all, stage.fly())  # whose granules these are
-        folder = stage.make("draws", work, tolerance, known, self.design.tolist(), code_of(*CODE))
+    def read(self, folder: Path) -> InputSamples:
+        """What :meth:`fly_all` kept in a folder."""
         with np.load(folder / "draws.npz") as data:
-            names = list(stage.scene.fraction)
+            names = list(self.tracks.scene.fraction)
             varied, answer = (
                 {name: DrawnLandings(data[f"{which}.{name}.position"], data[f"{which}.{name}.bin"]) for name in names}
                 for which in ("varied", "own")
             )
         return InputSamples(tuple(self.unknowns), self.design, varied, answer)
 
-    def _fly_all(self, tracked: Tracked, folder: Path) -> None:
+    def fly_all(self, tracked: Tracked, folder: Path) -> None:
         """All draws, those of one air by one thread: granules of a draw are too few for several."""
         columns: dict[str, list[AnyArray]] = {}
         pool = ThreadPoolExecutor(self.tracks.workers)

@@ -1,7 +1,7 @@
 """mesh -> airflow -> field -> tracks -> slab: every stage cached, each reading only what is before it.
 
 The airflow and its field are a ``FlownAir`` (``air.kinds.airflow_kinds``), which ``airs`` makes by the plan; the tracks
-belong to ``track_stage``, granules that meet each other to ``slab_stage``.
+and all that flies granules again belong to ``reruns``.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 from ...air.kinds.airflow_kinds import FlownAir
 from ...air.kinds.airflow_table import Airflow, FieldDivergence
+from ...core.errors import SceneError
 from ...core.lazy import cached_property
 from ...core.process import cores
-from ...core.store import Store, cache_root
+from ...core.store import Store, cache_root, content_key
 from ...core.tables import Columns
-from ...planning.dependence import Dependence
 from ...planning.feed_funnel import ENGINE, FunnelSummary, bead_engines
 from ...planning.plan import Plan
 from ...planning.stage_cache import Listener, StageCache, StageTimes, null_listener
@@ -26,15 +26,14 @@ from ...scene import Scene
 from .air_loading import AirLoading
 from .airs import Airs
 from .compilation import Compilation
-from .input_samples import DrawStage, InputSamples, Joined
-from .slab_stage import CollisionRerun, CollisionStage, SlabFound
-from .track_stage import ANSWER, PerturbedRerun, TrackStage
+from .reruns import ANSWER, CollisionStage, Found, PictureRerun, Rerun, SlabRerun, TrackStage, Work
 
 if TYPE_CHECKING:
     from ...air.field import FlowField
     from ...air.mesh import MeshSpec
     from ...scene import Picture
     from .landings import Tracked
+    from .slab_stage import SlabFound
 
 
 @dataclass
@@ -136,45 +135,45 @@ class Pipeline:
 
     @cached_property
     def track_stage(self) -> TrackStage:
-        return TrackStage(self.scene, self.plan, self.cache, self.air, self.compilation, self.workers or cores())
+        return TrackStage(self.scene, self.plan, self.cache, self.air, self.workers or cores())
 
     @property
     def tracks_key(self) -> str:
         """Everything the tracks depend on."""
         return self.track_stage.key
 
-    def tracks(self, rerun: PerturbedRerun = ANSWER) -> Tracked:
-        """Every granule's landing; of the first replicates' granules under a ``companion``'s change."""
-        return self.track_stage.fly(rerun)
+    def run(self, rerun: Rerun[Found]) -> Found:
+        """What a rerun of these granules in these airs finds, from the cache or flown."""
+        return self.made(rerun.name, rerun.on(self))
 
-    def draws(self, joined: Joined = Dependence.joined) -> InputSamples | None:
-        """Part of the granules under many draws of what nobody knows exactly, ``joined`` as the scene says or as an
-        ``Ensemble`` does; None where all is known.
-        """
-        return DrawStage(self.track_stage, joined).fly()
+    def made(self, name: str, work: Work[Found]) -> Found:
+        """The same of any ``work`` on these granules, a stage by ``name``."""
+        key = content_key(self.tracks_key, *work.key)
+        return work.read(self.compilation.make(self.cache, name, key, work.fly, work.begun, slab=work.meet))
+
+    def tracks(self) -> Tracked:
+        """Every granule's landing, each alone."""
+        return self.run(ANSWER)
 
     @cached_property
-    def _collision_stage(self) -> CollisionStage | None:
-        return None if self.plan.crowd is None else CollisionStage(self.track_stage, self.plan.crowd)
+    def collision_stage(self) -> CollisionStage:
+        """The slab. Raises SceneError where the plan has none."""
+        if self.plan.crowd is None:
+            raise SceneError("collisions: the plan has no granules meet; switch them on with --force collisions=on")
+        return CollisionStage(self, self.plan.crowd)
 
     @property
     def collisions_key(self) -> str:
         """Everything the slab depends on; empty where the plan has none."""
-        return "" if self._collision_stage is None else self._collision_stage.key
+        return "" if self.plan.crowd is None else self.collision_stage.key
 
-    def crowd(self, beside: SlabFound | None = None) -> SlabFound | None:
-        """The landings of granules that meet each other, of more replicates than ``beside``; None where the plan has no
-        slab.
-        """
-        return None if self._collision_stage is None else self._collision_stage.fly(beside)
-
-    def crowd_again(self, rerun: CollisionRerun) -> tuple[SlabFound, ...]:
-        """The same of some replicates with one thing changed; nothing where the plan has no slab."""
-        return () if self._collision_stage is None else (self._collision_stage.fly_again(rerun),)
+    def crowd(self) -> SlabFound:
+        """The landings of granules that meet each other. Raises SceneError where the plan has no slab."""
+        return self.run(SlabRerun())
 
     def shown(self, picture: Picture) -> dict[str, list[Columns]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
-        return self.track_stage.shown(picture)
+        return self.run(PictureRerun("shown", picture)) if picture.flown[0] else {}
 
     def compile_in_background(self) -> None:
         """Have the tracker compiled by another process while this one waits for OpenFOAM."""

@@ -1,4 +1,4 @@
-"""The stage of the slab: granules that meet each other, flown in replicates of steady operation."""
+"""The slab: granules that meet each other, flown in replicates of steady operation."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, as_completed, wait
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +16,11 @@ from ... import flight as tracking
 from ...air.field import FlowField
 from ...air.kinds.realisations import Realisations
 from ...core.errors import SceneError
-from ...core.lazy import cached_property
 from ...core.process import cores
-from ...core.store import content_key
 from ...core.tables import save_arrays
 from ...laws.forces import forces
 from ...planning.collisions import CollisionPlan
 from ...planning.plan import Plan
-from ...planning.stage_cache import code_of
 from ...scene import Scene
 from ...scene.variation import AS_GIVEN, Variation
 from ..feed.feedstock import Feedstock
@@ -32,37 +28,10 @@ from ..feed.stream import SlabFeed, slab_stream
 from .fraction_flights import PATIENCE, landing_columns, passage, track_in
 from .landings import Landings
 
-if TYPE_CHECKING:
-    from .track_stage import TrackStage
-
 CODE = "flight.stages.slab_stage", "flight.stages.landings"  # what computes it
 
 
-# -- The stage of the slab ---------------------------------------------------------------------------------------------
-MIN_REPLICATES = 2  # replicates of a companion
-STEP_ERROR_PART = 0.3  # of the accuracy asked for: landing error (body widths) of a step of the slab (docs/model.md)
 SHARE_OF_SHIFT = 0.5  # share that changes its bin, about, over the mean shift of all landings (body widths)
-
-
-@dataclass(frozen=True)
-class CollisionRerun:
-    """Part of the replicates flown again with one thing changed; ``name`` among the stages, factor on the step of the
-    slab's clock, part of its depth that flies, what is added to the restitution and the friction of one granule on
-    another.
-    """
-
-    name: str
-    step: float = 1.0
-    depth: float = 1.0
-    restitution: float = 0.0
-    friction: float = 0.0
-
-    def applied(self, scene: Scene) -> Scene:
-        """The scene whose granules meet under this change."""
-        law = scene.collisions
-        restitution = min(1.0, max(0.0, law.restitution + self.restitution))
-        met = {"restitution": restitution, "friction": max(0.0, law.friction + self.friction)}
-        return scene.model_copy(update={"collisions": law.model_copy(update=met)})
 
 
 @dataclass(frozen=True)
@@ -81,62 +50,6 @@ class SlabFound:
     depth: float
     start_up: float
     folder: Path
-
-
-@dataclass
-class CollisionStage:
-    """The slab of one scene under one plan, which says of it what is in ``crowd``, through one airflow, in which its
-    ``tracks`` have flown alone before.
-    """
-
-    tracks: TrackStage
-    crowd: CollisionPlan
-
-    @cached_property
-    def start_up(self) -> float:
-        """Seconds until the slab is steady."""
-        return steady_after(self.crowd, late_in(self.tracks.fly().landings))
-
-    @property
-    def tolerance(self) -> float:
-        """Landing error (body widths) of a step of the slab's clock: shares feel SHARE_OF_SHIFT of it at most."""
-        return max(self.tracks.scene.numerics.tolerance, STEP_ERROR_PART * self.tracks.plan.target_error)
-
-    @cached_property
-    def key(self) -> str:
-        """Everything the slab's landings depend on."""
-        scene, crowd = self.tracks.scene, self.crowd
-        fed = scene.feed.mass_flow, scene.feed.depth, scene.mass_shares(), repr(scene.collisions)
-        flown = crowd.depth, crowd.tracers, crowd.operation, crowd.count, crowd.replicates
-        return content_key("crowd", self.tracks.key, self.tolerance, *fed, *flown, code_of(*CODE))
-
-    def flight(self, name: str = "slab") -> SlabFlight:
-        """What flies the slab under the ``name`` of a stage."""
-        stage = self.tracks
-        return SlabFlight(
-            stage.scene, stage.plan, stage.airs, self.crowd.depth, self.start_up, self.crowd.operation, self.tolerance,
-            workers=stage.workers, tell=partial(stage.cache.tell, name),
-        )  # fmt: skip
-
-    def fly(self, beside: SlabFound | None = None) -> SlabFound:
-        """As many replicates as fly in any case, all where each has an airflow of its own; or more ``beside`` those."""
-        if beside is not None:
-            return self._kept("slab", self.flight(), self.crowd.after(beside.replicates), begun=beside.folder)
-        alike = len(self.tracks.airs) == 1
-        return self._kept("slab", self.flight(), self.crowd.fewest if alike else self.crowd.replicates)
-
-    def fly_again(self, change: CollisionRerun) -> SlabFound:
-        """Some of the replicates under a ``change``."""
-        flight = replace(
-            self.flight(change.name), scene=change.applied(self.tracks.scene), part=change.depth,
-            step=change.step * self.fly().clock.step,
-        )  # fmt: skip
-        return self._kept(change.name, flight, max(MIN_REPLICATES, self.crowd.replicates // 4), vars(change))
-
-    def _kept(self, name: str, flight: SlabFlight, replicates: int, *key: object, **begun: Path) -> SlabFound:
-        work = partial(flight.fly_all, replicates=replicates)
-        folder = self.tracks.make(name, work, self.key, replicates, *key, slab=True, **begun)
-        return flight.load(folder, replicates)
 
 
 # -- The slab flown ----------------------------------------------------------------------------------------------------
