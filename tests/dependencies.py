@@ -1,5 +1,5 @@
-"""Every package that wakeflow and its tests need, as installed here: ``python tests/dependencies.py`` writes
-requirements.lock, which set-up installs, and the table of licences in docs/developing.md.
+"""Every package that wakeflow and its tests need, as installed here, with its licence: ``python tests/dependencies.py``
+writes requirements.lock, which set-up installs.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
-LOCK, PAGE = ROOT / "requirements.lock", ROOT / "docs" / "developing.md"
-BEGIN, END = "<!-- licences -->", "<!-- /licences -->"
+LOCK = ROOT / "requirements.lock"
 # GPL-3.0-or-later is this program's: what is linked or imported must allow to be passed on under it
 COMPATIBLE = re.compile(
     r"\b(MIT|BSD|0BSD|ISC|Apache|PSF|Python|MPL|Mozilla|Zlib|HPND|CC0|Unlicense|LGPL|GPL-3|GPLv3|GPLv2\+|PIL|Boost|WTFPL|"
@@ -65,29 +64,9 @@ def licence_of(made: Distribution) -> str:
     return said
 
 
-def lock_text(packages: dict[str, Distribution]) -> str:
-    """The lines of requirements.lock."""
-    lines = (f"{name}=={made.version}\n" for name, made in packages.items() if name != "wakeflow")
-    return HEAD.format(python=".".join(map(str, sys.version_info[:2]))) + "".join(lines)
-
-
-def licence_rows(packages: dict[str, Distribution]) -> list[str]:
-    """The rows of the page's table: the packages of each licence."""
-    by: dict[str, list[str]] = {}
-    for name, made in packages.items():
-        if name != "wakeflow":
-            by.setdefault(licence_of(made), []).append(name)
-    return [
-        f"| {licence} | {', '.join(names)} |" for licence, names in sorted(by.items(), key=lambda row: row[0].lower())
-    ]
-
-
 def main() -> None:
-    packages = needed()
-    LOCK.write_text(lock_text(packages))
-    table = "\n".join(["| licence | packages |", "|---|---|", *licence_rows(packages)])
-    page = PAGE.read_text()
-    PAGE.write_text(re.sub(f"{BEGIN}.*{END}", lambda _: f"{BEGIN}\n{table}\n{END}", page, flags=re.DOTALL))
+    lines = [f"{name}=={made.version}  # {licence_of(made)}\n" for name, made in needed().items() if name != "wakeflow"]
+    LOCK.write_text(HEAD.format(python=".".join(map(str, sys.version_info[:2]))) + "".join(lines))
 
 
 if __name__ == "__main__":

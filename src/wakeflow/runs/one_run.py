@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -95,7 +96,7 @@ class OneRun:
         pipeline, until = self.pipeline, self.request.until
         with background(self._ahead()):
             mesh, airflow = self._air()
-            flown = self._fly() if until in (None, "tracks") else None
+            flown = self.flights if until in (None, "tracks") else None
         if flown is not None and airflow is not None:  # what is known of the field that granules fly in
             airflow = replace(airflow, divergence=pipeline.divergence, truncation=pipeline.air.truncation)
         key, solver = self._key(flies=flown is not None), None if airflow is None else pipeline.air.solver
@@ -128,7 +129,8 @@ class OneRun:
         result = self._warned(result, flight_notices(pipeline.scene, pipeline, tracked, slab))
         return self.written(result, flown.landings)
 
-    def _fly(self) -> Flights:
+    @cached_property
+    def flights(self) -> Flights:
         """The granules' flights, with all that the sources of the budget fly again where the run goes on to shares."""
         if self.request.until is not None:
             return Flights(self.pipeline, self.pipeline.tracks())
@@ -291,8 +293,7 @@ def run(
     ``redraw`` draws a finished report anew; without ``report`` none is drawn, and a later call without that draws it.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
-    name = stem_name(Path(scene).stem) if isinstance(scene, Path | str) else "scene"
-    asked, folder = Scene.of(scene), Path("runs", name) if out is None else path_of(out, "out")
+    asked, folder = Scene.of(scene), folder_of(scene, out)
     request = Request.asked(until, rung, force, target_error, near)
     listener, planned = as_listener(listener, planned)
     once = partial(
@@ -309,7 +310,21 @@ def run(
     return once(Scene.parse(found.scene), report=True, refinement=found.refinement) if report else found
 
 
-def run_once(
+def folder_of(scene: Scene | Path | str, out: Path | str | None) -> Path:
+    """The folder ``out``, or runs/scene, or runs/ and the name of the scene's file."""
+    if out is not None:
+        return path_of(out, "out")
+    return Path("runs", stem_name(Path(scene).stem) if isinstance(scene, Path | str) else "scene")
+
+
+def run_once(scene: Scene, folder: Path, request: Request, **how: Any) -> Result:
+    """Run a scene as it is; ``how``: as of :func:`running`."""
+    with running(scene, folder, request, **how) as run:
+        return run.result()
+
+
+@contextmanager
+def running(
     scene: Scene,
     folder: Path,
     request: Request,
@@ -322,25 +337,27 @@ def run_once(
     refinement: Refinement | None = None,
     pdf: bool = False,
     made: Plan | None = None,
-) -> Result:
-    """Run a scene as it is; ``refinement``: how its settings came about; ``made``: its plan, where there is one."""
+) -> Iterator[OneRun]:
+    """The run of a scene as it is, in its folder, into which nobody else writes while the block runs; ``refinement``:
+    how its settings came about; ``made``: its plan, where there is one.
+    """
     from filelock import FileLock, Timeout
 
     _check(scene, folder, request, workers)
     made_folder(folder)
     try:
-        with FileLock(folder / LOCK, timeout=0), cache_in_use(cache_root()), one_thread_of_blas():
-            remove_drafts(folder)
-            remove_drafts(folder / "figures")
-            pipeline, poured = stages_of(scene, request, workers, listener, planned, made)
-            asked = as_blown(scene, pipeline)
-            result = OneRun(asked, pipeline, poured, folder, request, redraw, report, refinement, pdf).result()
-            if workers is None and request.near is None:  # all cores, from rest: as the plan expects it
-                spent = {stage: one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
-                learn(pipeline.store.root, pipeline.plan.stages, spent)
-            return result
+        lock = FileLock(folder / LOCK, timeout=0).acquire()
     except Timeout:
         raise SceneError(f"another run is writing to {folder}; wait for it or choose another --out") from None
+    with lock, cache_in_use(cache_root()), one_thread_of_blas():
+        remove_drafts(folder)
+        remove_drafts(folder / "figures")
+        pipeline, poured = stages_of(scene, request, workers, listener, planned, made)
+        asked = as_blown(scene, pipeline)
+        yield OneRun(asked, pipeline, poured, folder, request, redraw, report, refinement, pdf)
+        if workers is None and request.near is None:  # all cores, from rest: as the plan expects it
+            spent = {stage: one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
+            learn(pipeline.store.root, pipeline.plan.stages, spent)
 
 
 def _check(scene: Scene, folder: Path, request: Request, workers: int | None) -> None:

@@ -170,7 +170,7 @@ def _half(number: object) -> float:
 
 
 def _updated(told: Predicted, trays: Sequence[Tray]) -> Updated:
-    return updated(told.flights, Measured.of(trays))
+    return updated(told.flights, told.joint, Measured.of(trays))
 
 
 def _report(found: _Found, scenes: int, seconds: float) -> Report:

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from wakeflow.answer.draws import DRAWS, column
-from wakeflow.extras.trays.tempering import tempered
+from wakeflow.extras.trays.calibration_update import tempered
 
 Array = NDArray[np.float64]
 

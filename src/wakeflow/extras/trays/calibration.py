@@ -20,29 +20,27 @@ from numpy.typing import NDArray
 from ...answer.budget.agreement import Agreement, of_tray, weights_in
 from ...answer.budget.source import INPUTS
 from ...answer.joint import JointAnswer, Of, effects_in
-from ...answer.result import Calibration, Result, key_in
+from ...answer.result import Calibration, Request, Result
 from ...answer.shares import PERTURBED_RERUN, BudgetPart, BudgetRow, BudgetTotal, InputSummary, Separation
 from ...core import sums
 from ...core.errors import SceneError, known
-from ...core.files import atomic_write, made_folder, path_of, write_json
+from ...core.files import atomic_write, path_of, write_json
 from ...core.number import Number
 from ...core.record import to_json
-from ...core.store import cache_in_use, cache_root, content_key
+from ...core.store import content_key
 from ...core.tables import CellTable
 from ...laws.restitution import Restitution
 from ...planning.stage_cache import Listener
-from ...runs import run
+from ...runs.one_run import OneRun, folder_of, running
 from ...runs.planned import make_plan
 from ...runs.progress import as_listener
-from ...runs.run_stages import one_thread_of_blas
 from ...scene import Fraction, Scene
 from ...scene.fraction import MAX_COEFFICIENT
 from ...scene.measured import Measured, Tray, read_trays, trays_of_columns
 from ...scene.overrides import share_in
 from ...scene.rebound import Coefficient
-from ...scene.whole import States, switched
-from .calibration_match import Matched, matched
-from .calibration_update import DISCREPANCY, Updated, half_of, left_by
+from ...scene.whole import States
+from .calibration_update import DISCREPANCY, Matched, Updated, half_of, left_by, matched
 
 if TYPE_CHECKING:
     from ...planning.plan import Plan
@@ -136,24 +134,22 @@ def calibrate(
 
     Raises SceneError for wrong input.
     """
-    asked, trays, missed = Scene.of(scene), _trays_of(measured), share_in(discrepancy, "discrepancy")
+    asked, trays, missed = Scene.of(scene), Measured.of(_trays_of(measured)), share_in(discrepancy, "discrepancy")
     if not 0.0 < missed <= 0.5:
         raise SceneError(f"discrepancy = {discrepancy!r}: needs a share above 0, at most 0.5; no model is exact")
-    found = Measured.of(trays)
-    found.weights([(f, b) for f in asked.fraction for b in (*asked.bin, "elsewhere")], asked.mass_shares())
-    heard, planned = as_listener(listener, planned)
-    if why := make_plan(asked, rung=rung, force=switched(force)).why_void:
+    trays.weights([(f, b) for f in asked.fraction for b in (*asked.bin, "elsewhere")], asked.mass_shares())
+    source = Path(measured).name if isinstance(measured, Path | str) else MEASURED_SHARES
+    listener, planned = as_listener(listener, planned)
+    request, folder = Request.asked(rung=rung, force=force), folder_of(scene, out)
+    if why := make_plan(asked, rung=rung, force=request.force).why_void:
         raise SceneError(f"calibrate: the answer would be void: {why}")
-    if out is not None:
-        _claim(path_of(out, "out"))
-    result = run(scene, out, rung=rung, force=force, workers=workers, listener=heard, planned=planned, report=False)
-    if result.void:
-        raise SceneError(f"calibrate: the answer of {result.folder} is void, {result.warnings[0]}")
-    with cache_in_use(cache_root()), one_thread_of_blas():
-        agreed = matched(result, found, missed, workers, heard)
-        source = Path(measured).name if isinstance(measured, Path | str) else MEASURED_SHARES
-        posterior = _posterior(result, agreed, found, source)
-    _write(posterior, agreed)
+    _claim(folder)
+    with running(asked, folder, request, workers=workers, listener=listener, planned=planned, report=False) as run:
+        result = run.result()
+        if result.void:
+            raise SceneError(f"calibrate: the answer of {folder} is void, {result.warnings[0]}")
+        posterior = _posterior(result, matched(run, result.joint, trays, missed), trays, source)
+        _write(posterior, replace(run, report=True))
     return posterior
 
 
@@ -229,9 +225,9 @@ def measure_next_after(after: JointAnswer, most: int = 5) -> list[tuple[str, flo
 
 
 def _posterior(before: Result, agreed: Matched, measured: Measured, source: str) -> Posterior:
-    update = agreed.update
-    if update is None:
+    if not agreed.updates:
         return Posterior(before.folder, before, agreed.agreement, agreed.conflict, source)
+    [update] = agreed.updates
     landings, own, inputs = known(before.landings), update.after.own, inputs_after(update)
     separation = _numerical(own.separation(), landings.separation)
     summary = {
@@ -292,11 +288,9 @@ def _claim(folder: Path) -> None:
     sums.refuse_changed(folder / MATERIALS, COMMAND)
 
 
-def _write(found: Posterior, agreed: Matched) -> None:
-    """The tables and the picture of a calibration, and the calibrated answer as that of a run, into its folder."""
-    _claim(made_folder(found.folder))
-    if key_in(found.folder) not in (None, found.before.key):
-        raise SceneError(f"{found.folder} holds another answer now; the same command calibrates it")
+def _write(found: Posterior, run: OneRun) -> None:
+    """The tables and the picture of a calibration, and the calibrated answer as that of its run, into its folder."""
+    _claim(found.folder)
     with sums.writing(found.folder, lambda: _files(found.folder), COMMAND):
         _write_tables(found, found.folder)
         materials = found.folder / MATERIALS
@@ -306,7 +300,7 @@ def _write(found: Posterior, agreed: Matched) -> None:
             with sums.replacing(materials, COMMAND) as draft:
                 found.save(draft)
     answer = found.before if found.result is None else found.result
-    agreed.run.written(answer.with_joint(answer.joint), agreed.flights.landings)
+    run.written(answer.with_joint(answer.joint), run.flights.landings)
 
 
 def _write_tables(found: Posterior, folder: Path) -> None:

@@ -1,35 +1,44 @@
 """What measured shares say of all shares and inputs: the draws of the joint answer that are as measured.
 
 Draws of the inputs and of all other errors go from what was known before to what the trays leave of it by a sequential
-Monte Carlo (:mod:`.tempering`); the shares of a draw follow from its inputs by the response. About the inputs that come
-out granules are flown again, and the response is made anew of all flights, until that moves the inputs no more.
+Monte Carlo; the shares of a draw follow from its inputs by the response. About the inputs that come out granules are
+flown again, and the response is made anew of all flights, until that moves the inputs no more.
 
 Next to the inputs the model has errors of its own, which no measurement takes away: each share has a *discrepancy*, so
-that many exact trays do not make an input known beyond what the model bears.
+that many exact trays do not make an input known beyond what the model bears. Where the numbers as stated cannot reach
+the trays, the least change of them that does is looked for, and then a larger miss of the model.
+
+In the Monte Carlo the likelihood comes in by powers that grow from 0 to 1, each as far as half of the draws still
+count; the draws are taken anew by their weights, and moved (Del Moral, Doucet & Jasra 2006, J. R. Stat. Soc. B 68,
+411). A move is proposed in turn from a normal distribution that is fitted to the draws, and as a step from where a draw
+is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...answer.budget.agreement import RARE, Agreement, agreement_of, inverse_of, weights_in
-from ...answer.budget.budget import make_budget
+from ...answer.budget.agreement import DISAGREES, RARE, Agreement, agreement_of, inverse_of, weights_in
+from ...answer.budget.budget import fly_again, make_budget
 from ...answer.budget.source import Flights
 from ...answer.draws import DRAWS, LACK, column, less_at_ends, tied_root
 from ...answer.joint import JointAnswer, bounded
 from ...answer.response import Response
-from ...answer.separation import change_of, responses
+from ...answer.separation import acting, change_of, responses
+from ...core.errors import SceneError
 from ...core.lazy import cached_property
 from ...core.number import Number
+from ...core.quantities import say
 from ...flight.stages.input_samples import DrawnLandings, Ensemble, InputSamples
 from ...flight.stages.reruns import InputRerun
 from ...planning.unknowns import FARTHEST, Unknown, unknown_kinds
+from ...runs.one_run import OneRun
+from ...runs.run_stages import stages_of
 from ...scene.measured import Measured
-from .tempering import Likelihood, tempered
 
 Array = NDArray[np.float64]
 DISCREPANCY = 0.02  # half of the 95 % interval by which the model itself may miss a share of a half. Chosen
@@ -39,7 +48,17 @@ MOST_ROUNDS = 5  # of flights
 STANDS = 0.25  # standard deviations by which an input may still move at the end
 NARROWEST = 0.5  # standard deviations of the first range: narrower draws would show nothing but noise
 TINY = 1e-10  # of the largest eigenvalue: a combination of trays that is known no better is no test of its own
-HALVINGS = 20  # of the range in which the least discrepancy is looked for
+HALVINGS = 30  # of a range in which a number is looked for
+GROWN = (3.0, 10.0, np.inf)  # times the stated uncertainty that are tried where trays contradict it; at most the span
+LIKELIEST = 3  # inputs that are tried
+UNLIMITED = 5.0  # times a number without a largest value, to which its uncertainty may grow
+Likelihood = Callable[[Array], Array]  # of draws (n, d): its logarithm (n,)
+SEED = 20110  # of resampling and moves: any, but always the same
+ENOUGH = 0.5  # of the draws must count after a power
+MOVES = 4  # after each power
+LAST = 8  # and after the last
+ACCEPTED = 0.3  # part of the steps that is aimed at
+RIDGE = 1e-6  # added to variances of draws
 
 
 @dataclass(frozen=True)
@@ -101,13 +120,13 @@ def least_discrepancy(joint: JointAnswer, measured: Measured, first: float) -> f
     return high
 
 
-def updated(flights: Flights, measured: Measured, discrepancy: float = DISCREPANCY) -> Updated:
-    """What ``measured`` says of the shares of ``flights`` and of their inputs, not all of which are known exactly.
+def updated(flights: Flights, joint: JointAnswer, measured: Measured, discrepancy: float = DISCREPANCY) -> Updated:
+    """What ``measured`` says of the ``joint`` answer of ``flights`` and of their inputs, not all of which are known
+    exactly.
 
     Raises SceneError for a tray of a fraction or bin that there is not.
     """
     draws = flights.draws
-    joint, _ = make_budget(flights)
     agreement, model = agreement_with(joint, measured, discrepancy), _Model.of(flights, joint, draws, discrepancy)
     start = columns_of(joint)
     found, rounds, stands = tempered(model.likelihood(measured), start), 1, False
@@ -257,7 +276,153 @@ def _wide_enough(spread: Array) -> Array:
     return np.asarray((ways * np.maximum(sizes, NARROWEST**2)) @ ways.T)
 
 
-# -- what trays would leave, whatever they show ------------------------------------------------------------------------
+# -- What agrees with the trays ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Matched:
+    """What the trays say (``updates``: one, or none where nothing agrees with them); their ``agreement`` with what the
+    scene says; what must be otherwise (``conflict``).
+    """
+
+    updates: tuple[Updated, ...]
+    agreement: Agreement
+    conflict: str = ""
+
+
+def matched(run: OneRun, joint: JointAnswer, measured: Measured, discrepancy: float) -> Matched:
+    """The update of a finished ``run`` with its ``joint`` answer, under the numbers as stated where these agree with
+    the trays, else under the least change of them that does.
+    """
+    flights = run.flights
+    if not flights.draws.unknowns:
+        raise SceneError("calibrate: every number of the scene is exact; say how well they are known, [uncertainty]")
+    agreement = agreement_with(joint, measured, discrepancy)
+    if agreement.verdict != DISAGREES:
+        return Matched((updated(flights, joint, measured, discrepancy),), agreement)
+    for unknown, half in _grown(flights, joint, agreement):
+        run.pipeline.listener("calibrate", f"trying {unknown.key} +- {half:.3g}")
+        wider = _wider(run, unknown.key, half)
+        known_worse, _ = make_budget(wider)
+        if agreement_with(known_worse, measured, discrepancy).verdict != DISAGREES:
+            update = updated(wider, known_worse, measured, discrepancy)
+            return Matched((update,), agreement, _must_grow(unknown, update))
+    least = least_discrepancy(joint, measured, discrepancy)
+    if least is None:
+        text = "No input of the scene and no miss of the model that would be believed explains the trays."
+        return Matched((), agreement, text)
+    text = (
+        f"The model itself would have to miss shares by up to {100 * least:.2g} points, where {100 * discrepancy:.2g} "
+        "are taken."
+    )
+    return Matched((updated(flights, joint, measured, least),), agreement, text)
+
+
+def _wider(run: OneRun, key: str, half: float) -> Flights:
+    """The flights of a ``run`` whose input ``key`` is known within +- ``half``; what there is comes from the cache."""
+    pipeline = run.pipeline
+    scene = run.asked.replace({f"uncertainty.{key}": half})
+    pipeline, _ = stages_of(scene, run.request, pipeline.workers, pipeline.listener)
+    return fly_again(Flights(pipeline, pipeline.tracks(), pipeline.crowd()))
+
+
+def _grown(flights: Flights, joint: JointAnswer, agreement: Agreement) -> Iterator[tuple[Unknown, float]]:
+    """Inputs and uncertainties that are tried, the least growth first: those that move the granules most of the tray
+    that is farthest off.
+    """
+    draws = flights.draws
+    worst = max(agreement.trays, key=lambda tray: abs(tray.pull)).fraction
+    how = responses(flights.pipeline.scene, draws)
+    moves: dict[int, float] = {}
+    for name in [worst] if worst is not None else list(joint.fractions):
+        for place, weight in zip(acting(draws.unknowns, name), how[name].weight, strict=True):
+            moves[place] = moves.get(place, 0.0) + float(weight)
+    likely = sorted(moves, key=lambda place: -moves[place])[:LIKELIEST]
+    tried: set[tuple[str, float]] = set()
+    for times in GROWN:
+        for one in (draws.unknowns[place] for place in likely):
+            half = min(times * max(one.low, one.high), _most(one))
+            if half > max(one.low, one.high) and (one.key, half) not in tried:
+                tried.add((one.key, half))
+                yield one, half
+
+
+def _most(one: Unknown) -> float:
+    """The largest half of an interval that says anything of a number."""
+    low, high = unknown_kinds[one.kind].span
+    return max(one.value - low, high - one.value) if np.isfinite(high) else UNLIMITED * abs(one.value)
+
+
+def _must_grow(one: Unknown, update: Updated) -> str:
+    found = update.known([other.key for other in update.unknowns].index(one.key))
+    unit = one.unit
+    stated = f"{say(one.value, unit, 3)} +- {say(max(one.low, one.high), unit, 2)}"
+    return (
+        f"{one.key} would have to be {say(found.value, unit, 3)} ({say(found.low, unit, 3)} to "
+        f"{say(found.high, unit, 3)}); the scene says {stated}."
+    )
+
+
+# -- Draws from before to after a measurement --------------------------------------------------------------------------
+
+
+def tempered(likely: Likelihood, draws: Array) -> Array:
+    """Draws (n, d) of the posterior, from ``draws`` (n, d) of independent standard normal numbers."""
+    chance = np.random.default_rng(SEED)
+    found, own = draws.copy(), likely(draws)
+    power, scale = 0.0, 2.38 / np.sqrt(draws.shape[1])
+    while power < 1.0:
+        step = _step(own, 1.0 - power)
+        rows = _resampled(step * own, chance)
+        found, own, power = found[rows], own[rows], power + step
+        for move in range(LAST if power >= 1.0 else MOVES):
+            found, own, scale = _move(likely, found, own, power, scale, move, chance)
+    return found
+
+
+def _step(gain: Array, most: float) -> float:
+    """The largest step of the power, ``most`` at most, after which enough draws count."""
+
+    def count(step: float) -> float:
+        weight = np.exp(step * (gain - gain.max()))
+        return float(weight.sum() ** 2 / (weight**2).sum()) / len(gain)
+
+    if count(most) >= ENOUGH:
+        return most
+    low, high = 0.0, most
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if count(middle) >= ENOUGH else (low, middle)
+    return high
+
+
+def _resampled(weight: Array, chance: np.random.Generator) -> NDArray[np.int64]:
+    """Rows by their weights, given as logarithms (systematic resampling)."""
+    part = np.exp(weight - weight.max())
+    reached = np.cumsum(part / part.sum())
+    return np.searchsorted(reached, (np.arange(len(part)) + chance.random()) / len(part)).clip(0, len(part) - 1)
+
+
+def _move(
+    likely: Likelihood, draws: Array, own: Array, power: float, scale: float, move: int, chance: np.random.Generator
+) -> tuple[Array, Array, float]:
+    """One move of every draw, and the scale of the next step."""
+    mean, spread = draws.mean(axis=0), np.atleast_2d(np.cov(draws.T)) + RIDGE * np.eye(draws.shape[1])
+    root, noise = np.linalg.cholesky(spread), chance.standard_normal(draws.shape)
+    anywhere = move % 2 == 0
+    there = mean + noise @ root.T if anywhere else draws + scale * noise @ root.T
+    new = likely(there)
+    gain = power * (new - own) - 0.5 * ((there**2).sum(axis=1) - (draws**2).sum(axis=1))
+    if anywhere:
+        back = np.linalg.solve(root, (draws - mean).T)
+        gain += 0.5 * ((noise**2).sum(axis=1) - (back**2).sum(axis=0))
+    taken = np.log(chance.random(len(draws))) < gain
+    if not anywhere:
+        scale *= float(np.exp(taken.mean() - ACCEPTED))
+    return np.where(taken[:, None], there, draws), np.where(taken, new, own), scale
+
+
+# -- What trays would leave, whatever they show ------------------------------------------------------------------------
 def left_by(joint: JointAnswer, wanted: Array, weights: Array, noise: Array, key: str = "") -> float:
     """Half of the 95 % interval of a number ``wanted`` (DRAWS,) that is left once ``weights`` (n, shares) of all shares
     are measured with the covariance ``noise`` (n, n), whatever they show: the part of its draws that does not go with
