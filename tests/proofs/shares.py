@@ -66,7 +66,9 @@ def compare_shares(
     own = pipeline.field[1]
     with tempfile.TemporaryDirectory(prefix="wakeflow-peer-") as room:
         tell("meshing the channel for OpenFOAM's parcels")
-        foam = make_foam_interpolant(own, pipeline.mesh_spec, scene.channel.top, scene.channel.bottom, Path(room))
+        foam = make_foam_interpolant(
+            own, pipeline.air.in_case.mesh_spec, scene.channel.top, scene.channel.bottom, Path(room)
+        )
         for name, (fraction, changes) in FRACTIONS.items():
             tell(f"{name}: ours")
             case = benchmark_case(name, "steady", scene, foam.field, count, (fraction, changes))

@@ -165,7 +165,7 @@ def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iter
         length = suction.reversal_length or 0.0
         turned = f"the reversed flow behind the body is {1e3 * length:.3g} mm long" if length else "no air turns back"
         yield information(f"the suction zone (Cp < -0.5) spans the channel, since the body narrows it; {turned}")
-    channel, spec = scene.channel, pipeline.mesh_spec
+    channel, spec = scene.channel, pipeline.air.in_case.mesh_spec
     if spec.top > channel.top + LONGER or spec.bottom < channel.bottom - LONGER:
         yield information(
             f"the air is computed in a longer channel, y from {1e3 * spec.bottom:.0f} to {1e3 * spec.top:.0f} mm, so "

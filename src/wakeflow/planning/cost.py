@@ -203,20 +203,20 @@ def expected_stages(
     return tuple(replace(cost, memory=memory_of(work, cost.key)) for cost in found)
 
 
-def flown_again(work: Workload, name: str, times: float, label: AirLabel = OWN, *, more: float = 0.0) -> StageCost:
-    """The cost of a stage in which the granules of a comparison fly ``times`` again, in the answer's own airflow or
-    that with the ``label``; ``more``: seconds of anything else.
+def flown_again(
+    work: Workload, name: str, times: float, label: AirLabel = OWN, *, more: float = 0.0
+) -> Iterator[StageCost]:
+    """The cost of a stage in which the granules of a comparison fly ``times`` again, or of one that takes so many times
+    as long as the slab, where there is one; in the answer's own airflow or that with the ``label``; ``more``: seconds
+    of anything else.
     """
-    ahead = label != OWN and work.airflow.stepping is not None
-    compared = _flown(work, _fed(work.scene) * COMPARED // REPLICATES) - EACH_STAGE
-    seconds = EACH_STAGE + more + compared * times
-    return StageCost(StageKey(label, name), seconds, "beside" if ahead else "after")
-
-
-def slab_again(work: Workload, name: str, part: float, label: AirLabel = OWN) -> Iterator[StageCost]:
-    """The cost of a stage that takes this part of the slab's time, where there is one."""
-    if work.crowd is not None:
-        yield StageCost(StageKey(label, name), part * _slab_seconds(work, work.crowd), "after")
+    key = StageKey(label, name)
+    if key.stage.work == FLIGHTS:
+        ahead = label != OWN and work.airflow.stepping is not None
+        compared = _flown(work, _fed(work.scene) * COMPARED // REPLICATES) - EACH_STAGE
+        yield StageCost(key, EACH_STAGE + more + compared * times, "beside" if ahead else "after")
+    elif work.crowd is not None:
+        yield StageCost(key, times * _slab_seconds(work, work.crowd), "after")
 
 
 def _pouring(work: Workload) -> Iterator[StageCost]:

@@ -84,11 +84,6 @@ class Workload(NamedTuple):
     effort: float
 
 
-def _nothing(work: Workload) -> Iterable[StageCost]:
-    del work
-    return ()
-
-
 @dataclass(frozen=True)
 class Stage:
     """A stage by its ``name``; as it is by default, one in which granules fly again.
@@ -101,7 +96,7 @@ class Stage:
     work: str = FLIGHTS
     scaling: Scaling = Scaling.FLIGHTS
     heading: str = "companions"
-    cost: Callable[[Workload], Iterable[StageCost]] = _nothing
+    cost: Callable[[Workload], Iterable[StageCost]] = lambda _: ()
 
 
 stages: Registry[Stage] = Registry("stage")

@@ -279,8 +279,8 @@ def solved_before(scene: Scene, plan: Plan) -> frozenset[str]:
         return frozenset()
     known = Pipeline(plan.airflow.flown(scene), plan, store=FinishedStages(cache_root()))
     try:
-        for one in reversed(known.grids):
-            _ = one.solution
+        for grid in reversed(known.grids):
+            _ = grid.air.in_case.solution
     except NotFinished:  # perhaps after some of the passes of the granules' force, whose names are the same
         return frozenset(name for name in known.seconds if StageKey.of(name).heading != "air loading")
     return frozenset(known.seconds)

@@ -81,7 +81,7 @@ class Moved(NamedTuple):
 def moved(scene: wf.Scene, draws: Sequence[int]) -> Iterator[tuple[str, Moved, float]]:
     """What the numbered ``draws`` change of each fraction's shares, and the factor that is taken for it."""
     pipeline = piped(scene, force=MEET)
-    crowd, tracked, stage, bins = pipeline.crowd(), pipeline.tracks(), DrawStage(pipeline.track_stage), len(scene.bin)
+    crowd, tracked, stage, bins = pipeline.crowd(), pipeline.tracks(), DrawStage(pipeline), len(scene.bin)
     size = replicate_size(scene.feed.count)
     meet: dict[str, list[Array]] = {name: [] for name in scene.fraction}
     alone: dict[str, list[Array]] = {name: [] for name in scene.fraction}

@@ -123,7 +123,7 @@ def plane(scene: wf.Scene, *, loaded: bool = False) -> Iterator[Column]:
 def deep(scene: wf.Scene, *, loaded: bool = False) -> Column:
     """The airflow in three dimensions."""
     pipeline = pipeline_at(scene, "3d", loaded=loaded)
-    case, airs = pipeline.solution[1] / "case", pipeline.air.realisations
+    case, airs = pipeline.air.in_case.solution[1] / "case", pipeline.air.realisations
     fields = [made for i in range(len(airs)) if (made := airs.make(i)) is not None]
     return Column("3D", pipeline.airflow, fields, (core_seconds(case) + core_seconds(case / "span")) / 3600)
 

@@ -77,7 +77,7 @@ def run_benchmark(folder: Path, *, slow: bool = False, tell: Tell = lambda _: No
     with tempfile.TemporaryDirectory(prefix="wakeflow-peer-") as room:
         tell("meshing the channel for everybody")
         foam = make_foam_interpolant(
-            pipeline.field[1], pipeline.mesh_spec, scene.channel.top, scene.channel.bottom, Path(room)
+            pipeline.field[1], pipeline.air.in_case.mesh_spec, scene.channel.top, scene.channel.bottom, Path(room)
         )
         for kind in KINDS:
             case = benchmark_case(kind, "steady", scene, foam.field, COUNT)
@@ -114,7 +114,7 @@ def all_forces(steady: FlowField, slow: bool, tell: Tell) -> tuple[list[Table], 
     if slow:
         pipeline = Pipeline(scene, make_plan(scene), _listener(tell))
         airs = {"steady": pipeline.steady.field[1], "time-resolved": pipeline.field[1]}
-        case = cloud.SolvedCase.of(pipeline.solution[1] / "case", airs["time-resolved"])
+        case = cloud.SolvedCase.of(pipeline.air.in_case.solution[1] / "case", airs["time-resolved"])
     rows, asked = [], []
     for one in flights.flown_kinds(scene, airs, flights.MANY if slow else flights.FEW):
         found = list(flights.flight_rows(one, tell))

@@ -65,7 +65,7 @@ def peer_rows(scene: Scene, truth: BinShares, tell: Tell = lambda _: None) -> It
             field = pipeline.field[1]
         before = clock.now
         ends = plain.channel.top, plain.channel.bottom
-        foam = make_foam_interpolant(field, pipeline.mesh_spec, *ends, Path(room))
+        foam = make_foam_interpolant(field, pipeline.air.in_case.mesh_spec, *ends, Path(room))
         for count in COUNTS:
             tell(f"{PEER} {count}")
             found, seconds = _landed_shares(plain, foam, count, Path(room, "run"))

@@ -176,7 +176,7 @@ def test_what_needs_no_solver_tells_what_it_leaves_unknown(
     assert pipeline.air.unknown == unknown
     assert pipeline.air.mesh_quality is None
     with pytest.raises(SceneError, match="neither mesh nor OpenFOAM case"):
-        _ = pipeline.solution
+        _ = pipeline.air.in_case.solution
 
 
 def test_a_vacuum_has_no_airflow(cases: Path) -> None:

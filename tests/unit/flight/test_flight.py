@@ -233,7 +233,7 @@ def test_the_air_has_fewer_draws_and_all_are_standard_normal() -> None:
     from support import shipped
 
     scene = shipped("rhombus", {"feed.count": 64})
-    stage = DrawStage(Pipeline(scene, make_plan(scene)).track_stage)
+    stage = DrawStage(Pipeline(scene, make_plan(scene)))
     of_air = np.array([unknown_kinds[one.kind].of_air for one in stage.unknowns])
     air, rest = stage.design[:, of_air], stage.design[:, ~of_air]
     assert len(np.unique(air, axis=0)) == INPUT_SAMPLES // SAME_AIR

@@ -222,7 +222,7 @@ class TestProfile:
             bin={"floor": {"from": -0.05, "to": 0.05}}, feed__width=0.004, fraction__wheat__size=0.001,
         )  # fmt: skip
         pipeline = pipeline_of(scene)
-        assert (pipeline.mesh_spec.top, pipeline.mesh_spec.bottom) == (0.5, -0.2)
+        assert (pipeline.air.in_case.mesh_spec.top, pipeline.air.in_case.mesh_spec.bottom) == (0.5, -0.2)
         assert pipeline.airflow.flow_rate == pytest.approx(0.2 * 0.1, rel=1e-9)
         for y in (0.4, 0.2):
             x, velocity = profile_at(pipeline, y)
@@ -267,7 +267,7 @@ class TestSeveralBodies:
 
 def as_given(pipeline: Pipeline, folder: Path, **changes: Any) -> Scene:
     """The chain's own solution as if it were a user's case, in the air of the same scene."""
-    shutil.copytree(pipeline.solution[1] / "case", folder / "case", dirs_exist_ok=True)
+    shutil.copytree(pipeline.air.in_case.solution[1] / "case", folder / "case", dirs_exist_ok=True)
     tables = pipeline.scene.tables()
     tables["air"] = {"case": "case"}
     del tables["numerics"]

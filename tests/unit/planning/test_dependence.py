@@ -44,12 +44,12 @@ def _columns(found: Dependence, *keys: str) -> list[int]:
 
 
 def _stage(scene: wf.Scene, joined: Joined = Dependence.joined) -> DrawStage:
-    return DrawStage(Pipeline(scene, make_plan(scene)).track_stage, joined)
+    return DrawStage(Pipeline(scene, make_plan(scene)), joined)
 
 
 def _untied_design(stage: DrawStage, shared: Sequence[bool]) -> np.ndarray:
     """Of independent numbers: one Sobol set of granules and feed, and one of the air, each for several draws."""
-    air, seed = np.array(shared), stage.tracks.scene.feed.seed
+    air, seed = np.array(shared), stage.pipeline.scene.feed.seed
     z = np.zeros((INPUT_SAMPLES, len(air)))
     z[:, ~air] = normal_points(int((~air).sum()), INPUT_SAMPLES, seed, 0)
     z[:, air] = np.repeat(normal_points(int(air.sum()), INPUT_SAMPLES // SAME_AIR, seed, 1), SAME_AIR, axis=0)
@@ -139,7 +139,7 @@ def test_without_ties_the_draws_are_those_of_independent_numbers_bit_for_bit() -
     for name in ("vacuum", "rhombus"):
         ties = [_apart(name, coefficient) for coefficient in ("restitution", "friction")]
         stage = _stage(shipped(name, {**FEW, "uncertainty.together": ties}))
-        found = _dependence(stage.tracks.scene)
+        found = _dependence(stage.pipeline.scene)
         xi = np.random.default_rng(2).normal(size=(8, len(found.unknowns)))
         assert found.joined(xi) is xi
         assert found.kept(xi).all()

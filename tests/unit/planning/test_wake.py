@@ -121,7 +121,7 @@ def test_only_a_turbulent_wake_in_time_is_estimated(
     assert [cost.key.name for cost in again["inputs"]] == ["draws"]
     assert len(again["airflow-model"]) == beside
     assert [cost.key.label.grid for cost in again["mesh"]] == list(found.scales[1:])
-    once = flown_again(work, "once", 1.0).seconds - EACH_STAGE
+    once = next(flown_again(work, "once", 1.0)).seconds - EACH_STAGE
     (draws,) = again["inputs"]  # as many granules as the answer
     drawn = INPUT_SAMPLES * SAMPLE_SECONDS
     assert draws.seconds == pytest.approx(EACH_STAGE + drawn + once * REPLICATES / COMPARED)

@@ -28,7 +28,7 @@ from ...core.geometry import halved
 from ...flight.stages.landings import Landings, pooled
 from ...flight.stages.pipeline import Pipeline
 from ...flight.stages.reruns import PerturbedRerun
-from ...planning.plan import REPLICATES
+from ...planning.plan import COMPARED, REPLICATES
 from ...planning.stages import AirLabel, StageCost, Workload
 from ...planning.unknowns import SIGMAS
 from ..provenance import RefinedSettings
@@ -183,7 +183,7 @@ def _round(value: float, half: float, order: float | None, kind: str, why: str, 
 
 
 # -- The mesh as a source of error -------------------------------------------------------------------------------------
-ON_ANOTHER_GRID = PerturbedRerun("tracks", replicates=REPLICATES)
+ON_ANOTHER_GRID = PerturbedRerun("tracks", REPLICATES / COMPARED, replicates=REPLICATES)
 MESH_ORDER = 2.0  # of the schemes
 
 

@@ -25,7 +25,7 @@ from ...core.tables import Columns
 from ...flight import Granules, Tracks
 from ...flight.feed.feedstock import feedstock
 from ...flight.stages.gathered_force import resolved
-from ...flight.stages.landings import load_recorded_tracks, paths_of, save_recorded_tracks
+from ...flight.stages.landings import paths_of, recorded_tracks, save_recorded_tracks
 from ...flight.stages.reruns import Work
 from ...flight.stages.slab_stage import SlabFlight, late_in, steady_after
 from ...planning.collisions import CollisionPlan, number_rates
@@ -37,7 +37,6 @@ from ...scene import Scene
 if TYPE_CHECKING:
     from ...air.field import FlowField
     from ...flight.stages.pipeline import Pipeline
-    from ...flight.stages.reruns import TrackStage
 
 CODE = "extras.motion.film_stage", "flight.stages.slab_stage", "flight.stages.gathered_force"  # what computes it
 
@@ -103,19 +102,14 @@ class FilmStage:
     pipeline: Pipeline
 
     @property
-    def tracks(self) -> TrackStage:
-        """How the granules fly alone."""
-        return self.pipeline.track_stage
-
-    @property
     def scene(self) -> Scene:
         """The machine and its feed."""
-        return self.tracks.scene
+        return self.pipeline.scene
 
     @property
     def plan(self) -> Plan:
         """How the granules are flown."""
-        return self.tracks.plan
+        return self.pipeline.plan
 
     @cached_property
     def start_up(self) -> float:
@@ -135,8 +129,7 @@ class FilmStage:
 
     def _read(self, folder: Path) -> Film:
         kept = json.loads((folder / FILE).read_text())
-        paths = {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in self.scene.fraction}
-        return Film(**kept, paths=paths)
+        return Film(**kept, paths=recorded_tracks(folder, self.scene.fraction))
 
     def _fly(self, span: float, folder: Path) -> None:
         crowd = self.plan.crowd
@@ -151,11 +144,11 @@ class FilmStage:
 
     def _slab(self, span: float, crowd: CollisionPlan) -> tuple[Film, Iterator[tuple[str, Tracks, Granules]]]:
         depth = crowd.depth * max(THINNEST, min(1.0, IN_VIEW / max(sum(crowd.in_flight.values()), 1.0)))
-        tell = partial(self.tracks.cache.tell, "film")
+        tell = partial(self.pipeline.cache.tell, "film")
         tell(f"granules meet in a slab of {1e3 * depth:.3g} mm")
         flight = SlabFlight(
-            self.scene, self.plan, self.tracks.airs, depth, self.start_up, span, TOLERANCE,
-            workers=self.tracks.workers, tell=tell,
+            self.scene, self.plan, self.pipeline.air.realisations, depth, self.start_up, span, TOLERANCE,
+            workers=self.pipeline.threads, tell=tell,
         )  # fmt: skip
         stream, tracks = flight.record(POINTS)
         begin = float(stream.granules.time.min()) + self.start_up
@@ -188,15 +181,17 @@ class FilmStage:
         """``count`` granules of the feed, released at any moment of ``whole`` (s)."""
         resting = self.scene.feed.start == "resting"
         plan = self.plan if resting else resolved(self.plan)
-        flight = replace(self.tracks.flight(self.scene, self.tracks.airs), plan=plan, tolerance=TOLERANCE)
-        feed = feedstock(self.scene, plan, name, self.tracks.airs.period, range(1)).granules
+        flight = replace(
+            self.pipeline.flight(self.scene, self.pipeline.air.realisations), plan=plan, tolerance=TOLERANCE
+        )
+        feed = feedstock(self.scene, plan, name, self.pipeline.air.realisations.period, range(1)).granules
         rng = np.random.default_rng([self.scene.feed.seed, STREAM, list(self.scene.fraction).index(name)])
         rows = rng.permutation(np.arange(count) % len(feed))
         when, vibration = whole * np.sort(rng.random(count)), self.scene.vibration
         if resting and vibration is not None:  # one that lies on the body must begin at the phase that put it there
             when = when + (feed.time[rows] - when) % vibration.period
         grains = feed[rows].replace(time=when)
-        self.tracks.cache.tell("film", f"{name}: {count} granules")
+        self.pipeline.cache.tell("film", f"{name}: {count} granules")
         return name, flight.fly(name, grains, record=POINTS, stream=STREAM), grains
 
     def _rate(self, name: str, depth: float) -> float:

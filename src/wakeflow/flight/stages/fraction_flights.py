@@ -5,7 +5,6 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,6 +53,7 @@ class Flight:
     tell: Callable[[str], None] = lambda _: None
     replicates: int = REPLICATES  # the first of them; all, but for a comparison
     noises: int = 1  # as of ``track``
+    of_all: str = ""  # which part of all granules these are, in words
 
     def fly_all(self, folder: Path, *, drawn: bool) -> None:
         """Fly every fraction and keep its landings in ``folder``, in the order of the replicates, and the tracks for
@@ -91,10 +91,9 @@ class Flight:
                 feed = feedstock(self.scene, self.plan, name, self.airs.period, replicates, part=rows)
                 stream = replicates[0] + STREAMS * REPLICATES * parts.index(part)
                 yield flight._drawn(name, feed, chosen, replicates, part, stream)
-                parted = len(feed.replicate) < count
-                tell = partial(self._tell_part, done, count) if parted else self.tell
+                of_all = f" after {done}, of {count}" if len(feed.replicate) < count else ""
                 second = _second_half(feed, size, replicates, part.start)
-                tracks = replace(flight, tell=tell)._fly_halves(name, feed.granules, second, stream)
+                tracks = replace(flight, of_all=of_all)._fly_halves(name, feed.granules, second, stream)
                 cycle = self.airs.cycle_of(feed.granules.time)
                 landed.add(landing_columns(feed, tracks, len(self.scene.bin), number, cycle), part.start)
                 done += len(feed.replicate)
@@ -162,9 +161,6 @@ class Flight:
             )
         return int(np.argmin(np.abs(met - body_speed)))
 
-    def _tell_part(self, done: int, count: int, text: str) -> None:
-        self.tell(f"{text} after {done}, of {count}")
-
     def _fly_halves(self, name: str, grains: Granules, second: NDArray[np.bool_], stream: int) -> Tracks:
         """``grains``, of which the ``second`` half flies in the mirror image of the airflow where that is as likely: in
         a symmetric channel that is computed whole.
@@ -194,7 +190,7 @@ class Flight:
         return track_in(
             self.scene, self.airs.field, grains, (name, stream), patience, tolerance=self.tolerance, forces=how.forces,
             drag=how.drag, noises=self.noises, record=record, workers=self.workers,
-            progress=None if record else lambda done, total: self.tell(f"{name}: {done} of {total}"),
+            progress=None if record else lambda done, total: self.tell(f"{name}: {done} of {total}{self.of_all}"),
         )  # fmt: skip
 
 

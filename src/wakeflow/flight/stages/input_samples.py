@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ...air.kinds.realisations import Realisations
     from ...scene import Scene
     from .landings import Tracked
-    from .reruns import TrackStage
+    from .pipeline import Pipeline
 
 CODE = "flight.stages.input_samples", "air.field.combined"  # what computes it
 
@@ -82,24 +82,24 @@ class Ensemble:
 
 @dataclass
 class DrawStage:
-    """The draws of one scene, flown as the ``tracks`` are. ``joined`` makes them of independent standard normal
-    numbers: as the scene ties them, or as an ``Ensemble`` does.
+    """The draws of one scene, flown as granules of a ``pipeline`` are. ``joined`` makes them of independent standard
+    normal numbers: as the scene ties them, or as an ``Ensemble`` does.
     """
 
-    tracks: TrackStage
+    pipeline: Pipeline
     joined: Joined = Dependence.joined
 
     @cached_property
     def unknowns(self) -> list[Unknown]:
         """What is drawn."""
-        return unknowns(self.tracks.scene, self.tracks.plan)
+        return unknowns(self.pipeline.scene, self.pipeline.plan)
 
     @cached_property
     def design(self) -> Array:
         """Where every draw lies (INPUT_SAMPLES, K), all in the orders of the scene. Raises SceneError where hardly any
         draw is.
         """
-        ties, points = dependence(self.tracks.scene, self.tracks.plan, self.unknowns), INPUT_SAMPLES
+        ties, points = dependence(self.pipeline.scene, self.pipeline.plan, self.unknowns), INPUT_SAMPLES
         while points <= MOST_POINTS:
             z = self._in_order(ties, *self._points(points, ties.of_air))
             if len(z) == INPUT_SAMPLES:
@@ -111,7 +111,10 @@ class DrawStage:
         """Scrambled Sobol points as independent standard normal ones: ``count`` (count, K), and those of what is
         ``shared`` by SAME_AIR of them; each 0 in the columns of the other.
         """
-        seed, each, air = self.tracks.scene.feed.seed, *(np.zeros((n, len(shared))) for n in (count, count // SAME_AIR))
+        seed, each, air = (
+            self.pipeline.scene.feed.seed,
+            *(np.zeros((n, len(shared))) for n in (count, count // SAME_AIR)),
+        )
         each[:, ~shared] = normal_points(int((~shared).sum()), len(each), seed, 0)
         air[:, shared] = normal_points(int(shared.sum()), len(air), seed, 1)
         return each, air
@@ -134,7 +137,7 @@ class DrawStage:
     def read(self, folder: Path) -> InputSamples:
         """What :meth:`fly_all` kept in a folder."""
         with np.load(folder / "draws.npz") as data:
-            names = list(self.tracks.scene.fraction)
+            names = list(self.pipeline.scene.fraction)
             varied, answer = (
                 {name: DrawnLandings(data[f"{which}.{name}.position"], data[f"{which}.{name}.bin"]) for name in names}
                 for which in ("varied", "own")
@@ -144,11 +147,11 @@ class DrawStage:
     def fly_all(self, tracked: Tracked, folder: Path) -> None:
         """All draws, those of one air by one thread: granules of a draw are too few for several."""
         columns: dict[str, list[AnyArray]] = {}
-        pool = ThreadPoolExecutor(self.tracks.workers)
+        pool = ThreadPoolExecutor(self.pipeline.threads)
         try:
             jobs = [pool.submit(self._fly_in_one_air, first, tracked) for first in range(0, INPUT_SAMPLES, SAME_AIR)]
             for number, job in enumerate(jobs):
-                self.tracks.cache.tell("draws", f"{number * SAME_AIR} of {INPUT_SAMPLES}")
+                self.pipeline.cache.tell("draws", f"{number * SAME_AIR} of {INPUT_SAMPLES}")
                 for draw in job.result():
                     for which, column in draw.items():
                         columns.setdefault(which, []).append(column)
@@ -163,23 +166,23 @@ class DrawStage:
             made = self.variation(number)
             airs = airs or self.air(made.air)
             replicate = number % REPLICATES
-            part = _part(self.tracks.scene.feed.count, number // REPLICATES)
+            part = _part(self.pipeline.scene.feed.count, number // REPLICATES)
             landed.append(self.fly_under(made, airs, tracked, replicate, part))
         return landed
 
     def variation(self, number: int) -> Variation:
         """Draw ``number``."""
-        return variation_at(self.tracks.scene, self.tracks.plan, self.unknowns, self.design[number])
+        return variation_at(self.pipeline.scene, self.pipeline.plan, self.unknowns, self.design[number])
 
     def fly_under(self, made: Variation, airs: Realisations, tracked: Tracked, replicate: int, part: range) -> Columns:
         """The landing of each granule in a ``part`` of a replicate under the draw ``made``, whose air is in ``airs``
         ("varied.NAME.position", "varied.NAME.bin"), and its own ("own.NAME.position", "own.NAME.bin").
         """
-        flight = replace(self.tracks.flight(made.fed(self.tracks.scene), airs), workers=1)
+        flight = replace(self.pipeline.flight(made.fed(self.pipeline.scene), airs), workers=1)
         columns: Columns = {}
-        block, kept = block_of(replicate_size(self.tracks.scene.feed.count))
+        block, kept = block_of(replicate_size(self.pipeline.scene.feed.count))
         first = part.start // block * kept
-        for name in self.tracks.scene.fraction:
+        for name in self.pipeline.scene.fraction:
             landing = tracked.landings[name]
             mine = np.flatnonzero(landing.replicate == replicate)[first : first + len(part)]
             ends = {"own": (landing.position[mine], landing.bin[mine])}
@@ -192,13 +195,13 @@ class DrawStage:
         """The airflow as a draw has it."""
         from ...air.field.combined import varied
 
-        airs = self.tracks.airs
-        wake = self.tracks.plan.airflow.wake
+        airs = self.pipeline.air.realisations
+        wake = self.pipeline.plan.airflow.wake
         if wake is not None and (air.theta is not None or air.strength is not None):
             theta = wake.theta.value if air.theta is None else air.theta
             strength = wake.strength.value if air.strength is None else air.strength
-            airs = self.tracks.realised((theta, strength))
-        entering = _entering(self.tracks.scene)
+            airs = self.pipeline.realised((theta, strength))
+        entering = _entering(self.pipeline.scene)
         return airs.mapped(lambda field: varied(field, air.speed, air.energy, air.lifetime, entering=entering))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -46,6 +46,11 @@ def load_recorded_tracks(file: Path) -> list[Columns]:
         cut = data["split"][1:-1]
         rows = zip(*(np.split(data[key], cut) for key in MOMENTS), *(data[key] for key in OWN), strict=True)
         return [dict(zip((*MOMENTS, *OWN), map(np.asarray, row), strict=True)) for row in rows]
+
+
+def recorded_tracks(folder: Path, names: Iterable[str]) -> dict[str, list[Columns]]:
+    """Those of each fraction that were kept in a folder."""
+    return {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in names}
 
 
 # -- What is kept of the tracks ----------------------------------------------------------------------------------------

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...air.kinds.airflow_kinds import FlownAir
@@ -20,20 +19,23 @@ from ...core.store import Store, cache_root, content_key
 from ...core.tables import Columns
 from ...planning.feed_funnel import ENGINE, FunnelSummary, bead_engines
 from ...planning.plan import Plan
-from ...planning.stage_cache import Listener, StageCache, StageTimes, null_listener
+from ...planning.stage_cache import Listener, StageCache, StageTimes, code_of, null_listener, version_of
 from ...planning.stages import OWN, AirLabel, StageKey
 from ...scene import Scene
 from .air_loading import AirLoading
 from .airs import Airs
 from .compilation import Compilation
-from .reruns import ANSWER, CollisionStage, Found, PictureRerun, Rerun, SlabRerun, TrackStage, Work
+from .fraction_flights import Flight
+from .reruns import ANSWER, CollisionStage, Found, PictureRerun, Rerun, SlabRerun, Work, unweighed
 
 if TYPE_CHECKING:
     from ...air.field import FlowField
-    from ...air.mesh import MeshSpec
+    from ...air.kinds.realisations import Realisations
     from ...scene import Picture
     from .landings import Tracked
     from .slab_stage import SlabFound
+
+CODE = "flight.stages.fraction_flights", "flight.stages.landings"  # what computes the tracks
 
 
 @dataclass
@@ -59,6 +61,11 @@ class Pipeline:
         """Where the stages are kept, under this airflow's label."""
         return StageCache(self.store, self.listener, self.seconds, self.label)
 
+    @property
+    def threads(self) -> int:
+        """How many compute."""
+        return self.workers or cores()
+
     def spent(self, stage: str) -> float:
         """The run time (s) of a stage that is made, when it was computed."""
         return self.seconds[StageKey(self.label, stage)].seconds
@@ -77,7 +84,7 @@ class Pipeline:
     @cached_property
     def airs(self) -> Airs:
         """Every air of the scene under its plan."""
-        return Airs(self.scene, self.plan, self.cache, self.near, self.compilation, self.workers or cores())
+        return Airs(self.scene, self.plan, self.cache, self.near, self.compilation, self.threads)
 
     @cached_property
     def air(self) -> FlownAir:
@@ -99,16 +106,6 @@ class Pipeline:
     def steady(self) -> Pipeline:
         """The same scene in its steady airflow: the other end of the bracket, and where the first in time starts."""
         return self.through(self.airs.steady[0])
-
-    @property
-    def mesh_spec(self) -> MeshSpec:
-        """What the plan wants meshed. Raises SceneError for an airflow without a mesh."""
-        return self.air.in_case.mesh_spec
-
-    @property
-    def solution(self) -> tuple[str, Path]:
-        """Key and folder of the airflow, an OpenFOAM case. Raises SceneError for an airflow without one."""
-        return self.air.in_case.solution
 
     @property
     def airflow(self) -> Airflow:
@@ -133,14 +130,24 @@ class Pipeline:
 
     # -- tracks --------------------------------------------------------------------------------------------------------
 
-    @cached_property
-    def track_stage(self) -> TrackStage:
-        return TrackStage(self.scene, self.plan, self.cache, self.air, self.workers or cores())
+    def realised(self, wake: tuple[float, ...]) -> Realisations:
+        """The airflow with the theta and the strength of a ``wake``; empty: as it is."""
+        airs = self.air.realisations
+        return replace(airs, field=self.air.between(*wake), others=()) if wake and airs.field is not None else airs
 
-    @property
+    def flight(self, scene: Scene, airs: Realisations) -> Flight:
+        """What flies granules of ``scene``, a variation of the own one, through ``airs`` as the answer's fly."""
+        return Flight(scene, self.plan, airs, self.scene.numerics.tolerance, self.threads)
+
+    @cached_property
     def tracks_key(self) -> str:
         """Everything the tracks depend on."""
-        return self.track_stage.key
+        tables = unweighed(self.scene, "numerics", "funnel", "collisions", "force", "uncertainty")
+        how = {name: row.tracked for name, row in self.plan.fractions.items()}
+        versions = [version_of(package) for package in ("numpy", "scipy", "numba")]
+        order = list(self.scene.bin)  # landings hold the bin's place in it
+        flown = self.plan.airflow.mirrored, len(self.air.realisations), self.air.realisations.cycles
+        return content_key("tracks", tables, order, *flown, repr(how), self.air.key, code_of(*CODE), versions)
 
     def run(self, rerun: Rerun[Found]) -> Found:
         """What a rerun of these granules in these airs finds, from the cache or flown."""
@@ -173,7 +180,7 @@ class Pipeline:
 
     def shown(self, picture: Picture) -> dict[str, list[Columns]]:
         """The tracks that a picture draws, by fraction: flown for it, from the same feed."""
-        return self.run(PictureRerun("shown", picture)) if picture.flown[0] else {}
+        return self.run(PictureRerun("shown", picture=picture)) if picture.flown[0] else {}
 
     def compile_in_background(self) -> None:
         """Have the tracker compiled by another process while this one waits for OpenFOAM."""

@@ -8,36 +8,32 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
-from ...air.kinds.airflow_kinds import FlownAir
 from ...core.lazy import cached_property
 from ...core.record import JsonTable
 from ...core.store import content_key
 from ...core.tables import Columns
 from ...planning.collisions import CollisionPlan
-from ...planning.cost import flown_again, slab_again
+from ...planning.cost import flown_again
 from ...planning.dependence import Dependence
-from ...planning.plan import COMPARED, INPUT_SAMPLES, REPLICATES, Plan
-from ...planning.stage_cache import StageCache, code_of, version_of
+from ...planning.plan import COMPARED, INPUT_SAMPLES, REPLICATES
+from ...planning.stage_cache import code_of
 from ...planning.stages import OWN, AirLabel, StageCost, Workload
 from ...planning.unknowns import half_of
 from ...scene import Scene
 from . import input_samples, slab_stage
-from .fraction_flights import Flight
 from .input_samples import DrawStage, InputSamples, Joined
-from .landings import Tracked, load_recorded_tracks, load_tracked
+from .landings import Tracked, load_tracked, recorded_tracks
 from .slab_stage import SlabFlight, SlabFound, late_in, steady_after
 
 if TYPE_CHECKING:
-    from ...air.kinds.realisations import Realisations
     from ...scene import Picture
     from .pipeline import Pipeline
 
-CODE = "flight.stages.fraction_flights", "flight.stages.landings"  # what computes the tracks
 Found = TypeVar("Found")
 
 
@@ -56,18 +52,20 @@ class Work(NamedTuple, Generic[Found]):
 
 @dataclass(frozen=True)
 class Rerun(ABC, Generic[Found]):
-    """Granules of the answer flown again; ``name`` among the stages."""
+    """Granules of the answer flown again; ``name`` among the stages; ``times``: its run time as of ``flown_again``, 0
+    where no plan counts it.
+    """
 
     name: str
+    times: float = 0.0
 
     @abstractmethod
     def on(self, pipeline: Pipeline) -> Work[Found]:
         """What it is of the granules of a ``pipeline`` in its air."""
 
     def costs(self, work: Workload, label: AirLabel = OWN) -> Iterable[StageCost]:
-        """What it is expected to take, in the air with the ``label``; nothing where no plan counts it."""
-        del work, label
-        return ()
+        """What it is expected to take, in the air with the ``label``."""
+        return flown_again(work, self.name, self.times, label) if self.times else ()
 
     def tell(self, pipeline: Pipeline) -> Callable[[str], None]:
         """What hears of its progress."""
@@ -81,98 +79,53 @@ class PerturbedRerun(Rerun[Tracked]):
 
     ``looser``: factor on the scene's tolerance; ``wake``: theta and strength of the wake, as in ``field.blended_wake``,
     empty: the answer's own; ``noises``: intervals of noise that last as one; ``replicates``: the first of them, that
-    fly; ``drawn``: tracks for pictures are kept; ``times``: a granule's flight takes so many times as long.
+    fly; ``drawn``: tracks for pictures are kept.
     """
 
+    times: float = 1.0
     looser: float = 1.0
     wake: tuple[float, ...] = ()
     noises: int = 1
     replicates: int = COMPARED
     drawn: bool = False
-    times: float = 1.0
 
     def on(self, pipeline: Pipeline) -> Work[Tracked]:
-        stage, scene = pipeline.track_stage, pipeline.scene
+        scene = pipeline.scene
         flight = replace(
-            stage.flight(scene, stage.realised(self.wake)), tell=self.tell(pipeline), noises=self.noises,
+            pipeline.flight(scene, pipeline.realised(self.wake)), tell=self.tell(pipeline), noises=self.noises,
             tolerance=self.looser * scene.numerics.tolerance, replicates=self.replicates,
         )  # fmt: skip
         key = flight.tolerance, self.wake, self.noises, self.replicates
         return Work(key, partial(flight.fly_all, drawn=self.drawn), partial(load_tracked, scene=scene))
 
-    def costs(self, work: Workload, label: AirLabel = OWN) -> Iterable[StageCost]:
-        return [flown_again(work, self.name, self.times * self.replicates / COMPARED, label)]
-
 
 ANSWER = PerturbedRerun("tracks", replicates=REPLICATES, drawn=True)  # all of them, with nothing changed
 
 
-def unweighed(scene: Scene) -> dict[str, object]:
-    """The tables of a scene without what moves no granule: mass shares, targets, the feed's rate, pictures."""
+def unweighed(scene: Scene, *others: str) -> dict[str, object]:
+    """The tables of a scene without what moves no granule: mass shares, targets, the feed's rate, pictures; and without
+    ``others``.
+    """
     tables: JsonTable = scene.model_dump(mode="json", by_alias=True)
     for fraction in tables["fraction"].values():
         del fraction["mass_share"], fraction["target"]
     del tables["feed"]["rate"], tables["feed"]["depth"]
-    for name in ("picture", "report", "limit", "price"):
+    for name in ("picture", "report", "limit", "price", *others):
         del tables[name]
     return tables
-
-
-@dataclass
-class TrackStage:
-    """How the granules of one scene fly alone under one plan through one airflow."""
-
-    scene: Scene
-    plan: Plan
-    cache: StageCache
-    air: FlownAir
-    workers: int
-
-    @cached_property
-    def key(self) -> str:
-        """Everything the tracks depend on."""
-        tables = unweighed(self.scene)
-        for name in ("numerics", "funnel", "collisions", "force", "uncertainty"):
-            del tables[name]
-        how = {name: row.tracked for name, row in self.plan.fractions.items()}
-        versions = [version_of(package) for package in ("numpy", "scipy", "numba")]
-        order = list(self.scene.bin)  # landings hold the bin's place in it
-        mirrored, airs = self.plan.airflow.mirrored, self.air.realisations
-        flown = mirrored, len(airs), airs.cycles
-        return content_key("tracks", tables, order, *flown, repr(how), self.air.key, code_of(*CODE), versions)
-
-    @property
-    def airs(self) -> Realisations:
-        """The airflow's realisations."""
-        return self.air.realisations
-
-    def realised(self, wake: tuple[float, ...]) -> Realisations:
-        """The airflow with the theta and the strength of a ``wake``; empty: as it is."""
-        if not wake or self.airs.field is None:
-            return self.airs
-        return replace(self.airs, field=self.air.between(*wake), others=())
-
-    def flight(self, scene: Scene, airs: Realisations) -> Flight:
-        """What flies granules of ``scene``, a variation of the stage's own, through ``airs`` as the answer's fly."""
-        return Flight(scene, self.plan, airs, self.scene.numerics.tolerance, self.workers)
 
 
 @dataclass(frozen=True)
 class PictureRerun(Rerun[dict[str, list[Columns]]]):
     """The tracks that a picture draws, by fraction, from the same feed."""
 
-    picture: Picture
+    picture: Picture = field(kw_only=True)
 
     def on(self, pipeline: Pipeline) -> Work[dict[str, list[Columns]]]:
-        stage, flown = pipeline.track_stage, self.picture.flown
-        names = self.picture.chosen(list(pipeline.scene.fraction))
-        flight = replace(stage.flight(pipeline.scene, stage.airs), tell=self.tell(pipeline))
+        flown, names = self.picture.flown, self.picture.chosen(list(pipeline.scene.fraction))
+        flight = replace(pipeline.flight(pipeline.scene, pipeline.air.realisations), tell=self.tell(pipeline))
         work = partial(flight.fly_pictured, names=names, count=flown[0], body_speed=flown[1])
-
-        def read(folder: Path) -> dict[str, list[Columns]]:
-            return {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in names}
-
-        return Work((flight.tolerance, names, flown), work, read)
+        return Work((flight.tolerance, names, flown), work, partial(recorded_tracks, names=names))
 
 
 # -- Granules under many draws of what nobody knows exactly ------------------------------------------------------------
@@ -186,19 +139,19 @@ class InputRerun(Rerun[InputSamples]):
     """
 
     name: str = "draws"
+    times: float = REPLICATES / COMPARED  # as many granules fly as the answer has
     joined: Joined = Dependence.joined
 
     def on(self, pipeline: Pipeline) -> Work[InputSamples]:
-        stage, scene = DrawStage(pipeline.track_stage, self.joined), pipeline.scene
+        stage, scene = DrawStage(pipeline, self.joined), pipeline.scene
         drawn = [[one.key, one.kind, one.value, one.low, one.high] for one in stage.unknowns]
         key = scene.numerics.tolerance, drawn, stage.design.tolist(), code_of(*input_samples.CODE)
         # The granules are the answer's, which are flown before this stage begins
         return Work(key, partial(stage.fly_all, pipeline.tracks()), stage.read)
 
     def costs(self, work: Workload, label: AirLabel = OWN) -> Iterable[StageCost]:
-        """As many granules fly as the answer has."""
         drawn = 0.0 if work.airflow.rung == "none" else INPUT_SAMPLES * SAMPLE_SECONDS * work.fractions
-        return [flown_again(work, self.name, REPLICATES / COMPARED, label, more=drawn)]
+        return flown_again(work, self.name, self.times, label, more=drawn)
 
 
 # -- Granules that meet each other -------------------------------------------------------------------------------------
@@ -231,15 +184,14 @@ class CollisionStage:
         scene, crowd = self.pipeline.scene, self.crowd
         fed = scene.feed.mass_flow, scene.feed.depth, scene.mass_shares(), repr(scene.collisions)
         flown = crowd.depth, crowd.tracers, crowd.operation, crowd.count, crowd.replicates
-        code = code_of(*slab_stage.CODE)
-        return content_key("crowd", self.pipeline.tracks_key, self.tolerance, *fed, *flown, code)
+        return content_key("crowd", self.pipeline.tracks_key, self.tolerance, *fed, *flown, code_of(*slab_stage.CODE))
 
     def flight(self, rerun: Rerun[SlabFound]) -> SlabFlight:
         """What flies the slab for a ``rerun``."""
-        stage = self.pipeline.track_stage
+        of, crowd = self.pipeline, self.crowd
         return SlabFlight(
-            stage.scene, stage.plan, stage.airs, self.crowd.depth, self.start_up, self.crowd.operation, self.tolerance,
-            workers=stage.workers, tell=rerun.tell(self.pipeline),
+            of.scene, of.plan, of.air.realisations, crowd.depth, self.start_up, crowd.operation, self.tolerance,
+            workers=of.threads, tell=rerun.tell(of),
         )  # fmt: skip
 
     def work(self, flight: SlabFlight, replicates: int, *key: object, begun: tuple[Path, ...] = ()) -> Work[SlabFound]:
@@ -259,7 +211,7 @@ class SlabRerun(Rerun[SlabFound]):
 
     def on(self, pipeline: Pipeline) -> Work[SlabFound]:
         stage = pipeline.collision_stage
-        first = stage.crowd.fewest if len(pipeline.track_stage.airs) == 1 else stage.crowd.replicates
+        first = stage.crowd.fewest if len(pipeline.air.realisations) == 1 else stage.crowd.replicates
         replicates = max([first, *(stage.crowd.after(found.replicates) for found in self.beside)])
         return stage.work(stage.flight(self), replicates, begun=tuple(found.folder for found in self.beside))
 
@@ -268,24 +220,19 @@ class SlabRerun(Rerun[SlabFound]):
 class CollisionRerun(Rerun[SlabFound]):
     """Part of the replicates of granules that meet flown again: factor on the step of the slab's clock, part of its
     depth that flies, how many halves of its interval are added to the ``restitution`` and to the ``friction`` of one
-    granule on another; ``times``: its run time over the slab's, 0 where the plan counts none.
+    granule on another.
     """
 
     step: float = 1.0
     depth: float = 1.0
     restitution: float = 0.0
     friction: float = 0.0
-    times: float = 0.0
 
     def on(self, pipeline: Pipeline) -> Work[SlabFound]:
         stage, scene = pipeline.collision_stage, self.applied(pipeline.scene)
-        step = self.step * pipeline.crowd().clock.step
-        flight = replace(stage.flight(self), scene=scene, part=self.depth, step=step)
+        flight = replace(stage.flight(self), scene=scene, part=self.depth, step=self.step * pipeline.crowd().clock.step)
         replicates = max(MIN_REPLICATES, stage.crowd.replicates // 4)
         return stage.work(flight, replicates, self.name, self.step, self.depth, repr(scene.collisions))
-
-    def costs(self, work: Workload, label: AirLabel = OWN) -> Iterable[StageCost]:
-        return slab_again(work, self.name, self.times, label) if self.times else ()
 
     def applied(self, scene: Scene) -> Scene:
         """The scene whose granules meet under this change."""

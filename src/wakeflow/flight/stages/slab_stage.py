@@ -179,17 +179,16 @@ class SlabFlight:
         return stream, self._track(self.airs.field, stream, 0, points)
 
     def _stream(self, field: FlowField | None, number: int, operation: float) -> SlabFeed:
-        """What a replicate is fed with, over so much ``operation`` (s)."""
-        return slab_stream(
-            self.scene, self.plan, field, number, begin=self._begin(number), start_up=self.start_up,
-            operation=operation, depth=self.depth, part=self.part, variation=self.variation,
-        )  # fmt: skip
-
-    def _begin(self, number: int) -> float:
-        """When a replicate begins (s): at any moment of the airflow's period, or of the vibration's."""
+        """What a replicate is fed with, over so much ``operation`` (s), from any moment of the airflow's period, or of
+        the vibration's, on.
+        """
         vibration = self.scene.vibration
         cycle = self.airs.period or (0.0 if vibration is None else vibration.period)
-        return cycle * float(np.random.default_rng([self.scene.feed.seed, number]).random())
+        begin = cycle * float(np.random.default_rng([self.scene.feed.seed, number]).random())
+        return slab_stream(
+            self.scene, self.plan, field, number, begin=begin, start_up=self.start_up,
+            operation=operation, depth=self.depth, part=self.part, variation=self.variation,
+        )  # fmt: skip
 
     def _track(self, field: FlowField | None, stream: SlabFeed, number: int, record: int) -> tracking.Tracks:
         rebound, every = self.scene.collisions, 2 * list(self.plan.fractions.values())  # granules, then the tracers
