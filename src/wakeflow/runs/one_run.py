@@ -171,7 +171,7 @@ class OneRun:
         spare = replace(pipeline)  # the two threads share what is in the cache, nothing else
         coarser = spare.grids[1:]  # from which the answer's airflow starts in time
         others = [spare.steady] if pipeline.plan.airflow.brackets else coarser
-        solved: list[Callable[[], object]] = [partial(getattr, other, "solution") for other in others]
+        solved: list[Callable[[], object]] = [partial(getattr, other.air.in_case, "solution") for other in others]
         if pipeline.plan.airflow.loaded:
             solved.insert(0, spare.airs.solve_start)  # while the force is gathered
         return solved if until is not None else [*solved, *flights_ahead(spare)]
