@@ -165,11 +165,11 @@ def memory_of(work: Workload, key: StageKey) -> float:
     return held + more.get(key.stage.work, 0.0)
 
 
-def begins(expected: Sequence[StageCost], cores: int = 2) -> Iterator[float]:
-    """When each of the ``expected`` stages begins (s after the start of a run). What does not need the answer's own
-    airflow is made beside it, on another core where there is one.
+def begins(expected: Sequence[StageCost], cores: int = 2, started: float = STARTED) -> Iterator[float]:
+    """When each of the ``expected`` stages begins (s after the start of a run, the first at ``started``). What does not
+    need the answer's own airflow is made beside it, on another core where there is one.
     """
-    free = dict.fromkeys(StageCost.ORDER, STARTED)
+    free = dict.fromkeys(StageCost.ORDER, started)
     for stage in expected:
         yield free[stage.when]
         end = free[stage.when] + stage.whole
@@ -178,10 +178,10 @@ def begins(expected: Sequence[StageCost], cores: int = 2) -> Iterator[float]:
                 free[when] = max(free[when], end)
 
 
-def wall_seconds(expected: Sequence[StageCost], cores: int = 2) -> float:
+def wall_seconds(expected: Sequence[StageCost], cores: int = 2, started: float = STARTED) -> float:
     """Seconds until the last of the ``expected`` stages is done, see ``begins``."""
-    ends = [begun + stage.whole for begun, stage in zip(begins(expected, cores), expected, strict=True)]
-    return max(ends, default=STARTED)
+    ends = [begun + stage.whole for begun, stage in zip(begins(expected, cores, started), expected, strict=True)]
+    return max(ends, default=started)
 
 
 def expected_stages(

@@ -248,29 +248,71 @@ def quick_keys(scene: Scene) -> JsonTable:
     return {**found, **({} if asked.rung is None else {"numerics.rung": asked.rung}), **switches}
 
 
-# -- What a round would cost: by its plan, and, from what the stages of one took, by how each goes with the knobs ------
+# -- What a round costs: as its plan expects, or as the stages of another took, by how each goes with the knobs --------
 OVERHEAD = 0.4  # s of a stage in which granules fly, however few they are
 MIN_POWER, MAX_POWER = 0.02, 0.34  # of a flight's time with its tolerance: from one step a cell to order three
 
 
-def expected(scene: Scene, plan: Plan) -> float:
-    """Seconds that a plan of ``scene`` is expected to take on this machine, with the airflows that are in the cache."""
-    return wall_seconds(_left(scene, plan), cores())
-
-
-def beginnings(scene: Scene, plan: Plan) -> dict[str, float]:
-    """When the stages that wait for one another are expected to begin, from the answer's airflow on: s after the start
-    of the same run.
+@dataclass(frozen=True)
+class Prices:
+    """What the ``stages`` of a round take with its ``settings``, which begins after ``started`` (s); ``power``: of a
+    flight's time with its tolerance.
     """
-    left = _left(scene, plan)
-    dated = zip(left, begins(left, cores()), strict=True)
-    return {one.name: begun for one, begun in dated if one.when in ("answer", "after")}
 
+    stages: Sequence[StageCost]
+    settings: RefinedSettings
+    started: float = STARTED
+    power: float = MIN_POWER
 
-def _left(scene: Scene, plan: Plan) -> list[StageCost]:
-    """What is left to do of a plan."""
-    there = solved_before(scene, plan)
-    return [one for one in on_this_machine(plan, cache_root())[0] if one.name not in there]
+    @classmethod
+    def planned(cls, scene: Scene, plan: Plan) -> Prices:
+        """What a plan of ``scene`` expects on this machine, with the airflows that are in the cache."""
+        there = solved_before(scene, plan)
+        stages = [stage for stage in on_this_machine(plan, cache_root())[0] if stage.name not in there]
+        return cls(stages, own_settings(scene, plan))
+
+    @classmethod
+    def measured(cls, spent: Mapping[str, StageTime], settings: RefinedSettings) -> Prices:
+        """What the stages of a round took, one after another; all of them are in the cache."""
+        stages = [StageCost(name, stage.seconds, "after") for name, stage in spent.items()]
+        return cls(stages, settings, 0.0, _power(spent))
+
+    @property
+    def seconds(self) -> float:
+        """Run time (s) of the round."""
+        return wall_seconds(self.stages, cores(), self.started)
+
+    @property
+    def beginnings(self) -> dict[str, float]:
+        """When the stages that wait for one another begin, from the answer's airflow on: s after the round's start."""
+        dated = zip(self.stages, begins(self.stages, cores(), self.started), strict=True)
+        return {stage.name: begun for stage, begun in dated if stage.when in ("answer", "after")}
+
+    def at(self, then: RefinedSettings) -> Prices:
+        """The prices of a round with the settings ``then``, after this one: of what comes out otherwise."""
+        if then == self.settings:
+            return replace(self, stages=())
+        stages = [replace(stage, seconds=self._seconds(stage, then)) for stage in self.stages]
+        return replace(self, stages=stages, settings=then)
+
+    def _seconds(self, stage: StageCost, then: RefinedSettings) -> float:
+        """Of a stage: steps go with the cells' edges, averages with the square of what they are known to."""
+        now = self.settings
+        finer = (now.mesh_scale or 1.0) / (then.mesh_scale or 1.0)  # and cells on a granule's way
+        longer = (now.averaging or 1.0) / (then.averaging or 1.0)
+        same_air = (then.mesh_scale, then.averaging) == (now.mesh_scale, now.averaging)
+        same_flights = same_air and (then.granules, then.tolerance) == (now.granules, now.tolerance)
+        match stage.key.stage.scaling:
+            case Scaling.CELLS if not same_air:
+                return stage.seconds * finer**2
+            case Scaling.AIR if not same_air:
+                return stage.seconds * (finer**3 * longer**2)
+            case Scaling.SLAB:
+                return stage.seconds * (then.slab or 1) / (now.slab or 1)
+            case Scaling.FLIGHTS if not same_flights:
+                more: float = then.granules / now.granules * (now.tolerance / then.tolerance) ** self.power * finer
+                return OVERHEAD + max(0.0, stage.seconds - OVERHEAD) * more
+        return 0.0
 
 
 def solved_before(scene: Scene, plan: Plan) -> frozenset[str]:
@@ -284,36 +326,6 @@ def solved_before(scene: Scene, plan: Plan) -> frozenset[str]:
     except NotFinished:  # perhaps after some of the passes of the granules' force, whose names are the same
         return frozenset(name for name in known.seconds if StageKey.of(name).heading != "air loading")
     return frozenset(known.seconds)
-
-
-def expected_seconds(spent: Mapping[str, StageTime], now: RefinedSettings, then: RefinedSettings) -> float:
-    """Run time (s) of a round with the settings ``then``, from what the stages of one with those of ``now`` took."""
-    if then == now:
-        return 0.0
-    slab_only = all(getattr(then, key) == getattr(now, key) for key in ("granules", "tolerance", "mesh_scale"))
-    same_air = (then.mesh_scale, then.averaging) == (now.mesh_scale, now.averaging)
-    power, whole = _power(spent), 0.0
-    for name, stage in spent.items():
-        match StageKey.of(name).stage.scaling:
-            case Scaling.AIR | Scaling.CELLS as scaling:
-                whole += 0.0 if same_air else stage.seconds * _air_factor(scaling, now, then)
-            case Scaling.SLAB:
-                whole += stage.seconds * (then.slab or 1) / (now.slab or 1)
-            case Scaling.FLIGHTS if not (slab_only and same_air):
-                whole += OVERHEAD + max(0.0, stage.seconds - OVERHEAD) * _flight_factor(power, now, then)
-    return whole
-
-
-def _air_factor(scaling: Scaling, now: RefinedSettings, then: RefinedSettings) -> float:
-    """Steps go with the cells' edges, averages with the square of what they are known to."""
-    finer = (now.mesh_scale or 1.0) / (then.mesh_scale or 1.0)
-    longer = (now.averaging or 1.0) / (then.averaging or 1.0)
-    return float(finer**2 if scaling is Scaling.CELLS else finer**3 * longer**2)
-
-
-def _flight_factor(power: float, now: RefinedSettings, then: RefinedSettings) -> float:
-    crossed = (now.mesh_scale or 1.0) / (then.mesh_scale or 1.0)  # cells on a granule's way
-    return float(then.granules / now.granules * (now.tolerance / then.tolerance) ** power * crossed)
 
 
 def _power(spent: Mapping[str, StageTime]) -> float:
@@ -365,12 +377,10 @@ class Choice:
     seconds: float = nan
 
     @classmethod
-    def of(
-        cls, rows: Sequence[BudgetRow], spent: Mapping[str, StageTime], now: RefinedSettings, then: RefinedSettings
-    ) -> Choice:
+    def of(cls, rows: Sequence[BudgetRow], prices: Prices, then: RefinedSettings) -> Choice:
         """Of the settings ``then``; the rest as of :func:`choose`."""
-        half = max((expected_half(row, now, then) for row in rows), default=0.0)
-        return cls(then, half, expected_seconds(spent, now, then))
+        half = max((expected_half(row, prices.settings, then) for row in rows), default=0.0)
+        return cls(then, half, prices.at(then).seconds)
 
 
 def expected_half(row: BudgetRow, now: RefinedSettings, then: RefinedSettings) -> float:
@@ -395,42 +405,35 @@ def reachable(rows: Sequence[BudgetRow], now: RefinedSettings, target: float) ->
     return [row for row in rows if expected_half(row, now, finest) <= target]
 
 
-def choose(
-    rows: Sequence[BudgetRow],
-    spent: Mapping[str, StageTime],
-    now: RefinedSettings,
-    start: RefinedSettings,
-    target: float,
-) -> Choice:
-    """The cheapest settings, from those of ``start`` on, with which every row of ``rows`` is expected to meet the
-    ``target``; ``now``: those with which the rows were found and the run times ``spent``.
+def choose(rows: Sequence[BudgetRow], prices: Prices, target: float) -> Choice:
+    """The cheapest settings, from those on with which the ``rows`` were found, with which every one of them is expected
+    to meet the ``target``; ``prices`` of the round that found them.
     """
+    now = prices.settings
 
     def turned(at: tuple[RefinedSettings, str]) -> Iterator[Offer[tuple[RefinedSettings, str]]]:
-        price, before = expected_seconds(spent, now, at[0]), _excess(rows, now, at[0], target)
+        price, before = prices.at(at[0]).seconds, _excess(rows, now, at[0], target)
         for name in values(at[0]):
             then = knobs[name].next(at[0])
-            seconds = max(expected_seconds(spent, now, then) - price, QUICKEST)
+            seconds = max(prices.at(then).seconds - price, QUICKEST)
             yield Offer((then, name), seconds, before - _excess(rows, now, then, target))
 
-    way = bought((start, ""), turned)
+    way = bought((now, ""), turned)
     chosen = way[-1][0]
     met = _excess(rows, now, chosen, target) <= 0.0
     for _, name in reversed(way[1:] if met else ()):  # steps that are needless beside the others
         back = knobs[name].at(chosen, values(chosen)[name] / knobs[name].step)
         if _excess(rows, now, back, target) <= 0.0:
             chosen = back
-    return Choice.of(rows, spent, now, chosen)
+    return Choice.of(rows, prices, chosen)
 
 
-def choose_surely(
-    rows: Sequence[BudgetRow], spent: Mapping[str, StageTime], now: RefinedSettings, target: float
-) -> Choice:
-    """The cheapest settings, from those of ``now`` on, that are expected to stay within MARGIN of the ``target``; where
+def choose_surely(rows: Sequence[BudgetRow], prices: Prices, target: float) -> Choice:
+    """The cheapest settings, from those of now on, that are expected to stay within MARGIN of the ``target``; where
     what no setting lowers comes too near to it for that, to meet the target itself, and not whatever could be bought.
     """
-    sure = choose(rows, spent, now, now, MARGIN * target)
-    return sure if sure.half <= MARGIN * target else choose(rows, spent, now, now, target)
+    sure = choose(rows, prices, MARGIN * target)
+    return sure if sure.half <= MARGIN * target else choose(rows, prices, target)
 
 
 def _excess(rows: Sequence[BudgetRow], now: RefinedSettings, then: RefinedSettings, target: float) -> float:
@@ -467,7 +470,7 @@ def _finest(rounds: Sequence[Round], done: int, seconds: float) -> int:
 
     def finer_ones(at: int) -> Iterator[Offer[int]]:
         for place in range(at + 1, len(rounds)):
-            if (price := expected(rounds[place][0], rounds[place][2])) <= SURELY * seconds:
+            if (price := Prices.planned(rounds[place][0], rounds[place][2]).seconds) <= SURELY * seconds:
                 yield Offer(place, price, float(place - at))
 
     return bought(done, finer_ones)[-1]
@@ -504,7 +507,7 @@ class Within:
         for the quickest.
         """
         rounds = list(self._rounds())
-        times = [expected(scene, plan) for scene, _, plan in rounds]
+        times = [Prices.planned(scene, plan).seconds for scene, _, plan in rounds]
         while times[1:] and times[1] <= times[0]:  # its airflow is in the cache
             times, rounds = times[1:], rounds[1:]
         quickest = times[0]
@@ -539,7 +542,8 @@ class Within:
         begin.
         """
         begun, slower, left = self.clock(), 1.0, inf
-        due, whole = (beginnings(scene, plan), expected(scene, plan)) if instead else ({}, 0.0)
+        prices = Prices.planned(scene, plan)
+        due, whole = prices.beginnings if instead else {}, prices.seconds
 
         def listener(stage: str, text: str) -> None:
             nonlocal slower, left

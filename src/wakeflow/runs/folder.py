@@ -23,7 +23,7 @@ from ..scene import Scene
 
 if TYPE_CHECKING:
     from ..flight.stages.landings import Landings, Tracked
-    from ..show import AirAndTracks, Landed
+    from ..show import AirAndTracks
 
 
 # -- What answers are made for -----------------------------------------------------------------------------------------
@@ -57,6 +57,7 @@ def answer_key(scene: Scene, request: Request, *more: object) -> str:
 # -- What a run leaves in its folder next to result.json ---------------------------------------------------------------
 LOCK = ".lock"  # held by the run that writes
 COMMAND = "run"
+OF_EACH = "position", "bin", "diameter", "fate", "time", "impacts"  # of a granule that is kept
 
 
 def refuse_foreign(folder: Path) -> None:
@@ -72,15 +73,8 @@ def written_files(folder: Path) -> list[Path]:
     from ..show import added_files, pictures_of, report_files
 
     drawn = (folder / "figures" / file for picture in pictures_of(folder).values() for file in picture.files)
-    own = [
-        folder / FILE,
-        folder / GRANULES,
-        folder / JOINT,
-        folder / "figures" / "pictures.json",
-        *drawn,
-        *added_files(folder),
-    ]
-    return [*report_files(folder), *(path for path in own if path.exists())]
+    named = (folder / name for name in (FILE, GRANULES, JOINT, "figures/pictures.json"))
+    return [*report_files(folder), *(path for path in (*named, *drawn, *added_files(folder)) if path.exists())]
 
 
 def seen_of(pipeline: Pipeline, tracked: Tracked) -> AirAndTracks:
@@ -123,21 +117,18 @@ def report_into(
     """Draw the report of a run into its folder; ``seen``: the air and the tracks, ``answer``: all landings,
     ``granules``: the sample of them that is kept; ``pdf``: every figure as PDF too.
     """
-    from ..show import Outcome, write_report
+    from ..show import Landed, Outcome, write_report
 
     ahead = drawn_ahead(pipeline, seen, pdf=pdf)
     pipeline.listener("report", "drawing")
-    landings = {name: _landed(landing) for name, landing in answer.items()}
+    landings = {
+        name: Landed(found.position[:, 0], found.position[:, 1], found.mass_shares, found.bin)
+        for name, found in answer.items()
+    }
     shown = {name: pipeline.shown(picture) for name, picture in pipeline.scene.picture.items()}
     outcome = Outcome(**vars(seen), landings=landings, result=result, shown=shown, granules=granules)
     write_report(result.folder, outcome, ahead, pdf=pdf)
     pipeline.listener("report", "done")
-
-
-def _landed(landing: Landings) -> Landed:
-    from ..show import Landed
-
-    return Landed(landing.position[:, 0], landing.position[:, 1], landing.mass_shares, landing.bin)
 
 
 def some_granules(scene: Scene, landings: Mapping[str, Landings]) -> Columns:
@@ -150,10 +141,7 @@ def some_granules(scene: Scene, landings: Mapping[str, Landings]) -> Columns:
         columns = {
             "fraction": np.full(len(kept), index),
             "weight": mass[name] * landing.mass_shares[kept] / landing.mass_shares[kept].sum(),
-            **{
-                field: getattr(landing, field)[kept]
-                for field in ("position", "bin", "diameter", "fate", "time", "impacts")
-            },
+            **{field: getattr(landing, field)[kept] for field in OF_EACH},
         }
         for field, values in columns.items():
             rows.setdefault(field, []).append(values)

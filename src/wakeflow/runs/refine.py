@@ -24,6 +24,7 @@ from ..planning.terms import AIR, COLLISIONS, LOADING, VIBRATION, bounds, check_
 from ..scene import Scene
 from .effort import (
     Choice,
+    Prices,
     applied,
     cheapest,
     choose_surely,
@@ -250,14 +251,14 @@ class _Way:
 
     def next(self, result: Result, now: RefinedSettings) -> Choice:
         """What to compute with next, which it says; the settings are those of ``now`` where nothing is to be done."""
-        rows, spent = _rows(result), result.seconds
+        rows, prices = _rows(result), Prices.measured(result.seconds, now)
         can = reachable(rows, now, self.target)
         chosen = now
         if _largest(can) > self.target:
-            chosen = choose_surely(can, spent, now, self.target).settings
+            chosen = choose_surely(can, prices, self.target).settings
         if len(can) < len(rows):  # what stays beyond the target is at least no coarser than the scene says
             chosen = finer(chosen, self.of_scene)
-        choice = Choice.of(can, spent, now, chosen)
+        choice = Choice.of(can, prices, chosen)
         if chosen != now:
             self.tell(
                 f"found {100 * _largest(can):.2g} points; next {_words(chosen)}: {_bought(now, chosen)}, for "

@@ -49,7 +49,7 @@ from wakeflow.planning.plan import COMPARED, REPLICATES
 from wakeflow.planning.stage_cache import StageTime
 from wakeflow.planning.unknowns import SIGMAS, unknowns
 from wakeflow.planning.wake import Wake
-from wakeflow.runs.effort import expected_half, expected_part, expected_seconds
+from wakeflow.runs.effort import Prices, expected_half, expected_part
 from wakeflow.runs.planned import make_plan
 from wakeflow.runs.refine import unreached_lines
 from wakeflow.scene import Scene
@@ -147,7 +147,7 @@ def test_a_new_source_is_refined_and_has_a_remedy(cases: Path) -> None:
     row = BudgetRow("share.wheat.left", None, (part,), BudgetTotal(0.2, 1.0, 0.0, 1.0, 0.2))
     assert expected_half(row, now, finer) == pytest.approx(0.02)
     spent = {"coarser-steps": StageTime(5.0, False)}
-    assert expected_seconds(spent, now, replace(now, granules=4096)) == pytest.approx(0.4 + 4.0 * 4.6)
+    assert Prices.measured(spent, now).at(replace(now, granules=4096)).seconds == pytest.approx(0.4 + 4.0 * 4.6)
     assert remedies(["coarser-steps"]) == ["numerics.tolerance = 1e-3"]
     scene = Scene.load(cases / "vacuum.toml")
     (line,) = unreached_lines([row], now, 1e-9, scene, make_plan(scene))

@@ -17,13 +17,13 @@ from wakeflow.answer.result import Result
 from wakeflow.answer.shares import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.planning.stage_cache import StageTime
 from wakeflow.runs.effort import (
+    Prices,
     applied,
     cheapest,
     choose,
     choose_surely,
     expected_half,
     expected_part,
-    expected_seconds,
     finer,
     finest_of,
     own_settings,
@@ -36,6 +36,7 @@ from wakeflow.scene import Scene
 
 NOW = RefinedSettings(granules=1024, tolerance=1e-3, mesh_scale=None, averaging=None, slab=None)
 SPENT = {"tracks": StageTime(4.0, False), "companion": StageTime(2.0, False), "draws": StageTime(5.0, False)}
+PRICES = Prices.measured(SPENT, NOW)
 
 
 def row(*parts: BudgetPart, place: str = "dust.middle") -> BudgetRow:
@@ -96,14 +97,14 @@ def test_what_no_setting_lowers_stays() -> None:
 def test_the_cheapest_settings_are_chosen_that_meet_the_target() -> None:
     """Where few granules are what limits the shares, granules are bought; where the steps are, the tolerance."""
     few = [row(sampling(0.05), steps(0, 1024))]
-    chosen = choose(few, SPENT, NOW, NOW, 0.02)
+    chosen = choose(few, PRICES, 0.02)
     assert chosen.half == pytest.approx(expected_half(few[0], NOW, chosen.settings))
     assert chosen.half <= 0.02
     assert chosen.settings.tolerance == NOW.tolerance
     assert expected_half(few[0], NOW, replace(NOW, granules=chosen.settings.granules // 2)) > 0.02  # none too many
-    assert chosen.seconds == pytest.approx(expected_seconds(SPENT, NOW, chosen.settings))
+    assert chosen.seconds == pytest.approx(PRICES.at(chosen.settings).seconds)
     coarse = [row(sampling(0.005), steps(80, 1024))]
-    chosen = choose(coarse, SPENT, NOW, NOW, 0.03)
+    chosen = choose(coarse, PRICES, 0.03)
     assert chosen.settings.tolerance < NOW.tolerance
     assert chosen.half <= 0.03
 
@@ -112,23 +113,23 @@ def test_nothing_is_bought_for_a_margin_that_nothing_brings() -> None:
     """What no setting lowers leaves room for the target, but not for nine tenths of it."""
     rows = [row(sampling(0.05), BudgetPart("airflow-model", 0.0185, 1.0, "companion"))]
     assert reachable(rows, NOW, 0.02) == rows
-    chosen = choose_surely(rows, SPENT, NOW, 0.02)
+    chosen = choose_surely(rows, PRICES, 0.02)
     assert 0.018 < chosen.half <= 0.02
-    assert chosen.settings == choose(rows, SPENT, NOW, NOW, 0.02).settings
-    assert chosen.seconds < 0.01 * choose(rows, SPENT, NOW, NOW, 0.018).seconds
+    assert chosen.settings == choose(rows, PRICES, 0.02).settings
+    assert chosen.seconds < 0.01 * choose(rows, PRICES, 0.018).seconds
     easy = [row(sampling(0.05))]
-    assert choose_surely(easy, SPENT, NOW, 0.02).half <= 0.018
+    assert choose_surely(easy, PRICES, 0.02).half <= 0.018
 
 
 def test_a_dear_knob_is_turned_only_where_the_cheap_one_does_not_serve() -> None:
     now = replace(NOW, mesh_scale=2.0)
-    spent = {**SPENT, "airflow": StageTime(100.0, False)}
+    prices = Prices.measured({**SPENT, "airflow": StageTime(100.0, False)}, now)
     parts = sampling(0.025), BudgetPart("mesh", 0.01, note="two grids")
-    assert choose([row(*parts)], spent, now, now, 0.02).settings.mesh_scale == 2.0
+    assert choose([row(*parts)], prices, 0.02).settings.mesh_scale == 2.0
     parts = sampling(0.005), BudgetPart("mesh", 0.03, note="two grids")
-    chosen = choose([row(*parts)], spent, now, now, 0.02).settings
+    chosen = choose([row(*parts)], prices, 0.02).settings
     assert 1.0 < chosen.mesh_scale < 2.0
-    assert expected_seconds(spent, now, chosen) > 150.0
+    assert prices.at(chosen).seconds > 150.0
 
 
 def test_rows_that_no_setting_brings_below_the_target_are_told_apart() -> None:
