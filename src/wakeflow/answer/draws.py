@@ -141,7 +141,7 @@ class JointDraws:
         ends = {name: (float(low), float(high)) for name, (low, high) in self.cells.ends.items()}
         return JointRecord(
             DRAWS, self.fractions, dict(self.targets), self.keys, self.cells.bins, dict(self.cells.on), ends,
-            self.images or None, self.flow, sources, self.salt, self.prices,
+            self.images, self.flow, sources, self.salt, self.prices,
         )  # fmt: skip
 
     def arrays(self) -> dict[str, Any]:
@@ -181,7 +181,7 @@ class JointDraws:
         ):
             raise ValueError("a record of other arrays")
         mass, z, base, change = (_wide(arrays, name) for name in ("mass", "z", "base", "change"))
-        return cls(record.fractions, mass, record.targets, record.flow, cells, record.images or (), record.inputs, z,
+        return cls(record.fractions, mass, record.targets, record.flow, cells, record.images, record.inputs, z,
                    base, np.asarray(change, dtype=np.float32), sources, record.salt, record.prices)  # fmt: skip
 
     @cached_property

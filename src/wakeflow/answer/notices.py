@@ -88,7 +88,7 @@ def _off_the_fan(scene: Scene, airflow: Airflow) -> Iterator[Notice]:
 
 def _step_not_reached(slab: CollisionSummary, unit: str) -> Iterator[Notice]:
     """Of a clock that errs by more than it was asked to: none that was tried is better by what a shorter step costs."""
-    error, asked = slab.step_error or 0.0, slab.step_asked or 0.0
+    error, asked = slab.step_error, slab.step_asked
     if error > asked:
         yield less_sure(
             f"no step of the slab's clock is as exact as asked, after {slab.step_trials} trials: nine of ten landings "

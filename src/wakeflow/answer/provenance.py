@@ -7,10 +7,12 @@ import shlex
 import sys
 from dataclasses import dataclass
 from datetime import datetime
+from math import nan
 from pathlib import Path
+from typing import Annotated
 
 from ..core.process import capture, cores
-from ..core.record import column
+from ..core.record import Null, column
 from ..scene import Scene
 
 
@@ -26,12 +28,14 @@ class Provenance:
     system: str = column("", "its operating system and processor")
     cores: int = column("1", "processors that the run could use")
     seed: int = column("1", "of the granules' random numbers")
-    openfoam: str | None = column("", "version of the OpenFOAM that solved the air; null where none did")
-    commit: str | None = column("", "git commit of the program, + where its files differ; null outside a repository")
+    openfoam: Annotated[str, Null("")] = column("", "version of the OpenFOAM that solved the air; null where none did")
+    commit: Annotated[str, Null("")] = column(
+        "", "git commit of the program, + where its files differ; null outside a repository"
+    )
 
 
-def provenance_of(scene: Scene, solver: str | None) -> Provenance:
-    """Of a run that is made now; ``solver``: the version of the OpenFOAM that solved its air, None where none did."""
+def provenance_of(scene: Scene, solver: str) -> Provenance:
+    """Of a run that is made now; ``solver``: the version of the OpenFOAM that solved its air, empty where none did."""
     return Provenance(
         date=datetime.now().astimezone().isoformat(timespec="seconds"),
         command=shlex.join([Path(sys.argv[0]).name or "python", *sys.argv[1:]]),
@@ -45,14 +49,14 @@ def provenance_of(scene: Scene, solver: str | None) -> Provenance:
     )
 
 
-def commit_of(folder: Path) -> str | None:
-    """The commit of the repository whose top is ``folder``, with a + where files differ from it; None without one, or
+def commit_of(folder: Path) -> str:
+    """The commit of the repository whose top is ``folder``, with a + where files differ from it; empty without one, or
     without git.
     """
     if not (folder / ".git").exists():
-        return None
+        return ""
     code, text = capture(["git", "-C", str(folder), "describe", "--always", "--abbrev=40", "--exclude=*", "--dirty=+"])
-    return text.strip() if code == 0 else None
+    return text.strip() if code == 0 else ""
 
 
 # -- What a run with a target error bought, round by round -------------------------------------------------------------
@@ -75,9 +79,11 @@ class RefinementRound:
 
     settings: RefinedSettings = column("", "what was computed with")
     bought: str = column("", "what is finer than in the round before, in words")
-    expected: float | None = column("1", "largest error by computing that was expected; null of the first round")
+    expected: Annotated[float, Null(nan)] = column(
+        "1", "largest error by computing that was expected; null of the first round"
+    )
     found: float = column("1", "the same, found: of the bin shares that computing can bring to the target")
-    expected_seconds: float | None = column("s", "run time that was expected; null of the first round")
+    expected_seconds: Annotated[float, Null(nan)] = column("s", "run time that was expected; null of the first round")
     seconds: float = column("s", "run time of the stages that no round before had made")
 
 

@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import partial
+from math import nan
 from operator import eq
-from typing import Any, Self, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 from ..core.errors import SceneError, known
 from ..core.number import Number
-from ..core.record import column
+from ..core.record import Null, column
 from ..core.registry import did_you_mean
 from ..flight.stages.landings import fates_of
 from ..flight.stages.slab_stage import SlabFound
@@ -40,12 +41,13 @@ class CollisionSummary:
     meetings: dict[str, float] = column("1", "with other granules on a flight, mean over each fraction's mass")
     fates: dict[str, dict[str, int]] = column("1", "granules of each fraction by how their track ended")
     step: float = column("s", "of its clock")
-    step_error: float | None = column(
+    step_error: Annotated[float, Null(nan)] = column(
         "as plan.unit", "how far nine of ten granules that meet nobody land from where far finer flights do, at most"
     )
     jammed: int = column("1", "replicates in which granules that lie still became more as long as it was fed")
-    step_asked: float | None = column("as plan.unit", "the same, as the step was asked for: larger ones are a notice",
-                                      default=None)  # fmt: skip
+    step_asked: Annotated[float, Null(nan)] = column(
+        "as plan.unit", "the same, as the step was asked for: larger ones are a notice", default=nan
+    )
     step_trials: int | None = column("1", "steps that were tried", default=None)
 
 
@@ -61,8 +63,8 @@ def collisions_of(plan: Plan, crowd: SlabFound) -> CollisionSummary:
         meetings={name: float(known(found.meetings) @ found.mass_shares) for name, found in landings.items()},
         fates={name: fates_of(found.fate) for name, found in landings.items()},
         step=crowd.clock.step,
-        step_error=None if crowd.clock.given else crowd.clock.step_error,
-        step_asked=None if crowd.clock.given else crowd.clock.asked,
+        step_error=crowd.clock.step_error,
+        step_asked=crowd.clock.asked,
         step_trials=crowd.clock.trials,
         jammed=crowd.jammed,
     )
@@ -350,7 +352,7 @@ class JointRecord:
     bins: tuple[str, ...] = column("", "in the order of the arrays; elsewhere comes last")
     on: dict[str, str] = column("", "side of the channel of each bin that lies on one")
     ends: dict[str, tuple[float, float]] = column("m", "from and to of these")
-    images: tuple[int, ...] | None = column("", "place of each bin's mirror image; null without one")
+    images: Annotated[tuple[int, ...], Null(())] = column("", "place of each bin's mirror image; null without one")
     flow: float = column("kg/s", "of the feed")
     sources: tuple[JointSource, ...] = column("", "what adds to the shares beside the inputs")
     salt: str = column("", "what makes this run's draws of them its own")
@@ -362,7 +364,7 @@ class LandingResults:
     """What the landings of all granules amount to."""
 
     separation: Separation = column("", "the answer: with the granules' collisions where there is a `slab`")
-    bracket: dict[str, dict[str, dict[str, float]]] | None = column(
+    bracket: Annotated[dict[str, dict[str, dict[str, float]]], Null({})] = column(
         "1",
         "share by fraction, bin and wake, each granule alone, the answer's own wake last; null where the wakes are "
         "not compared",

@@ -15,9 +15,8 @@ from ..air.kinds.airflow_table import Airflow, MeshReport
 from ..answer.budget.agreement import verdicts_of
 from ..answer.budget.budget import flights_ahead, fly_again, make_budget, total_notices
 from ..answer.budget.mesh import airflow_on_grids
-from ..answer.budget.model import MODEL, loading_effects
+from ..answer.budget.model import MODEL, in_three_dimensions, loading_effects
 from ..answer.budget.source import Flights
-from ..answer.budget.third_dimension import in_three_dimensions
 from ..answer.joint import effects_in
 from ..answer.notices import air_notices, flight_notices, with_mesh_error
 from ..answer.partition import partition_curves
@@ -99,7 +98,7 @@ class OneRun:
             flown = self.flights if until in (None, "tracks") else None
         if flown is not None and airflow is not None:  # what is known of the field that granules fly in
             airflow = replace(airflow, divergence=pipeline.divergence, truncation=pipeline.air.truncation)
-        key, solver = self._key(flies=flown is not None), None if airflow is None else pipeline.air.solver
+        key, solver = self._key(flies=flown is not None), "" if airflow is None else pipeline.air.solver or ""
         result = Result(
             schema=SCHEMA,
             scene=self.asked.tables(),
@@ -212,7 +211,7 @@ class OneRun:
         for crowd in flights.slab:
             alone = make_budget(replace(flights, slab=()))[0].own.separation()
             slab = collisions_of(self.pipeline.plan, crowd)
-        bracket = next((wakes.means(list(scene.bin)) for wakes in flights.of(MODEL)), None)
+        bracket = next((wakes.means(list(scene.bin)) for wakes in flights.of(MODEL)), {})
         loading = self.pipeline.loading
         effects = {} if loading is None else loading_effects(loading, separation.bins)
         known = {unknown.key: InputSummary.of(unknown) for unknown in flights.draws.unknowns}

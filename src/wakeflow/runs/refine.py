@@ -230,9 +230,9 @@ class _Way:
             RefinementRound(
                 settings=now,
                 bought="a first look" if first else _bought(self.rounds[-1].settings, now),
-                expected=None if first else choice.half,
+                expected=choice.half,
                 found=_largest(can),
-                expected_seconds=None if first else choice.seconds,
+                expected_seconds=choice.seconds,
                 seconds=sum(seconds for _, seconds in spent),
             )
         )

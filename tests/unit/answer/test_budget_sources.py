@@ -569,7 +569,7 @@ def test_a_bin_that_no_draw_changes_is_not_moved_by_air_that_does_not_see_the_vi
     plan = make_plan(scene)
     speed = next(one for one in unknowns(scene, plan) if one.key == AIR_SPEED)
     crude = BudgetPart(VIBRATION, 0.3, 0.0, CALIBRATED, NOT_COMPUTED)
-    assert swung(scene, plan, crude, NO_EFFECT, speed).error == 0.0
-    assert swung(scene, plan, crude, NO_EFFECT, None).error == SHARES_MOVED < 0.3
+    assert swung(scene, plan, crude, NO_EFFECT, [speed]).error == 0.0
+    assert swung(scene, plan, crude, NO_EFFECT, []).error == SHARES_MOVED < 0.3
     stronger = shipped("rhombus", {"vibration.gamma": 3.0})  # than was measured
-    assert swung(stronger, make_plan(stronger), crude, NO_EFFECT, None).error == 0.3
+    assert swung(stronger, make_plan(stronger), crude, NO_EFFECT, []).error == 0.3

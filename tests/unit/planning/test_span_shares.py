@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from support import shipped
+from wakeflow.answer.budget.model import FACTORS, in_three_dimensions, span_shares
 from wakeflow.answer.budget.source import budget_sources
-from wakeflow.answer.budget.third_dimension import FACTORS, in_three_dimensions, span_shares
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import RESERVED_BIN, Scene
 

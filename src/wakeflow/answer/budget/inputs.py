@@ -78,11 +78,11 @@ class LeftOutTerms(Source[None]):
         if VIBRATION in pipeline.plan.force:
             return found
         answer = fraction.answer
-        speed = next((unknown for unknown in flights.draws.unknowns if unknown.key == AIR_SPEED), None)
+        speed = tuple(unknown for unknown in flights.draws.unknowns if unknown.key == AIR_SPEED)
         for place, parts in found.items():
             if any(part.source == VIBRATION for part in parts):
                 of = answer.of_share(fraction.name, [place])
-                effects = {} if speed is None else answer.effects(of, fraction.name)
+                effects = answer.effects(of, fraction.name) if speed else {}
                 effect = effects.get(AIR_SPEED, NO_EFFECT)
                 found[place] = [swung(pipeline.scene, pipeline.plan, part, effect, speed) for part in parts]
         return found
@@ -124,7 +124,7 @@ def _nearest(distances: Sequence[Array], landing: Landings) -> Array:
     return np.asarray(np.min([np.full(len(landing.bin), np.inf), *distances], axis=0))
 
 
-def swung(scene: Scene, plan: Plan, part: BudgetPart, effect: InputPart, speed: Unknown | None) -> BudgetPart:
+def swung(scene: Scene, plan: Plan, part: BudgetPart, effect: InputPart, speed: Sequence[Unknown]) -> BudgetPart:
     """The part of air that does not see the body vibrate, where a bound on single flights says little: in a wake that
     sheds any small shift grows, and the shares, which are means over all phases, do not change with it.
 
@@ -142,9 +142,9 @@ def swung(scene: Scene, plan: Plan, part: BudgetPart, effect: InputPart, speed: 
     if motion.moved < np.inf:
         measured = "measured: no share moved by more in air that sees the body vibrate"
         ways.append((motion.moved, f"{measured}; {motion.why}"))
-    if part.kind == NOT_COMPUTED and speed is not None:
+    for unknown in speed if part.kind == NOT_COMPUTED else ():
         faster = f"as an air faster by {100.0 * motion.bound:.2g} %: so much may drag and base pressure differ"
-        ways.append((effect.half * motion.bound * speed.value / speed.high, f"{faster}; {motion.why}"))
+        ways.append((effect.half * motion.bound * unknown.value / unknown.high, f"{faster}; {motion.why}"))
     if not ways:
         return part
     error, note = min([*ways, (part.size, part.note)])

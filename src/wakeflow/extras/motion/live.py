@@ -130,7 +130,7 @@ def _wakes(result: Result) -> dict[str, object]:
     if landings is None:
         return {"answer": {}, "interval": {}, "others": {}}
     fractions, others = landings.separation.fractions, dict[str, dict[str, dict[str, float]]]()
-    for name, places in (landings.bracket or {}).items():
+    for name, places in landings.bracket.items():
         for place, found in places.items():
             for wake, share in found.items():
                 others.setdefault(wake, {}).setdefault(name, {})[place] = 100 * share

@@ -236,7 +236,7 @@ def _posterior(before: Result, agreed: Matched, measured: Measured, source: str)
     parts, of_targets = effects_in(own)
     after = replace(
         landings, separation=separation, inputs=summary, measure_next=parts, of_targets=of_targets,
-        without_collisions=None, bracket=None, air_loading={}, three_dimensions={},
+        without_collisions=None, bracket={}, air_loading={}, three_dimensions={},
         budget=tuple(_rows(separation)), joint=update.after.record(),
     )  # fmt: skip
     key = content_key("calibrated", before.key, repr(measured), update.discrepancy, agreed.conflict)

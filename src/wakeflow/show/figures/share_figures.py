@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import known
 from ..canvas import COLOURS, INK, MM, bins_across, foremost, fraction_colours, new_figure, of_all, save, text_width
 from ..outcome import add_figure
 from ..words import UNKNOWN_ERROR, percent
@@ -262,7 +261,7 @@ def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[
             axes.barh([level], ends[0], left=ends[1], height=0.55, color=colours[name], alpha=0.35)
             axes.plot([100 * share.value] * 2, [level - 0.28, level + 0.28], color=colours[name], linewidth=2.5)
             for marker, wake in zip(MARKERS, wakes, strict=False):
-                found = known(landings.bracket)[name][place].get(wake)
+                found = landings.bracket[name][place].get(wake)
                 if found is not None:
                     axes.plot([100 * found], [level], marker, ms=5, mfc="white", mec=INK, mew=0.9)
         axes.set_yticks(range(len(places)), places, fontsize=8)
@@ -280,26 +279,23 @@ def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[
 
 def _marks(landings: LandingResults) -> list[tuple[str, str, str]]:
     """Fraction, bin and wake of every share that was flown in another wake."""
-    bracket = landings.bracket or {}
-    return [
-        (name, place, wake) for name, places in bracket.items() for place, found in places.items() for wake in found
-    ]
+    every = landings.bracket.items()
+    return [(name, place, wake) for name, places in every for place, found in places.items() for wake in found]
 
 
 def _wake_rows(scene: Scene, landings: LandingResults) -> list[tuple[str, str]]:
     """Fractions and bins that some of the fraction lands in, bins from left to right."""
-    bracket = landings.bracket or {}
     bins = [*bins_across(scene), "elsewhere"]
     return [
         (name, place)
-        for name, places in bracket.items()
+        for name, places in landings.bracket.items()
         for place in bins
         if max([*places.get(place, {}).values(), landings.separation.fractions[name][place].value]) > MIN_SHARE
     ]
 
 
 def _wake_columns(landings: LandingResults) -> dict[str, ArrayLike]:
-    marks, bracket = _marks(landings), landings.bracket or {}
+    marks, bracket = _marks(landings), landings.bracket
     heads = ("fraction", "bin", "wake")
     found: dict[str, ArrayLike] = {head: [mark[i] for mark in marks] for i, head in enumerate(heads)}
     found["share (%)"] = 100.0 * np.array([bracket[name][place][wake] for name, place, wake in marks])
