@@ -254,7 +254,7 @@ MIN_POWER, MAX_POWER = 0.02, 0.34  # of a flight's time with its tolerance: from
 
 
 @dataclass(frozen=True)
-class Prices:
+class RoundPrices:
     """What the ``stages`` of a round take with its ``settings``, which begins after ``started`` (s); ``power``: of a
     flight's time with its tolerance.
     """
@@ -265,14 +265,14 @@ class Prices:
     power: float = MIN_POWER
 
     @classmethod
-    def planned(cls, scene: Scene, plan: Plan) -> Prices:
+    def planned(cls, scene: Scene, plan: Plan) -> RoundPrices:
         """What a plan of ``scene`` expects on this machine, with the airflows that are in the cache."""
         there = solved_before(scene, plan)
         stages = [stage for stage in on_this_machine(plan, cache_root())[0] if stage.name not in there]
         return cls(stages, own_settings(scene, plan))
 
     @classmethod
-    def measured(cls, spent: Mapping[str, StageTime], settings: RefinedSettings) -> Prices:
+    def measured(cls, spent: Mapping[str, StageTime], settings: RefinedSettings) -> RoundPrices:
         """What the stages of a round took, one after another; all of them are in the cache."""
         stages = [StageCost(name, stage.seconds, "after") for name, stage in spent.items()]
         return cls(stages, settings, 0.0, _power(spent))
@@ -288,7 +288,7 @@ class Prices:
         dated = zip(self.stages, begins(self.stages, cores(), self.started), strict=True)
         return {stage.name: begun for stage, begun in dated if stage.when in ("answer", "after")}
 
-    def at(self, then: RefinedSettings) -> Prices:
+    def at(self, then: RefinedSettings) -> RoundPrices:
         """The prices of a round with the settings ``then``, after this one: of what comes out otherwise."""
         if then == self.settings:
             return replace(self, stages=())
@@ -377,7 +377,7 @@ class Choice:
     seconds: float = nan
 
     @classmethod
-    def of(cls, rows: Sequence[BudgetRow], prices: Prices, then: RefinedSettings) -> Choice:
+    def of(cls, rows: Sequence[BudgetRow], prices: RoundPrices, then: RefinedSettings) -> Choice:
         """Of the settings ``then``; the rest as of :func:`choose`."""
         half = max((expected_half(row, prices.settings, then) for row in rows), default=0.0)
         return cls(then, half, prices.at(then).seconds)
@@ -405,7 +405,7 @@ def reachable(rows: Sequence[BudgetRow], now: RefinedSettings, target: float) ->
     return [row for row in rows if expected_half(row, now, finest) <= target]
 
 
-def choose(rows: Sequence[BudgetRow], prices: Prices, target: float) -> Choice:
+def choose(rows: Sequence[BudgetRow], prices: RoundPrices, target: float) -> Choice:
     """The cheapest settings, from those on with which the ``rows`` were found, with which every one of them is expected
     to meet the ``target``; ``prices`` of the round that found them.
     """
@@ -428,7 +428,7 @@ def choose(rows: Sequence[BudgetRow], prices: Prices, target: float) -> Choice:
     return Choice.of(rows, prices, chosen)
 
 
-def choose_surely(rows: Sequence[BudgetRow], prices: Prices, target: float) -> Choice:
+def choose_surely(rows: Sequence[BudgetRow], prices: RoundPrices, target: float) -> Choice:
     """The cheapest settings, from those of now on, that are expected to stay within MARGIN of the ``target``; where
     what no setting lowers comes too near to it for that, to meet the target itself, and not whatever could be bought.
     """
@@ -470,7 +470,7 @@ def _finest(rounds: Sequence[Round], done: int, seconds: float) -> int:
 
     def finer_ones(at: int) -> Iterator[Offer[int]]:
         for place in range(at + 1, len(rounds)):
-            if (price := Prices.planned(rounds[place][0], rounds[place][2]).seconds) <= SURELY * seconds:
+            if (price := RoundPrices.planned(rounds[place][0], rounds[place][2]).seconds) <= SURELY * seconds:
                 yield Offer(place, price, float(place - at))
 
     return bought(done, finer_ones)[-1]
@@ -507,7 +507,7 @@ class Within:
         for the quickest.
         """
         rounds = list(self._rounds())
-        times = [Prices.planned(scene, plan).seconds for scene, _, plan in rounds]
+        times = [RoundPrices.planned(scene, plan).seconds for scene, _, plan in rounds]
         while times[1:] and times[1] <= times[0]:  # its airflow is in the cache
             times, rounds = times[1:], rounds[1:]
         quickest = times[0]
@@ -542,7 +542,7 @@ class Within:
         begin.
         """
         begun, slower, left = self.clock(), 1.0, inf
-        prices = Prices.planned(scene, plan)
+        prices = RoundPrices.planned(scene, plan)
         due, whole = prices.beginnings if instead else {}, prices.seconds
 
         def listener(stage: str, text: str) -> None:

@@ -24,7 +24,7 @@ from ..planning.terms import AIR, COLLISIONS, LOADING, VIBRATION, bounds, check_
 from ..scene import Scene
 from .effort import (
     Choice,
-    Prices,
+    RoundPrices,
     applied,
     cheapest,
     choose_surely,
@@ -251,7 +251,7 @@ class _Way:
 
     def next(self, result: Result, now: RefinedSettings) -> Choice:
         """What to compute with next, which it says; the settings are those of ``now`` where nothing is to be done."""
-        rows, prices = _rows(result), Prices.measured(result.seconds, now)
+        rows, prices = _rows(result), RoundPrices.measured(result.seconds, now)
         can = reachable(rows, now, self.target)
         chosen = now
         if _largest(can) > self.target:

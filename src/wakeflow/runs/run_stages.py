@@ -15,8 +15,7 @@ from ..answer.result import Request, asked_in
 from ..core.errors import SceneError, known
 from ..core.store import content_key
 from ..flight.stages.air_loading import exerted_by
-from ..flight.stages.pipeline import Pipeline
-from ..flight.stages.reruns import unweighed
+from ..flight.stages.pipeline import Pipeline, unweighed
 from ..planning.feed_funnel import FunnelSummary
 from ..planning.stage_cache import Listener, StageTimes, thread_safe
 from ..planning.stages import AirLabel

@@ -40,10 +40,9 @@ from wakeflow.answer.shares import Separation
 from wakeflow.core.number import student
 from wakeflow.core.store import content_key
 from wakeflow.core.tables import Columns
-from wakeflow.flight.stages.input_samples import CODE, DrawStage
+from wakeflow.flight.stages.input_samples import CODE
 from wakeflow.flight.stages.landings import Landings
-from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.flight.stages.reruns import SlabRerun
+from wakeflow.flight.stages.pipeline import InputRerun, Pipeline, SlabRerun
 from wakeflow.planning.collision_rates import encounters
 from wakeflow.planning.plan import INPUT_SAMPLES, SAME_AIR, replicate_size
 from wakeflow.planning.stage_cache import code_of
@@ -81,7 +80,7 @@ class Moved(NamedTuple):
 def moved(scene: wf.Scene, draws: Sequence[int]) -> Iterator[tuple[str, Moved, float]]:
     """What the numbered ``draws`` change of each fraction's shares, and the factor that is taken for it."""
     pipeline = piped(scene, force=MEET)
-    crowd, tracked, stage, bins = pipeline.crowd(), pipeline.tracks(), DrawStage(pipeline), len(scene.bin)
+    crowd, tracked, stage, bins = pipeline.crowd(), pipeline.tracks(), InputRerun().stage(pipeline), len(scene.bin)
     size = replicate_size(scene.feed.count)
     meet: dict[str, list[Array]] = {name: [] for name in scene.fraction}
     alone: dict[str, list[Array]] = {name: [] for name in scene.fraction}

@@ -41,7 +41,7 @@ from wakeflow.answer.budget.flown_again import shares_of
 from wakeflow.core.record import load
 from wakeflow.flight.stages import air_loading as air_loading_stage
 from wakeflow.flight.stages.air_loading import AirLoading
-from wakeflow.flight.stages.reruns import PerturbedRerun
+from wakeflow.flight.stages.pipeline import PerturbedRerun
 from wakeflow.laws.best_estimate import NUMBER_OF, by_source, wakes
 from wakeflow.laws.best_estimate import best_estimate as estimated
 from wakeflow.laws.material import materials

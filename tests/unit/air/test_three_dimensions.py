@@ -207,7 +207,7 @@ def test_a_coarse_airflow_from_plan_to_landings_killed_on_the_way(
     assert subprocess.run([sys.executable, "-c", RUN, *words], check=False).returncode == -signal.SIGKILL
     told: list[str] = []
     # The tracker is compiled in the session's own cache; beside OpenFOAM it would be compiled once more, in this one.
-    monkeypatch.setattr("wakeflow.flight.stages.reruns.Compilation.begin", lambda *_, **__: None)
+    monkeypatch.setattr("wakeflow.flight.stages.pipeline.Compilation.begin", lambda *_, **__: None)
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "killed"))
     result = wf.run(
         scene,

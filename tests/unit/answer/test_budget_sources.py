@@ -40,8 +40,7 @@ from wakeflow.answer.shares import (
 from wakeflow.core.number import Number, student
 from wakeflow.core.store import Store
 from wakeflow.flight.stages.landings import Landings, Tracked
-from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.flight.stages.reruns import CollisionRerun, PerturbedRerun
+from wakeflow.flight.stages.pipeline import CollisionRerun, PerturbedRerun, Pipeline
 from wakeflow.laws.best_estimate import WakeEstimate, best_estimate
 from wakeflow.planning.airflow_choice import SHARES_MOVED
 from wakeflow.planning.collisions import CollisionPlan
@@ -49,7 +48,7 @@ from wakeflow.planning.plan import COMPARED, REPLICATES
 from wakeflow.planning.stage_cache import StageTime
 from wakeflow.planning.unknowns import SIGMAS, unknowns
 from wakeflow.planning.wake import Wake
-from wakeflow.runs.effort import Prices, expected_half, expected_part
+from wakeflow.runs.effort import RoundPrices, expected_half, expected_part
 from wakeflow.runs.planned import make_plan
 from wakeflow.runs.refine import unreached_lines
 from wakeflow.scene import Scene
@@ -147,7 +146,7 @@ def test_a_new_source_is_refined_and_has_a_remedy(cases: Path) -> None:
     row = BudgetRow("share.wheat.left", None, (part,), BudgetTotal(0.2, 1.0, 0.0, 1.0, 0.2))
     assert expected_half(row, now, finer) == pytest.approx(0.02)
     spent = {"coarser-steps": StageTime(5.0, False)}
-    assert Prices.measured(spent, now).at(replace(now, granules=4096)).seconds == pytest.approx(0.4 + 4.0 * 4.6)
+    assert RoundPrices.measured(spent, now).at(replace(now, granules=4096)).seconds == pytest.approx(0.4 + 4.0 * 4.6)
     assert remedies(["coarser-steps"]) == ["numerics.tolerance = 1e-3"]
     scene = Scene.load(cases / "vacuum.toml")
     (line,) = unreached_lines([row], now, 1e-9, scene, make_plan(scene))

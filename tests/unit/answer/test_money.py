@@ -18,7 +18,7 @@ from wakeflow.answer.result import Result
 from wakeflow.answer.result_table import names_for, quantities_of
 from wakeflow.answer.shares import Prices
 from wakeflow.core.graded import Grade
-from wakeflow.flight.stages.reruns import unweighed
+from wakeflow.flight.stages.pipeline import unweighed
 from wakeflow.scene import Scene
 from wakeflow.show.many_figures import main_quantities
 from wakeflow.show.words import money_lines

@@ -85,7 +85,7 @@ def test_limits_of_what_no_answer_has_are_refused() -> None:
 
 def test_a_limit_moves_no_granule_and_a_plan_tells_of_one_that_is_finer_than_its_accuracy() -> None:
     plain, held = shipped("vacuum"), shipped("vacuum", {"limit.loss.hard": "0.5 %"})
-    from wakeflow.flight.stages.reruns import unweighed
+    from wakeflow.flight.stages.pipeline import unweighed
 
     assert unweighed(plain) == unweighed(held)
     told = [line for line in wf.plan(held).warnings if "limit.loss.hard" in line]

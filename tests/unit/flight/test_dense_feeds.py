@@ -30,8 +30,7 @@ from wakeflow.flight.feed.feedstock import feedstock
 from wakeflow.flight.stages.air_loading import SHARES, CaseLoading, Pass, exerted_by, relaxed
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.flight.stages.gathered_force import Gathered
-from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.flight.stages.reruns import CollisionRerun, SlabRerun
+from wakeflow.flight.stages.pipeline import CollisionRerun, Pipeline, SlabRerun
 from wakeflow.flight.stages.slab_stage import SlabFlight, SlabFound, _grouped, step_of
 from wakeflow.planning.coupling import COUPLING
 from wakeflow.planning.plan import GATHERED, PASSING

@@ -17,10 +17,8 @@ from wakeflow.core.errors import SceneError
 from wakeflow.extras.motion.film_stage import SINGLY, Film, flown_film
 from wakeflow.flight.feed.feedstock import feedstock, samples
 from wakeflow.flight.stages.fraction_flights import Flight, _second_half, bodies_and_walls, end_lines
-from wakeflow.flight.stages.input_samples import DrawStage
 from wakeflow.flight.stages.landings import load_tracked
-from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.flight.stages.reruns import InputRerun
+from wakeflow.flight.stages.pipeline import InputRerun, Pipeline
 from wakeflow.laws.restitution import Restitution
 from wakeflow.planning.collisions import number_rates
 from wakeflow.planning.plan import COMPARED, INPUT_SAMPLES, REPLICATES, SAME_AIR, replicate_size
@@ -233,7 +231,7 @@ def test_the_air_has_fewer_draws_and_all_are_standard_normal() -> None:
     from support import shipped
 
     scene = shipped("rhombus", {"feed.count": 64})
-    stage = DrawStage(Pipeline(scene, make_plan(scene)))
+    stage = InputRerun().stage(Pipeline(scene, make_plan(scene)))
     of_air = np.array([unknown_kinds[one.kind].of_air for one in stage.unknowns])
     air, rest = stage.design[:, of_air], stage.design[:, ~of_air]
     assert len(np.unique(air, axis=0)) == INPUT_SAMPLES // SAME_AIR

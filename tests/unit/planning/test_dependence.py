@@ -10,7 +10,7 @@ import wakeflow as wf
 from support import ALONE, shipped
 from wakeflow.core.errors import SceneError
 from wakeflow.flight.stages.input_samples import DrawStage, Ensemble, Joined
-from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.flight.stages.pipeline import InputRerun, Pipeline
 from wakeflow.laws.size import normal_points
 from wakeflow.planning.dependence import Dependence, dependence
 from wakeflow.planning.plan import INPUT_SAMPLES, SAME_AIR
@@ -44,12 +44,12 @@ def _columns(found: Dependence, *keys: str) -> list[int]:
 
 
 def _stage(scene: wf.Scene, joined: Joined = Dependence.joined) -> DrawStage:
-    return DrawStage(Pipeline(scene, make_plan(scene)), joined)
+    return InputRerun(joined=joined).stage(Pipeline(scene, make_plan(scene)))
 
 
 def _untied_design(stage: DrawStage, shared: Sequence[bool]) -> np.ndarray:
     """Of independent numbers: one Sobol set of granules and feed, and one of the air, each for several draws."""
-    air, seed = np.array(shared), stage.pipeline.scene.feed.seed
+    air, seed = np.array(shared), stage.scene.feed.seed
     z = np.zeros((INPUT_SAMPLES, len(air)))
     z[:, ~air] = normal_points(int((~air).sum()), INPUT_SAMPLES, seed, 0)
     z[:, air] = np.repeat(normal_points(int(air.sum()), INPUT_SAMPLES // SAME_AIR, seed, 1), SAME_AIR, axis=0)
@@ -139,7 +139,7 @@ def test_without_ties_the_draws_are_those_of_independent_numbers_bit_for_bit() -
     for name in ("vacuum", "rhombus"):
         ties = [_apart(name, coefficient) for coefficient in ("restitution", "friction")]
         stage = _stage(shipped(name, {**FEW, "uncertainty.together": ties}))
-        found = _dependence(stage.pipeline.scene)
+        found = _dependence(stage.scene)
         xi = np.random.default_rng(2).normal(size=(8, len(found.unknowns)))
         assert found.joined(xi) is xi
         assert found.kept(xi).all()

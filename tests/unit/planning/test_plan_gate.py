@@ -33,8 +33,7 @@ from wakeflow.flight.stages import fraction_flights as flying
 from wakeflow.flight.stages import landings
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.flight.stages.landings import Landings, Tracked, load_tracked
-from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.flight.stages.reruns import InputRerun
+from wakeflow.flight.stages.pipeline import InputRerun, Pipeline
 from wakeflow.laws.drag import slip_correction, terminal_velocity
 from wakeflow.laws.forces import FlightScales, forces
 from wakeflow.laws.forces.fluctuations import EDDY, WAKE_INTENSITY

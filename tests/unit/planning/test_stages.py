@@ -20,7 +20,7 @@ from wakeflow.planning.cost import COMPILE, STARTED, begins, wall_seconds
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.stage_cache import StageCache, StageTime, StageTimes, code_of
 from wakeflow.planning.stages import OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, stages
-from wakeflow.runs.effort import Prices
+from wakeflow.runs.effort import RoundPrices
 from wakeflow.runs.planned import make_plan
 from wakeflow.runs.progress import RunProgress
 from wakeflow.show.plan_words import cost_words
@@ -74,7 +74,7 @@ def test_a_new_stage_has_its_own_pace_and_scaling() -> None:
     progress.took, progress.done["weights"] = {"weights": 40.0}, 1
     assert progress.left == pytest.approx(STARTED + 10.0)  # a slow weighing says nothing of flights
     spent = {"weights": StageTime(5.0, False)}
-    assert Prices.measured(spent, COARSE).at(FINE).seconds == 20.0
+    assert RoundPrices.measured(spent, COARSE).at(FINE).seconds == 20.0
 
 
 def test_an_unknown_stage_is_one_in_which_granules_fly_again() -> None:

@@ -14,8 +14,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.flight import Body, Fate, track
 from wakeflow.flight.feed.feedstock import feedstock, granules_of
 from wakeflow.flight.stages.fraction_flights import Flight
-from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.flight.stages.reruns import SAMPLE_SECONDS
+from wakeflow.flight.stages.pipeline import SAMPLE_SECONDS, Pipeline
 from wakeflow.laws.best_estimate import best_estimate
 from wakeflow.laws.impaction import Cylinder, Front, Impaction, Wedge, approach, fronts
 from wakeflow.laws.material import default_margins, materials

@@ -17,7 +17,7 @@ from wakeflow.core.errors import SceneError
 from wakeflow.core.graded import Grade
 from wakeflow.planning.plan import gathered
 from wakeflow.runs import effort
-from wakeflow.runs.effort import QUICK, Prices, Within, seconds_of
+from wakeflow.runs.effort import QUICK, RoundPrices, Within, seconds_of
 from wakeflow.runs.planned import make_plan
 
 ASKED = Request.asked()
@@ -121,7 +121,7 @@ def test_a_budget_is_kept_whatever_a_round_costs(budget: float, slower: float, m
         """Each stage begins when it is expected to, as much later as this machine is slower, and tells a second."""
         how = {"rung": request.rung, "force": request.force, "target_error": request.target_error}
         plan, begun = effort.make_plan(scene, **how), clock.now
-        prices = Prices.planned(scene, plan)
+        prices = RoundPrices.planned(scene, plan)
         times = sorted((time, name) for name, time in prices.beginnings.items())
         for second in range(int(prices.seconds)):
             clock.now = begun + slower * second
@@ -151,7 +151,7 @@ def test_what_a_cache_makes_cheaper_than_the_quickest_takes_its_place(monkeypatc
     """The airflow of 1024 granules' wake is in the cache, that of the quickest answer is not."""
     seconds = {256: 22.0, 1024: 12.0}
     prices = lambda scene, _: SimpleNamespace(seconds=seconds.get(scene.feed.count, 100.0), beginnings={})  # noqa: E731
-    monkeypatch.setattr(Prices, "planned", prices)
+    monkeypatch.setattr(RoundPrices, "planned", prices)
     scene, _ = Within(15.0, shipped("rhombus"), ASKED, lambda *_: None, lambda *_: None).best()  # type: ignore[arg-type]
     assert scene.feed.count == 1024
 
@@ -172,12 +172,12 @@ def test_a_budget_counts_on_the_airflows_that_are_there(tmp_path: Path, monkeypa
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path))
     monkeypatch.setattr(effort, "on_this_machine", lambda plan, _: (plan.stages, ()))  # however busy it is
     assert not effort.solved_before(scene, plan)
-    whole = Prices.planned(scene, plan).seconds
+    whole = RoundPrices.planned(scene, plan).seconds
     wf.run(scene, tmp_path / "run", until="airflow", report=False)
     there = effort.solved_before(scene, plan)
     assert {"mesh", "airflow", "loaded-airflow", "momentum", "grid x 1.5 airflow"} <= there
     air = {stage.name: stage.whole for stage in plan.stages if stage.name in there}
-    assert Prices.planned(scene, plan).seconds <= whole - 0.5 * sum(air.values()) < whole
+    assert RoundPrices.planned(scene, plan).seconds <= whole - 0.5 * sum(air.values()) < whole
     for folder in [path for path in (tmp_path / "loaded-airflow").iterdir() if path.is_dir()][-1:]:
         shutil.rmtree(folder)
     assert not any("loaded" in name or "momentum" in name for name in effort.solved_before(scene, plan))

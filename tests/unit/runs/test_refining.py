@@ -17,7 +17,7 @@ from wakeflow.answer.result import Result
 from wakeflow.answer.shares import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.planning.stage_cache import StageTime
 from wakeflow.runs.effort import (
-    Prices,
+    RoundPrices,
     applied,
     cheapest,
     choose,
@@ -36,7 +36,7 @@ from wakeflow.scene import Scene
 
 NOW = RefinedSettings(granules=1024, tolerance=1e-3, mesh_scale=None, averaging=None, slab=None)
 SPENT = {"tracks": StageTime(4.0, False), "companion": StageTime(2.0, False), "draws": StageTime(5.0, False)}
-PRICES = Prices.measured(SPENT, NOW)
+PRICES = RoundPrices.measured(SPENT, NOW)
 
 
 def row(*parts: BudgetPart, place: str = "dust.middle") -> BudgetRow:
@@ -123,7 +123,7 @@ def test_nothing_is_bought_for_a_margin_that_nothing_brings() -> None:
 
 def test_a_dear_knob_is_turned_only_where_the_cheap_one_does_not_serve() -> None:
     now = replace(NOW, mesh_scale=2.0)
-    prices = Prices.measured({**SPENT, "airflow": StageTime(100.0, False)}, now)
+    prices = RoundPrices.measured({**SPENT, "airflow": StageTime(100.0, False)}, now)
     parts = sampling(0.025), BudgetPart("mesh", 0.01, note="two grids")
     assert choose([row(*parts)], prices, 0.02).settings.mesh_scale == 2.0
     parts = sampling(0.005), BudgetPart("mesh", 0.03, note="two grids")

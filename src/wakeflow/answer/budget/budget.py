@@ -18,8 +18,7 @@ import numpy as np
 
 from ...core.graded import Notice, less_sure
 from ...core.number import Number, student
-from ...flight.stages.pipeline import Pipeline
-from ...flight.stages.reruns import SlabRerun
+from ...flight.stages.pipeline import Pipeline, SlabRerun
 from ...flight.stages.slab_stage import SlabFound
 from ...planning.terms import TYPICAL
 from ...planning.unknowns import SIGMAS

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...flight.stages.landings import Landings
-from ...flight.stages.pipeline import Pipeline
-from ...flight.stages.reruns import InputRerun
+from ...flight.stages.pipeline import InputRerun, Pipeline
 from ...planning.airflow_choice import vibration_of_scene
 from ...planning.plan import Plan
 from ...planning.terms import COLLISIONS, VIBRATION

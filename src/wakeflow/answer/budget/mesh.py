@@ -26,8 +26,7 @@ from ...air.kinds.airflow_table import Airflow, GridEstimate, GridStudy
 from ...core.errors import SceneError, known
 from ...core.geometry import halved
 from ...flight.stages.landings import Landings, pooled
-from ...flight.stages.pipeline import Pipeline
-from ...flight.stages.reruns import PerturbedRerun
+from ...flight.stages.pipeline import PerturbedRerun, Pipeline
 from ...planning.plan import COMPARED, REPLICATES
 from ...planning.stages import AirLabel, StageCost, Workload
 from ...planning.unknowns import SIGMAS

@@ -21,8 +21,7 @@ import numpy as np
 
 from ...core.number import Number
 from ...flight.stages.air_loading import AirLoading
-from ...flight.stages.pipeline import Pipeline
-from ...flight.stages.reruns import PerturbedRerun
+from ...flight.stages.pipeline import PerturbedRerun, Pipeline
 from ...planning.plan import FractionPlan, Plan
 from ...planning.stages import OWN, AirLabel, StageCost, Workload
 from ...planning.terms import LOADING

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ...core.number import student
-from ...flight.stages.reruns import CollisionRerun, half_of_meeting
+from ...flight.stages.pipeline import CollisionRerun, half_of_meeting
 from ...flight.stages.slab_stage import SlabFound
 from ...planning.stages import Scaling, Stage, stages
 from ..draws import ErrorSource as Column

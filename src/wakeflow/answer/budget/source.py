@@ -19,8 +19,7 @@ from ...core.lazy import cached_property
 from ...core.registry import Registry
 from ...flight.stages.input_samples import NOT_DRAWN, InputSamples
 from ...flight.stages.landings import Landings
-from ...flight.stages.pipeline import Pipeline
-from ...flight.stages.reruns import Rerun
+from ...flight.stages.pipeline import Pipeline, Rerun
 from ...planning.dependence import Dependence, dependence
 from ...planning.stages import StageCost, Workload
 from ...planning.unknowns import SIGMAS

@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...flight.stages.landings import Landings
-from ...flight.stages.pipeline import Pipeline
-from ...flight.stages.reruns import PerturbedRerun
+from ...flight.stages.pipeline import PerturbedRerun, Pipeline
 from ...planning.plan import COMPARED, REPLICATES
 from ...planning.stages import StageCost, Workload
 from ..draws import ErrorSource as Column

@@ -26,7 +26,7 @@ from ...flight import Granules, Tracks
 from ...flight.feed.feedstock import feedstock
 from ...flight.stages.gathered_force import resolved
 from ...flight.stages.landings import paths_of, recorded_tracks, save_recorded_tracks
-from ...flight.stages.reruns import Work
+from ...flight.stages.pipeline import Work
 from ...flight.stages.slab_stage import SlabFlight, late_in, steady_after
 from ...planning.collisions import CollisionPlan, number_rates
 from ...planning.plan import REPLICATES, Plan

@@ -34,7 +34,7 @@ from ...core.lazy import cached_property
 from ...core.number import Number
 from ...core.quantities import say
 from ...flight.stages.input_samples import DrawnLandings, Ensemble, InputSamples
-from ...flight.stages.reruns import InputRerun
+from ...flight.stages.pipeline import InputRerun
 from ...planning.unknowns import FARTHEST, Unknown, unknown_kinds
 from ...runs.one_run import OneRun
 from ...runs.run_stages import stages_of

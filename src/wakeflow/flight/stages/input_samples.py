@@ -29,9 +29,10 @@ from .landings import BLOCKS, block_of
 
 if TYPE_CHECKING:
     from ...air.kinds.realisations import Realisations
+    from ...planning.plan import Plan
     from ...scene import Scene
+    from .fraction_flights import Flight
     from .landings import Tracked
-    from .pipeline import Pipeline
 
 CODE = "flight.stages.input_samples", "air.field.combined"  # what computes it
 
@@ -82,24 +83,30 @@ class Ensemble:
 
 @dataclass
 class DrawStage:
-    """The draws of one scene, flown as granules of a ``pipeline`` are. ``joined`` makes them of independent standard
+    """The draws of one scene under one plan, by as many ``workers``; each granule in a ``flight`` as of the answer, in
+    the air ``in_wake`` of a theta and a strength, or as it is. ``joined`` makes the draws of independent standard
     normal numbers: as the scene ties them, or as an ``Ensemble`` does.
     """
 
-    pipeline: Pipeline
+    scene: Scene
+    plan: Plan
+    workers: int
+    tell: Callable[[str], None]
+    flight: Callable[[Scene, Realisations], Flight]
+    in_wake: Callable[[tuple[float, ...]], Realisations]
     joined: Joined = Dependence.joined
 
     @cached_property
     def unknowns(self) -> list[Unknown]:
         """What is drawn."""
-        return unknowns(self.pipeline.scene, self.pipeline.plan)
+        return unknowns(self.scene, self.plan)
 
     @cached_property
     def design(self) -> Array:
         """Where every draw lies (INPUT_SAMPLES, K), all in the orders of the scene. Raises SceneError where hardly any
         draw is.
         """
-        ties, points = dependence(self.pipeline.scene, self.pipeline.plan, self.unknowns), INPUT_SAMPLES
+        ties, points = dependence(self.scene, self.plan, self.unknowns), INPUT_SAMPLES
         while points <= MOST_POINTS:
             z = self._in_order(ties, *self._points(points, ties.of_air))
             if len(z) == INPUT_SAMPLES:
@@ -112,7 +119,7 @@ class DrawStage:
         ``shared`` by SAME_AIR of them; each 0 in the columns of the other.
         """
         seed, each, air = (
-            self.pipeline.scene.feed.seed,
+            self.scene.feed.seed,
             *(np.zeros((n, len(shared))) for n in (count, count // SAME_AIR)),
         )
         each[:, ~shared] = normal_points(int((~shared).sum()), len(each), seed, 0)
@@ -137,7 +144,7 @@ class DrawStage:
     def read(self, folder: Path) -> InputSamples:
         """What :meth:`fly_all` kept in a folder."""
         with np.load(folder / "draws.npz") as data:
-            names = list(self.pipeline.scene.fraction)
+            names = list(self.scene.fraction)
             varied, answer = (
                 {name: DrawnLandings(data[f"{which}.{name}.position"], data[f"{which}.{name}.bin"]) for name in names}
                 for which in ("varied", "own")
@@ -147,11 +154,11 @@ class DrawStage:
     def fly_all(self, tracked: Tracked, folder: Path) -> None:
         """All draws, those of one air by one thread: granules of a draw are too few for several."""
         columns: dict[str, list[AnyArray]] = {}
-        pool = ThreadPoolExecutor(self.pipeline.threads)
+        pool = ThreadPoolExecutor(self.workers)
         try:
             jobs = [pool.submit(self._fly_in_one_air, first, tracked) for first in range(0, INPUT_SAMPLES, SAME_AIR)]
             for number, job in enumerate(jobs):
-                self.pipeline.cache.tell("draws", f"{number * SAME_AIR} of {INPUT_SAMPLES}")
+                self.tell(f"{number * SAME_AIR} of {INPUT_SAMPLES}")
                 for draw in job.result():
                     for which, column in draw.items():
                         columns.setdefault(which, []).append(column)
@@ -166,23 +173,23 @@ class DrawStage:
             made = self.variation(number)
             airs = airs or self.air(made.air)
             replicate = number % REPLICATES
-            part = _part(self.pipeline.scene.feed.count, number // REPLICATES)
+            part = _part(self.scene.feed.count, number // REPLICATES)
             landed.append(self.fly_under(made, airs, tracked, replicate, part))
         return landed
 
     def variation(self, number: int) -> Variation:
         """Draw ``number``."""
-        return variation_at(self.pipeline.scene, self.pipeline.plan, self.unknowns, self.design[number])
+        return variation_at(self.scene, self.plan, self.unknowns, self.design[number])
 
     def fly_under(self, made: Variation, airs: Realisations, tracked: Tracked, replicate: int, part: range) -> Columns:
         """The landing of each granule in a ``part`` of a replicate under the draw ``made``, whose air is in ``airs``
         ("varied.NAME.position", "varied.NAME.bin"), and its own ("own.NAME.position", "own.NAME.bin").
         """
-        flight = replace(self.pipeline.flight(made.fed(self.pipeline.scene), airs), workers=1)
+        flight = replace(self.flight(made.fed(self.scene), airs), workers=1)
         columns: Columns = {}
-        block, kept = block_of(replicate_size(self.pipeline.scene.feed.count))
+        block, kept = block_of(replicate_size(self.scene.feed.count))
         first = part.start // block * kept
-        for name in self.pipeline.scene.fraction:
+        for name in self.scene.fraction:
             landing = tracked.landings[name]
             mine = np.flatnonzero(landing.replicate == replicate)[first : first + len(part)]
             ends = {"own": (landing.position[mine], landing.bin[mine])}
@@ -195,13 +202,13 @@ class DrawStage:
         """The airflow as a draw has it."""
         from ...air.field.combined import varied
 
-        airs = self.pipeline.air.realisations
-        wake = self.pipeline.plan.airflow.wake
+        airs = self.in_wake(())
+        wake = self.plan.airflow.wake
         if wake is not None and (air.theta is not None or air.strength is not None):
             theta = wake.theta.value if air.theta is None else air.theta
             strength = wake.strength.value if air.strength is None else air.strength
-            airs = self.pipeline.realised((theta, strength))
-        entering = _entering(self.pipeline.scene)
+            airs = self.in_wake((theta, strength))
+        entering = _entering(self.scene)
         return airs.mapped(lambda field: varied(field, air.speed, air.energy, air.lifetime, entering=entering))
 
 
