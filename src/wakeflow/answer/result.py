@@ -66,7 +66,7 @@ class Request:
     )
 
     @classmethod
-    def asked(
+    def of(
         cls,
         until: str | None = None,
         rung: str | None = None,
@@ -388,7 +388,7 @@ def _unfinished(folder: Path | str) -> SceneError:
     return SceneError(f"{folder} holds no finished run; make one with: wakeflow run SCENE --out {quote(str(folder))}")
 
 
-def asked_in(folder: Path | str, *, whole: bool = True) -> tuple[JsonTable, Request]:
+def request_in(folder: Path | str, *, whole: bool = True) -> tuple[JsonTable, Request]:
     """The scene and the request of the finished run in ``folder``, which may be one of an older version, and where it
     need not be ``whole`` one that ended before the shares.
 

@@ -42,7 +42,7 @@ from ..planning.stages import FLIGHTS
 from ..runs import answer_key, compile_tracker, run_once
 from ..runs.planned import make_plan
 from ..runs.progress import OVERDUE, TRUSTED, time_left
-from ..runs.run_stages import airflow_told, flights_told
+from ..runs.run_stages import airflow_key, flights_key
 from ..scene import Scene
 from .variant import SCENES_PER_LINE, Variant
 
@@ -148,7 +148,7 @@ class _Planned:
     @cached_property
     def airflow(self) -> str:
         """What tells its airflow from others; empty where it costs nothing."""
-        return airflow_told(self.scene, self.plan)
+        return airflow_key(self.scene, self.plan)
 
     def job(self, folder: Path, threads: int, *, report: bool = False) -> Job:
         """What a worker does for it in a folder."""
@@ -178,7 +178,7 @@ class _Planned:
     @cached_property
     def flight(self) -> str:
         """What tells its flights from others in the same airflow."""
-        return flights_told(self.scene, self.plan)
+        return flights_key(self.scene, self.plan)
 
 
 def make_agenda(

@@ -107,7 +107,7 @@ def look_ahead(
     listener: Listener = null_listener,
 ) -> SweepEstimate:
     """What :func:`sweep` would have to do; starts nothing. Raises SceneError as it does."""
-    found, request = _variants(scenes), Request.asked(None, rung, force, target_error)
+    found, request = _variants(scenes), Request.of(None, rung, force, target_error)
     agenda = make_agenda(found, path_of(out, "out"), request, neighbours=neighbours, listener=listener)
     airflows = sum(step.airflow for step in agenda.steps)
     flights = len(agenda.steps) - airflows
@@ -147,7 +147,7 @@ def sweep(
 
     found, (listener, _) = _variants(scenes), as_listener(listener)
     _check_workers(workers, scheduler)
-    count, request = workers or cores(), Request.asked(None, rung, force, target_error)
+    count, request = workers or cores(), Request.of(None, rung, force, target_error)
     folder = _folder_of(out)
     try:
         with FileLock(folder / ".lock", timeout=0):

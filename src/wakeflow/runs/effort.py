@@ -106,7 +106,7 @@ def values(settings: RefinedSettings) -> dict[str, float]:
     return {name: value for name, value in every.items() if value is not None}
 
 
-def own_settings(scene: Scene, plan: Plan) -> RefinedSettings:
+def settings_of(scene: Scene, plan: Plan) -> RefinedSettings:
     """What the scene itself asks for, under its ``plan``."""
     solved = plan.airflow.stepping is not None and plan.airflow.span is None
     sheds = solved and plan.airflow.stepping == "time-resolved"
@@ -235,14 +235,14 @@ EFFORTS = (
 
 def quick_settings(scene: Scene, how: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
     """The scene of a quick answer and how to ask for it: ``rung``, ``force`` and ``target_error`` as of a plan."""
-    request = Request.asked(None, how.get("rung"), how.get("force"), how.get("target_error"), None)
+    request = Request.of(None, how.get("rung"), how.get("force"), how.get("target_error"), None)
     coarse, asked = QUICK.of(scene, request)
     return coarse, {**how, "rung": asked.rung, "force": asked.force}
 
 
 def quick_keys(scene: Scene) -> JsonTable:
     """What a quick answer changes of a scene, by dotted key."""
-    coarse, asked = QUICK.of(scene, Request.asked())
+    coarse, asked = QUICK.of(scene, Request.of())
     own, switches = flat(scene.tables()), {f"force.{term}": on for term, on in asked.force.items()}
     found = {key: value for key, value in flat(coarse.tables()).items() if own.get(key) != value}
     return {**found, **({} if asked.rung is None else {"numerics.rung": asked.rung}), **switches}
@@ -269,7 +269,7 @@ class RoundPrices:
         """What a plan of ``scene`` expects on this machine, with the airflows that are in the cache."""
         there = solved_before(scene, plan)
         stages = [stage for stage in on_this_machine(plan, cache_root())[0] if stage.name not in there]
-        return cls(stages, own_settings(scene, plan))
+        return cls(stages, settings_of(scene, plan))
 
     @classmethod
     def measured(cls, spent: Mapping[str, StageTime], settings: RefinedSettings) -> RoundPrices:

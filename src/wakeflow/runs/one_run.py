@@ -13,7 +13,7 @@ import numpy as np
 
 from ..air.kinds.airflow_table import Airflow, MeshReport
 from ..answer.budget.agreement import verdicts_of
-from ..answer.budget.budget import flights_ahead, fly_again, make_budget, total_notices
+from ..answer.budget.budget import flights_ahead, fly_again, make_budget, of_granules_alone, total_notices
 from ..answer.budget.mesh import airflow_on_grids
 from ..answer.budget.model import MODEL, in_three_dimensions, loading_effects
 from ..answer.budget.source import Flights
@@ -29,11 +29,11 @@ from ..answer.result import (
     FlightResults,
     Request,
     Result,
-    asked_in,
     key_in,
     provenance_in,
     refinement_in,
     replaced,
+    request_in,
 )
 from ..answer.shares import InputSummary, LandingResults, collisions_of
 from ..core import sums
@@ -209,7 +209,7 @@ class OneRun:
         joint, budget = make_budget(flights)
         separation, alone, slab = joint.own.separation(), None, None
         for crowd in flights.slab:
-            alone = make_budget(replace(flights, slab=()))[0].own.separation()
+            alone = of_granules_alone(flights).own.separation()
             slab = collisions_of(self.pipeline.plan, crowd)
         bracket = next((wakes.means(list(scene.bin)) for wakes in flights.of(MODEL)), {})
         loading = self.pipeline.loading
@@ -293,7 +293,7 @@ def run(
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
     asked, folder = Scene.of(scene), folder_of(scene, out)
-    request = Request.asked(until, rung, force, target_error, near)
+    request = Request.of(until, rung, force, target_error, near)
     listener, planned = as_listener(listener, planned)
     once = partial(
         run_once, folder=folder, request=request, workers=workers, listener=listener, planned=planned, redraw=redraw
@@ -380,7 +380,7 @@ def report_again(folder: Path | str, *, pdf: bool = False) -> Path:
 
     Raises SceneError where the folder holds no finished run.
     """
-    scene, asked = asked_in(folder)
+    scene, asked = request_in(folder)
     if (calibration := Result.load(folder).calibration) is not None:
         raise SceneError(
             f"{folder} holds an answer that was calibrated with {calibration.source}; wakeflow calibrate draws it anew"

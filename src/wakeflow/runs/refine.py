@@ -32,8 +32,8 @@ from .effort import (
     expected_part,
     finer,
     finest_of,
-    own_settings,
     reachable,
+    settings_of,
     values,
 )
 
@@ -158,11 +158,11 @@ def _measurements(parts: Mapping[str, InputPart], known: Mapping[str, InputSumma
         removed += parts[key].variance
         square = 1.0 - (1.0 - wanted) / removed if removed > 0.0 else 0.0
         if square >= MIN_FACTOR**2:
-            return _asked(ranked[:count], known, sqrt(square))
-    return _asked(ranked, known, sqrt(wanted))
+            return _to_measure(ranked[:count], known, sqrt(square))
+    return _to_measure(ranked, known, sqrt(wanted))
 
 
-def _asked(keys: Sequence[str], known: Mapping[str, InputSummary], factor: float) -> str:
+def _to_measure(keys: Sequence[str], known: Mapping[str, InputSummary], factor: float) -> str:
     measured = [_interval(key, known[key], factor) for key in keys if not key.startswith(OF_THE_WAKE)]
     resolved = [_interval(key, known[key], factor) for key in keys if key.startswith(OF_THE_WAKE)]
     lines = [f"measure {', '.join(measured)}"] if measured else []
@@ -217,7 +217,7 @@ class _Way:
     @property
     def of_scene(self) -> RefinedSettings:
         """What the scene asks for."""
-        return own_settings(self.scene, self.plan)
+        return settings_of(self.scene, self.plan)
 
     def judged(self, result: Result, choice: Choice) -> Refinement:
         """The table of all rounds, with the one that ``result`` is of, whose settings were the ``choice``."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..air.kinds.airflow_kinds import CaseAir
-from ..answer.result import Request, asked_in
+from ..answer.result import Request, request_in
 from ..core.errors import SceneError, known
 from ..core.store import content_key
 from ..flight.stages.air_loading import exerted_by
@@ -111,7 +111,7 @@ def _neighbour(folder: Path, before: tuple[Path, ...], listener: Listener) -> Pi
     here = folder.resolve()
     if here in before:
         raise SceneError(f"--near {folder}: that airflow starts from itself; name a run that was started from rest")
-    tables, request = asked_in(folder, whole=False)
+    tables, request = request_in(folder, whole=False)
     return stages_of(Scene.parse(tables), request, None, listener, before=(*before, here))[0]
 
 
@@ -125,7 +125,7 @@ def _fed(scene: Scene, poured: FunnelSummary) -> Scene:
     return scene.fed(None if poured.rate is None else poured.rate.value)
 
 
-def airflow_told(scene: Scene, plan: Plan) -> str:
+def airflow_key(scene: Scene, plan: Plan) -> str:
     """What tells the airflow of a scene from those of others; empty where it costs nothing."""
     air = Pipeline(plan.airflow.flown(scene), plan).air
     if air.at_once:
@@ -134,7 +134,7 @@ def airflow_told(scene: Scene, plan: Plan) -> str:
     return content_key(repr(plan.airflow), spec, exerted_by(scene, plan) if plan.airflow.loaded else None)
 
 
-def flights_told(scene: Scene, plan: Plan) -> str:
+def flights_key(scene: Scene, plan: Plan) -> str:
     """What tells the flights of a scene from others in the same airflow."""
     how = {name: repr(row.tracked) for name, row in plan.fractions.items()}
     return content_key(unweighed(scene), list(scene.bin), how)

@@ -33,7 +33,7 @@ from wakeflow.answer.provenance import RefinedSettings
 from wakeflow.answer.result import Result
 from wakeflow.answer.separation import separate
 from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.runs.effort import applied, cheapest, knobs, own_settings
+from wakeflow.runs.effort import applied, cheapest, knobs, settings_of
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 
@@ -73,7 +73,7 @@ def best_fixed(scene: Scene, target: float, tolerances: Sequence[float], rung: s
     granules are doubled until it does, from the fewest on that can.
     """
     found: list[TimedRun] = []
-    own = own_settings(scene, make_plan(scene, rung=rung))
+    own = settings_of(scene, make_plan(scene, rung=rung))
     for tolerance in tolerances:
         settings = replace(own, granules=cheapest(own, target).granules, tolerance=tolerance)
         while (point := timed_run(applied(scene, settings), None, rung)).half > target:
@@ -91,7 +91,7 @@ def timed_run(scene: Scene, target: float | None, rung: str | None = None) -> Ti
         result = wf.run(scene, Path(folder) / "run", rung=rung, target_error=target, report=False)
         seconds = sum(os.times()[:4]) - started
     table = result.refinement
-    settings = own_settings(scene, make_plan(scene, rung=rung)) if table is None else table.rounds[-1].settings
+    settings = settings_of(scene, make_plan(scene, rung=rung)) if table is None else table.rounds[-1].settings
     rounds = 1 if table is None else len(table.rounds)
     return TimedRun(settings, bin_shares(result), largest_half(result), seconds, rounds)
 

@@ -15,7 +15,7 @@ import wakeflow as wf
 from support import landings_in, shipped
 from wakeflow.air.kinds.airflow_table import Airflow, GridStudy
 from wakeflow.answer.notices import ENDINGS, _out_of_the_top, _unlanded, with_mesh_error
-from wakeflow.answer.result import SCHEMA, Result, asked_in
+from wakeflow.answer.result import SCHEMA, Result, request_in
 from wakeflow.answer.shares import BudgetPart, InputPart, weightiest
 from wakeflow.cli.screen import MAX_WARNINGS, warn
 from wakeflow.core.errors import SceneError
@@ -158,7 +158,7 @@ def test_a_result_of_another_version_is_refused_by_one_line(schema: object, smal
         with pytest.raises(SceneError, match=words + re.escape(str(tmp_path))) as told:
             read()
         assert "\n" not in str(told.value)
-    scene, asked = asked_in(tmp_path)
+    scene, asked = request_in(tmp_path)
     assert (scene, asked) == (small_run.scene, small_run.options)
     without = {key: value for key, value in small_run.table.items() if key != "schema"}
     with pytest.raises(SceneError, match=words):

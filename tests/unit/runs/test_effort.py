@@ -20,7 +20,7 @@ from wakeflow.runs import effort
 from wakeflow.runs.effort import QUICK, RoundPrices, Within, seconds_of
 from wakeflow.runs.planned import make_plan
 
-ASKED = Request.asked()
+ASKED = Request.of()
 PLANS: dict[str, Any] = {}
 
 

@@ -26,8 +26,8 @@ from wakeflow.runs.effort import (
     expected_part,
     finer,
     finest_of,
-    own_settings,
     reachable,
+    settings_of,
     values,
 )
 from wakeflow.runs.planned import make_plan
@@ -149,18 +149,18 @@ def test_rows_that_no_setting_brings_below_the_target_are_told_apart() -> None:
 
 def test_settings_go_into_a_scene_and_come_out_of_it() -> None:
     scene = shipped("rhombus")
-    own = own_settings(scene, make_plan(scene, rung="draft", force={"collisions": True}))
+    own = settings_of(scene, make_plan(scene, rung="draft", force={"collisions": True}))
     assert own.granules == 4096
     assert own.averaging is None
     assert own.slab is not None
     first = cheapest(own, 0.02)
     assert (first.granules, first.mesh_scale) == (256, 2.0)
-    assert own_settings(applied(scene, first), make_plan(applied(scene, first), rung="draft")).granules == 256
+    assert settings_of(applied(scene, first), make_plan(applied(scene, first), rung="draft")).granules == 256
     assert finer(first, own) == replace(own, slab=own.slab)
     assert cheapest(replace(own, granules=64), 0.02).granules == 64  # never finer than the scene
     finest = finest_of(own)
     assert values(finest).keys() == values(own).keys() == {"granules", "tolerance", "mesh", "slab"}
-    shedding = own_settings(scene, make_plan(scene, rung="standard"))
+    shedding = settings_of(scene, make_plan(scene, rung="standard"))
     assert shedding.averaging == 0.05
     longer = scene.replace({"numerics.averaging": "1 %"})
     assert make_plan(longer, rung="standard").airflow.accuracy == 0.01

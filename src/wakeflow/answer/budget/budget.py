@@ -87,17 +87,27 @@ def make_budget(flights: Flights) -> tuple[JointAnswer, tuple[BudgetRow, ...]]:
     the 95th percentile over the granules of how far the companion run moves them. A part that represents a left-out
     term has a note and a kind: left-out (small enough for the accuracy asked for) or not-computed.
     """
-    pipeline, joint = flights.pipeline, flights.ensemble
-    results = _results(flights, joint)
-    parts = {name: _parts(fraction) for name, fraction in results.items()}
-    joint = replace(in_ensemble(joint, parts, results), prices=_prices(pipeline))
-    spent = sum(stage.seconds for stage in pipeline.seconds.values())
+    joint, parts, results = _with_errors(flights)
+    spent = sum(stage.seconds for stage in flights.pipeline.seconds.values())
     rows = [
         BudgetRow(f"share.{name}.{place}", None, found, total_of(joint.own.share(name, place), found, spent))
         for name, places in parts.items()
         for place, found in places.items()
     ]
     return joint, (*rows, *map(_landing_row, results.values()))
+
+
+def of_granules_alone(flights: Flights) -> JointAnswer:
+    """The joint answer with all that is not known, had no granule met another."""
+    return _with_errors(replace(flights, slab=()))[0]
+
+
+def _with_errors(flights: Flights) -> tuple[JointAnswer, Parts, dict[str, FractionResults]]:
+    """The joint answer with all that is not known, the parts of its errors, and the fractions that they are of."""
+    results = _results(flights, flights.ensemble)
+    parts = {name: _parts(fraction) for name, fraction in results.items()}
+    joint = replace(in_ensemble(flights.ensemble, parts, results), prices=_prices(flights.pipeline))
+    return joint, parts, results
 
 
 def _prices(pipeline: Pipeline) -> Prices | None:

@@ -55,12 +55,12 @@ class _SlabAgain(Source[SlabFound]):
             return {}
         both = (*found, *slab)[:2]
         bins, images = len(fraction.shares) - 1, fraction.pipeline.scene.images
-        changed, own = (found.landings[fraction.name].counts(bins, images) for found in both)
+        changed, usual = (slab.landings[fraction.name].counts(bins, images) for slab in both)
         paired = all(_apart(found, fraction) for found in both)
         if paired:
-            own = own[: len(changed)]
+            usual = usual[: len(changed)]
         return {
-            place: beyond_chance(changed[:, i], own[:, i], paired=paired, part=1.0 / len(found))
+            place: beyond_chance(changed[:, i], usual[:, i], paired=paired, part=1.0 / len(found))
             for i, place in enumerate(fraction.shares)
         }
 
@@ -140,11 +140,11 @@ def _apart(found: SlabFound, fraction: FractionResults) -> bool:
     return 1 + int(found.landings[fraction.name].replicate.max()) == -(-found.replicates // images)
 
 
-def shows(changed: SlabFound, own: SlabFound, bins: int) -> bool:
+def shows(changed: SlabFound, slab: SlabFound, bins: int) -> bool:
     """Whether a change moves the share of any fraction in any bin by more than SURE standard errors, as if none of its
     granules were the same: what so few replicates show of their own spread is itself chance.
     """
-    for name, landings in own.landings.items():
+    for name, landings in slab.landings.items():
         share, other = ((one.tally(bins).sum(axis=(0, 2)) / one.size) for one in (landings, changed.landings[name]))
         both = np.clip(0.5 * (share + other), 0.0, 1.0)  # sums of weights may pass 1 by a rounding
         error = np.sqrt(both * (1.0 - both) * (1.0 / landings.size + 1.0 / changed.landings[name].size))
@@ -153,18 +153,18 @@ def shows(changed: SlabFound, own: SlabFound, bins: int) -> bool:
     return False
 
 
-def beyond_chance(changed: np.ndarray, own: np.ndarray, *, paired: bool, part: float = 1.0) -> tuple[float, str]:
+def beyond_chance(changed: np.ndarray, usual: np.ndarray, *, paired: bool, part: float = 1.0) -> tuple[float, str]:
     """Of the difference of two means, of which a ``part`` is the error, what is beyond chance, with its sign, and what
     was compared in words; the whole difference where too few replicates show no chance.
     """
-    apart = float(changed.mean() - own.mean())
-    if min(len(changed), len(own)) < 2:
+    apart = float(changed.mean() - usual.mean())
+    if min(len(changed), len(usual)) < 2:
         return part * apart, ""
     if paired:
-        which, variance = f"between the same {len(own)} replicates", (changed - own).var(ddof=1) / len(own)
+        which, variance = f"between the same {len(usual)} replicates", (changed - usual).var(ddof=1) / len(usual)
     else:
-        which = f"of {len(changed)} replicates from {len(own)}"
-        variance = changed.var(ddof=1) / len(changed) + own.var(ddof=1) / len(own)
+        which = f"of {len(changed)} replicates from {len(usual)}"
+        variance = changed.var(ddof=1) / len(changed) + usual.var(ddof=1) / len(usual)
     of, chance = "" if part == 1.0 else "half of ", 100 * student(len(changed) - 1) * sqrt(variance)
     note = f"{of}a difference {which} of {100 * apart:+.2g} points, of which chance alone may make {chance:.2g}"
     return part * copysign(sqrt(max(0.0, apart**2 - variance)), apart), note

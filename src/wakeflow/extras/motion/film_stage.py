@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...answer.result import asked_in
+from ...answer.result import request_in
 from ...core.errors import SceneError
 from ...core.files import write_json
 from ...core.lazy import cached_property
@@ -78,7 +78,7 @@ def film_of(
     What the run's own cache still holds is not computed again. Raises SceneError where the folder holds no such run,
     and for a fraction that it has not.
     """
-    tables, asked = asked_in(folder)
+    tables, asked = request_in(folder)
     for name in fractions:
         if name not in tables["fraction"]:
             known = list(tables["fraction"])

@@ -140,7 +140,7 @@ def calibrate(
     trays.weights([(f, b) for f in asked.fraction for b in (*asked.bin, "elsewhere")], asked.mass_shares())
     source = Path(measured).name if isinstance(measured, Path | str) else MEASURED_SHARES
     listener, planned = as_listener(listener, planned)
-    request, folder = Request.asked(rung=rung, force=force), folder_of(scene, out)
+    request, folder = Request.of(rung=rung, force=force), folder_of(scene, out)
     if why := make_plan(asked, rung=rung, force=request.force).why_void:
         raise SceneError(f"calibrate: the answer would be void: {why}")
     _claim(folder)
