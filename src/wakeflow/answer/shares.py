@@ -16,7 +16,7 @@ from ..core.record import Null, column
 from ..core.registry import did_you_mean
 from ..flight.stages.landings import fates_of
 from ..flight.stages.slab_stage import SlabFound
-from ..planning.plan import Plan
+from ..planning.collisions import CollisionPlan
 from ..planning.unknowns import Unknown
 
 
@@ -51,7 +51,7 @@ class CollisionSummary:
     step_trials: int | None = column("1", "steps that were tried", default=None)
 
 
-def collisions_of(plan: Plan, crowd: SlabFound) -> CollisionSummary:
+def collisions_of(plan: CollisionPlan, crowd: SlabFound) -> CollisionSummary:
     """What the slab was, and what granules met in it."""
     landings = crowd.landings
     return CollisionSummary(
@@ -59,7 +59,7 @@ def collisions_of(plan: Plan, crowd: SlabFound) -> CollisionSummary:
         replicates=crowd.replicates,
         start_up=crowd.start_up,
         granules={name: len(found.bin) for name, found in landings.items()},
-        tracers=dict(known(plan.crowd).tracers),
+        tracers=dict(plan.tracers),
         meetings={name: float(known(found.meetings) @ found.mass_shares) for name, found in landings.items()},
         fates={name: fates_of(found.fate) for name, found in landings.items()},
         step=crowd.clock.step,

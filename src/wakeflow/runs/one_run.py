@@ -210,7 +210,7 @@ class OneRun:
         separation, alone, slab = joint.own.separation(), None, None
         for crowd in flights.slab:
             alone = of_granules_alone(flights).own.separation()
-            slab = collisions_of(self.pipeline.plan, crowd)
+            slab = collisions_of(self.pipeline.collision_stage.crowd, crowd)
         bracket = next((wakes.means(list(scene.bin)) for wakes in flights.of(MODEL)), {})
         loading = self.pipeline.loading
         effects = {} if loading is None else loading_effects(loading, separation.bins)

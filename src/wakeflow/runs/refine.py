@@ -186,7 +186,7 @@ def refined(scene: Scene, target: float, compute: Callable[[Scene], Result], pla
     Raises as the runs do.
     """
     way = _Way(scene, target, plan, listener)
-    choice = Choice(cheapest(way.of_scene, target))
+    choice = Choice(cheapest(settings_of(scene, plan), target))
     seconds = plan.estimate["seconds"]
     way.tell(f"first look with {_words(choice.settings)}; the scene's own settings would take about {seconds:.2g} s")
     while True:
@@ -213,11 +213,6 @@ class _Way:
     listener: Listener
     rounds: list[RefinementRound] = field(default_factory=list)
     made: set[tuple[str, float]] = field(default_factory=set)  # stages of all rounds, told apart by their run times
-
-    @property
-    def of_scene(self) -> RefinedSettings:
-        """What the scene asks for."""
-        return settings_of(self.scene, self.plan)
 
     def judged(self, result: Result, choice: Choice) -> Refinement:
         """The table of all rounds, with the one that ``result`` is of, whose settings were the ``choice``."""
@@ -257,7 +252,7 @@ class _Way:
         if _largest(can) > self.target:
             chosen = choose_surely(can, prices, self.target).settings
         if len(can) < len(rows):  # what stays beyond the target is at least no coarser than the scene says
-            chosen = finer(chosen, self.of_scene)
+            chosen = finer(chosen, settings_of(self.scene, self.plan))
         choice = Choice.of(can, prices, chosen)
         if chosen != now:
             self.tell(

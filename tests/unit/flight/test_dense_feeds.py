@@ -538,8 +538,8 @@ def test_replicates_without_a_fraction_are_taken_together() -> None:
 def test_a_clock_that_is_not_as_exact_as_asked_is_a_warning_with_what_it_may_move() -> None:
     plan = pipeline(TRICKLE).plan
     clock = tracking.ClockStep(1e-4, 0.03, 0.01, 3)
-    (told,) = _step_not_reached(collisions_of(plan, replace(crowd(TRICKLE), clock=clock)), plan.unit)
+    (told,) = _step_not_reached(collisions_of(plan.crowd, replace(crowd(TRICKLE), clock=clock)), plan.unit)
     assert "after 3 trials" in told.text
     assert "0.03 body widths (0.01 asked), which moves a share by up to 1.5 points" in told.text
     for fine in (clock._replace(step_error=0.01), tracking.ClockStep(1e-4)):
-        assert not list(_step_not_reached(collisions_of(plan, replace(crowd(TRICKLE), clock=fine)), plan.unit))
+        assert not list(_step_not_reached(collisions_of(plan.crowd, replace(crowd(TRICKLE), clock=fine)), plan.unit))

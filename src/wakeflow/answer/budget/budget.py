@@ -33,6 +33,7 @@ ONLY_STEPS = "of the tracker's steps alone: where 95 % of the granules land with
 BOUNDS = (LEFT_OUT, NOT_COMPUTED)
 WEIGHS = 1.0 / 3.0  # of a total: a bound larger than that must be computed, or the row says so
 Parts = Mapping[str, Mapping[str, Sequence[BudgetPart]]]  # by fraction and bin
+_OfBins = dict[str, tuple[BudgetPart, ...]]  # of a fraction
 
 
 def fly_again(flights: Flights) -> Flights:
@@ -102,7 +103,7 @@ def of_granules_alone(flights: Flights) -> JointAnswer:
     return _with_errors(replace(flights, slab=()))[0]
 
 
-def _with_errors(flights: Flights) -> tuple[JointAnswer, Parts, dict[str, FractionResults]]:
+def _with_errors(flights: Flights) -> tuple[JointAnswer, dict[str, _OfBins], dict[str, FractionResults]]:
     """The joint answer with all that is not known, the parts of its errors, and the fractions that they are of."""
     results = _results(flights, flights.ensemble)
     parts = {name: _parts(fraction) for name, fraction in results.items()}
@@ -131,7 +132,7 @@ def _results(flights: Flights, joint: JointAnswer) -> dict[str, FractionResults]
     return {name: FractionResults(name, flights.landings[name], joint.own, flights) for name in joint.fractions}
 
 
-def _parts(fraction: FractionResults) -> dict[str, tuple[BudgetPart, ...]]:
+def _parts(fraction: FractionResults) -> _OfBins:
     """The parts of every bin: where nothing landed, what was left out or not computed could still have brought some."""
     found = [source.shares(fraction) for source in in_order()]
     return {place: tuple(part for parts in found for part in parts.get(place, ())) for place in fraction.shares}
