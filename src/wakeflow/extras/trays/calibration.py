@@ -110,12 +110,12 @@ class Posterior:
         file, scene = path_of(path, "materials file"), Scene.parse(self.before.scene)
         file.parent.mkdir(parents=True, exist_ok=True)
         with atomic_write(file) as stream:
-            stream.write(materials_text(scene, {k: one.after for k, one in self.inputs.items()}, self.source))
+            stream.write(materials_text(scene, {key: entry.after for key, entry in self.inputs.items()}, self.source))
         return file
 
     def cells(self) -> CellTable:
         """A row an input, as inputs.csv has it."""
-        rows = [[one.key, one.unit, *one.before, *one.after, one.narrower] for one in self.inputs.values()]
+        rows = [[entry.key, entry.unit, *entry.before, *entry.after, entry.narrower] for entry in self.inputs.values()]
         return CellTable(INPUT_HEADS, rows)
 
 
@@ -134,17 +134,17 @@ def calibrate(
 
     Raises SceneError for wrong input.
     """
-    asked, trays, missed = Scene.of(scene), Measured.of(_trays_of(measured)), share_in(discrepancy, "discrepancy")
+    scene, trays, missed = Scene.of(scene), Measured.of(_trays_of(measured)), share_in(discrepancy, "discrepancy")
     if not 0.0 < missed <= 0.5:
         raise SceneError(f"discrepancy = {discrepancy!r}: needs a share above 0, at most 0.5; no model is exact")
-    trays.weights([(f, b) for f in asked.fraction for b in (*asked.bin, "elsewhere")], asked.mass_shares())
+    trays.weights([(f, b) for f in scene.fraction for b in (*scene.bin, "elsewhere")], scene.mass_shares())
     source = Path(measured).name if isinstance(measured, Path | str) else MEASURED_SHARES
     listener, planned = as_listener(listener, planned)
     request, folder = Request.of(rung=rung, force=force), folder_of(scene, out)
-    if why := make_plan(asked, rung=rung, force=request.force).why_void:
+    if why := make_plan(scene, rung=rung, force=request.force).why_void:
         raise SceneError(f"calibrate: the answer would be void: {why}")
     _claim(folder)
-    with running(asked, folder, request, workers=workers, listener=listener, planned=planned, report=False) as run:
+    with running(scene, folder, request, workers=workers, listener=listener, planned=planned, report=False) as run:
         result = run.result()
         if result.void:
             raise SceneError(f"calibrate: the answer of {folder} is void, {result.warnings[0]}")
@@ -157,7 +157,7 @@ def _trays_of(measured: object) -> list[Tray]:
     """The trays of a file, of columns by their names, or as they are."""
     if isinstance(measured, Path | str):
         return read_trays(measured)
-    if isinstance(measured, Sequence) and measured and all(isinstance(one, Tray) for one in measured):
+    if isinstance(measured, Sequence) and measured and all(isinstance(tray, Tray) for tray in measured):
         return list(measured)
     heads = getattr(measured, "columns", None)
     columns = measured if heads is None else {head: measured[head] for head in heads}  # type: ignore[index]
@@ -169,11 +169,12 @@ def _trays_of(measured: object) -> list[Tray]:
 # -- What came out -----------------------------------------------------------------------------------------------------
 def inputs_after(update: Updated) -> dict[str, CalibratedInput]:
     """What is known of every input, those whose interval became narrowest first."""
-    found = []
-    for place, one in enumerate(update.unknowns):
-        apart = float(update.z[:, place].std() / update.before.z[:, place].std())
-        found.append(CalibratedInput(one.key, one.unit, Number(one.value, *one.ends), update.known(place), apart))
-    return {one.key: one for one in sorted(found, key=lambda one: one.narrower)}
+    entries = []
+    for place, unknown in enumerate(update.unknowns):
+        narrower = float(update.z[:, place].std() / update.before.z[:, place].std())
+        before, after = Number(unknown.value, *unknown.ends), update.known(place)
+        entries.append(CalibratedInput(unknown.key, unknown.unit, before, after, narrower))
+    return {entry.key: entry for entry in sorted(entries, key=lambda entry: entry.narrower)}
 
 
 def correlations_after(update: Updated) -> Iterator[tuple[str, str, float]]:
@@ -188,11 +189,11 @@ def correlations_after(update: Updated) -> Iterator[tuple[str, str, float]]:
 
 def widest_recovery(joint: JointAnswer) -> tuple[str, Of]:
     """The recovery that is known worst and its name; where no fraction has a target, a share."""
-    own = joint.own
+    bins = joint.own
     wanted = {
-        f"recovery of {name}": own.of_share(name, targets) for name, targets in joint.targets.items() if targets
-    } or {f"{name} in {place}": own.of_share(name, [place]) for name in joint.fractions for place in own.names}
-    return max(wanted.items(), key=lambda one: own.number(one[1]).half)
+        f"recovery of {name}": bins.of_share(name, targets) for name, targets in joint.targets.items() if targets
+    } or {f"{name} in {place}": bins.of_share(name, [place]) for name in joint.fractions for place in bins.names}
+    return max(wanted.items(), key=lambda item: bins.number(item[1]).half)
 
 
 def wider_without(update: Updated, measured: Measured) -> list[tuple[str, float]]:
@@ -203,13 +204,13 @@ def wider_without(update: Updated, measured: Measured) -> list[tuple[str, float]
     of = widest_recovery(before)[1]
     wanted, noise = before.own.values(of)[0], measured.covariance
     after = max(half_of(update.after.own.values(of)[0]), 1e-12)
-    every, most, found = max(left_by(before, wanted, weights, noise), 1e-12), half_of(wanted) / after, []
+    every, most, times_wider = max(left_by(before, wanted, weights, noise), 1e-12), half_of(wanted) / after, []
     for row, (fraction, place) in enumerate(measured.places):
         kept = [other for other in range(len(measured.places)) if other != row]
         without = left_by(before, wanted, weights[kept], noise[np.ix_(kept, kept)]) if kept else half_of(wanted)
         times = max(1.0, min(without / every, most))
-        found.append((f"{fraction or 'all fractions'} in {place}", times))
-    return sorted(found, key=lambda one: -one[1])
+        times_wider.append((f"{fraction or 'all fractions'} in {place}", times))
+    return sorted(times_wider, key=lambda item: -item[1])
 
 
 def measure_next_after(after: JointAnswer, most: int = 5) -> list[tuple[str, float]]:
@@ -221,28 +222,29 @@ def measure_next_after(after: JointAnswer, most: int = 5) -> list[tuple[str, flo
     if total <= 0.0:
         return []
     left = [(key, min(1.0, after.own.known_better(of, {key: 0.0}).half / total)) for key in after.keys]
-    return sorted(left, key=lambda one: one[1])[:most]
+    return sorted(left, key=lambda item: item[1])[:most]
 
 
 def _posterior(before: Result, agreed: Matched, measured: Measured, source: str) -> Posterior:
     if not agreed.updates:
         return Posterior(before.folder, before, agreed.agreement, agreed.conflict, source)
     [update] = agreed.updates
-    landings, own, inputs = known(before.landings), update.after.own, inputs_after(update)
-    separation = _numerical(own.separation(), landings.separation)
+    landings, bins, inputs = known(before.landings), update.after.own, inputs_after(update)
+    separation = _numerical(bins.separation(), landings.separation)
     summary = {
-        key: InputSummary(*one.after, unit=one.unit, why=f"{MEASURED_SHARES}, {source}") for key, one in inputs.items()
+        key: InputSummary(*input.after, unit=input.unit, why=f"{MEASURED_SHARES}, {source}")
+        for key, input in inputs.items()
     }
-    parts, of_targets = effects_in(own)
+    parts, of_targets = effects_in(bins)
     after = replace(
         landings, separation=separation, inputs=summary, measure_next=parts, of_targets=of_targets,
         without_collisions=None, bracket={}, air_loading={}, three_dimensions={},
         budget=tuple(_rows(separation)), joint=update.after.record(),
     )  # fmt: skip
     key = content_key("calibrated", before.key, repr(measured), update.discrepancy, agreed.conflict)
-    told = Calibration(source, agreed.conflict, agreed.agreement.sentence)
+    calibration = Calibration(source, agreed.conflict, agreed.agreement.sentence)
     trays = tuple(update.after.own.number(of_tray(row)) for row in weights_in(update.after, measured))
-    result = replace(before, landings=after, key=key, calibration=told).with_joint(update.after)
+    result = replace(before, landings=after, key=key, calibration=calibration).with_joint(update.after)
     return Posterior(
         before.folder, before, agreed.agreement, agreed.conflict, source, result, inputs, trays,
         tuple(correlations_after(update)), tuple(wider_without(update, measured)),
@@ -253,24 +255,28 @@ def _posterior(before: Result, agreed: Matched, measured: Measured, source: str)
 def _numerical(after: Separation, before: Separation) -> Separation:
     """What computing adds is as it was, but for what the trays say of that too."""
 
-    def alike(one: Number, then: Number) -> Number:
-        return replace(one, numerical=None if then.numerical is None else min(then.numerical, one.half))
+    def alike(share: Number, then: Number) -> Number:
+        return replace(share, numerical=None if then.numerical is None else min(then.numerical, share.half))
 
     fractions = {
-        name: {place: alike(one, before.fractions[name][place]) for place, one in places.items()}
+        name: {place: alike(share, before.fractions[name][place]) for place, share in places.items()}
         for name, places in after.fractions.items()
     }
-    recovery = {name: one and alike(one, known(before.recovery[name])) for name, one in after.recovery.items()}
+    recovery = {name: share and alike(share, known(before.recovery[name])) for name, share in after.recovery.items()}
     return replace(after, fractions=fractions, recovery=recovery)
 
 
 def _rows(separation: Separation) -> Iterator[BudgetRow]:
     """The whole error of each share as one part: what is left once the shares were measured."""
     for name, places in separation.fractions.items():
-        for place, one in places.items():
-            low, high, half = one.low - one.value, one.high - one.value, max(one.high - one.value, one.value - one.low)
+        for place, share in places.items():
+            low, high, half = (
+                share.low - share.value,
+                share.high - share.value,
+                max(share.high - share.value, share.value - share.low),
+            )
             part = BudgetPart(INPUTS, half, 0.0, PERTURBED_RERUN, low=low, high=high, note=f"after {MEASURED_SHARES}")
-            total = BudgetTotal(half, 0.0, one.low, one.high, one.numerical)
+            total = BudgetTotal(half, 0.0, share.low, share.high, share.numerical)
             yield BudgetRow(f"share.{name}.{place}", None, (part,), total)
 
 
@@ -288,40 +294,44 @@ def _claim(folder: Path) -> None:
     sums.refuse_changed(folder / MATERIALS, COMMAND)
 
 
-def _write(found: Posterior, run: OneRun) -> None:
+def _write(posterior: Posterior, run: OneRun) -> None:
     """The tables and the picture of a calibration, and the calibrated answer as that of its run, into its folder."""
-    _claim(found.folder)
-    with sums.writing(found.folder, lambda: _files(found.folder), COMMAND):
-        _write_tables(found, found.folder)
-        materials = found.folder / MATERIALS
-        if found.conflict:
+    _claim(posterior.folder)
+    with sums.writing(posterior.folder, lambda: _files(posterior.folder), COMMAND):
+        _write_tables(posterior, posterior.folder)
+        materials = posterior.folder / MATERIALS
+        if posterior.conflict:
             materials.unlink(missing_ok=True)
         else:
             with sums.replacing(materials, COMMAND) as draft:
-                found.save(draft)
-    answer = found.before if found.result is None else found.result
+                posterior.save(draft)
+    answer = posterior.before if posterior.result is None else posterior.result
     run.written(answer.with_joint(answer.joint), run.flights.landings)
 
 
-def _write_tables(found: Posterior, folder: Path) -> None:
+def _write_tables(posterior: Posterior, folder: Path) -> None:
     from ...show.figures.budget_figures import draw_measured
 
-    draw_measured(folder / "figures" / "calibration.png", found.agreement, found.trays)
-    found.cells().write_csv(folder / "inputs.csv")
-    found.agreement.cells().write_csv(folder / "agreement.csv")
-    CellTable(("input", "other input", "correlation"), found.correlations).write_csv(folder / "correlations.csv")
-    after = None if found.result is None else known(found.result.landings).separation
-    before = known(found.before.landings).separation.fractions
+    draw_measured(folder / "figures" / "calibration.png", posterior.agreement, posterior.trays)
+    posterior.cells().write_csv(folder / "inputs.csv")
+    posterior.agreement.cells().write_csv(folder / "agreement.csv")
+    CellTable(("input", "other input", "correlation"), posterior.correlations).write_csv(folder / "correlations.csv")
+    after = None if posterior.result is None else known(posterior.result.landings).separation
+    before = known(posterior.before.landings).separation.fractions
     rows = [] if after is None else [
-        [n, p, *before[n][p], *one] for n, places in after.fractions.items() for p, one in places.items()
+        [n, p, *before[n][p], *share] for n, places in after.fractions.items() for p, share in places.items()
     ]  # fmt: skip
     heads = ("fraction", "bin", "before", "before low", "before high", "after", "after low", "after high")
     CellTable(heads, rows).write_csv(folder / "shares.csv")
     write_json(folder / "calibration.json", {
-        "verdict": found.agreement.verdict, "chi_square": found.agreement.chi_square,
-        "freedom": found.agreement.freedom, "chance": found.agreement.chance, "conflict": found.conflict,
-        "rounds": found.rounds, "stands": found.stands, "wider_without": found.wider_without, "next": found.next,
-        "inputs": {key: {"value": one.value, "low": one.low, "high": one.high} for key, one in found.inputs.items()},
+        "verdict": posterior.agreement.verdict, "chi_square": posterior.agreement.chi_square,
+        "freedom": posterior.agreement.freedom, "chance": posterior.agreement.chance, "conflict": posterior.conflict,
+        "rounds": posterior.rounds, "stands": posterior.stands, "wider_without": posterior.wider_without,
+        "next": posterior.next,
+        "inputs": {
+            key: dict(zip(("value", "low", "high"), entry.after, strict=True))
+            for key, entry in posterior.inputs.items()
+        },
         "separation": None if after is None else to_json(after),
     })  # fmt: skip
 
@@ -342,31 +352,32 @@ def materials_text(scene: Scene, inputs: Mapping[str, Number], source: str) -> s
 
 
 def _material(name: str, fraction: Fraction, inputs: Mapping[str, Number], source: str) -> str:
-    own = fraction.properties
+    properties = fraction.properties
     known = {part: inputs.get(f"fraction.{name}.{part}") for part in (*PARTS, "density", "size")}
     diameter, density = (known[part] for part in ("size", "density"))
     why = f"calibrated with {source}"
     lines = [
-        "", f"[{PREFIX}{name}]", f"diameter = {own.diameter if diameter is None else diameter.value:.6g}",
-        f"density = {own.density if density is None else density.value:.6g}", 'confidence = "measured"',
+        "", f"[{PREFIX}{name}]", f"diameter = {properties.diameter if diameter is None else diameter.value:.6g}",
+        f"density = {properties.density if density is None else density.value:.6g}", 'confidence = "measured"',
         f"source = {_quoted(why)}",
     ]  # fmt: skip
     for part in PARTS:
-        value = getattr(own, part)
+        value = getattr(properties, part)
         if value is None or isinstance(value, Restitution):
             continue  # a sphere's drag; a law of the speed of approach stays with the scene
-        found = known[part]
-        table: dict[str, Any] = {"value": float(value) if found is None else found.value}
+        number = known[part]
+        table: dict[str, Any] = {"value": float(value) if number is None else number.value}
         if part != "rebound_scatter":
             table["std"] = _std(fraction, part)
-        if found is not None:
-            table["uncertainty"] = max(found.half, 1e-9)
-        lines += _part(f"{PREFIX}{name}.{part}", table, why if found is not None else "as in the scene")
-    if isinstance(own.restitution, Restitution):
-        lines += _part(f"{PREFIX}{name}.restitution", {"value": float(own.restitution(np.ones(1))[0]), "std": 0.0},
+        if number is not None:
+            table["uncertainty"] = max(number.half, 1e-9)
+        lines += _part(f"{PREFIX}{name}.{part}", table, why if number is not None else "as in the scene")
+    if isinstance(properties.restitution, Restitution):
+        table = {"value": float(properties.restitution(np.ones(1))[0]), "std": 0.0}
+        lines += _part(f"{PREFIX}{name}.restitution", table,
                        "at an approach of 1 m/s; the scene's law is not in this file")  # fmt: skip
-    if own.tangential_restitution:
-        table = {"value": own.tangential_restitution}
+    if properties.tangential_restitution:
+        table = {"value": properties.tangential_restitution}
         lines += _part(f"{PREFIX}{name}.tangential_restitution", table, "as in the scene")
     lines += _part(f"{PREFIX}{name}.impact", {"model": fraction.impact_model}, "as in the scene")
     return "\n".join(lines) + "\n"

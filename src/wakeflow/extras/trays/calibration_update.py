@@ -80,9 +80,9 @@ class Updated:
 
     def known(self, place: int) -> Number:
         """What is known of an input after it."""
-        one, z = self.unknowns[place], self.z[:, place]
+        unknown, z = self.unknowns[place], self.z[:, place]
         ends = (z.mean(), *np.quantile(z, (0.025, 0.975)))
-        return Number(*(float(np.clip(one.at(x), *unknown_kinds[one.kind].span)) for x in ends))
+        return Number(*(float(np.clip(unknown.at(x), *unknown_kinds[unknown.kind].span)) for x in ends))
 
 
 def missed_by(joint: JointAnswer, half: float) -> Array:
@@ -97,11 +97,11 @@ def covariance_of_missed(joint: JointAnswer, half: float) -> Array:
     """The covariance (shares, shares) of what the model itself may miss."""
     roots = [tied_root(row) for row in missed_by(joint, half)]
     many, bins = len(roots), len(roots[0])
-    found = np.zeros((many * bins, many * bins))
+    covariance = np.zeros((many * bins, many * bins))
     for number, root in enumerate(roots):
         here = slice(number * bins, (number + 1) * bins)
-        found[here, here] = root @ root.T
-    return found
+        covariance[here, here] = root @ root.T
+    return covariance
 
 
 def agreement_with(joint: JointAnswer, measured: Measured, discrepancy: float) -> Agreement:
@@ -129,18 +129,18 @@ def updated(flights: Flights, joint: JointAnswer, measured: Measured, discrepanc
     draws = flights.draws
     agreement, model = agreement_with(joint, measured, discrepancy), _Model.of(flights, joint, draws, discrepancy)
     start = columns_of(joint)
-    found, rounds, stands = tempered(model.likelihood(measured), start), 1, False
-    while rounds < MOST_ROUNDS and not stands:
-        z = model.inputs(found)
+    posterior, rounds, settled = tempered(model.likelihood(measured), start), 1, False
+    while rounds < MOST_ROUNDS and not settled:
+        z = model.inputs(posterior)
         mean, spread = z.mean(axis=0), np.atleast_2d(np.cov(z.T))
         more = flights.pipeline.run(InputRerun(joined=Ensemble(mean, _wide_enough(spread)).joined))
         flown = _joined(model.flown, more)
         model = replace(model, flown=flown, how=responses(flights.pipeline.scene, flown, joint.cells))
-        found, rounds = tempered(model.likelihood(measured), start), rounds + 1
-        z = model.inputs(found)
-        stands = bool(np.max(np.abs(z.mean(axis=0) - mean) / np.maximum(z.std(axis=0), NARROWEST)) <= STANDS)
-    return Updated(tuple(draws.unknowns), joint, _posterior(model, found), agreement, rounds, stands, discrepancy,
-                   model.inputs(found))  # fmt: skip
+        posterior, rounds = tempered(model.likelihood(measured), start), rounds + 1
+        z = model.inputs(posterior)
+        settled = bool(np.max(np.abs(z.mean(axis=0) - mean) / np.maximum(z.std(axis=0), NARROWEST)) <= STANDS)
+    return Updated(tuple(draws.unknowns), joint, _posterior(model, posterior), agreement, rounds, settled, discrepancy,
+                   model.inputs(posterior))  # fmt: skip
 
 
 def columns_of(joint: JointAnswer) -> Array:
@@ -167,7 +167,7 @@ class _Model:
     @classmethod
     def of(cls, flights: Flights, joint: JointAnswer, draws: InputSamples, discrepancy: float) -> _Model:
         error = sum(
-            (one for name, one in joint.errors.items() if name != LACK), np.zeros((DRAWS, *joint.own.value.shape))
+            (errors for name, errors in joint.errors.items() if name != LACK), np.zeros((DRAWS, *joint.own.value.shape))
         )
         beside = []
         for number, halves in enumerate(missed_by(joint, discrepancy)):
@@ -180,14 +180,14 @@ class _Model:
         """Of each fraction a root (bins + 1, bins + 1) of ``beside`` by whose columns the lack of fit goes too, and the
         variance that this has in each of them (bins + 1,).
         """
-        found = []
+        roots = []
         for name, covariance in zip(self.joint.fractions, self.beside, strict=True):
             sizes, ways = np.linalg.eigh(covariance)
             free = sizes > TINY * sizes.max()
             lack = (ways[:, free] / np.sqrt(sizes[free])).T @ self.how[name].root
             more, turn = np.linalg.eigh(lack @ lack.T)
-            found.append(((ways[:, free] * np.sqrt(sizes[free])) @ turn, np.clip(more, 0.0, None)))
-        return found
+            roots.append(((ways[:, free] * np.sqrt(sizes[free])) @ turn, np.clip(more, 0.0, None)))
+        return roots
 
     def inputs(self, draws: Array) -> Array:
         """The inputs (n, keys) of ``draws``, in standard deviations, that move together by their ties."""
@@ -210,13 +210,13 @@ class _Model:
         """What else ``draws`` add to the ``shares`` (n, fractions, bins + 1) that inputs make of them, where the lack
         of fit has the standard deviation ``doubt`` (n, fractions).
         """
-        own = draws[:, len(self.joint.keys) :].reshape(len(draws), len(self.joint.fractions), -1)
-        told = [
-            (own[:, number, : len(more)] * np.sqrt(1.0 + doubt[:, number, None] ** 2 * more)) @ root.T
+        others = draws[:, len(self.joint.keys) :].reshape(len(draws), len(self.joint.fractions), -1)
+        errors = [
+            (others[:, number, : len(more)] * np.sqrt(1.0 + doubt[:, number, None] ** 2 * more)) @ root.T
             for number, (root, more) in enumerate(self._roots)
         ]
         value = self.joint.base @ self.joint.cells.parts()
-        return np.stack(told, axis=1) * less_at_ends(shares, value * (1.0 - value))
+        return np.stack(errors, axis=1) * less_at_ends(shares, value * (1.0 - value))
 
     def likelihood(self, measured: Measured) -> Likelihood:
         """The logarithm of how likely the trays are in draws, of which those that break an order are impossible."""
@@ -228,8 +228,8 @@ class _Model:
             change, doubt = self.changes(z, by_bin=True)
             shares = bounded(value + change + self.errors(draws, doubt, value + change))
             off = measured.shares - shares.reshape(len(draws), -1) @ weights.T
-            found = -0.5 * np.einsum("ni,ij,nj->n", off, inverse, off)
-            return np.where(self.flights.ties.kept(z), found, -np.inf)
+            logarithm = -0.5 * np.einsum("ni,ij,nj->n", off, inverse, off)
+            return np.where(self.flights.ties.kept(z), logarithm, -np.inf)
 
         return likely
 
@@ -245,8 +245,8 @@ def _posterior(model: _Model, draws: Array) -> JointAnswer:
     middle = np.einsum("fb,fcb->fc", shares, _within(np.clip(cells.mean(axis=0), 0.0, None), parts))
     rest = (cells - middle).astype(np.float16).astype(np.float32)
     apart = z.std(axis=0)  # inputs by what is known of them now
-    own = ((z - z.mean(axis=0)) / np.where(apart > 0.0, apart, 1.0)).astype(np.float32).astype(float)
-    return replace(joint, base=middle, change=rest, z=own, sources=(), images=())
+    inputs = ((z - z.mean(axis=0)) / np.where(apart > 0.0, apart, 1.0)).astype(np.float32).astype(float)
+    return replace(joint, base=middle, change=rest, z=inputs, sources=(), images=())
 
 
 def _within(base: Array, parts: Array) -> Array:
@@ -259,15 +259,15 @@ def _within(base: Array, parts: Array) -> Array:
     return np.asarray(np.where(total > TINY, mass / np.maximum(total, TINY), even))
 
 
-def _joined(one: InputSamples, other: InputSamples) -> InputSamples:
+def _joined(first: InputSamples, second: InputSamples) -> InputSamples:
     """Two lots of draws as one."""
 
     def both(a: DrawnLandings, b: DrawnLandings) -> DrawnLandings:
         return DrawnLandings(np.concatenate([a.position, b.position]), np.concatenate([a.bin, b.bin]))
 
-    varied = {name: both(found, other.varied[name]) for name, found in one.varied.items()}
-    own = {name: both(found, other.own[name]) for name, found in one.own.items()}
-    return InputSamples(one.unknowns, np.vstack([one.z, other.z]), varied, own)
+    varied = {name: both(landings, second.varied[name]) for name, landings in first.varied.items()}
+    alone = {name: both(landings, second.own[name]) for name, landings in first.own.items()}
+    return InputSamples(first.unknowns, np.vstack([first.z, second.z]), varied, alone)
 
 
 def _wide_enough(spread: Array) -> Array:
@@ -340,26 +340,26 @@ def _grown(flights: Flights, joint: JointAnswer, agreement: Agreement) -> Iterat
     likely = sorted(moves, key=lambda place: -moves[place])[:LIKELIEST]
     tried: set[tuple[str, float]] = set()
     for times in GROWN:
-        for one in (draws.unknowns[place] for place in likely):
-            half = min(times * max(one.low, one.high), _most(one))
-            if half > max(one.low, one.high) and (one.key, half) not in tried:
-                tried.add((one.key, half))
-                yield one, half
+        for unknown in (draws.unknowns[place] for place in likely):
+            half = min(times * max(unknown.low, unknown.high), _most(unknown))
+            if half > max(unknown.low, unknown.high) and (unknown.key, half) not in tried:
+                tried.add((unknown.key, half))
+                yield unknown, half
 
 
-def _most(one: Unknown) -> float:
+def _most(unknown: Unknown) -> float:
     """The largest half of an interval that says anything of a number."""
-    low, high = unknown_kinds[one.kind].span
-    return max(one.value - low, high - one.value) if np.isfinite(high) else UNLIMITED * abs(one.value)
+    low, high = unknown_kinds[unknown.kind].span
+    return max(unknown.value - low, high - unknown.value) if np.isfinite(high) else UNLIMITED * abs(unknown.value)
 
 
-def _must_grow(one: Unknown, update: Updated) -> str:
-    found = update.known([other.key for other in update.unknowns].index(one.key))
-    unit = one.unit
-    stated = f"{say(one.value, unit, 3)} +- {say(max(one.low, one.high), unit, 2)}"
+def _must_grow(unknown: Unknown, update: Updated) -> str:
+    number = update.known([each.key for each in update.unknowns].index(unknown.key))
+    unit = unknown.unit
+    stated = f"{say(unknown.value, unit, 3)} +- {say(max(unknown.low, unknown.high), unit, 2)}"
     return (
-        f"{one.key} would have to be {say(found.value, unit, 3)} ({say(found.low, unit, 3)} to "
-        f"{say(found.high, unit, 3)}); the scene says {stated}."
+        f"{unknown.key} would have to be {say(number.value, unit, 3)} ({say(number.low, unit, 3)} to "
+        f"{say(number.high, unit, 3)}); the scene says {stated}."
     )
 
 
@@ -369,15 +369,15 @@ def _must_grow(one: Unknown, update: Updated) -> str:
 def tempered(likely: Likelihood, draws: Array) -> Array:
     """Draws (n, d) of the posterior, from ``draws`` (n, d) of independent standard normal numbers."""
     chance = np.random.default_rng(SEED)
-    found, own = draws.copy(), likely(draws)
+    moved, gains = draws.copy(), likely(draws)
     power, scale = 0.0, 2.38 / np.sqrt(draws.shape[1])
     while power < 1.0:
-        step = _step(own, 1.0 - power)
-        rows = _resampled(step * own, chance)
-        found, own, power = found[rows], own[rows], power + step
+        step = _step(gains, 1.0 - power)
+        rows = _resampled(step * gains, chance)
+        moved, gains, power = moved[rows], gains[rows], power + step
         for move in range(LAST if power >= 1.0 else MOVES):
-            found, own, scale = _move(likely, found, own, power, scale, move, chance)
-    return found
+            moved, gains, scale = _move(likely, moved, gains, power, scale, move, chance)
+    return moved
 
 
 def _step(gain: Array, most: float) -> float:
@@ -404,7 +404,7 @@ def _resampled(weight: Array, chance: np.random.Generator) -> NDArray[np.int64]:
 
 
 def _move(
-    likely: Likelihood, draws: Array, own: Array, power: float, scale: float, move: int, chance: np.random.Generator
+    likely: Likelihood, draws: Array, gains: Array, power: float, scale: float, move: int, chance: np.random.Generator
 ) -> tuple[Array, Array, float]:
     """One move of every draw, and the scale of the next step."""
     mean, spread = draws.mean(axis=0), np.atleast_2d(np.cov(draws.T)) + RIDGE * np.eye(draws.shape[1])
@@ -412,14 +412,14 @@ def _move(
     anywhere = move % 2 == 0
     there = mean + noise @ root.T if anywhere else draws + scale * noise @ root.T
     new = likely(there)
-    gain = power * (new - own) - 0.5 * ((there**2).sum(axis=1) - (draws**2).sum(axis=1))
+    gain = power * (new - gains) - 0.5 * ((there**2).sum(axis=1) - (draws**2).sum(axis=1))
     if anywhere:
         back = np.linalg.solve(root, (draws - mean).T)
         gain += 0.5 * ((noise**2).sum(axis=1) - (back**2).sum(axis=0))
     taken = np.log(chance.random(len(draws))) < gain
     if not anywhere:
         scale *= float(np.exp(taken.mean() - ACCEPTED))
-    return np.where(taken[:, None], there, draws), np.where(taken, new, own), scale
+    return np.where(taken[:, None], there, draws), np.where(taken, new, gains), scale
 
 
 # -- What trays would leave, whatever they show ------------------------------------------------------------------------

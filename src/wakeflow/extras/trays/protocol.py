@@ -105,8 +105,8 @@ def protocol(
     Raises SceneError for a fraction or bin that there is not, and for fewer than ten kernels or more than a
     million.
     """
-    asked = Scene.of(scene)
-    _check(asked, of or "", kernels)
+    scene = Scene.of(scene)
+    _check(scene, of or "", kernels)
     if out is not None:
         _claim(path_of(out, "out"))
     heard, planned = as_listener(listener, planned)
@@ -208,9 +208,9 @@ def _steps(known: _Known, fractions: Sequence[str], kernels: int) -> Iterator[We
     """Lots, each the one that leaves least of the interval, until half is left."""
     goal, lots, left = HALVED * known.half, dict.fromkeys(fractions, 0), known.half
     while left > goal and sum(lots.values()) < MOST_LOTS:
-        found = {name: _after(known, {**lots, name: lots[name] + 1}, kernels) for name in fractions}
-        best = min(found, key=lambda name: found[name])
-        lots[best], left = lots[best] + 1, min(left, found[best])
+        halves = {name: _after(known, {**lots, name: lots[name] + 1}, kernels) for name in fractions}
+        best = min(halves, key=lambda name: halves[name])
+        lots[best], left = lots[best] + 1, min(left, halves[best])
         yield WeighingStep(best, kernels, lots[best], left)
 
 
@@ -223,12 +223,12 @@ def _after(known: _Known, lots: dict[str, int], kernels: int) -> float:
 
 def _blocks(parts: Sequence[Array]) -> Array:
     """One covariance of several that are independent."""
-    many = sum(len(one) for one in parts)
-    found, at = np.zeros((many, many)), 0
-    for one in parts:
-        found[at : at + len(one), at : at + len(one)] = one
-        at += len(one)
-    return found
+    many = sum(len(part) for part in parts)
+    covariance, at = np.zeros((many, many)), 0
+    for part in parts:
+        covariance[at : at + len(part), at : at + len(part)] = part
+        at += len(part)
+    return covariance
 
 
 def _important(known: _Known, fractions: Sequence[str], kernels: int) -> Iterator[str]:
@@ -237,9 +237,9 @@ def _important(known: _Known, fractions: Sequence[str], kernels: int) -> Iterato
     for name in fractions:
         weights, noise = _counted(known.joint, name, kernels)
         for row, place in enumerate(known.joint.own.names):
-            one = known.left(weights[row : row + 1], noise[row : row + 1, row : row + 1])
-            left[f"{name} in {place}"] = one / max(known.half, 1e-12)
-    yield from (about for about, part in sorted(left.items(), key=lambda one: one[1]) if part < 0.8)
+            half = known.left(weights[row : row + 1], noise[row : row + 1, row : row + 1])
+            left[f"{name} in {place}"] = half / max(known.half, 1e-12)
+    yield from (about for about, part in sorted(left.items(), key=lambda item: item[1]) if part < 0.8)
 
 
 def _unsorted(known: _Known) -> float:
@@ -264,7 +264,7 @@ def write_protocol(path: Path, scene: Scene, found: Any, fractions: Sequence[str
     """
     picture = io.BytesIO()
     draw_sketch(scene).figure.savefig(picture, format="png")
-    repetitions = {name: max(one.repetitions for one in found.steps if one.fraction == name)
+    repetitions = {name: max(step.repetitions for step in found.steps if step.fraction == name)
                    for name in dict.fromkeys(step.fraction for step in found.steps)}  # fmt: skip
     text = page_template("protocol.html.j2", Path(__file__).parent).render(
         found=found, repetitions=repetitions or dict.fromkeys(fractions, 1), bins=[*bins_across(scene), RESERVED_BIN],

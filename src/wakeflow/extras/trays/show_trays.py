@@ -21,15 +21,17 @@ WORTH = 0.97  # of an interval: what would leave more of it is not worth measuri
 NARROWER = 1.05  # times wider without it: a tray that tells less is not named
 
 
-def show_calibration(found: Posterior) -> None:
+def show_calibration(posterior: Posterior) -> None:
     """Print what became known: shares, inputs, whether the model fits; which tray told most, what to measure next."""
-    if found.conflict:
-        print_lines([found.conflict])
-    show_agreement(found.agreement)
-    if found.result is None:
-        print_lines(["Nothing is calibrated: weigh the trays again, or mend the scene.", f"results: {found.folder}"])
+    if posterior.conflict:
+        print_lines([posterior.conflict])
+    show_agreement(posterior.agreement)
+    if posterior.result is None:
+        print_lines(
+            ["Nothing is calibrated: weigh the trays again, or mend the scene.", f"results: {posterior.folder}"]
+        )
         return
-    before, after = (known(one.landings) for one in (found.before, found.result))
+    before, after = (known(result.landings) for result in (posterior.before, posterior.result))
     rows = [
         [f"{name} recovered", percent(share), percent(after.separation.recovery[name])]
         for name, share in before.separation.recovery.items() if share is not None
@@ -39,30 +41,32 @@ def show_calibration(found: Posterior) -> None:
         for name, places in after.separation.fractions.items() for place, share in places.items()
     ]  # fmt: skip
     print_table(["share", "before, %", "after, %"], rows, "shares")
-    learnt = [one for one in found.inputs.values() if one.narrower < TELLS][:MOST]
-    cells = [[one.key, *_said(one), f"{100 * one.narrower:.0f}"] for one in learnt]
+    learnt = [entry for entry in posterior.inputs.values() if entry.narrower < TELLS][:MOST]
+    cells = [[entry.key, *_said(entry), f"{100 * entry.narrower:.0f}"] for entry in learnt]
     print_table(["input", "before", "after", "interval left, %"], cells, "inputs that became narrower")
-    lines = [f"rounds of flights: {found.rounds}{'' if found.stands else '; the inputs still moved in the last'}"]
+    lines = [
+        f"rounds of flights: {posterior.rounds}{'' if posterior.stands else '; the inputs still moved in the last'}"
+    ]
     lines += [f"{tray}: without it the widest recovery would be {times:.2g} times as wide"
-              for tray, times in found.wider_without if times > NARROWER]  # fmt: skip
+              for tray, times in posterior.wider_without if times > NARROWER]  # fmt: skip
     lines += [f"measure next: {key}, which would leave {100 * left:.0f} % of the widest recovery's interval"
-              for key, left in found.next if left < WORTH]  # fmt: skip
-    print_lines([*lines, f"results: {found.folder}"])
+              for key, left in posterior.next if left < WORTH]  # fmt: skip
+    print_lines([*lines, f"results: {posterior.folder}"])
 
 
-def _said(one: CalibratedInput) -> list[str]:
+def _said(entry: CalibratedInput) -> list[str]:
     """The number before and after, in the units of measures."""
     with speaking(UNITS):
-        return [
-            f"{say(number.value, one.unit, 3)} ({say(number.low, one.unit, 3)} to {say(number.high, one.unit, 3)})"
-            for number in (one.before, one.after)
-        ]
+        ends = ([say(x, entry.unit, 3) for x in number] for number in (entry.before, entry.after))
+        return [f"{value} ({low} to {high})" for value, low, high in ends]
 
 
-def show_protocol(found: Protocol) -> None:
+def show_protocol(protocol: Protocol) -> None:
     """Print which trays to weigh, how often, and what each buys."""
 
-    rows = [[step.about, f"{step.kernels}", f"{step.repetitions}", f"± {100 * step.half:.1f}"] for step in found.steps]
-    title = f"{found.wanted}: ± {100 * found.half:.1f} points now"
+    rows = [
+        [step.about, f"{step.kernels}", f"{step.repetitions}", f"± {100 * step.half:.1f}"] for step in protocol.steps
+    ]
+    title = f"{protocol.wanted}: ± {100 * protocol.half:.1f} points now"
     print_table(["weigh or count", "kernels", "repetitions", "then known to, points"], rows, title)
-    print_lines([found.sentence, f"{found.page}\n{found.form}"])
+    print_lines([protocol.sentence, f"{protocol.page}\n{protocol.form}"])
