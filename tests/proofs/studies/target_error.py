@@ -189,8 +189,8 @@ def reference_shares(scene: Scene, settings: RefinedSettings, rung: str | None =
     other = applied(scene, finer).replace({"feed.seed": scene.feed.seed + OTHER_SEED})
     plan = make_plan(other, rung=rung)
     pipeline = Pipeline(plan.airflow.flown(other), plan)
-    crowd = pipeline.crowd()
-    return shares_of(separate(other, pipeline.tracks().landings if crowd is None else crowd.landings))
+    flown = pipeline.tracks() if plan.crowd is None else pipeline.crowd()
+    return shares_of(separate(other, flown.landings))
 
 
 def largest_half(result: Result) -> float:
