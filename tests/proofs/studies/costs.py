@@ -452,7 +452,7 @@ def mean(values: np.ndarray, weights: np.ndarray) -> str:
 
 def time_rows(scene: wf.Scene, names: Sequence[str], folder: Path) -> Iterator[Row]:
     """A row a variant; cases are made below ``folder``."""
-    start = piped(scene, "standard").solution[1] / "case"
+    start = piped(scene, "standard").air.in_case.solution[1] / "case"
     for name in names:
         here = folder / f"{list(VARIANTS).index(name)}"
         spec, cells, seconds = run(scene, VARIANTS[name], start, here)

@@ -92,7 +92,7 @@ def domain_rows(
     bins = list(scene.bin)
     targets = {name: [bins.index(place) for place in fraction.targets] for name, fraction in scene.fraction.items()}
     for row, mine in zip(made, found, strict=True):
-        spec, airs = row[0].mesh_spec, [pipeline.airflow for pipeline in row]
+        spec, airs = row[0].air.in_case.mesh_spec, [pipeline.airflow for pipeline in row]
         outline, size = np.array(spec.bodies[0]), spec.widths[0]
         moves = {
             name: 100 * np.array([one[name] - last[name] for one, last in zip(mine, found[-1], strict=True)])

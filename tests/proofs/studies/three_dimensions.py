@@ -113,7 +113,10 @@ def pipeline_at(scene: wf.Scene, rung: str, *, loaded: bool = False) -> Pipeline
 def plane(scene: wf.Scene, *, loaded: bool = False) -> Iterator[Column]:
     """The steady end, the time-resolved end, and the best estimate between them."""
     draft, standard = (pipeline_at(scene, rung, loaded=loaded) for rung in ("draft", "standard"))
-    steady, spent = draft.solution[1] / "case", core_seconds(standard.solution[1] / "case") / 3600
+    steady, spent = (
+        draft.air.in_case.solution[1] / "case",
+        core_seconds(standard.air.in_case.solution[1] / "case") / 3600,
+    )
     yield Column("steady", draft.airflow, [draft.field[1]], core_seconds(steady) / 3600)
     air = standard.kind
     yield Column("2D", air.measured, [air.resolved[1]], spent)

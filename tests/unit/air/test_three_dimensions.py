@@ -187,7 +187,7 @@ def hear(stage, text):
     if "three dimensions, t = " in text and list(Path(sys.argv[3]).glob("airflow/*/case/packed/*.npy")):
         os.kill(os.getpid(), signal.SIGKILL)
 plan = make_plan(scene, rung="3d", force=json.loads(sys.argv[4]))
-Pipeline(scene, plan, store=Store(Path(sys.argv[3])), listener=hear).solution
+Pipeline(scene, plan, store=Store(Path(sys.argv[3])), listener=hear).air.in_case.solution
 """
 
 

@@ -97,7 +97,7 @@ def test_a_new_rung_is_a_record(rhombus: Scene, tmp_path: Path) -> None:
     assert any(line.startswith("coarse airflow: a steady wake is too long") for line in coarse.warnings)
     assert typical_cells(rhombus, coarse.airflow) == typical_cells(rhombus, draft.airflow) / 4
     wide, fine = (Pipeline(rhombus, plan, store=Store(tmp_path)) for plan in (coarse, draft))
-    assert wide.mesh_spec.h_body == pytest.approx(2 * fine.mesh_spec.h_body)
+    assert wide.air.in_case.mesh_spec.h_body == pytest.approx(2 * fine.air.in_case.mesh_spec.h_body)
     assert wide.air.mesh_quality.cells < 0.5 * fine.air.mesh_quality.cells
     with pytest.raises(SceneError, match="known: auto, none, draft, standard, reference, 3d, coarse"):
         choose_airflow(rhombus, "coarce", 0.01)

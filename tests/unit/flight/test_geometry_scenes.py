@@ -153,7 +153,7 @@ class TestStreams:
     def test_the_mass_balance_counts_every_stream(self) -> None:
         left = pipeline_of(small(channel__inlet={"low": {"side": "left", **STREAM}}))
         airflow = left.airflow
-        assert not left.mesh_spec.half
+        assert not left.air.in_case.mesh_spec.half
         assert airflow.flow_rate == pytest.approx(0.2 * 0.3 + 0.1 * 0.04, rel=1e-6)
         assert abs(airflow.mass_error) < 1e-5
         velocity = profile_at(left, 0.1)[1]
@@ -172,7 +172,7 @@ class TestStreams:
 
     def test_streams_that_mirror_each_other_are_solved_in_half_of_the_channel(self) -> None:
         both = pipeline_of(small(channel__inlet={side: {"side": side, **STREAM} for side in ("left", "right")}))
-        assert both.mesh_spec.half
+        assert both.air.in_case.mesh_spec.half
         assert both.airflow.flow_rate == pytest.approx(0.2 * 0.3 + 2 * 0.1 * 0.04, rel=1e-6)
 
     def test_granules_leave_through_the_opening(self) -> None:
@@ -318,20 +318,20 @@ class TestGivenCase:
                 stream.write(f'x #calc "system(\\"touch {tmp_path}/ran\\")";\nlibs ("/x/evil.so");\n')
         given = Pipeline(scene, make_plan(scene))
         assert np.isfinite(given.field[1].velocity).all()
-        kept = {path.name for path in given.solution[1].rglob("*") if path.is_file()}
+        kept = {path.name for path in given.air.in_case.solution[1].rglob("*") if path.is_file()}
         assert kept == {"airflow.json", "manifest.json", "seconds.json"}
         assert not (tmp_path / "ran").exists()
 
     def test_a_new_solution_is_measured_anew(self, tmp_path: Path) -> None:
         scene = as_given(pipeline_of(small()), tmp_path)
-        first = Pipeline(scene, make_plan(scene)).solution[0]
-        assert Pipeline(scene, make_plan(scene)).solution[0] == first
+        first = Pipeline(scene, make_plan(scene)).air.in_case.solution[0]
+        assert Pipeline(scene, make_plan(scene)).air.in_case.solution[0] == first
         latest = max((p for p in (tmp_path / "case").iterdir() if p.name.isdigit()), key=lambda p: int(p.name))
         latest.rename(latest.with_name(str(int(latest.name) + 1)))
         (latest.with_name(str(int(latest.name) + 1)) / "p").touch()
         text = (tmp_path / "case" / "constant" / "transportProperties").read_text()
         (tmp_path / "case" / "constant" / "transportProperties").write_text(text + "// changed")
-        assert Pipeline(scene, make_plan(scene)).solution[0] != first
+        assert Pipeline(scene, make_plan(scene)).air.in_case.solution[0] != first
 
     @pytest.mark.parametrize(
         ("change", "message"),
