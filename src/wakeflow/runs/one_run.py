@@ -131,11 +131,11 @@ class OneRun:
     @cached_property
     def flights(self) -> Flights:
         """The granules' flights, with all that the sources of the budget fly again where the run goes on to shares."""
+        flown = Flights(self.pipeline, self.pipeline.tracks())
         if self.request.until is not None:
-            return Flights(self.pipeline, self.pipeline.tracks())
-        self.pipeline.tracks()  # which are drawn while more granules fly
+            return flown
         with background([self._draw_ahead]):
-            return fly_again(Flights.begun(self.pipeline))
+            return fly_again(flown)
 
     def _warned(self, result: Result, of_flights: Iterable[Notice]) -> Result:
         """The result with what a user must know of it; of its granules that are the notices ``of_flights``."""

@@ -37,9 +37,11 @@ _OfBins = dict[str, tuple[BudgetPart, ...]]  # of a fraction
 
 
 def fly_again(flights: Flights) -> Flights:
-    """Run what every source flies again, or read it from the cache; then the slab, as far as more of its replicates
-    make the shares noticeably better known. Returns the flights with these.
+    """Run the slab where granules meet, and what every source flies again, or read it from the cache; then the slab, as
+    far as more of its replicates make the shares noticeably better known. Returns the flights with these.
     """
+    if flights.pipeline.plan.crowd is not None:
+        flights = replace(flights, slab=(flights.pipeline.crowd(),))
     for source in in_order():
         flights.of(source)
     for slab in flights.slab:

@@ -124,11 +124,6 @@ class Flights:
     slab: tuple[SlabFound, ...] = ()
     _made: dict[str, Any] = field(default_factory=dict, repr=False)
 
-    @classmethod
-    def begun(cls, pipeline: Pipeline) -> Flights:
-        """The answer's own, before any source flies again."""
-        return cls(pipeline, pipeline.tracks(), () if pipeline.plan.crowd is None else (pipeline.crowd(),))
-
     def of(self, source: Source[Flown]) -> tuple[Flown, ...]:
         """What ``source`` flew again."""
         if source.name not in self._made:

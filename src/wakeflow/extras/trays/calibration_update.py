@@ -323,7 +323,7 @@ def _wider(run: OneRun, key: str, half: float) -> Flights:
     pipeline = run.pipeline
     scene = run.asked.replace({f"uncertainty.{key}": half})
     pipeline, _ = stages_of(scene, run.request, pipeline.workers, pipeline.listener)
-    return fly_again(Flights.begun(pipeline))
+    return fly_again(Flights(pipeline, pipeline.tracks()))
 
 
 def _grown(flights: Flights, joint: JointAnswer, agreement: Agreement) -> Iterator[tuple[Unknown, float]]:
