@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .errors import SceneError
-from .files import atomic_write, digest_of, read_json, read_whole, write_json
+from .files import atomic_write, digest_of, read_json, read_whole, user_secret, write_json
 from .process import check_cancelled, is_worked_in, wait_for_orphans
-from .user_folder import own_secret
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
@@ -279,7 +278,7 @@ def _is_own(part: Path) -> bool:
 
 def _seal(part: Path) -> bytes:
     """What only this user can write, for a stage in this folder: in a copy of it another would belong."""
-    return hmac.digest(own_secret(), f"{part.name} {part.stat().st_ino}".encode(), "sha256")
+    return hmac.digest(user_secret(), f"{part.name} {part.stat().st_ino}".encode(), "sha256")
 
 
 def _remove(folder: Path) -> None:

@@ -20,8 +20,8 @@ from functools import cache
 from pathlib import Path
 
 from ...core.errors import FoamError
+from ...core.files import kernel_root
 from ...core.process import Finished, capture, run_program, tail, unheard
-from ...core.user_folder import kernel_root
 from .case import INSTALL, read_parameters
 from .read import every_time
 

@@ -21,6 +21,7 @@ from ..kernel.dispersion import mirror
 from ..kernel.events import seen_from, wall_motion
 from ..kernel.jit import called, compiled
 from ..kernel.locate import barycentric
+from ..kernel.step import leave
 from ..kernel.strike import flake_spin, restitution_of, stays, tilted
 from ..kernel.walls import clearance, grasp, inside, overlap
 from . import slab_layout as of
@@ -174,7 +175,6 @@ MAX_PIECES = 32  # of a step: a granule that rattles faster is pressed on
 SAME = 1e-6  # of a step: round-off between the ends of steps and of intervals of noise
 SPARE = 1.05  # of the straight way: a path of one step bends less
 C0, C1, C2, C3, C4, C5, C6, C7 = (1.0 / math.factorial(k + 2) for k in range(8))  # of the series of phi_2
-ON_LINE = 1e-9  # of the extent: round-off of a place on the mesh's boundary (as in kernel.edge_crossing)
 
 
 @compiled
@@ -257,16 +257,7 @@ def _leave(state, ints, own, air, walls, rules, clock):
     state[at.Y] += s * state[at.VY]
     own[of.Z] += s * own[of.VZ]
     state[at.T] += s
-    ints[at.FATE] = at.ESCAPED
-    near = (ON_LINE + rules.allowance) * rules.extent
-    for i in range(walls.lines.shape[0]):
-        x0, y0 = walls.lines[i, at.FROM_X], walls.lines[i, at.FROM_Y]
-        ex, ey = walls.lines[i, at.TO_X] - x0, walls.lines[i, at.TO_Y] - y0
-        w = ((state[at.X] - x0) * ex + (state[at.Y] - y0) * ey) / (ex * ex + ey * ey)
-        w = min(1.0, max(0.0, w))
-        if math.hypot(state[at.X] - x0 - w * ex, state[at.Y] - y0 - w * ey) <= near:
-            ints[at.FATE], ints[at.LINE] = at.BINNED, walls.line_ids[i]
-            return
+    leave(state, ints, walls, rules)
 
 
 @compiled

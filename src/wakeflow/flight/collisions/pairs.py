@@ -8,8 +8,8 @@ import numpy as np
 
 from ...laws.impaction import sphere_caught
 from ..kernel import layout as at
+from ..kernel.air import drag_rate
 from ..kernel.dispersion import random_normals
-from ..kernel.forces import drag_rate
 from ..kernel.jit import called, compiled
 from ..kernel.strike import spin_flung
 from . import slab_layout as of

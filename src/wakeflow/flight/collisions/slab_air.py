@@ -2,7 +2,7 @@
 
 All granules share their clock, so that a field that changes in time is brought to the middle of a step once for all of
 them, node by node where a granule reads it; a granule then reads three nodes. The formulas are the tracker's
-(``kernel.forces``), and granules fly in the lab: a mesh that swings is looked up where it stands.
+(``kernel.air``), and granules fly in the lab: a mesh that swings is looked up where it stands.
 """
 
 from __future__ import annotations
@@ -10,34 +10,23 @@ from __future__ import annotations
 import math
 
 from ..kernel import layout as at
-from ..kernel.air import bracket, shares
+from ..kernel.air import bracket, drag_rate, forces_in_gradient, shares, spin_in_curl
 from ..kernel.dispersion import renew_in
 from ..kernel.events import harmonic
-from ..kernel.forces import drag_rate, forces_in_gradient, spin_in_curl
 from ..kernel.history import CHATTERS, RATES
 from ..kernel.jit import called, compiled
 from ..kernel.locate import INSIDE, reproject, walk
-from ..kernel.walls import inside
 from . import slab_layout as of
 
 GONE = -1  # what ``aim`` returns for a granule that has left the mesh
-
-
-@compiled
-def _mesh_at(swing, t):
-    """Displacement and velocity of a mesh that swings; zeros at rest."""
-    if swing[at.SWING_OMEGA] == 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    out, rate, _ = harmonic(swing[at.SWING_OMEGA], swing[at.SWING_PHASE], t)
-    x, y = swing[at.SWING_X], swing[at.SWING_Y]
-    return x * out, y * out, x * rate, y * rate
 
 
 @called
 def refresh(air, nodes, clock, room, timed):
     """Bring the mesh, and the weights of what is about it in time, to the middle of the step."""
     middle = 0.5 * (clock[of.NOW] + clock[of.UNTIL])
-    clock[of.OUT_X], clock[of.OUT_Y], _, _ = _mesh_at(air.swing, middle)
+    out, _, _ = harmonic(air.swing[at.SWING_OMEGA], air.swing[at.SWING_PHASE], middle)
+    clock[of.OUT_X], clock[of.OUT_Y] = air.swing[at.SWING_X] * out, air.swing[at.SWING_Y] * out
     if not timed:
         return
     state, ints, weights = room.air_state, room.air_ints, nodes.weights
@@ -97,12 +86,9 @@ def _beside(state, ints, air, walls, out_x, out_y, code):
     corner of the body.
     """
     ints[at.GAP] = -2 - code
-    buried = False
-    for body in range(walls.bodies.shape[0]):
-        buried = buried or inside(walls, body, state[at.X] - out_x, state[at.Y] - out_y)[0]
     state[at.X] -= out_x
     state[at.Y] -= out_y
-    reproject(state, ints, air, buried)
+    reproject(state, ints, air, walls)
     state[at.X] += out_x
     state[at.Y] += out_y
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import SceneError
 from ...laws.forces import forces as all_forces
-from ...laws.forces.lift_forces import SPIN_LIFT
+from ...laws.forces.records import SPIN_LIFT
 from ..bodies import Collisions
 from ..granules import Granules
 from ..kernel import layout as at

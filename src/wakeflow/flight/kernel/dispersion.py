@@ -14,8 +14,7 @@ import math
 from ...laws import turbulence
 from ...laws.random_numbers import normal_pair
 from . import layout as at
-from .air import mesh_velocity
-from .forces import drag_rate
+from .air import drag_rate, mesh_velocity
 from .jit import compiled
 from .locate import barycentric, on_edge
 from .nodes import look_at

@@ -6,6 +6,7 @@ import math
 
 from . import layout as at
 from .jit import called, compiled
+from .walls import inside
 
 INSIDE = -1e-12
 AROUND = 3  # covered edges on each side of the nearest one that are tried
@@ -23,6 +24,17 @@ def barycentric(geometry, tri, k, x, y):
 
 
 @compiled
+def farthest(geometry, tri, x, y):
+    """The edge of a triangle that a point is farthest beyond, and its barycentric coordinate there."""
+    least, edge = barycentric(geometry, tri, 0, x, y), 0
+    for k in range(1, 3):
+        value = barycentric(geometry, tri, k, x, y)
+        if value < least:
+            least, edge = value, k
+    return least, edge
+
+
+@compiled
 def cell_size(geometry, tri):
     """The side (m) of a square of twice the triangle's area."""
     return 1.0 / math.sqrt(
@@ -37,12 +49,8 @@ def walk(geometry, neighbours, tri, x, y):
     Returns (triangle, 0) when found, else (last triangle, code < 0) where the straight walk meets the boundary.
     """
     for _ in range(neighbours.shape[0] + 10):
-        worst, edge = INSIDE, at.NOBODY
-        for k in range(3):
-            value = barycentric(geometry, tri, k, x, y)
-            if value < worst:
-                worst, edge = value, k
-        if edge < 0:
+        beyond, edge = farthest(geometry, tri, x, y)
+        if not beyond < INSIDE:
             return tri, at.NOBODY + 1
         onward = neighbours[tri, edge]
         if onward < 0:
@@ -95,11 +103,8 @@ def _corner(air, tri, k):
 def anywhere(geometry, x, y):
     """The triangle that holds a point, by looking at all of them; -1 for none. For granules that nothing else finds."""
     for tri in range(geometry.shape[0]):
-        if (
-            barycentric(geometry, tri, 0, x, y) >= INSIDE
-            and barycentric(geometry, tri, 1, x, y) >= INSIDE
-            and barycentric(geometry, tri, 2, x, y) >= INSIDE
-        ):
+        least, _ = farthest(geometry, tri, x, y)
+        if least >= INSIDE:
             return tri
     return -1
 
@@ -120,9 +125,9 @@ def _from_around(air, gap, x, y):
 
 
 @called
-def reproject(state, ints, air, buried):
+def reproject(state, ints, air, walls):
     """For a granule in the gap: move on to the nearest boundary edge, or back into the mesh. Returns that edge's
-    length. ``buried``: it lies inside the outline at rest of a body, so that no triangle can hold it.
+    length. No triangle can hold one that lies inside the outline at rest of a body.
     """
     x, y = state[at.X], state[at.Y]
     gap, came = ints[at.GAP], at.NOBODY
@@ -143,6 +148,9 @@ def reproject(state, ints, air, buried):
             state[at.H_ERROR] = math.inf
         elif code <= -2:
             ints[at.GAP], ints[at.TRI] = -2 - code, found
+    buried = False
+    for body in range(walls.bodies.shape[0]):
+        buried = buried or inside(walls, body, x, y)[0]
     if ints[at.GAP] >= 0 and not buried:  # beside a corner the nearest edge and the walk from it may miss the mesh
         found = _from_around(air, gap, x, y)
         if found < 0 and ints[at.STEPS] % SELDOM == 0:

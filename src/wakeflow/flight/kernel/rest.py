@@ -10,8 +10,8 @@ do not have: where the other wall's friction alone holds it, it stays all the sa
 from __future__ import annotations
 
 from . import layout as at
+from .air import free_force
 from .events import carried_along, next_turn, turned_by, wall_motion
-from .forces import free_force
 from .jit import compiled
 from .walls import STILL, carry, constrain, facing, grasp, leans, ride
 

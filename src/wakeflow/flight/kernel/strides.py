@@ -17,13 +17,13 @@ import math
 from typing import NamedTuple
 
 from . import layout as at
+from .air import spin_in_curl
 from .crossings import first_line, first_wall
-from .dense_output import along, along_phis, parabola, phis, sway
+from .dense_output import along, along_phis, parabola, phis, sampled, sway
 from .dispersion import renew_at
-from .forces import spin_in_curl
-from .history import begin_memory, bend_memory, recall, recall_line, remember, sampled
+from .history import begin_memory, bend_memory, past_defect, recall_line, remember
 from .jit import called, compiled
-from .locate import barycentric, cell_size, find
+from .locate import barycentric, cell_size, farthest, find
 from .nodes import BOOLE, carried, displaced, excess_in, look_at
 from .step import PROGRESS, TRANSIENT
 from .walls import clearance
@@ -104,17 +104,7 @@ def _bend(path, h, stage, s, nx, ny, hx, hy, ex, ey, sx, sy, state, hold, grain)
     if remembers:
         ax, ay, sx, sy = bend_memory(path, h, state, grain, hold, hx, hy, sx, sy)
         nx, ny, ex, ey = nx + ax, ny + ay, ex + sx, ey + sy
-    parabola(path, h, nx, ny, ex, ey)
-
-
-@compiled
-def _past(path, s, state, hold, grain, sx, sy):
-    """Defects at time s of the stride of the history force's own parabola, and of the slip's, in what that is to it."""
-    ax, ay, grows = recall(path, state, grain, hold, s)
-    px, py = sampled(path, at.PAST, s)
-    qx, qy = sampled(path, at.SLIP, s)
-    bent = grows * math.sqrt((sx - qx) ** 2 + (sy - qy) ** 2)
-    return math.sqrt((ax - px) ** 2 + (ay - py) ** 2), bent
+    parabola(path, at.N0X, h, nx, ny, ex, ey)
 
 
 @compiled
@@ -129,24 +119,13 @@ def _fades(path, h, now, vx, vy, sx, sy):
 
 
 @compiled
-def _farthest(geometry, tri, x, y):
-    """The edge of a triangle that a point is farthest beyond, and its barycentric coordinate there."""
-    least, edge = barycentric(geometry, tri, 0, x, y), 0
-    for k in range(1, 3):
-        value = barycentric(geometry, tri, k, x, y)
-        if value < least:
-            least, edge = value, k
-    return least, edge
-
-
-@compiled
 def _left(path, s, geometry, tri, code, x, y):
     """About when a path that is on (x, y) at time s leaves the mesh, of which ``tri`` is the last triangle; s where it
     does not, or goes a little beyond an open edge: the air of the triangle is taken there.
     """
     if code != OPEN:
         return s if code == 0 else 0.5 * s
-    beyond, edge = _farthest(geometry, tri, x, y)
+    beyond, edge = farthest(geometry, tri, x, y)
     if beyond >= -OVER:
         return s
     before = barycentric(geometry, tri, edge, path[at.START_X], path[at.START_Y])
@@ -177,8 +156,7 @@ def _stages(path, h, ends, start, state, ints, hold, affine, air, grain, table):
         half_way, last = (tri if stage == 1 else half_way), (tri if stage == 2 else last)
         ints[at.EVALUATIONS] += 1
         look = look_at(ints, affine, air, grain, tri, x, y, state[at.T] + s)
-        fx = path[at.N0X] + s * (path[at.N1X] + s * path[at.N2X])
-        fy = path[at.N0Y] + s * (path[at.N1Y] + s * path[at.N2Y])
+        fx, fy = sampled(path, at.N0X, s)
         ex, ey, now, vx, vy, sx, sy, turn = excess_in(
             look, state, air, grain, table, vx, vy, state[at.T] + s, rate, fx, fy, 0.5 * s * p[2], start.curl
         )
@@ -198,7 +176,7 @@ def _stages(path, h, ends, start, state, ints, hold, affine, air, grain, table):
         if stage == 3:
             ox, oy = nx, ny
         elif grain[at.FORGET] != 0.0:
-            past, bent = _past(path, s, state, hold, grain, sx, sy)
+            past, bent, _, _ = past_defect(path, state, grain, hold, s, sx, sy)
     return Stages(math.inf, last, fast, curl, ox, oy, nx, ny, past, bent, relaxed, gx, gy)
 
 
@@ -264,7 +242,7 @@ def _first_met(path, h, end, state, ints, grain, walls, rules, free, way):
 def _on_edge(path, h, geometry, tri):
     """When a path that ends a little beyond the mesh's edge, at time h (s), crosses it."""
     x, y, vx, vy = along(path, h)
-    _, k = _farthest(geometry, tri, x, y)
+    _, k = farthest(geometry, tri, x, y)
     bx, by, s = geometry[tri, at.B0X + 2 * k], geometry[tri, at.B0Y + 2 * k], h
     for _ in range(NEWTON):
         s -= barycentric(geometry, tri, k, x, y) / (bx * vx + by * vy)
@@ -443,7 +421,7 @@ def onward(path, before, slope, state, ints, hold, affine, air, grain, table, wa
     return IN_A_ROW
 
 
-# -- When strides are tried in place of many confined steps (``step_control``) -----------------------------------------
+# -- When strides are tried in place of many confined steps (``step``) -----------------------------------------
 MIN_STRIDE = 0.5  # sizes of a triangle: its mean chord, and so as far as a confined step goes
 MAX_STRIDE = 60.0  # the same: a longer stride may look at nothing of what it passes
 DRAWN_STRIDE = 4.0  # the same, of a granule whose path is drawn

@@ -182,16 +182,8 @@ def carry(hold, x, y, vx, vy, t):
     rock = hold[at.ROCKS]
     if rock == 0.0:
         ax, ay = hold[at.WX], hold[at.WY]
-        return (
-            x - ax * out - hold[at.OX],
-            y - ay * out - hold[at.OY],
-            ax * rate,
-            ay * rate,
-            ax * pull,
-            ay * pull,
-            0.0,
-            0.0,
-        )
+        x, y = x - ax * out - hold[at.OX], y - ay * out - hold[at.OY]
+        return x, y, ax * rate, ay * rate, ax * pull, ay * pull, 0.0, 0.0
     px, py = hold[at.AT_X], hold[at.AT_Y]
     dx, dy = turning(rock * out, hold[at.OX] - px, hold[at.OY] - py)
     wx, wy, ax, ay = rocking(rock * rate, rock * pull, x - px, y - py, vx, vy)
