@@ -323,8 +323,8 @@ def _interpolant(field: FlowField, needs: _Needs) -> tuple[Array, Array, Array]:
 
 
 def evenness(field: FlowField, rms: Array, life: Array) -> Array:
-    """For how long (N,) s eddies stay what they are about each node, from their deviation m/s and lifetime s at the
-    nodes (T, N).
+    """The time (N,) s for which eddies stay what they are about each node, from their deviation m/s and lifetime s at
+    the nodes (T, N).
 
     In the triangles at it for their lifetime (not for less than a fluctuation as large as the deviation s takes through
     one: the mesh tells nothing finer), or ``STEEP`` / |grad s|, the time in which it meets an s that is e times as

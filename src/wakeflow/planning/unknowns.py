@@ -150,7 +150,7 @@ def _unknown(
         own = default.half(value, confidence, scene.width)
         why = f"default ({how} uncertainty; {default.status})"
         lot = (scene.fraction[fraction].material or "") if fraction and confidence != GIVEN else ""
-        if lot and (half := materials[lot].half_of(entry)) is not None:
+        if lot and not math.isnan(half := materials[lot].half_of(entry)):
             own, why = half * value / getattr(materials[lot], entry), f"material {lot}"
         causes = _causes(entry, lot, own, default.of_plate(value), lambda how: default.half(value, how, scene.width))
     elif isinstance(own, str):

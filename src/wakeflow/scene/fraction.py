@@ -318,7 +318,7 @@ class Fraction(Table):
 
     @property
     def _dimensions(self) -> Sequence[float]:
-        return self.dimensions or self._source.dimensions or ()
+        return self.dimensions or self._source.dimensions
 
     @property
     def shape(self) -> Array:

@@ -80,7 +80,7 @@ def _as_fraction(which: object, material: Material, table: Mapping[str, object])
     if material.terminal_velocity is not None and "sphericity" not in table:
         values["terminal_velocity"] = _spread(material, "terminal_velocity")
     values |= {key: _known(material, key, value) for key in SHAPED if (value := getattr(material, key))}
-    if material.dimensions is not None:
+    if material.dimensions:
         values["dimensions"] = list(material.dimensions)
     if "inertia" in table:
         del values["impact"]

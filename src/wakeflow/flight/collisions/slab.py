@@ -33,9 +33,9 @@ MAX_OVERLAP = 1e-3  # of the smaller radius: overlaps below it need no further s
 @called
 def _note(crowd, cells, counts, clock, i, j):
     """Look whether i and j meet or touch in this step, and note it."""
-    one, other = crowd.own[i], crowd.own[j]
+    this, other = crowd.extra[i], crowd.extra[j]
     r = reach_of(crowd.grains[i], crowd.grains[j])
-    what, when = contact_time(one, other, r, clock[of.DEPTH], clock[of.PULL])
+    what, when = contact_time(this, other, r, clock[of.DEPTH], clock[of.PULL])
     tracer = crowd.tally[i, of.TRACER] == 1  # inside another granule it passes it: it was not caught
     if (what == MEETS or (what == OVERLAPS and not tracer)) and counts[of.EVENTS] < cells.when.shape[0]:
         k = counts[of.EVENTS]
@@ -73,9 +73,9 @@ def _foretell_of(crowd, cells, counts, clock, i):
     before = counts[of.PAIRS]
     relist(crowd, cells, clock, counts, i)
     for k in range(before, counts[of.PAIRS]):
-        one, other = cells.pairs[k, of.FIRST], cells.pairs[k, of.SECOND]
-        if near(cells.balls, one, other, clock[of.DEPTH]):
-            _note(crowd, cells, counts, clock, one, other)
+        this, other = cells.pairs[k, of.FIRST], cells.pairs[k, of.SECOND]
+        if near(cells.balls, this, other, clock[of.DEPTH]):
+            _note(crowd, cells, counts, clock, this, other)
 
 
 @compiled
@@ -100,7 +100,7 @@ def fly_some(crowd, laws, air, nodes, walls, rules, clock, room, rows, count):
     for k in range(count):
         i = rows[k]
         fly_on(
-            crowd.states[i], crowd.counts[i], crowd.own[i], crowd.tally[i], crowd.grains[i],
+            crowd.states[i], crowd.counts[i], crowd.extra[i], crowd.tally[i], crowd.grains[i],
             laws.tables[crowd.table_of[i]], air, nodes, walls, rules, clock, room,
         )  # fmt: skip
 
@@ -108,7 +108,7 @@ def fly_some(crowd, laws, air, nodes, walls, rules, clock, room, rows, count):
 @compiled
 def _leave_to_the_end(crowd, cells, counts, i, j):
     """Whether the pair has met so often in this step that the rest is contact that lasts."""
-    if crowd.own[i, of.MET] < MAX_CONTACTS and crowd.own[j, of.MET] < MAX_CONTACTS:
+    if crowd.extra[i, of.MET] < MAX_CONTACTS and crowd.extra[j, of.MET] < MAX_CONTACTS:
         return False
     if counts[of.NEAR] < cells.near.shape[0] and crowd.tally[i, of.TRACER] == 0:
         cells.near[counts[of.NEAR], 0], cells.near[counts[of.NEAR], 1] = i, j
@@ -128,37 +128,37 @@ def _strike_tracer(crowd, laws, rules, clock, room, i, j, when):
     """Let a tracer i meet the granule j where that was at the time, if it is caught; j does not notice. Whether."""
     if not hit_tracer(crowd, laws.tables, i, j, rules):
         return False
-    state, ints, own = crowd.states[j], crowd.counts[j], crowd.own[j]
+    state, ints, extra = crowd.states[j], crowd.counts[j], crowd.extra[j]
     _copy(state, room.kept_state)
     _copy(ints, room.kept_ints)
-    _copy(own, room.kept_own)
-    roll_back(crowd.states[i], crowd.counts[i], crowd.own[i], clock, when)
-    roll_back(state, ints, own, clock, when)
+    _copy(extra, room.kept_extra)
+    roll_back(crowd.states[i], crowd.counts[i], crowd.extra[i], clock, when)
+    roll_back(state, ints, extra, clock, when)
     if collide(crowd, laws, rules, clock[of.DEPTH], i, j, 1.0):
         crowd.tally[i, of.MEETINGS] += 1
     _copy(room.kept_state, state)
     _copy(room.kept_ints, ints)
-    _copy(room.kept_own, own)
+    _copy(room.kept_extra, extra)
     return True
 
 
 @compiled
 def _count(crowd, counts, i, j):
     """Count a meeting of two granules. Two that chatter, one between the other and a wall, have met once."""
-    one, other, now = crowd.tally[i], crowd.tally[j], counts[of.STEPS]
-    last = one[of.PARTNER] == j and other[of.PARTNER] == i
-    if not last or now - one[of.MET_IN] > CHATTER:
-        one[of.MEETINGS] += 1
+    this, other, now = crowd.tally[i], crowd.tally[j], counts[of.STEPS]
+    last = this[of.PARTNER] == j and other[of.PARTNER] == i
+    if not last or now - this[of.MET_IN] > CHATTER:
+        this[of.MEETINGS] += 1
         other[of.MEETINGS] += 1
-    one[of.PARTNER], other[of.PARTNER] = j, i
-    one[of.MET_IN] = other[of.MET_IN] = now
+    this[of.PARTNER], other[of.PARTNER] = j, i
+    this[of.MET_IN] = other[of.MET_IN] = now
 
 
 @called
 def _strike_pair(crowd, laws, rules, clock, counts, i, j, when):
     """The meeting of two granules of the same right."""
-    roll_back(crowd.states[i], crowd.counts[i], crowd.own[i], clock, when)
-    roll_back(crowd.states[j], crowd.counts[j], crowd.own[j], clock, when)
+    roll_back(crowd.states[i], crowd.counts[i], crowd.extra[i], clock, when)
+    roll_back(crowd.states[j], crowd.counts[j], crowd.extra[j], clock, when)
     if collide(crowd, laws, rules, clock[of.DEPTH], i, j, 1.0):
         _count(crowd, counts, i, j)
 
@@ -176,10 +176,10 @@ def collide_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, count
             _strike_pair(crowd, laws, rules, clock, counts, i, j, when)
         elif not _strike_tracer(crowd, laws, rules, clock, room, i, j, when):
             continue
-        crowd.own[i, of.MET] += 1.0
+        crowd.extra[i, of.MET] += 1.0
         struck = 1
         if both:
-            crowd.own[j, of.MET] += 1.0
+            crowd.extra[j, of.MET] += 1.0
             struck = 2
         room.struck[0], room.struck[1] = i, j
         fly_some(crowd, laws, air, nodes, walls, rules, clock, room, room.struck, struck)
@@ -201,8 +201,8 @@ def _settle_pair(crowd, laws, rules, clock, counts, i, j, sweep):
         return 0.0
     closing = (crowd.states[j, at.VX] - crowd.states[i, at.VX]) * nx
     closing += (crowd.states[j, at.VY] - crowd.states[i, at.VY]) * ny
-    closing += (crowd.own[j, of.VZ] - crowd.own[i, of.VZ]) * nz
-    crowd.own[i, of.TOUCHED] = crowd.own[j, of.TOUCHED] = of.TOUCHES_OTHERS
+    closing += (crowd.extra[j, of.VZ] - crowd.extra[i, of.VZ]) * nz
+    crowd.extra[i, of.TOUCHED] = crowd.extra[j, of.TOUCHED] = of.TOUCHES_OTHERS
     if closing > 0.0:
         slow = closing <= at.SLOW + PULLS * clock[of.PULL] * (clock[of.UNTIL] - clock[of.NOW])
         if collide(crowd, laws, rules, clock[of.DEPTH], i, j, 0.0 if slow else 1.0) and not slow and sweep == 0:
@@ -214,11 +214,11 @@ def _settle_pair(crowd, laws, rules, clock, counts, i, j, sweep):
 @called
 def _lean(crowd, walls, rules, clock, room, i, h):
     """Take a granule that others pushed out of the walls again."""
-    state, ints, own, grain = crowd.states[i], crowd.counts[i], crowd.own[i], crowd.grains[i]
-    own[of.ROOM] = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], rules.length)
-    if own[of.ROOM] <= 0.0:
-        press(state, ints, own, grain, walls, rules, room.hold, h, clock[of.PULL])
-        own[of.ROOM] = 0.0
+    state, ints, extra, grain = crowd.states[i], crowd.counts[i], crowd.extra[i], crowd.grains[i]
+    extra[of.ROOM] = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], rules.length)
+    if extra[of.ROOM] <= 0.0:
+        press(state, ints, extra, grain, walls, rules, room.hold, h, clock[of.PULL])
+        extra[of.ROOM] = 0.0
 
 
 @called
@@ -234,7 +234,7 @@ def settle_all(crowd, laws, walls, rules, clock, room, cells, counts):
             if deep > 0.0:
                 for side in range(2):
                     g = i if side == 0 else j
-                    if walls.bodies.shape[0] > 0 and crowd.own[g, of.ROOM] <= 0.0:
+                    if walls.bodies.shape[0] > 0 and crowd.extra[g, of.ROOM] <= 0.0:
                         _lean(crowd, walls, rules, clock, room, g, h)
         if worst <= MAX_OVERLAP:
             break
@@ -253,35 +253,35 @@ def _enter(crowd, counts, clock, air, walls, room, timed):
     h = clock[of.UNTIL] - clock[of.NOW]
     while counts[of.BORN] < crowd.waiting.shape[0]:
         i = crowd.waiting[counts[of.BORN]]
-        state, ints, own = crowd.states[i], crowd.counts[i], crowd.own[i]
+        state, ints, extra = crowd.states[i], crowd.counts[i], crowd.extra[i]
         if state[at.BORN] >= clock[of.UNTIL] - EARLY * h:
             break
         counts[of.BORN] += 1
         begin_track(state, ints, room.affine, room.hold, air, crowd.grains[i], walls, timed)
         store_point(state, ints, crowd.records[i], 0)
-        own[of.ROOM] = 0.0
+        extra[of.ROOM] = 0.0
         if ints[at.FATE] == at.FLYING:
             crowd.living[counts[of.LIVING]] = i
             counts[of.LIVING] += 1
 
 
 @compiled
-def _lies_still(state, ints, own, walls, clock, rest):
+def _lies_still(state, ints, extra, walls, clock, rest):
     """Count how long a granule has been at rest on a wall or among others; whether that is long enough, and whether it
     is slow there.
     """
     h = clock[of.UNTIL] - clock[of.NOW]
-    if own[of.TOUCHED] == of.LOOSE:
+    if extra[of.TOUCHED] == of.LOOSE:
         state[at.HELD] = 0.0
         return False, False
-    if own[of.TOUCHED] == of.HELD_BY_WALL:
+    if extra[of.TOUCHED] == of.HELD_BY_WALL:
         state[at.HELD] += h
         return state[at.HELD] > rest, True
     vx, vy = state[at.VX], state[at.VY]
     if ints[at.CONTACT] != at.FREE:
         wx, wy, _, _, _ = wall_motion(walls.bodies, ints[at.BODY], state[at.T], state[at.X], state[at.Y], 0.0, 0.0)
         vx, vy = vx - wx, vy - wy
-    speed, pull = math.sqrt(vx * vx + vy * vy + own[of.VZ] ** 2), h * clock[of.PULL]
+    speed, pull = math.sqrt(vx * vx + vy * vy + extra[of.VZ] ** 2), h * clock[of.PULL]
     state[at.HELD] = state[at.HELD] + h if speed <= CALM * pull else 0.0
     return state[at.HELD] > rest + LULL * h, speed <= LEANS * pull
 
@@ -292,11 +292,11 @@ def _close(crowd, cells, counts, clock, walls, rules):
     living, kept, standing, leaning, depth = counts[of.LIVING], 0, 0, 0, clock[of.DEPTH]
     for k in range(living):
         i = crowd.living[k]
-        state, ints, own = crowd.states[i], crowd.counts[i], crowd.own[i]
-        own[of.Z] -= depth * math.floor(own[of.Z] / depth)
-        own[of.MET] = 0.0
+        state, ints, extra = crowd.states[i], crowd.counts[i], crowd.extra[i]
+        extra[of.Z] -= depth * math.floor(extra[of.Z] / depth)
+        extra[of.MET] = 0.0
         if ints[at.FATE] == at.FLYING:
-            lies, leans = _lies_still(state, ints, own, walls, clock, rules.rest)
+            lies, leans = _lies_still(state, ints, extra, walls, clock, rules.rest)
             standing += lies
             leaning += leans
             store_point(state, ints, crowd.records[i], 0)

@@ -340,14 +340,14 @@ def entered(curtain: Curtain) -> Entered:
 
 
 def released_above(curtain: Curtain) -> Granules:
-    """Above the body."""
+    """The granules of a curtain above the body, at the level where their fall begins."""
     fall = fall_start(curtain.scene, 0.5 * curtain.grains.diameter)
     position, velocity = released(curtain.scene, curtain.plan, curtain.grains, curtain.x, *fall)
     return curtain.grains.replace(position=position, velocity=velocity, arrival=velocity)
 
 
 def struck(curtain: Curtain) -> Entered:
-    """From their first impact, those that meet the body; the others from above it."""
+    """The granules that meet the body, from their first impact; the others from above it."""
     scene, plan, x, grains = curtain.scene, curtain.plan, curtain.x, released_above(curtain)
     level, speed = fall_start(scene, 0.5 * grains.diameter)
     height, normal = contact_points(scene.outline, x, grains.diameter / 2)
@@ -410,7 +410,7 @@ def entering(scene: Scene, grains: Granules, x: Array, chance: Array) -> Granule
 
 
 def highest(scene: Scene, grains: Granules, x: Array) -> Array:
-    """Up to which height (n,) m granules of the feed at ``x`` (n,) m are in the channel; as if it stood upright."""
+    """The height (n,) m up to which granules of the feed at ``x`` (n,) m are in the channel; as if it stood upright."""
     return scene.plumb.highest(x, 0.5 * grains.diameter, 1e-6 * scene.width)
 
 

@@ -95,7 +95,7 @@ def mesh_velocity(swing, first, t):
 
 @compiled
 def _flatten(state, affine, air, gap):
-    """In the gap the air of the nearest boundary point is everywhere."""
+    """Take the air of the nearest boundary point for that of everywhere in the gap."""
     x, y, _ = on_edge(air, gap, state[at.X], state[at.Y])
     for power in range(4 if affine[at.CUBIC] != 0.0 else 2):
         for m in range(4):

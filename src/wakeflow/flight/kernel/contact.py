@@ -16,7 +16,7 @@ from .dispersion import mirror
 from .events import first_below, seen_from, turned_by, wall_motion
 from .jit import called, compiled
 from .rest import STATIC, caught, held, hold_still, tangent, unwedge, wedge
-from .strike import flake_spin, restitution_of, stays, tilted
+from .strike import flake_spin, friction_of, restitution_of, stays, tilted
 from .walls import carry, constrain, grasp, inside, leans
 
 # -- A granule in contact ----------------------------------------------------------------------------------------------
@@ -41,9 +41,9 @@ def settle(state, ints, hold, walls, rolls):
 
 
 @compiled
-def _collision(state, ints, hold, grain, walls, body, friction, last, one, seed):
+def _collision(state, ints, hold, grain, walls, body, friction, last, feature, seed):
     """Velocity and spin after the impact on the wall in ``hold``; a granule that it throws back for ever at the wall
-    (last, one) stops. Returns the restitution and the normal impulse.
+    (last, feature) stops. Returns the restitution and the normal impulse.
 
     Only granules that come flying are scattered: not those that lie on another wall, or rattle between two.
     """
@@ -65,7 +65,7 @@ def _collision(state, ints, hold, grain, walls, body, friction, last, one, seed)
         mirror(state, ints, nx, ny)
     if normal > 0.0:
         ints[at.IMPACTS] += 1
-    if last != at.FREE and caught(state, hold, walls, last, one, body, vx - sx, vy - sy, e, ints[at.STUCK]):
+    if last != at.FREE and caught(state, hold, walls, last, feature, body, vx - sx, vy - sy, e, ints[at.STUCK]):
         vx, vy = sx, sy
     state[at.VX], state[at.VY], state[at.SPIN] = vx, vy, spin
     return e, normal
@@ -82,16 +82,15 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
         mx, my = tangent(walls, before, other, nx, ny, state)
     state[at.X] -= off * mx
     state[at.Y] -= off * my
-    last, one = (ints[at.PAIR], ints[at.PAIRED]) if before == at.FREE and ints[at.STUCK] > 1 else (before, other)
+    last, feature = (ints[at.PAIR], ints[at.PAIRED]) if before == at.FREE and ints[at.STUCK] > 1 else (before, other)
     ints[at.CONTACT] = ints[at.PAIR] = at.FREE
     x, y = state[at.X], state[at.Y]
     wx, wy, _, _, _ = wall_motion(walls.bodies, body, state[at.T], x, y, 0.0, 0.0)
     if stays(state, ints, grain, walls, body, nx, ny, wx, wy, rules.seed):
         hold[at.KIND] = at.FREE
         return
-    f = walls.bodies[body, at.BODY_FRICTION]
-    f = grain[at.FRICTION] if f < 0.0 else f
-    e, normal = _collision(state, ints, hold, grain, walls, body, f, last, one, rules.seed)
+    f = friction_of(grain, walls, body)
+    e, normal = _collision(state, ints, hold, grain, walls, body, f, last, feature, rules.seed)
     vx, vy = state[at.VX], state[at.VY]
     _, _, px, py, _ = wall_motion(walls.bodies, body, state[at.T], x, y, vx, vy)
     fx, fy, _, _, _ = free_force(affine, grain, table, x, y, vx, vy, state[at.T], state[at.SPIN])
@@ -117,8 +116,8 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
 
 @compiled
 def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
-    """For a granule in contact: lifted off, held by static friction, rolling or sliding. Returns whether it was dealt
-    with.
+    """Tell whether a granule in contact is lifted off, held by static friction, rolling or sliding. Returns whether it
+    was dealt with.
 
     Rolling takes the friction force free / (1 + m r^2 / I) (Routh 1897, ch. 4); where the wall cannot give that, the
     contact point slips.
@@ -257,9 +256,9 @@ def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
         ra, rb = dx * rx + dy * ry, dx * ux + dy * uy
         if face and fa < -rules.skin and ra >= 0.0:
             continue
-        found = first_below(path, t0, bodies, body, events.PLANE, ox, oy, q0, dx, dy, 0.0, fa, ra, s, fb, rb, skin)
-        if 0.0 <= found <= s and (fb < 0.0 or found < s):
-            s, event, kind, which = found, events.SLID_OFF, at.ON_EDGE, e
+        met = first_below(path, t0, bodies, body, events.PLANE, ox, oy, q0, dx, dy, 0.0, fa, ra, s, fb, rb, skin)
+        if 0.0 <= met <= s and (fb < 0.0 or met < s):
+            s, event, kind, which = met, events.SLID_OFF, at.ON_EDGE, e
             if face:
                 which = walls.edge_links[feature, at.BEFORE + end]
                 kind = at.ON_VERTEX if which >= 0 else at.FREE

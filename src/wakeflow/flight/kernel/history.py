@@ -111,7 +111,7 @@ def past_defect(path, state, grain, hold, s, sx, sy):
 
 @called
 def bend_memory(path, h, state, grain, hold, mx, my, ex, ey):
-    """With the slip (mx, my) in the middle of a step h and (ex, ey) at its end: the force at both."""
+    """The force in the middle of a step h, where the slip is (mx, my), and at its end, where it is (ex, ey)."""
     parabola(path, at.SLIP, h, mx, my, ex, ey)
     mx, my, _ = recall(path, state, grain, hold, 0.5 * h)
     ex, ey, _ = recall(path, state, grain, hold, h)

@@ -66,9 +66,9 @@ def find(air, tri, x, y):
     far = abs(x - g[tri, at.CORNER_X]) * p[at.PER_X] + abs(y - g[tri, at.CORNER_Y]) * p[at.PER_Y] > FAR
     column, row = math.floor((x - p[at.GRID_X]) * p[at.PER_X]), math.floor((y - p[at.GRID_Y]) * p[at.PER_Y])
     if far and 0.0 <= column < p[at.IN_ROW] and 0.0 <= row < p[at.IN_ROW]:
-        found, code = walk(g, air.neighbours, air.grid[int(row * p[at.IN_ROW] + column)], x, y)
+        triangle, code = walk(g, air.neighbours, air.grid[int(row * p[at.IN_ROW] + column)], x, y)
         if code == 0:
-            return found, code
+            return triangle, code
     return walk(g, air.neighbours, tri, x, y)
 
 
@@ -118,15 +118,15 @@ def _from_around(air, gap, x, y):
         after = air.covered[after, at.COVER_AFTER] if after >= 0 else -1
         for edge in (before, after):
             if edge >= 0:
-                found, code = walk(air.geometry, air.neighbours, air.covered[edge, at.COVER_TRI], x, y)
+                triangle, code = walk(air.geometry, air.neighbours, air.covered[edge, at.COVER_TRI], x, y)
                 if code == 0:
-                    return found
+                    return triangle
     return -1
 
 
 @called
 def reproject(state, ints, air, walls):
-    """For a granule in the gap: move on to the nearest boundary edge, or back into the mesh. Returns that edge's
+    """Move a granule in the gap on to the nearest boundary edge, or back into the mesh. Returns that edge's
     length. No triangle can hold one that lies inside the outline at rest of a body.
     """
     x, y = state[at.X], state[at.Y]
@@ -142,20 +142,20 @@ def reproject(state, ints, air, walls):
     bx, by = _corner(air, tri, (k + 2) % 3)
     ints[at.GAP], ints[at.TRI], ints[at.FRESH] = gap, tri, 0
     if barycentric(air.geometry, tri, k, x, y) > 1e-9:
-        found, code = walk(air.geometry, air.neighbours, tri, x, y)
+        triangle, code = walk(air.geometry, air.neighbours, tri, x, y)
         if code == 0:
-            ints[at.GAP], ints[at.TRI] = -1, found
+            ints[at.GAP], ints[at.TRI] = -1, triangle
             state[at.H_ERROR] = math.inf
         elif code <= -2:
-            ints[at.GAP], ints[at.TRI] = -2 - code, found
+            ints[at.GAP], ints[at.TRI] = -2 - code, triangle
     buried = False
     for body in range(walls.bodies.shape[0]):
         buried = buried or inside(walls, body, x, y)[0]
     if ints[at.GAP] >= 0 and not buried:  # beside a corner the nearest edge and the walk from it may miss the mesh
-        found = _from_around(air, gap, x, y)
-        if found < 0 and ints[at.STEPS] % SELDOM == 0:
-            found = anywhere(air.geometry, x, y)
-        if found >= 0:
-            ints[at.GAP], ints[at.TRI] = -1, found
+        triangle = _from_around(air, gap, x, y)
+        if triangle < 0 and ints[at.STEPS] % SELDOM == 0:
+            triangle = anywhere(air.geometry, x, y)
+        if triangle >= 0:
+            ints[at.GAP], ints[at.TRI] = -1, triangle
             state[at.H_ERROR] = math.inf
     return math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)

@@ -130,13 +130,13 @@ def _first_event(path, h, in_cell, state, ints, affine, air, grain, table, hold,
         )
     end = along(path, s)
     if walls.bodies.shape[0] > 0 and ints[at.STUCK] < HOP_LIMIT:
-        found, hit_kind, hit = first_wall(path, s, end, t0, grain[at.RADIUS], rules.skin, walls, ints)
-        if found >= 0.0:
-            s, event, kind, which = found, events.WALL, hit_kind, hit
+        met, hit_kind, hit = first_wall(path, s, end, t0, grain[at.RADIUS], rules.skin, walls, ints)
+        if met >= 0.0:
+            s, event, kind, which = met, events.WALL, hit_kind, hit
             end = along(path, s)
-    found, line = first_line(path, s, end, t0, walls, rules.skin)
-    if found >= 0.0:
-        s, event = found, events.CROSSED
+    met, line = first_line(path, s, end, t0, walls, rules.skin)
+    if met >= 0.0:
+        s, event = met, events.CROSSED
         end = along(path, s)
     return end, s, event, kind, which, line, turn
 

@@ -246,7 +246,7 @@ def _allowed(rules, h, speed, fast):
 
 
 @compiled
-def _horizon(state, rules, speed, pull):
+def flight_left(state, rules, speed, pull):
     """How long a velocity error may be carried on: to the end, or as long as the flight takes."""
     return min(rules.until - state[at.T], rules.extent / (speed + math.sqrt(rules.extent * pull) + 1e-300))
 
@@ -255,7 +255,7 @@ def _horizon(state, rules, speed, pull):
 def confined_step(path, h, state, ints, affine, grain, table, hold, rules, speed, pull):
     """Try steps from h down until the estimated error is within the allowance; returns the step, 0.0 when none is."""
     shortest = ROUND_OFF * rules.extent / (speed + math.sqrt(rules.extent * pull) + 1e-300)
-    horizon = _horizon(state, rules, speed, pull)
+    horizon = flight_left(state, rules, speed, pull)
     for rejected in range(MAX_TRIES):
         error, fast = attempt(path, h, state, ints, affine, grain, table, hold, horizon)
         allowed = _allowed(rules, h, speed, fast)
@@ -285,9 +285,9 @@ def leaves(path, h, ints, air):
             continue
         fa = barycentric(g, tri, k, path[at.START_X], path[at.START_Y])
         q0 = 1.0 if k == 0 else 0.0
-        found = first_below(path, 0.0, g, at.NOBODY, events.PLANE, cx, cy, q0, bx, by, 0.0, fa, ra, h, fb, rb, EDGE)
-        if found >= 0.0 and (found < s or (found == s and fb <= 0.0)):
-            s, edge = found, k
+        met = first_below(path, 0.0, g, at.NOBODY, events.PLANE, cx, cy, q0, bx, by, 0.0, fa, ra, h, fb, rb, EDGE)
+        if met >= 0.0 and (met < s or (met == s and fb <= 0.0)):
+            s, edge = met, k
     return s, edge
 
 
@@ -351,8 +351,8 @@ def hop(state, ints, air, walls, rules):
 @called
 def relocate(state, ints, air):
     """The triangle of a granule that has moved without a look at the faces it crossed."""
-    found, code = walk(air.geometry, air.neighbours, ints[at.TRI], state[at.X], state[at.Y])
-    ints[at.TRI] = found
+    triangle, code = walk(air.geometry, air.neighbours, ints[at.TRI], state[at.X], state[at.Y])
+    ints[at.TRI] = triangle
     if code <= -2:
         ints[at.GAP] = -2 - code
     elif code == -1:

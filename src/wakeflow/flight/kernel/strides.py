@@ -25,7 +25,7 @@ from .history import begin_memory, bend_memory, past_defect, recall_line, rememb
 from .jit import called, compiled
 from .locate import barycentric, cell_size, farthest, find
 from .nodes import BOOLE, carried, displaced, excess_in, look_at
-from .step import PROGRESS, TRANSIENT
+from .step import PROGRESS, TRANSIENT, flight_left
 from .walls import clearance
 
 STRIDE_SHARE = 1.0  # of the tolerance for strides: the whole of it, since the judged error is that of Simpson's rule
@@ -109,7 +109,7 @@ def _bend(path, h, stage, s, nx, ny, hx, hy, ex, ey, sx, sy, state, hold, grain)
 
 @compiled
 def _fades(path, h, now, vx, vy, sx, sy):
-    """At the end of a stride h (s), with the drag rate ``now`` and the slip there: what B, frozen, displaces (m), and
+    """What B, frozen, displaces (m) by the end of a stride h (s), with the drag rate ``now`` and the slip there, and
     the mean slope of N (m/s3) but for what B changes by.
     """
     change = math.sqrt((vx - path[at.START_VX]) ** 2 + (vy - path[at.START_VY]) ** 2)
@@ -120,8 +120,8 @@ def _fades(path, h, now, vx, vy, sx, sy):
 
 @compiled
 def _left(path, s, geometry, tri, code, x, y):
-    """About when a path that is on (x, y) at time s leaves the mesh, of which ``tri`` is the last triangle; s where it
-    does not, or goes a little beyond an open edge: the air of the triangle is taken there.
+    """The time, about, when a path that is on (x, y) at time s leaves the mesh, of which ``tri`` is the last triangle;
+    s where it does not, or goes a little beyond an open edge: the air of the triangle is taken there.
     """
     if code != OPEN:
         return s if code == 0 else 0.5 * s
@@ -196,25 +196,18 @@ def _arrive(path, h, clock, tri, end, curl, state, ints, hold, grain):
     ints[at.TRI] = tri
 
 
-@compiled
-def _flight_left(state, grain, rules, speed):
-    """How long (s) a velocity may be carried on: to the end, or as long as the flight takes."""
-    fall = math.sqrt(rules.extent * math.sqrt(grain[at.GX] ** 2 + grain[at.GY] ** 2))
-    return min(rules.until - state[at.T], rules.extent / (speed + fall + 1e-300))
-
-
 # -- A stride that is judged -------------------------------------------------------------------------------------------
 @compiled
-def _error(path, h, p, found, horizon, grain):
+def _error(path, h, p, stages, horizon, grain):
     """What a stride h (s) with the phi functions ``p`` at its end may displace (m): by its defects, by a velocity's
     transient, and by the history force.
     """
     rate = path[at.RATE]
     carry = carried(p, rate, h, horizon)
-    error = h * displaced(found.ox, found.oy, found.mx, found.my, carry, rate, h)
-    error += found.relaxed * (rate * h / (rate * h + TRANSIENT)) ** 3
+    error = h * displaced(stages.ox, stages.oy, stages.mx, stages.my, carry, rate, h)
+    error += stages.relaxed * (rate * h / (rate * h + TRANSIENT)) ** 3
     if grain[at.FORGET] != 0.0:
-        error += h * (h * p[2] * found.past + carry * found.bent)
+        error += h * (h * p[2] * stages.past + carry * stages.bent)
     return error
 
 
@@ -228,12 +221,12 @@ def _first_met(path, h, end, state, ints, grain, walls, rules, free, way):
     if way > searched:
         h = met = h * searched / way
         end = along(path, h)
-    found, _, _ = first_wall(path, h, end, state[at.T], grain[at.RADIUS], rules.skin, walls, ints)
-    if found >= 0.0:
-        h = met = found
+    hit, _, _ = first_wall(path, h, end, state[at.T], grain[at.RADIUS], rules.skin, walls, ints)
+    if hit >= 0.0:
+        h = met = hit
         end = along(path, h)
     crossed, _ = first_line(path, h, end, state[at.T], walls, rules.skin)
-    if found >= 0.0 or crossed >= 0.0:  # a confined step makes the contact
+    if hit >= 0.0 or crossed >= 0.0:  # a confined step makes the contact
         ints[at.PATIENCE] = 1
     return crossed if crossed >= 0.0 else met
 
@@ -277,15 +270,15 @@ def _end(path, h, p, tri, state, ints, air, grain, walls, rules, free, way):
 
 
 @compiled
-def _land(path, h, p, clock, found, state, ints, hold, air, grain, walls, rules, free, way):
+def _land(path, h, p, clock, stages, state, ints, hold, air, grain, walls, rules, free, way):
     """Make good the mean defect of the force, and arrive at the end of a stride h (s). Returns when; a time that is not
     above zero: the granule has not moved.
     """
-    path[at.N0X] += BOOLE * (found.ox + found.mx)
-    path[at.N0Y] += BOOLE * (found.oy + found.my)
-    s, tri, end = _end(path, h, p, found.tri, state, ints, air, grain, walls, rules, free, way)
+    path[at.N0X] += BOOLE * (stages.ox + stages.mx)
+    path[at.N0Y] += BOOLE * (stages.oy + stages.my)
+    s, tri, end = _end(path, h, p, stages.tri, state, ints, air, grain, walls, rules, free, way)
     if s > 0.0:
-        _arrive(path, s, clock, tri, end, found.curl, state, ints, hold, grain)
+        _arrive(path, s, clock, tri, end, stages.curl, state, ints, hold, grain)
     return s
 
 
@@ -311,29 +304,30 @@ def stride(path, cell, least, most, state, ints, hold, affine, air, grain, table
     """
     t0, speed, known = state[at.T], math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2), state[at.H_STRIDE]
     clock = min(rules.until, state[at.T_NOISE], state[at.T_END] if air.smooth[at.KNOT_RATE] == 0.0 else math.inf)
-    asked = min(FIRST * cell if known == 0.0 else max(known, least), most)
-    h, free = _room(min(asked, clock - t0, LOOKS * rules.coarse), speed, state, grain, walls, rules)
+    wanted = min(FIRST * cell if known == 0.0 else max(known, least), most)
+    h, free = _room(min(wanted, clock - t0, LOOKS * rules.coarse), speed, state, grain, walls, rules)
     if not (h >= least or h == state[at.T_NOISE] - t0 > 0.0):
         return 0.0, False, (0.0, 0.0)
-    refused, horizon = False, _flight_left(state, grain, rules, speed)
+    weight = math.sqrt(grain[at.GX] ** 2 + grain[at.GY] ** 2)
+    refused, horizon = False, flight_left(state, rules, speed, weight)
     look = look_at(ints, affine, air, grain, ints[at.TRI], state[at.X], state[at.Y], t0)
     start = _begin(path, look, state, ints, hold, air, grain, table)
     for _ in range(TRIES):
         p = phis(-path[at.RATE] * h)
-        found = _stages(path, h, p, start, state, ints, hold, affine, air, grain, table)
-        if found.left < h:
-            h = found.left
+        stages = _stages(path, h, p, start, state, ints, hold, affine, air, grain, table)
+        if stages.left < h:
+            h = stages.left
             if h < least:
                 break
             continue
-        way = AROUND * h * found.fast
-        error = _error(path, h, p, found, horizon, grain)
+        way = AROUND * h * stages.fast
+        error = _error(path, h, p, stages, horizon, grain)
         allowed = STRIDE_SHARE * rules.allowance * math.sqrt(rules.extent * way)
         if error <= allowed:
             longer = h * min(GROWTH, 0.8 * math.sqrt(math.sqrt(allowed / error))) if error > 0.0 else GROWTH * h
-            state[at.H_STRIDE] = max(longer, known) if h < asked and not refused else longer
-            h = _land(path, h, p, clock, found, state, ints, hold, air, grain, walls, rules, free, way)
-            return max(h, 0.0), False, (found.gx, found.gy)
+            state[at.H_STRIDE] = max(longer, known) if h < wanted and not refused else longer
+            h = _land(path, h, p, clock, stages, state, ints, hold, air, grain, walls, rules, free, way)
+            return max(h, 0.0), False, (stages.gx, stages.gy)
         h *= max(0.1, 0.7 * math.sqrt(math.sqrt(allowed / error))) if math.isfinite(error) else 0.1
         refused, known = True, h
         if h < least:
@@ -383,7 +377,8 @@ def onward(path, before, slope, state, ints, hold, affine, air, grain, table, wa
     end = rules.until if air.smooth[at.KNOT_RATE] != 0.0 else min(rules.until, state[at.T_END])
     bend = math.sqrt(path[at.N2X] ** 2 + path[at.N2Y] ** 2)
     free = 0.0
-    horizon = _flight_left(state, grain, rules, math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2))
+    weight = math.sqrt(grain[at.GX] ** 2 + grain[at.GY] ** 2)
+    horizon = flight_left(state, rules, math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2), weight)
     look = look_at(ints, affine, air, grain, ints[at.TRI], state[at.X], state[at.Y], state[at.T])
     for taken in range(IN_A_ROW):
         if state[at.T] != state[at.T_NOISE] or not state[at.T] < end:

@@ -168,7 +168,7 @@ class Grains(Protocol):
 
     @property
     def sphericity(self) -> Array:
-        """By which drag goes; 1: a ball."""
+        """What drag goes by; 1: a ball."""
 
     @property
     def inertia(self) -> Array:
@@ -206,7 +206,7 @@ class AirProperties(Protocol):
 
     @property
     def mean_free_path(self) -> float:
-        """Of its molecules, m; 0 in a liquid."""
+        """The mean free path of its molecules, m; 0 in a liquid."""
 
 
 def drag_scale(grains: Grains, air: AirProperties) -> Array:
