@@ -43,6 +43,7 @@ MIXING = 1024  # shedding periods over which release times spread: their fractio
 MIN_WAY = 0.01  # body widths over which an acceleration is taken from speeds
 HALVINGS = 60  # of a bracket in time: to round-off
 AS_GIVEN = GranuleVariation()
+NO_TRAITS = np.zeros((0, 2))  # of granules that have nothing of their own
 CLEARANCE = 1e-3  # of its radius: how far above a contact a resolved granule may start at the least
 
 
@@ -246,7 +247,7 @@ def _lying(scene: Scene, x: Array, radius: Array) -> Array:
 
 def granules_of(
     scene: Scene, name: str, plan: FractionPlan, diameter: Array, settling: Array | None = None,
-    traits: Array | None = None,
+    traits: Array = NO_TRAITS,
 ) -> Granules:  # fmt: skip
     """Granules of ``diameter`` (n,) m with a fraction's properties and drag, at rest at the origin; ``settling`` (n,)
     m/s: each granule's own terminal velocity where it was measured, in standard air; ``traits`` (n, 2) in the unit
@@ -260,7 +261,7 @@ def granules_of(
         scale = scale * slip_correction(diameter)
     scale = scale / slip_correction(diameter, MEAN_FREE_PATH if scene.air is None else scene.air.mean_free_path)
     restitution = friction = None
-    if traits is not None:
+    if len(traits):
         restitution = fraction.coefficients("restitution", traits[:, 0])
         friction = fraction.coefficients("friction", traits[:, 1])
     return Granules(

@@ -197,7 +197,7 @@ def _on_slope(scene: Scene, name: str, stream: _Stream, number: int) -> tuple[Lo
 
 
 def _sum(parts: list[Load]) -> JsonTable:
-    """The columns of ImpactForces, by name: forces and power add up, the centre of mass has the mass-weighted velocity."""
+    """ImpactForces by name: forces and power add up, the centre of mass has the mass-weighted velocity."""
     flow = sum((load.mass_flow for load in parts), 0.0)
     force = sum((load.force for load in parts), np.zeros(2))
     moving = sum((load.mass_flow * load.velocity for load in parts), np.zeros(2))
