@@ -186,7 +186,7 @@ def test_imports_point_upward() -> None:
 
 
 def test_no_room_names_an_extra() -> None:
-    """But ``core.extras``, which looks for all of them and names none."""
+    """But ``core.registry``, which looks for all of them and names none."""
     words = re.compile(r"extras\.(doctor|funnel|materials|motion|page|pictures|search|studies|trays|verify)\b")
     found = {module.name for module in MODULES.values() if module.room != "extras"
              for text in module.strings if words.search(text)}  # fmt: skip

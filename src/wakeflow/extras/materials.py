@@ -61,7 +61,7 @@ def _values(name: str, one: Material) -> Iterator[tuple[str, str]]:
             known = one.evidence[quantity]
             value = f"{_within(one, quantity)} {UNITS.get(quantity, '')}".strip()
             yield f"{quantity}: {value}{_mean(one, quantity)}; {known.confidence}", known.source
-    if one.dimensions is not None:
+    if one.dimensions:
         known = one.evidence["dimensions"]
         sides = " x ".join(f"{1e3 * side:.3g}" for side in one.dimensions)
         yield f"dimensions: {sides} mm; {known.confidence}", known.source
@@ -86,8 +86,7 @@ def _mean(one: Material, quantity: str) -> str:
     value, margin = getattr(one, quantity), default_margins().get(quantity)
     if margin is None or not isinstance(value, int | float):
         return ""
-    own = one.half_of(quantity)
-    half = margin.half(float(value), one.evidence[quantity].confidence, 0.0) if own is None else own
+    half = one.half_of(quantity, margin.half(float(value), one.evidence[quantity].confidence, 0.0))
     return f" (a lot's mean: +- {half:.2g})"
 
 

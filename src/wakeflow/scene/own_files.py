@@ -14,7 +14,7 @@ from ..core.files import own_path, read_toml
 from ..core.foam_text import Entries, read_entries
 from ..core.quantities import quantity, split_quantity
 from ..core.record import JsonMapping, JsonTable
-from ..core.sheets import Sheet, read_sheet
+from ..core.tables import Sheet, read_sheet
 from ..laws.material import Material, materials, read_material
 from .drawing import with_drawings
 from .machine import Air
@@ -80,7 +80,7 @@ def _as_fraction(which: object, material: Material, table: Mapping[str, object])
     if material.terminal_velocity is not None and "sphericity" not in table:
         values["terminal_velocity"] = _spread(material, "terminal_velocity")
     values |= {key: _known(material, key, value) for key in SHAPED if (value := getattr(material, key))}
-    if material.dimensions is not None:
+    if material.dimensions:
         values["dimensions"] = list(material.dimensions)
     if "inertia" in table:
         del values["impact"]
@@ -162,7 +162,7 @@ def _of_case(air: JsonMapping, base: Path) -> JsonTable:
 # -- A file of measured vibration --------------------------------------------------------------------------------------
 def read_samples(given: str, base: Path) -> dict[str, list[float]]:
     """Times (s) and accelerations (m/s2) of a CSV file, its path relative to ``base``: two numbers a line, as
-    :func:`~wakeflow.core.sheets.read_sheet` reads them; lines before the first number are headings, of which the last
+    :func:`~wakeflow.core.tables.read_sheet` reads them; lines before the first number are headings, of which the last
     may name other units, such as time (ms) and acceleration (g).
 
     Raises SceneError for a file that cannot be read, and for a line that is not two numbers, naming it.

@@ -349,7 +349,7 @@ def test_a_name_that_is_no_module_is_refused() -> None:
 
 def test_what_a_package_registers_as_it_is_imported_counts() -> None:
     tracks = sources.closure(*CODE["fraction_flights"])
-    assert {"wakeflow.laws.forces.basic", "wakeflow.laws.forces.lift_forces"} <= tracks
+    assert {"wakeflow.laws.forces.records", "wakeflow.laws.forces.history_force"} <= tracks
 
 
 def test_names_of_a_package_lead_to_their_modules_only() -> None:

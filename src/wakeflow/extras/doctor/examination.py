@@ -24,9 +24,9 @@ from ... import DISTRIBUTION
 from ...air.mesh import MeshSpec
 from ...cli.screen import screen_table
 from ...core.errors import MeshError, ProgramError
+from ...core.files import kernel_root
 from ...core.process import call_in_child, cores, run_program
 from ...core.store import cache_root
-from ...core.user_folder import kernel_root
 from ...planning.feed_funnel import ENGINE, bead_engines
 
 if TYPE_CHECKING:
