@@ -1,4 +1,4 @@
-"""The commands for many scenes and for what runs leave: sweep, compare, bins, clean."""
+"""The commands for many scenes and for what runs leave: sweep, compare, clean."""
 
 from __future__ import annotations
 
@@ -6,26 +6,14 @@ import sys
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from ..core.errors import SceneError
 from ..core.quantities import duration
 from ..core.store import KeptStage, bytes_of, cache_root, kept_stages, oldest_beyond, remove_stages
-from ..scene.overrides import share_of
-from .options import (
-    ACCURACY,
-    Accuracy,
-    Axes,
-    Processes,
-    Quiet,
-    Scheduler,
-)  # fmt: skip
+from .options import ACCURACY, Accuracy, Axes, Processes, Quiet, Scheduler
 from .screen import print_table
-
-if TYPE_CHECKING:
-    pass
 
 NONE = "–"
 MAX_ROWS = 50  # of the cache
@@ -143,57 +131,6 @@ def _beside_trays(run_folder: Path, file: Path, out: Path | None) -> None:
         print(f"{table}\n{figure}")
 
 
-def bins(
-    run_folder: Path,
-    *,
-    purity: Annotated[
-        str,
-        Parameter(help="The wanted fraction and its part of the product: wheat=0.99; wheat alone: every purity."),
-    ],
-    stretches: int = 1,
-    on: str = "floor",
-) -> None:
-    """Place the dividers that give the most recovery at a purity, from the landings of a finished run; flies nothing.
-
-    Parameters
-    ----------
-    run_folder
-        A folder that ``wakeflow run`` wrote.
-    stretches
-        Of the line that the product may be made of; two dividers each.
-    on
-        The line: floor, top, left, right, or a bin of the scene.
-    """
-    from ..answer.dividers import dividers, purities, trade_off
-    from ..core import sums
-    from .show_result import show_dividers
-
-    fraction, sign, asked = purity.partition("=")
-    if sign:
-        show_dividers([dividers(run_folder, fraction, _portion(purity, asked), stretches=stretches, on=on)], on)
-        return
-    from ..show.canvas import saved
-    from ..show.many_figures import draw_dividers, write_dividers
-
-    levels = purities(run_folder, fraction, on)
-    curve = trade_off(run_folder, fraction, levels, stretches=stretches, on=on)
-    show_dividers(curve, on)
-    figure, table = run_folder / "figures" / f"bins-{fraction}-{on}.png", run_folder / f"bins-{fraction}-{on}.csv"
-    files = [*saved(figure), table]
-    sums.claim(run_folder, files, table.stem)
-    with sums.writing(run_folder, lambda: files, table.stem):
-        draw_dividers(figure, curve)
-        write_dividers(table, curve)
-    print(f"{figure}\n{table}")
-
-
-def _portion(option: str, text: str) -> float:
-    try:
-        return share_of(text)
-    except ValueError:
-        raise SceneError(f"--purity {option!r}: write it as FRACTION=0.99, or FRACTION for every purity") from None
-
-
 def clean(
     *,
     everything: bool = False,
@@ -262,4 +199,4 @@ def show_stages(stages: Sequence[KeptStage], title: str = "in the cache") -> Non
     print_table(heads, [*rows, [], sums("all", "stages", stages)], title, left=3)
 
 
-COMMANDS = (sweep, compare, bins, clean)
+COMMANDS = (sweep, compare, clean)

@@ -1,5 +1,5 @@
-"""What a person at a terminal sees of results: of a run its budget, the air, warnings, and last the answer; the
-dividers of a run; sweeps and comparisons.
+"""What a person at a terminal sees of results: of a run its budget, the air, warnings, and last the answer;
+sweeps and comparisons.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from dataclasses import replace
 from textwrap import shorten
 from typing import TYPE_CHECKING
 
-from ..answer.dividers import Dividers, cut
 from ..answer.measurements import PAGE
 from ..answer.result import VOID
 from ..answer.result_table import DONE, Difference, Entry, ResultTable, is_part
@@ -35,7 +34,6 @@ HOW_TO_MEASURE = f"How to measure: {PAGE}. Write what you find as {{ value = ...
 WEIGHS, MAX_PARTS = 0.1, 4  # of the largest error of a quantity, and how many errors are reported on screen
 UNBROKEN = 1000  # letters, in which no line of a table breaks
 SHORTEST = 0.5  # s: shorter run times are not worth a word
-LEVEL = ("floor", "top")  # lines along x
 
 
 def show_result(result: Result) -> None:
@@ -176,41 +174,6 @@ def _budget_notes(rows: Sequence[BudgetRow], known: Collection[str]) -> str:
 def _bare(row: BudgetRow, error: float | None) -> str:
     """An error without its unit, for a table that names it elsewhere."""
     return words.error_text(row, error).removesuffix(f" {row.measure}")
-
-
-def show_dividers(found: Sequence[Dividers], on: str) -> None:
-    """Print what dividers give at each purity asked; of a single one also the tables for a scene file."""
-
-    fraction, level = found[0].fraction, on in LEVEL  # places are the machine's own x there
-    rows = []
-    for one in found:
-        start = one.line[0, 0] if level else 0.0
-        places = ", ".join(f"{1e3 * (start + low):.1f} to {1e3 * (start + high):.1f}" for low, high in one.stretches)
-        judged = (
-            [words.percent(one.purity), words.percent(one.recovery)]
-            if one.possible
-            else [words.NO_VALUE, words.NO_VALUE]
-        )
-        rows.append([f"{100 * one.asked:.4g}", *judged, places or "no stretch reaches it"])
-    title = f"{fraction} on {on}, percent; judged on granules that had no part in the choice; interval: of their number"
-    heads = ("purity asked", "purity", "recovery", f"stretches ({'x in mm' if level else 'mm along the line'})")
-    print_table(heads, rows, title, left=0)
-    if len(found) > 1 or not found[0].possible:
-        return
-    stretches = enumerate(found[0].stretches, 1)
-    print_lines(f"[bin.{fraction}-{number}]\n{_as_bin(found[0], stretch, on)}" for number, stretch in stretches)
-    if (found[0].purity.high or 1.0) < found[0].asked:
-        asked = f"the {100 * found[0].asked:.4g} % asked for: ask for more, or keep more granules to choose by"
-        print_lines([f"! judged on other granules the product is less pure than {asked} with numerics.keep"], "yellow")
-
-
-def _as_bin(found: Dividers, stretch: tuple[float, float], on: str) -> str:
-    """The keys of a bin over a stretch: from and to on the floor, else the points of its line."""
-    points = cut(found.line, *stretch)
-    if on == "floor":
-        return "\n".join(f'{key} = "{1e3 * x:.5g} mm"' for key, (x, _) in zip(("from", "to"), points, strict=True))
-    ends = ", ".join(f'["{1e3 * x:.5g} mm", "{1e3 * y:.5g} mm"]' for x, y in points)
-    return f"points = [{ends}]"
 
 
 MAX_NAMED_SCENES = 5  # scenes that are named in a line

@@ -10,27 +10,30 @@ import shutil
 import tempfile
 import threading
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from ...answer.budget.agreement import judged
-from ...answer.dividers import StoredLandings
-from ...answer.result import FILE, VOID, Result
+from ...answer.result import FILE, VOID, Result, kept_granules
 from ...answer.result_table import difference_of
 from ...answer.shares import Separation
 from ...core.errors import SceneError
 from ...core.number import Number
 from ...many.comparison import compare
+from ...scene import Scene
+from ...scene.bins import SIDES
 from ...show.canvas import fraction_colours
 from ...show.many_figures import main_quantities
 from ...show.moving import Path2D
 from ...show.sketch import sketch_svg
 from ...show.views import outcome_of
 from ...show.words import calibrated_with, difference_text, percent, rate_words, verdict_lines
+from ..dividers.dividers import LEVEL, ON_LINE
 from .handles import step_of
 from .stored import differs, inside, parts_of, points_of, runs_below, scene_of
 
@@ -38,6 +41,54 @@ Place = Annotated[float, Field(ge=-1e6, le=1e6)]  # m
 Ends = Mapping[str, tuple[Place, Place]]  # of each bin: from, to
 KEPT = 8  # finished runs whose landings are kept in memory
 CALIBRATED = "-calibrated"  # ends the name of the folder of a run's calibration
+
+
+@dataclass(frozen=True)
+class StoredLandings:
+    """The landings of a run on the sides of its channel: ``side`` (n,) index into SIDES or -1, ``place`` (n,) m along
+    it, ``fraction`` (n,) index, ``weight`` (n,) of each fraction's mass, which sum to 1 in each.
+    """
+
+    result: Result
+    scene: Scene
+    side: NDArray[np.int64]
+    place: NDArray[np.float64]
+    fraction: NDArray[np.int64]
+    weight: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, result: Result) -> StoredLandings:
+        """Those that a run keeps. Raises SceneError where it ended before its shares, or keeps none."""
+        if result.landings is None:
+            raise SceneError(f"{result.folder} holds no shares: the run ended before them")
+        scene, data = Scene.parse(result.scene).with_top(), kept_granules(result.folder)
+        x, y = np.asarray(data["position"]).T
+        gaps = np.abs([(y if side in LEVEL else x) - scene.channel.sides[side] for side in SIDES])
+        side = np.where(gaps.min(axis=0) <= ON_LINE, gaps.argmin(axis=0), -1)
+        names = list(scene.fraction)
+        fraction = np.array([names.index(name) for name in data["names"]])[data["fraction"]]
+        weight = np.asarray(data["weight"], dtype=float)
+        sums = np.bincount(fraction, weight, minlength=len(names))
+        return cls(result, scene, side, np.where(side < 2, x, y), fraction, weight / sums[fraction])
+
+    @property
+    def ends(self) -> dict[str, tuple[float, float]]:
+        """The run's own dividers: from and to (m) of each bin that is open on a side."""
+        return {name: one.ends for name, one in self.scene.on_sides().items() if one.keeps_part is None}
+
+    def profile(self, cells: int = 80) -> dict[str, dict[str, list[float]]]:
+        """By side with bins and by fraction: the share of its mass that lands in each of ``cells`` along the side."""
+        found: dict[str, dict[str, list[float]]] = {}
+        for on in dict.fromkeys(one.on for one in self.scene.on_sides().values()):
+            number = SIDES.index(on)
+            span = self.scene.channel.span(on)
+            here = self.side == number
+            found[on] = {
+                name: np.histogram(self.place[mine], cells, span, weights=self.weight[mine])[0].tolist()
+                for i, name in enumerate(self.scene.fraction)
+                for mine in [here & (self.fraction == i)]
+            }
+        return found
 
 
 class FinishedRuns:
