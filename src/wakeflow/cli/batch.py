@@ -6,14 +6,17 @@ import sys
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from ..core.quantities import duration
 from ..core.store import KeptStage, bytes_of, cache_root, kept_stages, oldest_beyond, remove_stages
+from ..show.screen import counted, print_lines, print_table
 from .options import ACCURACY, Accuracy, Axes, Processes, Quiet, Scheduler
-from .screen import print_table
+
+if TYPE_CHECKING:
+    from ..many.compute import SweepEstimate
 
 NONE = "–"
 MAX_ROWS = 50  # of the cache
@@ -64,7 +67,7 @@ def sweep(
     from ..many.compute import sweep as compute
     from ..many.variant import asked_for
     from ..runs.progress import live
-    from .show_result import show_estimate, show_sweep
+    from ..show.terminal import show_sweep
 
     how = {**gate.how, "neighbours": neighbours}
     with live(enabled=not quiet) as listener:
@@ -74,10 +77,22 @@ def sweep(
             how |= {"scheduler": scheduler, "workers": workers, "report": report}
         made = (look_ahead if dry_run else compute)(found, folder, listener=listener, **how)
     if isinstance(made, SweepEstimate):
-        show_estimate(made, workers or cores())
+        print_lines(_estimate_lines(made, workers or cores()))
     elif not quiet:
-        show_sweep(made)
+        show_sweep(made.table, made.folder)
     return SOME_FAILED if made.failed else 0
+
+
+def _estimate_lines(estimate: SweepEstimate, workers: int) -> list[str]:
+    """How many scenes there are, what they share, and the cost."""
+    before = f", {estimate.finished} finished before" if estimate.finished else ""
+    spent, alone = duration(estimate.seconds / workers), duration(estimate.seconds)
+    return [
+        f"{counted(estimate.scenes, 'scene')}{before}: {counted(estimate.airflows, 'airflow')} and "
+        f"{counted(estimate.flights, 'flight')} to compute",
+        f"about {spent} on {counted(workers, 'core')} ({alone} of one), {estimate.disk / 1e6:.0f} MB of disk",
+        *(f"! {name}: {reason}" for name, reason in estimate.failed.items()),
+    ]
 
 
 def compare(
@@ -94,41 +109,21 @@ def compare(
         Folders that ``wakeflow run`` or ``wakeflow sweep`` wrote; the first is what the others are compared with. Or
         one folder and a CSV file of measured shares (fraction,bin,share,uncertainty).
     """
-    if len(run_folders) == 2 and (run_folders[1].suffix.lower() == ".csv" or run_folders[1].is_file()):
-        _beside_trays(run_folders[0], run_folders[1], out)
-        return
+    from ..many.comparison import beside_trays, write_agreement
     from ..many.comparison import compare as side_by_side
-    from .show_result import show_comparison
+    from ..show.terminal import show_agreement, show_comparison
 
-    found = side_by_side(run_folders)
-    show_comparison(found)
+    if len(run_folders) == 2 and (run_folders[1].suffix.lower() == ".csv" or run_folders[1].is_file()):
+        agreement = beside_trays(*run_folders)
+        show_agreement(agreement)
+        if out is not None:
+            print(*write_agreement(agreement, out), sep="\n")
+        return
+    runs = side_by_side(run_folders)
+    show_comparison(runs.table, [run.key for run in runs.runs], runs.by_quantity)
     if out is not None:
-        found.write(out)
+        runs.write(out)
         print(f"{out / 'compare.html'}, its tables and figures beside it")
-
-
-def _beside_trays(run_folder: Path, file: Path, out: Path | None) -> None:
-    """Print a finished run beside the measured shares of a CSV file; ``out``: folder for the table and the picture."""
-    from ..answer.budget.agreement import agreement_in
-    from ..answer.result import Result
-    from ..scene.measured import Measured, read_trays
-    from .show_result import show_agreement
-
-    found = agreement_in(Result.load(run_folder), Measured.of(read_trays(file)))
-    show_agreement(found)
-    if out is not None:
-        from ..core import sums
-        from ..core.files import made_folder
-        from ..show.canvas import saved
-        from ..show.figures.budget_figures import draw_measured
-
-        table, figure = out / "agreement.csv", out / "measured.png"
-        files = [table, *saved(figure)]
-        sums.refuse_foreign(made_folder(out), files, "trays")
-        with sums.writing(out, lambda: files, "trays"):
-            found.cells().write_csv(table)
-            draw_measured(figure, found)
-        print(f"{table}\n{figure}")
 
 
 def clean(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from ..show.screen import has_screen, print_pairs, print_parts, warn
 from .options import (
     PACE,
     AsJson,
@@ -23,7 +24,6 @@ from .options import (
     next_to,
     scene_and_folder,
 )  # fmt: skip
-from .screen import has_screen, print_pairs, print_parts, warn
 
 if TYPE_CHECKING:
     from ..scene import Scene
@@ -71,7 +71,7 @@ def run(
     if as_json:
         print(json.dumps(result.table, indent=2))
     elif not quiet:
-        from .show_result import show_result
+        from ..show.terminal import show_result
 
         show_result(result)
 

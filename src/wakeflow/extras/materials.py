@@ -27,7 +27,7 @@ UNITS = {"terminal_velocity": "m/s", "rebound_scatter": "rad", "density": "kg/m3
 def _print_all(known: Mapping[str, Material]) -> None:
     """Print a row for each material."""
 
-    from ..cli.screen import print_table
+    from ..show.screen import print_table
 
     rows = [
         [
@@ -45,7 +45,7 @@ def _print_one(name: str, one: Material) -> None:
     from rich.console import Console
     from rich.padding import Padding
 
-    from ..cli.screen import plain
+    from ..show.screen import plain
 
     console = Console()
     for told, source in _values(name, one):

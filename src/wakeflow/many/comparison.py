@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..answer.budget.agreement import Agreement, agreement_in
 from ..answer.result import Result
 from ..answer.result_table import DONE, Difference, Entry, ResultTable, differences_of, quantities_of
 from ..core import sums
@@ -16,6 +17,7 @@ from ..core.record import JsonMapping
 from ..core.tables import CellTable
 from ..scene import Scene
 from ..scene.changes import differing
+from ..scene.measured import Measured, read_trays
 
 DIFFERENCES = {  # heads of differences.csv, and what each is of a difference
     "scene": "scene", "against": "against", "quantity": "quantity", "difference": "value", "low": "low", "high": "high",
@@ -69,6 +71,14 @@ class RunComparison(InTable):
         """Of every later run from the first, quantity by quantity."""
         return tuple(differences_of(self.table.entries))
 
+    @property
+    def by_quantity(self) -> dict[str, dict[str, Difference]]:
+        """The differences by quantity and run."""
+        rows: dict[str, dict[str, Difference]] = {}
+        for one in self.differences:
+            rows.setdefault(one.quantity, {})[one.scene] = one
+        return rows
+
     def frame(self, *, wide: bool = False) -> Any:
         """As :meth:`wakeflow.Sweep.frame`."""
         return self.table.frame(wide=wide)
@@ -84,7 +94,7 @@ class RunComparison(InTable):
             draw_table_figures(folder, self.table)
             self.table.tidy().write_csv(whole)
             CellTable.of(self.differences, DIFFERENCES).write_csv(apart)
-            write_comparison(page, self.table, self.differences, self.runs)
+            write_comparison(page, self.table, self.by_quantity, self.runs)
 
 
 def compare(runs: Sequence[Result | Path | str]) -> RunComparison:
@@ -128,3 +138,22 @@ def _names(folders: Sequence[Path]) -> list[str]:
         if len(set(names)) == len(names):
             return names
     return [str(folder) for folder in folders]
+
+
+def beside_trays(folder: Path, file: Path) -> Agreement:
+    """How a finished run agrees with the measured shares of a CSV file. Raises SceneError as reading either does."""
+    return agreement_in(Result.load(folder), Measured.of(read_trays(file)))
+
+
+def write_agreement(agreement: Agreement, folder: Path) -> tuple[Path, Path]:
+    """Write the table and the picture of an agreement, agreement.csv and measured.png; returns both."""
+    from ..show.canvas import saved
+    from ..show.figures.budget_figures import draw_measured
+
+    table, figure = folder / "agreement.csv", folder / "measured.png"
+    files = [table, *saved(figure)]
+    sums.refuse_foreign(made_folder(folder), files, "trays")
+    with sums.writing(folder, lambda: files, "trays"):
+        agreement.cells().write_csv(table)
+        draw_measured(figure, agreement)
+    return table, figure

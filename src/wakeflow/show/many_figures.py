@@ -20,7 +20,7 @@ from ..answer.result import VOID
 from ..answer.result_table import Entry, ResultTable, TableQuantity
 from ..core import sums
 from ..core.errors import SceneError
-from ..core.number import UNKNOWN_ERROR, UNKNOWN_SPAN
+from ..core.number import NO_VALUE, UNKNOWN_ERROR, UNKNOWN_SPAN
 from .canvas import INK, fraction_colours, new_figure, save, saved, text_width
 from .plan_words import UNITS
 
@@ -182,8 +182,8 @@ def _varied(table: ResultTable) -> list[str]:
 
 
 def input_words(value: object) -> str:
-    """An input as it is written in tables and legends."""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    """An input as it is written in tables and legends; a dash where a scene has none."""
+    return NO_VALUE if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _told(entry: Entry, keys: Sequence[str]) -> str:

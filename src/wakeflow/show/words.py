@@ -6,7 +6,7 @@ Shares are of a fraction's mass, purities of a bin's mass.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 # -- The numbers of a result as words ----------------------------------------------------------------------------------
 OF_WHAT = "what the scene does not say exactly, granules, {}, terms left out"
 UNPROVEN = "No measurement of granules validates this machine."
+Differences = Mapping[str, Mapping[str, "Difference"]]  # from the first of several runs, by quantity and run
 TERMS = {LEFT_OUT: "terms left out", NOT_COMPUTED: "terms not computed"}  # a column of the budget for each kind of term
 ROUGH = 0.1  # an error of a share from which percentage points are written without decimals
 

@@ -21,7 +21,6 @@ from wakeflow.air.field import FlowField
 from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import PartitionCurve, Separation
-from wakeflow.cli.show_result import budget_table, separation_table
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import along, contains
 from wakeflow.core.number import UNKNOWN_ERROR, Number
@@ -42,6 +41,7 @@ from wakeflow.show.figures.air_figures import draw_pressure, draw_surface, draw_
 from wakeflow.show.figures.flights import draw_residence, draw_tracks
 from wakeflow.show.figures.share_figures import draw_landing, draw_partition
 from wakeflow.show.html.report_page import FRONT
+from wakeflow.show.terminal import budget_table, separation_table
 from wakeflow.show.words import in_three_dimensions, part_words, percent
 
 INLET, RHO = 3.0, 1.2  # Pa, kg/m3: pressure is not measured from zero

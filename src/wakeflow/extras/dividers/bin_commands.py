@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from ...cli.screen import print_lines, print_table
 from ...core import sums
 from ...core.errors import SceneError
 from ...scene.overrides import share_of
+from ...show.screen import print_lines, print_table
 
 if TYPE_CHECKING:
     from ...core.number import Number

@@ -22,12 +22,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ... import DISTRIBUTION
 from ...air.mesh import MeshSpec
-from ...cli.screen import screen_table
 from ...core.errors import MeshError, ProgramError
 from ...core.process import call_in_child, cores, run_program
 from ...core.store import cache_root
 from ...core.user_folder import kernel_root
 from ...planning.feed_funnel import ENGINE, bead_engines
+from ...show.screen import screen_table
 
 if TYPE_CHECKING:
     from packaging.requirements import Requirement

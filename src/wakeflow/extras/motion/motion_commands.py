@@ -11,9 +11,9 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 from ...cli.options import Picture, Quiet, Settings, next_to
-from ...cli.screen import has_screen
 from ...core.errors import SceneError
 from ...scene.overrides import changes_of
+from ...show.screen import has_screen
 
 MAX_SPAN = 3600.0  # s of the machine's time in a film
 PLAIN = re.compile(r"[0-9.]+(e-?[0-9]+)?")  # a number alone

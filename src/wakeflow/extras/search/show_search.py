@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from ...cli.screen import print_lines, print_table
-from ...cli.show_result import measure_next
 from ...core.quantities import split_quantity
 from ...show.many_figures import input_words
+from ...show.screen import print_lines, print_table
+from ...show.terminal import measure_next
 from ...show.words import quantity_text
 
 if TYPE_CHECKING:

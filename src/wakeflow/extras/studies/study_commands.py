@@ -22,10 +22,10 @@ from ...cli.options import (
     Threads,
     scene_and_folder,
 )  # fmt: skip
-from ...cli.screen import print_lines, print_table, screen_table
 from ...core.errors import SceneError, known
 from ...core.quantities import say, speaking
 from ...scene.overrides import setting
+from ...show.screen import print_lines, print_table, screen_table
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -234,10 +234,10 @@ def _operated(
     made: Callable[..., tuple[Sweep, Path]], name: str, scene: Path, feed: str | None, options: Turned
 ) -> int:
     """A map or a curve of a scene over what an operator turns, drawn and printed."""
-    from ...cli.screen import print_lines
-    from ...cli.show_result import show_sweep
     from ...runs.effort import quick_settings
     from ...runs.progress import live
+    from ...show.screen import print_lines
+    from ...show.terminal import show_sweep
     from .operating import counted_lines, met_at, met_lines, met_up_to
 
     asked, folder = scene_and_folder(scene, options.settings, options.pace, None)
@@ -248,7 +248,7 @@ def _operated(
     with live(enabled=not options.quiet) as listener:
         found, figure = made(asked, target, feed=rates, workers=options.workers, listener=listener, **how)
     if not options.quiet:
-        show_sweep(found)
+        show_sweep(found.table, found.folder)
         limits = asked.limit.asked
         if name == "capacity":
             print_lines(met_lines(met_up_to(found.table, limits), limits))

@@ -18,7 +18,8 @@ from .rows import input_text, number, page_template
 
 if TYPE_CHECKING:
     from ...answer.result import Result
-    from ...answer.result_table import Difference, Entry, ResultTable, TableQuantity
+    from ...answer.result_table import Entry, ResultTable, TableQuantity
+    from ..words import Differences
 
 COMPARED = (*PARTS, "lost.", THROUGHPUT, "airflow.")  # the rest is in differences.csv
 
@@ -41,7 +42,7 @@ class _Pair(NamedTuple):
     long: bool
 
 
-def write_comparison(path: Path, table: ResultTable, differences: Sequence[Difference], runs: Sequence[Result]) -> None:
+def write_comparison(path: Path, table: ResultTable, differences: Differences, runs: Sequence[Result]) -> None:
     """Write the page of ``runs``, in the order of the ``table``'s entries: what differs in their scenes, their answers
     with the differences from the first and their intervals, and their pictures side by side.
     """
@@ -53,7 +54,7 @@ def write_comparison(path: Path, table: ResultTable, differences: Sequence[Diffe
         names=names, less=[f"{name if len(names) > 2 else ''} less {names[0]}" for name in names[1:]],
         made=[(name, run.provenance.date.replace("T", " "), run.plan.rung, run.versions["wakeflow"])
               for name, run in zip(names, runs, strict=True)],
-        inputs=[(key, *(_input(key, entry) for entry in table.entries)) for key in table.inputs],
+        inputs=[(key, *(input_text(key, entry.inputs.get(key)) for entry in table.entries)) for key in table.inputs],
         main=[row for row in rows if row.quantity in main], rows=rows, bins=_bins(scenes),
         colours=fraction_colours(list(dict.fromkeys(name for scene in scenes for name in scene.fraction))),
         shares=[(entry.name, _shares(entry)) for entry in table.entries], pairs=_pairs(names, runs),
@@ -62,22 +63,14 @@ def write_comparison(path: Path, table: ResultTable, differences: Sequence[Diffe
         stream.write(text)
 
 
-def _input(key: str, entry: Entry) -> str:
-    value = entry.inputs.get(key)
-    return NO_VALUE if value is None else input_text(key, value)
-
-
-def _rows(table: ResultTable, differences: Sequence[Difference]) -> list[_Row]:
+def _rows(table: ResultTable, differences: Differences) -> list[_Row]:
     """The quantities that are reported, in the order of the table; those that are zero in every run are left out."""
-    found: dict[str, dict[str, Difference]] = {}
-    for one in differences:
-        found.setdefault(one.quantity, {})[one.scene] = one
     rows = []
     for name in (name for name in table.names if name.startswith(COMPARED)):
         numbers = [entry.by_name.get(name) for entry in table.entries]
         if not any(one is not None and (one.value or one.high) for one in numbers):
             continue
-        later = [found.get(name, {}).get(entry.name) for entry in table.entries[1:]]
+        later = [differences.get(name, {}).get(entry.name) for entry in table.entries[1:]]
         told = [(NO_VALUE, False) if one is None else (difference_text(one), one.clear) for one in later]
         rows.append(_Row(name, [_value(name, one) for one in numbers], told, any(clear for _, clear in told)))
     return rows

@@ -75,13 +75,15 @@ def machine_rows(scene: Scene) -> list[tuple[str, str]]:
 
 
 def input_text(key: str, value: object) -> str:
-    """A value of a key of the scene with its unit, as machines are described."""
+    """A value of a key of the scene with its unit, as machines are described; a dash where there is none."""
     with speaking(UNITS):
         return _said(key, value)
 
 
 def _said(key: str, value: object) -> str:
     unit = unit_of(key)
+    if value is None:
+        return NO_VALUE
     if isinstance(value, list) and (len(value) > MAX_LISTED or any(isinstance(one, list) for one in value)):
         return f"{len(value)} values"
     if isinstance(value, list):

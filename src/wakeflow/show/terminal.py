@@ -11,24 +11,24 @@ from typing import TYPE_CHECKING
 
 from ..answer.measurements import PAGE
 from ..answer.result import VOID
-from ..answer.result_table import DONE, Difference, Entry, ResultTable, is_part
+from ..answer.result_table import DONE, FAILED, Difference, Entry, ResultTable, is_part
 from ..answer.shares import SHARE_UNIT, BudgetRow, Separation, least_certain, weightiest
 from ..core.number import Number
-from ..core.quantities import duration
-from ..show import words
-from ..show.many_figures import input_words, main_quantities
-from ..show.plan_words import UNITS
-from ..show.words import NO_VALUE, difference_text, percent, quantity_text
-from .screen import plain, print_lines, print_table, screen_table, warn
+from . import words
+from .many_figures import input_words, main_quantities
+from .plan_words import UNITS
+from .screen import counted, plain, print_lines, print_table, screen_table, warn
+from .words import NO_VALUE, difference_text, percent, quantity_text
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rich.table import Table
     from rich.text import Text
 
     from ..answer.budget.agreement import Agreement
     from ..answer.result import Result
-    from ..many.comparison import RunComparison
-    from ..many.compute import Sweep, SweepEstimate
+    from .words import Differences
 
 HOW_TO_MEASURE = f"How to measure: {PAGE}. Write what you find as {{ value = ..., uncertainty = ... }}."
 WEIGHS, MAX_PARTS = 0.1, 4  # of the largest error of a quantity, and how many errors are reported on screen
@@ -190,28 +190,11 @@ DIFFERENCES_HOLD = (
 Column = tuple[str, ...]  # its head and its cells
 
 
-def show_estimate(estimate: SweepEstimate, workers: int) -> None:
-    """Print how many scenes there are, what they share, and the cost."""
-    before = f", {estimate.finished} finished before" if estimate.finished else ""
-    spent, alone = duration(estimate.seconds / workers), duration(estimate.seconds)
-    lines = [
-        f"{_counted(estimate.scenes, 'scene')}{before}: {_counted(estimate.airflows, 'airflow')} and "
-        f"{_counted(estimate.flights, 'flight')} to compute",
-        f"about {spent} on {_counted(workers, 'core')} ({alone} of one), {estimate.disk / 1e6:.0f} MB of disk",
-        *(f"! {name}: {reason}" for name, reason in estimate.failed.items()),
-    ]
-    print_lines(lines)
-
-
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
-def show_sweep(found: Sweep) -> None:
-    """Print the table of a sweep, what failed, and where everything is."""
-    show_table(found.table)
-    print_lines((f"! {name}: {reason}" for name, reason in found.failed.items()), "yellow")
-    print_lines([f"results: {found.folder}"])
+def show_sweep(table: ResultTable, folder: Path) -> None:
+    """Print the table of a sweep, what failed, and the ``folder`` where everything is."""
+    show_table(table)
+    print_lines((f"! {one.name}: {one.reason}" for one in table.entries if one.state == FAILED), "yellow")
+    print_lines([f"results: {folder}"])
 
 
 def show_table(table: ResultTable) -> None:
@@ -232,20 +215,19 @@ def show_table(table: ResultTable) -> None:
         print_table([head for head, *_ in columns], rows, title, left=0)
         title = ""
     if len(table.entries) > MAX_ROWS:
-        console.print(f"more in the file: {_counted(len(table.entries) - MAX_ROWS, 'scene')}")
+        console.print(f"more in the file: {counted(len(table.entries) - MAX_ROWS, 'scene')}")
     print_lines(_doubts(table), "yellow")
 
 
 def _doubts(table: ResultTable) -> Iterator[str]:
     """What is against the numbers of a table."""
     for caveat, names in table.caveats.items():
-        where = "every scene" if len(names) == len(table.done) > 1 else ", ".join(names[:MAX_NAMED_SCENES])
-        more = (
-            f" and {len(names) - MAX_NAMED_SCENES} more"
-            if where != "every scene" and len(names) > MAX_NAMED_SCENES
-            else ""
-        )
-        yield f"! {where}{more}: {'the answer is void' if caveat == VOID else f'intervals {caveat}'}"
+        where = ", ".join(names[:MAX_NAMED_SCENES])
+        if len(names) == len(table.done) > 1:
+            where = "every scene"
+        elif len(names) > MAX_NAMED_SCENES:
+            where += f" and {len(names) - MAX_NAMED_SCENES} more"
+        yield f"! {where}: {'the answer is void' if caveat == VOID else f'intervals {caveat}'}"
     for key in table.idle():
         yield f"! {key} changes no number here: what is left out of these scenes does not feel it"
 
@@ -257,8 +239,7 @@ def _quantity_head(table: ResultTable, name: str) -> str:
 
 
 def _inputs(table: ResultTable, entry: Entry) -> list[str]:
-    values = [entry.inputs.get(key) for key in table.inputs]
-    return [NO_VALUE if value is None else input_words(value) for value in values] or [entry.name]
+    return [input_words(entry.inputs.get(key)) for key in table.inputs] or [entry.name]
 
 
 def _cells(names: Sequence[str], entry: Entry) -> list[str]:
@@ -291,52 +272,42 @@ def _heads(table: ResultTable) -> Sequence[str]:
     return [f"{heads[key]}\n({unit})" if unit else heads[key] for key, unit in table.inputs.items()] or ["scene"]
 
 
-def show_comparison(found: RunComparison) -> None:
-    """Print what differs in the scenes, the answers, and the differences from the first run; of runs that are the same
-    computation that alone.
+def show_comparison(table: ResultTable, keys: Sequence[str], differences: Differences) -> None:
+    """Print what differs in the scenes, the answers, and the ``differences`` from the first run; of runs that are the
+    same computation, which their ``keys`` say, that alone.
     """
     from rich.console import Console
 
-    keys = [run.key for run in found.runs]
+    first, *others = (entry.name for entry in table.entries)
     if len(set(keys)) == 1:
-        print_lines([f"{' and '.join(entry.name for entry in found.table.entries)} are the same computation"])
+        print_lines([f"{' and '.join([first, *others])} are the same computation"])
         return
-    if len(found.table.inputs) > MAX_KEYS:
-        _show_keys(found.table)
-        show_table(replace(found.table, entries=[replace(one, inputs={}) for one in found.table.entries]))
+    if len(table.inputs) > MAX_KEYS:
+        _show_keys(table)
+        show_table(replace(table, entries=[replace(one, inputs={}) for one in table.entries]))
     else:
-        show_table(found.table)
-    for entry, key in list(zip(found.table.entries, keys, strict=True))[1:]:
-        if key == keys[0]:
-            print_lines([f"{entry.name} is the same computation as {found.table.entries[0].name}"])
-    first, names = found.table.entries[0].name, set(main_quantities(found.table))
-    names |= {"airflow.cd", "airflow.cp_base", "airflow.pressure_drop"}
-    others = [entry.name for entry in found.table.entries[1:]]
-    by_quantity: dict[str, dict[str, Difference]] = {}
-    for one in found.differences:
-        by_quantity.setdefault(one.quantity, {})[one.scene] = one
+        show_table(table)
+    same = [name for name, key in zip(others, keys[1:], strict=True) if key == keys[0]]
+    print_lines(f"{name} is the same computation as {first}" for name in same)
+    wanted = {*main_quantities(table), "airflow.cd", "airflow.cp_base", "airflow.pressure_drop"}
     rows = [
         [quantity, *(_difference(row[name]) if name in row else NO_VALUE for name in others)]
-        for quantity, row in by_quantity.items()
-        if quantity in names
+        for quantity, row in differences.items()
+        if quantity in wanted
     ]
-    table = screen_table(["less " + first, *others], rows, "differences", DIFFERENCES_HOLD)
-    Console().print(table if rows else f"no number of {first} is in another of these runs")
+    shown = screen_table(["less " + first, *others], rows, "differences", DIFFERENCES_HOLD)
+    Console().print(shown if rows else f"no number of {first} is in another of these runs")
 
 
 def _show_keys(table: ResultTable) -> None:
     """Print the keys in which scenes differ, a line each: of machines that have little in common."""
-
     table = table.read_in(UNITS)
+    cells = [[input_words(entry.inputs.get(key)) for entry in table.entries] for key in table.inputs]
     rows = [
-        [f"{key} ({unit})" if unit else key, *(_input_cell(entry.inputs.get(key)) for entry in table.entries)]
-        for key, unit in table.inputs.items()
+        [head, *(shorten(cell, LONGEST_VALUE, placeholder=" ...") for cell in row)]
+        for head, row in zip(table.headings, cells, strict=True)
     ]
     print_table(["key", *(entry.name for entry in table.entries)], rows, "what differs")
-
-
-def _input_cell(value: object) -> str:
-    return NO_VALUE if value is None else shorten(input_words(value), LONGEST_VALUE, placeholder=" ...")
 
 
 def _difference(one: Difference) -> Text:
@@ -345,7 +316,6 @@ def _difference(one: Difference) -> Text:
 
 def show_agreement(found: Agreement) -> None:
     """Print a row a tray, both shares with their 95 % intervals, and the verdict in a sentence."""
-
     rows = [
         [tray.about, percent(tray.measured), percent(tray.computed), f"{100 * tray.used:.0f}", f"{tray.pull:+.1f}"]
         for tray in found.trays
