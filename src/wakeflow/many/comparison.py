@@ -85,7 +85,7 @@ class RunComparison(InTable):
 
     def write(self, folder: Path) -> None:
         """Write compare.html, compare.csv, differences.csv and figures."""
-        from ..show.html.comparison_page import write_comparison
+        from ..show.html.pages import write_comparison
         from ..show.many_figures import draw_table_figures
 
         files = page, whole, apart = [folder / name for name in ("compare.html", "compare.csv", "differences.csv")]

@@ -20,7 +20,7 @@ from .html.rows import page_template
 from .many_figures import main_quantities
 from .outcome import Landed, Outcome, Track
 from .plan_words import UNITS
-from .vtk.vtk_tracks import ARRIVING
+from .vtk import ARRIVING
 from .words import bins_in_words, holds
 
 if TYPE_CHECKING:

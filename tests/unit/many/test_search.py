@@ -13,8 +13,8 @@ from wakeflow.answer.result_table import TableQuantity
 from wakeflow.core.errors import SceneError
 from wakeflow.core.graded import Grade
 from wakeflow.extras.search.designs import affordable, explore, refuse_void, search, with_fan
+from wakeflow.extras.search.search_commands import show_search
 from wakeflow.extras.search.search_history import DesignPoint, Evaluation, History, at_random
-from wakeflow.extras.search.show_search import show_search
 from wakeflow.extras.search.task import Goal, QuantityLimit, SearchTask, read_search_file
 from wakeflow.extras.studies.operating import operating_map
 from wakeflow.extras.trays.calibration import calibrate

@@ -40,7 +40,7 @@ from wakeflow.show.figures import air_figures as air
 from wakeflow.show.figures.air_figures import draw_pressure, draw_surface, draw_vorticity
 from wakeflow.show.figures.flights import draw_residence, draw_tracks
 from wakeflow.show.figures.share_figures import draw_landing, draw_partition
-from wakeflow.show.html.report_page import FRONT
+from wakeflow.show.html.pages import FRONT
 from wakeflow.show.terminal import budget_table, separation_table
 from wakeflow.show.words import in_three_dimensions, part_words, percent
 

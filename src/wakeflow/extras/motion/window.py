@@ -13,7 +13,7 @@ from ...core.errors import SceneError
 from ...core.files import atomic_write
 from ...show.canvas import BARS, BODY, fraction_colours
 from ...show.plan_words import feed_corners
-from ...show.vtk.vtk_files import machine_blocks
+from ...show.vtk import machine_blocks
 
 if TYPE_CHECKING:
     from ...scene import Scene

@@ -1,15 +1,23 @@
-"""The command of the search: search."""
+"""The command of the search: search. What it prints."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from ...cli.options import Processes, Quiet, Scheduler
+from ...core.quantities import split_quantity
 from ...scene.overrides import changes_of
+from ...show.screen import print_lines, print_table
 
+if TYPE_CHECKING:
+    from ...answer.result_table import TableQuantity
+    from .designs import FoundDesign, Search
+
+AS_IT_STANDS = "the scene as it is"
 Held = Annotated[
     tuple[str, ...],
     Parameter(
@@ -41,7 +49,6 @@ def search(
     from ...runs.progress import live
     from ...scene.changes import run_folder
     from .designs import search as find
-    from .show_search import show_search
     from .task import read_search_file
 
     held = changes_of(settings)
@@ -51,3 +58,61 @@ def search(
         found = find(task, folder, scheduler=scheduler, workers=workers, listener=listener)
     if not quiet:
         show_search(found)
+
+
+def show_search(found: Search) -> None:
+    """Print the front, the recommended design first, how sure it is, and what to measure to be surer."""
+    from ...show.terminal import measure_next
+
+    task = found.task
+    keys = [axis.keys[0] for axis in task.within]
+    rows = [
+        [
+            label,
+            *(_value(design.changes[key]) for key in keys),
+            *(_quantity(design.quantities.get(name)) for name in task.asked),
+        ]
+        for label, design in _labelled(found)
+    ]
+    heads = ["", *(head.replace(".", "\n") for head in (*keys, *task.asked))]
+    print_table(heads, rows, f"designs for {', '.join(map(str, task.goals))}")
+    print_lines([*_verdict(found, found.recommended), *measure_next(found.result), f"results: {found.folder}"])
+
+
+def _labelled(found: Search) -> Iterator[tuple[str, FoundDesign]]:
+    """The recommended design, the others on the front, and the scene as it is, each once."""
+    best, own = found.recommended, found.as_it_stands
+    name = None if own is None else own.name
+    yield "recommended" if best.name != name else f"recommended: {AS_IT_STANDS}", best
+    for design in found.front:
+        if design.name != best.name:
+            yield "on the front" if design.name != name else f"on the front: {AS_IT_STANDS}", design
+    if own is not None and name not in {best.name, *(design.name for design in found.front)}:
+        yield AS_IT_STANDS if own.allowed else f"{AS_IT_STANDS}, beyond the limits", own
+
+
+def _verdict(found: Search, best: FoundDesign) -> Sequence[str]:
+    levels = zip(found.tried, found.seconds, strict=True)
+    cost = ", ".join(f"{tried} designs in {seconds:.0f} s" for tried, seconds in levels)
+    lines = [f"recommended, the first: {best.folder}", f"computed, from the coarsest level on: {cost} of one core"]
+    if not best.allowed:
+        lines.append("! no design that was computed keeps the limits; this one comes nearest")
+    if found.rivals:
+        lines.append(f"! within the intervals {len(found.rivals)} other designs may be as good")
+    return lines
+
+
+def _quantity(one: TableQuantity | None) -> str:
+    from ...show.words import quantity_text
+
+    unit = "" if one is None or one.unit == "1" else f" {one.unit}"
+    return f"{quantity_text(one)}{unit}"
+
+
+def _value(value: object) -> str:
+    """A value to four digits, with its unit."""
+    from ...show.many_figures import input_words
+
+    if isinstance(value, str) and (parts := split_quantity(value)):
+        return f"{parts[0]:.4g} {parts[1]}".strip()
+    return input_words(value)
