@@ -62,27 +62,27 @@ class Axis:
         rounded = float(f"{number:.{DIGITS}g}")
         return f"{rounded!r} {self.unit}" if self.unit else rounded
 
-    def where(self, tables: Mapping[str, object]) -> float | None:
-        """The place, from 0 to 1, of the value that a scene's flat ``tables`` (SI) hold; None where it lies outside or
+    def where(self, tables: Mapping[str, object]) -> float:
+        """The place, from 0 to 1, of the value that a scene's flat ``tables`` (SI) hold; nan where it lies outside or
         among no listed ones, or where tied keys differ.
         """
         key = self.keys[0]
         if any(tables.get(tied) is None for tied in self.keys):
-            return None
+            return math.nan
         if not self.ends:
-            found = next((i for i, value in enumerate(self.values) if self._held(value, tables)), None)
-            return None if found is None else (found + 0.5) / len(self.values)
+            held = (i for i, value in enumerate(self.values) if self._held(value, tables))
+            return (next(held, math.nan) + 0.5) / len(self.values)
         try:
             low, high = (_si(end, self.unit, key) for end in self.ends)
         except ValueError:  # a unit of another kind: each design will say so
-            return None
+            return math.nan
         own = tables[key]
         if isinstance(own, bool) or not isinstance(own, int | float):
-            return None
+            return math.nan
         own = -own if self._tied[0].startswith("-") else own
         place = math.log(own / low) / math.log(high / low) if self.log and own > 0.0 else (own - low) / (high - low)
         inside = 0.0 <= place <= 1.0
-        return place if inside and self._held(self.at(place), tables, ALIKE * abs(high - low)) else None
+        return place if inside and self._held(self.at(place), tables, ALIKE * abs(high - low)) else math.nan
 
     def _held(self, value: Any, tables: JsonMapping, within: float = 0.0) -> bool:
         """Whether the flat ``tables`` hold what a ``value`` makes of a scene, numbers to ``within``."""

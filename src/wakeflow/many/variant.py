@@ -67,12 +67,12 @@ class TaskFile:
             raise SceneError(f"{self.kind}.{key} = {found!r}: must be a table")
         return found
 
-    def whole_number(self, key: str, least: int = 0) -> int | None:
-        """The number ``key``; None where none is given. Raises SceneError where it is not whole or below ``least``."""
-        found = self.table.get(key)
-        if found is not None and (not isinstance(found, int) or isinstance(found, bool) or found < least):
-            raise SceneError(f"{self.kind}.{key} = {found!r}: give a whole number of at least {least}")
-        return found
+    def whole_number(self, key: str, least: int = 0) -> int:
+        """The number ``key``; 0 where none is given. Raises SceneError where it is not whole or below ``least``."""
+        number = self.table.get(key, 0)
+        if key in self.table and (not isinstance(number, int) or isinstance(number, bool) or number < least):
+            raise SceneError(f"{self.kind}.{key} = {number!r}: give a whole number of at least {least}")
+        return int(number)
 
 
 def holds_task(path: Path | str, kind: str) -> bool:
@@ -252,7 +252,7 @@ def of_scenes(scenes: Iterable[Scene | Path | str | Variant] | Mapping[str, Scen
 
 
 def read_sweep_file(
-    path: Path | str, fixed: Mapping[str, object] | None = None, listener: Listener = null_listener
+    path: Path | str, fixed: Mapping[str, object] = {}, listener: Listener = null_listener
 ) -> list[Variant]:
     """The scenes of a sweep file: [sweep] with scene (a path relative to the file), design, count, seed, and the tables
     [sweep.over] of keys to change and [sweep.set] of keys that are the same in all; ``fixed`` overrides the latter.
@@ -262,7 +262,7 @@ def read_sweep_file(
     with TaskFile.open(path, "sweep", KNOWN) as file:
         found = variants(
             file.scene, file.inside("over"), design=file.table.get("design", "grid"),
-            count=file.whole_number("count"), seed=file.whole_number("seed") or 0,
-            fixed={**flat(file.inside("set")), **(fixed or {})}, listener=listener,
+            count=file.table.get("count"), seed=file.whole_number("seed"),
+            fixed={**flat(file.inside("set")), **fixed}, listener=listener,
         )  # fmt: skip
         return _distinct(found)

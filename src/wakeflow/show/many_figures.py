@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..answer.result import VOID
-from ..answer.result_table import Entry, ResultTable, TableQuantity
+from ..answer.result_table import OPEN, Entry, ResultTable, TableQuantity
 from ..core import sums
 from ..core.errors import SceneError
 from ..core.number import NO_VALUE, UNKNOWN_ERROR, UNKNOWN_SPAN
@@ -46,6 +46,7 @@ MAX_NUMBERED_SCENES = 8  # scenes whose points have their numbers
 SHORT = 40  # letters of what such a scene is
 CLOSE = 0.035  # of an axis: numbers at points that are no further from each other are written as one
 SPREAD = 0.3  # of the least distance between two values of an input: over it stand the whiskers that belong to one,
+NOTHING, ABSENT = TableQuantity(math.nan, name="", unit=""), Entry("", {}, OPEN)  # of a grid's empty place
 WIDE = 0.15  # but over no more of the whole range: whiskers must be seen to belong together
 
 
@@ -63,7 +64,8 @@ def main_quantities(table: ResultTable) -> list[str]:
 
 def numeric_inputs(table: ResultTable) -> list[str]:
     """The inputs that are numbers and take more than one value among the scenes that are done."""
-    return [key for key in table.inputs if len({_number(entry, key) for entry in table.done} - {None}) > 1]
+    values = {key: {_number(entry, key) for entry in table.done} - {math.nan} for key in table.inputs}
+    return [key for key in table.inputs if len(values[key]) > 1]
 
 
 def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -> None:
@@ -170,9 +172,9 @@ def _groups(table: ResultTable, name: str, key: str) -> _Lines:
     others = [k for k in _varied(table) if k != key]
     groups: dict[str, list[tuple[float, TableQuantity]]] = {}
     for entry in table.done:
-        found, x = entry.by_name.get(name), _number(entry, key)
-        if found is not None and x is not None:
-            groups.setdefault(_told(entry, others), []).append((x, found))
+        quantity, x = entry.by_name.get(name), _number(entry, key)
+        if quantity is not None and not math.isnan(x):
+            groups.setdefault(_varied_words(entry, others), []).append((x, quantity))
     return groups
 
 
@@ -186,10 +188,10 @@ def input_words(value: object) -> str:
     return NO_VALUE if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def _told(entry: Entry, keys: Sequence[str]) -> str:
+def _varied_words(entry: Entry, keys: Sequence[str]) -> str:
     """What a scene's inputs of these ``keys`` are, by the last part of each key."""
-    told = [key for key in keys if entry.inputs.get(key) is not None]
-    return ", ".join(f"{key.rpartition('.')[2]} {input_words(entry.inputs[key])}" for key in told)
+    given = [key for key in keys if entry.inputs.get(key) is not None]
+    return ", ".join(f"{key.rpartition('.')[2]} {input_words(entry.inputs[key])}" for key in given)
 
 
 def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: str) -> None:
@@ -202,7 +204,7 @@ def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: st
     """
     table = table.read_in(UNITS)
     grid = grid_of(table, x, y)
-    if grid is None:
+    if not grid.rows:
         raise SceneError(f"{x} and {y} form no grid in this table; draw lines instead")
     panels_of = _alike(table, [name for name in names if _has_values(table, table.quantity(name))])
     if not panels_of:
@@ -238,8 +240,8 @@ def _alike(table: ResultTable, names: Sequence[str]) -> list[list[str]]:
 def _cells(axes: Axes, grid: _Grid, name: str, unit: str) -> Any:
     """A quantity as colours, which :func:`_colour_range` spreads; returns what a colour bar is made from."""
     scale = _scale(name, unit)
-    found = [None if entry is None else entry.by_name.get(name) for row in grid.rows for entry in row]
-    values, *arms = spots_of(found, scale).reshape(3, len(grid.y), len(grid.x))
+    cells = [entry.by_name.get(name, NOTHING) for row in grid.rows for entry in row]
+    values, *arms = spots_of(cells, scale).reshape(3, len(grid.y), len(grid.x))
     widths = arms[0] + arms[1]
     low, high = _colour_range(values, widths, percent=scale != 1.0)
     unknown = (widths >= 100.0 * UNKNOWN_SPAN) & (scale != 1.0)
@@ -253,8 +255,8 @@ def _cells(axes: Axes, grid: _Grid, name: str, unit: str) -> Any:
             continue
         dark = value <= 0.5 * (low + high) and not unknown[row, column]
         at, ink, known = (grid.x[column], grid.y[row]), "white" if dark else INK, widths[row, column] > 0.0
-        told = UNKNOWN_ERROR if unknown[row, column] else f"{value:.3g}"
-        axes.text(*at, told, ha="center", va="bottom" if known else "center", fontsize=LETTERS, color=ink)
+        text = UNKNOWN_ERROR if unknown[row, column] else f"{value:.3g}"
+        axes.text(*at, text, ha="center", va="bottom" if known else "center", fontsize=LETTERS, color=ink)
         if known:
             ends = f"{value - arms[0][row, column]:.3g} to {value + arms[1][row, column]:.3g}"
             axes.text(*at, ends, ha="center", va="top", fontsize=NOTE_SIZE, color=ink)
@@ -277,23 +279,25 @@ def _colour_range(values: Array, widths: Array, *, percent: bool) -> tuple[float
 
 
 class _Grid(NamedTuple):
-    x: list[float]
-    y: list[float]
-    rows: list[list[Entry | None]]
+    """Values of two inputs, and by lines of ``y`` the scene at each ``x``; no rows where they form no grid."""
+
+    x: Sequence[float] = ()
+    y: Sequence[float] = ()
+    rows: Sequence[Sequence[Entry]] = ()
 
 
-def grid_of(table: ResultTable, x: str, y: str) -> _Grid | None:
-    """The scenes by their places in two inputs; None where two scenes are at one place or half of it is empty."""
+def grid_of(table: ResultTable, x: str, y: str) -> _Grid:
+    """The scenes by their places in two inputs, which two scenes at one place, or half of it empty, form none of."""
     places: dict[tuple[float, float], Entry] = {}
     for entry in table.done:
         at = (_number(entry, x), _number(entry, y))
-        if at[0] is None or at[1] is None or at in places:
-            return None
-        places[at[0], at[1]] = entry
+        if math.isnan(sum(at)) or at in places:
+            return _Grid()
+        places[at] = entry
     columns, lines = sorted({at[0] for at in places}), sorted({at[1] for at in places})
     if min(len(columns), len(lines)) < 2 or 2 * len(places) <= len(columns) * len(lines):
-        return None
-    return _Grid(columns, lines, [[places.get((column, line)) for column in columns] for line in lines])
+        return _Grid()
+    return _Grid(columns, lines, [[places.get((column, line), ABSENT) for column in columns] for line in lines])
 
 
 def draw_trade_off(path: Path, table: ResultTable) -> None:
@@ -339,7 +343,7 @@ def _scene_texts(table: ResultTable) -> list[str]:
     if len(table.done) > MAX_NUMBERED_SCENES:
         return []
     keys = _varied(table)
-    texts = [_told(entry, keys) for entry in table.done]
+    texts = [_varied_words(entry, keys) for entry in table.done]
     if "" in texts or len(set(texts)) < len(texts):
         texts = [entry.name for entry in table.done]
     return [shorten(text, SHORT, placeholder=" ...") for text in texts]
@@ -401,19 +405,19 @@ def _label(name: str, unit: str) -> str:
     return f"{name} ({unit})"
 
 
-def _number(entry: Entry, key: str) -> float | None:
+def _number(entry: Entry, key: str) -> float:
+    """An input; nan where it is no number."""
     value = entry.inputs.get(key)
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
 
 
-def spots_of(found: Iterable[TableQuantity | None], scale: float) -> Array:
-    """Values of quantities and how far their intervals reach below and above (3, n); nan where there is no quantity,
-    zero where no interval is known.
+def spots_of(quantities: Iterable[TableQuantity], scale: float) -> Array:
+    """Values of quantities and how far their intervals reach below and above (3, n); nan of :data:`NOTHING`, zero where
+    no interval is known.
     """
-    rows = [(np.nan,) * 3 if one is None else (one.value, *one.ends) for one in found]
-    value, *ends = np.array(rows, dtype=float).reshape(-1, 3).T  # unknown ends are nan
+    value, *ends = np.array([(*one,) for one in quantities], dtype=float).reshape(-1, 3).T
     gaps = (value - ends[0], ends[1] - value)
-    below, above = (np.where(np.isnan(gap), value - value, np.maximum(gap, 0.0)) for gap in gaps)
+    below, above = (np.where(np.isfinite(gap), np.maximum(gap, 0.0), value - value) for gap in gaps)
     return scale * np.stack([value, below, above])
 
 
@@ -447,7 +451,7 @@ def _figures(folder: Path, table: ResultTable) -> dict[Path, Callable[[Path], No
         folder / f"lines-{key}.png": partial(draw_lines, table=table, names=names, key=key) for key in keys
     }
     for x, y in itertools.combinations(keys, 2):
-        if grid_of(table, x, y) is not None:
+        if grid_of(table, x, y).rows:
             found[folder / f"map-{x}-{y}.png"] = partial(draw_map, table=table, names=names, x=x, y=y)
     if any(pairs_of(table)):
         found[folder / "trade-off.png"] = partial(draw_trade_off, table=table)

@@ -93,7 +93,7 @@ def _separated(result: Result, separation: Separation, *, parted: bool) -> Table
         rows.append([one.place, *shares, one.flow, purest])
     below = [] if result.void else measure_next(result)  # more exact numbers mend no answer that is worth nothing
     first = [*words.verdict_lines(result), *words.money_lines(result)]
-    caption = "\n".join(filter(None, [*first, words.holds(result), words.in_three_dimensions(result.landings), *below]))
+    caption = "\n".join(filter(None, [*first, words.holds(result), words.in_three_dimensions(result), *below]))
     heads = ["bin", *separation.fractions, "kg/h", "purity"]
     return screen_table(heads, [*rows[: -words.SUMMED], [], *rows[-words.SUMMED :]], title, caption)
 

@@ -6,6 +6,7 @@ Nothing is drawn here, so no OpenGL is needed.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -186,7 +187,7 @@ def write_field(folder: Path | str, field: FlowField, scene: Scene, airflow: Air
     _clear(folder)
     field.save(folder / ITSELF)
     mean = as_flown(field.mean(), scene)
-    level = None
+    level = math.nan
     if mean.pressure is not None and airflow is not None and not scene.airstream.still:
         level = inlet_pressure(mean, scene, airflow)
     steady = save_piece(_grid(mean, scene, level), folder / NAMES[0 if field.times is None else 1])
@@ -202,8 +203,8 @@ def _clear(folder: Path) -> None:
     clear_pieces(folder, "field")
 
 
-def _grid(state: FlowField, scene: Scene, level: float | None) -> Any:
-    """A steady field; ``level`` (Pa): the pressure at which Cp is zero, None without any."""
+def _grid(state: FlowField, scene: Scene, level: float) -> Any:
+    """A steady field; ``level`` (Pa): the pressure at which Cp is zero, nan without any."""
     import pyvista
 
     from ..air.field.flow import vorticity
@@ -212,7 +213,7 @@ def _grid(state: FlowField, scene: Scene, level: float | None) -> Any:
     values = {"velocity (m/s)": lifted(state.velocity), "vorticity (1/s)": vorticity(state)}
     if state.pressure is not None:
         values["pressure (Pa)"] = state.pressure
-        if level is not None:
+        if math.isfinite(level):
             values["Cp"] = (state.pressure - level) / dynamic_pressure(state, scene)
     if state.k is not None:
         values["k (m2/s2)"] = state.k
@@ -221,7 +222,7 @@ def _grid(state: FlowField, scene: Scene, level: float | None) -> Any:
     known = {"density (kg/m3)": state.density, "viscosity (Pa s)": state.viscosity}
     if scene.air is not None:
         known["air speed (m/s)"] = scene.air.speed
-    if level is not None:
+    if math.isfinite(level):
         known["pressure at the inlet (Pa)"] = level
     for name, value in known.items():
         grid.field_data[name] = np.array([value])

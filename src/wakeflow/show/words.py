@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from ..air.kinds.airflow_table import Airflow
     from ..answer.result import Result
     from ..answer.result_table import Difference, TableQuantity
-    from ..answer.shares import LandingResults, Separation, Verdict
-    from ..flight.feed.impact_loads import ImpactForces, ImpactSummary
+    from ..answer.shares import Separation, Verdict
+    from ..flight.feed.impact_loads import ImpactForces
     from ..planning.feed_funnel import FunnelSummary
 
 
@@ -82,14 +82,12 @@ def calibrated_with(result: Result) -> str:
     return "" if told is None else f"Calibrated with {told.source}. {told.conflict}".rstrip()
 
 
-def in_three_dimensions(landings: LandingResults | None) -> str:
+def in_three_dimensions(result: Result) -> str:
     """The shares that were computed in three dimensions for a machine like this one; empty without any."""
-    found = {} if landings is None else landings.three_dimensions
-    told = [
-        f"{name} in {place} {percent(share)} %" for name, places in found.items() for place, share in places.items()
-    ]
+    known = {} if result.landings is None else result.landings.three_dimensions
+    shares = [f"{name} in {place} {percent(share)} %" for name, row in known.items() for place, share in row.items()]
     about = "this body at this Stokes number, each granule alone; in the interval"
-    return f"Three dimensions: {', '.join(told)} ({about})" if told else ""
+    return f"Three dimensions: {', '.join(shares)} ({about})" if shares else ""
 
 
 def measurement_lines(result: Result) -> list[str]:
@@ -350,12 +348,12 @@ def separation_cells(result: Result, separation: Separation) -> CellTable:
     return CellTable(SEPARATION_COLUMNS, rows)
 
 
-def _ends(number: Number | None) -> list[float | None]:
+def _ends(number: Number | None) -> list[Cell]:
     """A number and its interval in percent."""
     return [None] * 3 if number is None else [_percent(one) for one in (number.value, *number.ends)]
 
 
-def _percent(number: float | None) -> float | None:
+def _percent(number: float | None) -> Cell:
     return None if number is None else 100.0 * number
 
 
@@ -369,11 +367,12 @@ def budget_cells(budget: Sequence[BudgetRow]) -> CellTable:
     return CellTable(BUDGET_COLUMNS, rows)
 
 
-def impact_cells(impact: ImpactSummary | None) -> CellTable:
+def impact_cells(result: Result) -> CellTable:
     """One row a fraction and slope, then all fractions together; of a body with many slopes one row for all of them.
     No rows where no granule falls on a body.
     """
     rows: list[list[Cell]] = []
+    impact = None if result.flights is None else result.flights.impact
     if impact is not None and impact.total.mass_flow:
         whole = len(impact.slopes) > SLOPES
         for name, fraction in impact.fractions.items():
@@ -394,7 +393,7 @@ def write_tables(folder: Path, result: Result) -> None:
     if result.landings is not None:
         separation_cells(result, result.landings.separation).write_csv(folder / "separation.csv")
         budget_cells(result.landings.budget).write_csv(folder / "budget.csv")
-    impacts = impact_cells(None if result.flights is None else result.flights.impact)
+    impacts = impact_cells(result)
     if impacts.rows:
         impacts.write_csv(folder / "impact.csv")
 

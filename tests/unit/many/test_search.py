@@ -231,7 +231,7 @@ def test_the_scene_as_it_stands_is_the_first_design_at_every_level() -> None:
     assert others  # it does not take the place of the likeliest one
     low = tuple(Axis(axis.key, axis.values, (0.0, 0.5 * axis.values[1] - 1e-3)) for axis in axes)
     outside = SearchTask(scene, low, (Goal("good"),), 300.0)
-    assert outside.as_it_stands is None
+    assert outside.as_it_stands == ()
 
 
 def test_the_same_search_takes_the_same_steps() -> None:

@@ -712,7 +712,7 @@ def test_a_share_in_three_dimensions_stands_beside_the_answer(rhombus: Scene) ->
     said = "Three dimensions: dust in middle 95.0 (94.5 to 95.5) % (this body at this Stokes number"
     assert said in html.render(_read(result), {})
     assert said not in without
-    assert said in in_three_dimensions(_read(result).landings)
+    assert said in in_three_dimensions(_read(result))
 
 
 def test_a_best_estimate_stands_between_its_ends(rhombus: Scene) -> None:

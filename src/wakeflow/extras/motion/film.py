@@ -266,22 +266,13 @@ def _named(name: str, one_in: float) -> str:
 
 
 def film_part(folder: Path, _: Outcome) -> PagePart:
-    """The section of the page of a run in ``folder``."""
-    return PagePart(film_section(film_in(folder)))
+    """The section of the page of a run in ``folder`` with the newest film among its figures; empty without any."""
+    films = sorted((path for file in FILMS if (path := folder / file).exists()), key=lambda path: path.stat().st_mtime)
+    return PagePart(film_section(films[-1]) if films else f"{BEGIN}{END}")
 
 
-def film_in(folder: Path) -> Path | None:
-    """The film among the figures of a run, the newest of its formats; None without one."""
-    found = [path for file in FILMS if (path := folder / file).exists()]
-    return max(found, key=lambda path: path.stat().st_mtime, default=None)
-
-
-def film_section(film: Path | None) -> str:
-    """The section of the page between its marks, empty without a film; one that is too large, or damaged, is named, not
-    shown.
-    """
-    if film is None:
-        return f"{BEGIN}{END}"
+def film_section(film: Path) -> str:
+    """The section of the page between its marks; a film that is too large, or damaged, is named, not shown."""
     size = film.stat().st_size
     data = None if size > ON_PAGE else base64.b64encode(film.read_bytes()).decode("ascii")
     try:

@@ -68,7 +68,7 @@ class Film:
 
 def film_of(
     folder: Path | str,
-    span: float | None = None,
+    span: float = 0.0,
     fractions: Sequence[str] = (),
     listener: Listener = null_listener,
 ) -> tuple[Scene, FlowField | None, Film]:
@@ -90,8 +90,8 @@ def film_of(
     return pipeline.scene, air, replace(film, paths={name: film.paths[name] for name in fractions or film.paths})
 
 
-def flown_film(pipeline: Pipeline, span: float | None = None) -> Film:
-    """The granules that are in the machine of a ``pipeline`` over ``span`` (s), on one clock."""
+def flown_film(pipeline: Pipeline, span: float = 0.0) -> Film:
+    """The granules that are in the machine of a ``pipeline`` over ``span`` (s), on one clock; by default over one long flight."""
     return FilmStage(pipeline.track_stage).fly(span)
 
 
@@ -119,9 +119,9 @@ class FilmStage:
             return steady_after(crowd, late_in(landings))
         return max(float(np.quantile(landings[name].time, LATE)) for name in self.scene.fraction)
 
-    def fly(self, span: float | None = None) -> Film:
-        """``span`` (s) of the machine's time, by default as long as the slowest granules fly."""
-        lasting = self.start_up if span is None else span
+    def fly(self, span: float) -> Film:
+        """``span`` (s) of the machine's time, 0: as long as the slowest granules fly."""
+        lasting = span or self.start_up
         rate = self.scene.feed.mass_flow, self.scene.feed.depth, self.scene.mass_shares()
         crowd = None if self.plan.crowd is None else (repr(self.plan.crowd), repr(self.scene.collisions))
         work, key = partial(self._work, lasting), (lasting, rate, crowd, code_of(*CODE))

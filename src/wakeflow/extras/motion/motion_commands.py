@@ -82,7 +82,7 @@ def animate(
     path = out or run_folder / "figures" / f"film.{format_}"
     if path.suffix != f".{format_}":
         raise SceneError(f"--out {path}: name it *.{format_}, or ask for another --format")
-    lasting, bytes_ = None if span is None else _seconds(span), bytes_of(most)
+    lasting, bytes_ = 0.0 if span is None else _seconds(span), bytes_of(most)
     film = partial(_film, run_folder, path, lasting, fractions, quiet=quiet, seconds=seconds, size=size, most=bytes_)
     if out is not None:
         film()
@@ -101,10 +101,8 @@ def animate(
         print(f"{path}, {path.stat().st_size / 1e6:.2g} MB")
 
 
-def _film(
-    run_folder: Path, path: Path, lasting: float | None, fractions: tuple[str, ...], *, quiet: bool, **how: Any
-) -> None:
-    """Draw the film of a finished run, ``lasting`` so many seconds of the machine's time."""
+def _film(run_folder: Path, path: Path, lasting: float, fractions: tuple[str, ...], *, quiet: bool, **how: Any) -> None:
+    """Draw the film of a finished run, ``lasting`` so many seconds of the machine's time, 0: one long flight."""
     from ...runs.progress import live
     from .film import write_film
     from .film_stage import film_of

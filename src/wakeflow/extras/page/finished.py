@@ -11,6 +11,7 @@ import tempfile
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
@@ -97,7 +98,6 @@ class FinishedRuns:
     def __init__(self, runs: Path, drawing: threading.Lock) -> None:
         self.runs = runs
         self._drawing = drawing  # matplotlib's fonts are everyone's
-        self._landings: dict[Path, StoredLandings] = {}
         self._compared = Path(tempfile.mkdtemp(prefix="wakeflow-page-"))
 
     def close(self) -> None:
@@ -129,13 +129,7 @@ class FinishedRuns:
 
     def _stored(self, name: str) -> StoredLandings:
         folder = self.folder(name)
-        made = (folder / FILE).stat().st_mtime_ns
-        key = folder / str(made)
-        if key not in self._landings:
-            while len(self._landings) >= KEPT:
-                del self._landings[next(iter(self._landings))]
-            self._landings[key] = StoredLandings.of(Result.load(folder))
-        return self._landings[key]
+        return _landings_in(folder, (folder / FILE).stat().st_mtime_ns)
 
     def landings(self, *, run: str) -> dict[str, object]:
         """Of a finished ``run``: where its granules landed, its dividers, its shares."""
@@ -224,6 +218,11 @@ class FinishedRuns:
     def sweep(self, *, sweep: str) -> dict[str, object]:
         """A sweep's points."""
         return points_of(inside(self.runs, sweep))
+
+
+@lru_cache(KEPT)
+def _landings_in(folder: Path, _: int) -> StoredLandings:
+    return StoredLandings.of(Result.load(folder))
 
 
 def _verdicts(stored: StoredLandings, ends: Ends, found: Separation) -> list[str]:

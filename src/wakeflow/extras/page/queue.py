@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -122,19 +122,18 @@ class RunQueue:
             raise SceneError(f"no run {number} in the list")
         return found
 
-    def _next(self) -> Run | None:
-        """The next run that waits, as soon as there is one; None at the end of the thread."""
-        with self._wake:
-            while not self._over:
-                waiting = next((one for one in self.runs if one.state == WAITS), None)
-                if waiting is not None:
-                    waiting.state = GOES
-                    return waiting
-                self._wake.wait()
-        return None
+    def _waiting(self) -> Iterator[Run]:
+        """Each run that waits, as soon as there is one, until the end of the thread."""
+        while not self._over:
+            with self._wake:
+                self._wake.wait_for(lambda: self._over or any(run.state == WAITS for run in self.runs))
+                ready = [] if self._over else [run for run in self.runs if run.state == WAITS][:1]
+                for run in ready:
+                    run.state = GOES
+            yield from ready
 
     def _work(self) -> None:
-        while (one := self._next()) is not None:
+        for one in self._waiting():
             self._changed()
             try:
                 state, told = self._compute(one)

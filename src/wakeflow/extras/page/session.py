@@ -25,7 +25,7 @@ from ...scene import Scene
 from ...show.plan_words import cost_words, plan_lines
 from ...show.sketch import sketch_svg
 from ..search.task import quantities_to_seek
-from .document import SceneDocument, merged
+from .document import NO_FILE, SceneDocument, merged
 from .finished import CALIBRATED, FinishedRuns, Place
 from .form import addable, first_keys, form_of
 from .handles import dragged, handles_of, step_of
@@ -37,17 +37,18 @@ if TYPE_CHECKING:
     from ...planning.plan import Plan
 
 Say = Callable[[str, dict[str, object]], None]  # tells every open page: kind, data
+RUNS = Path("runs")
 checked = validate_call(config=ConfigDict(allow_inf_nan=False))
 
 
 class Session:
     """The state behind the page; ``say`` is called from any thread. Actions of one kind come one at a time."""
 
-    def __init__(self, what: Path | None, say: Say, runs: Path | None = None) -> None:
-        self.home, self.runs = Path.cwd(), runs or Path("runs")
+    def __init__(self, what: Path | None, say: Say, runs: Path = RUNS) -> None:
+        self.home, self.runs = Path.cwd(), runs
         self._say = say
         self._drawing = threading.Lock()  # matplotlib's fonts are everyone's
-        self.shown: str | None = None  # the run that the page was opened for
+        self.shown = ""  # the run that the page was opened for
         self.document = self._first(what)
         self.finished = done = FinishedRuns(self.runs, self._drawing)
         self.queue = RunQueue(self._queue_changed)
@@ -99,7 +100,7 @@ class Session:
             self._drawn = self._draw(look.scene, look.units)
         return {
             "version": document.version, "text": document.text, "name": document.name,
-            "file": None if document.path is None else str(document.path), "changed": document.changed,
+            "file": None if document.path == NO_FILE else str(document.path), "changed": document.changed,
             "conflict": document.conflict, "mistake": look.mistake, "undo": undo, "redo": redo,
             **self._form(), **self._drawn,
         }  # fmt: skip
@@ -108,7 +109,7 @@ class Session:
         """The fields as they are written; None where the text is no TOML."""
         import tomlkit
 
-        if self.document.look.data is None:
+        if not self.document.look.toml:
             return {"form": None, "addable": []}
         data = tomlkit.parse(self.document.text)
         return {"form": form_of(data), "addable": addable(data)}
@@ -123,8 +124,8 @@ class Session:
         }  # fmt: skip
 
     def edit(
-        self, *, text: str | None = None, before: str | None = None, set: Mapping[str, str | None] | None = None,
-        drag: str | None = None, x: Place = 0.0, y: Place = 0.0, add: str | None = None, undo: bool = False,
+        self, *, text: str | None = None, before: str | None = None, set: Mapping[str, str | None] = {},
+        drag: str = "", x: Place = 0.0, y: Place = 0.0, add: str = "", undo: bool = False,
         redo: bool = False, gesture: str = "",
     ) -> dict[str, object]:  # fmt: skip
         """Change the scene: the whole ``text``, where it was ``before``; keys to ``set`` (None takes one out); a handle
@@ -136,11 +137,11 @@ class Session:
             if both is None:
                 raise SceneError("another page has changed the same lines: its text is shown now; change it again")
             document.write(both, gesture)
-        elif set is not None:
+        elif set:
             document.set(set, gesture)
-        elif drag is not None:
+        elif drag:
             self._drag(drag, x, y, gesture)
-        elif add is not None:
+        elif add:
             self._add(add)
         elif undo:
             document.undo()
@@ -151,7 +152,7 @@ class Session:
     def _drag(self, name: str, x: float, y: float, gesture: str) -> None:
         """Move a handle of the machine as it was when the gesture began: dividers that meet on the way stay two."""
         document, look = self.document, self.document.look
-        if look.data is None:
+        if not look.toml:
             raise SceneError(look.mistake, look.mistake.splitlines())
         if look.scene is not None and (not gesture or document.gesture != gesture or self._held is None):
             self._held = look.scene
@@ -174,9 +175,9 @@ class Session:
         self._say("scene", state)
         return state
 
-    def save(self, *, name: str | None = None) -> dict[str, object]:
+    def save(self, *, name: str = "") -> dict[str, object]:
         """Write the scene to its file, or to a new one called ``name`` in the folder of the first."""
-        self.document.save(None if name is None else _new_file(self.home, name))
+        self.document.save(_new_file(self.home, name) if name else NO_FILE)
         return self._tell_scene()
 
     def settle(self, *, keep: bool) -> dict[str, object]:
@@ -189,17 +190,15 @@ class Session:
         if self.document.compare_with_disk():
             self._tell_scene()
 
-    def open(
-        self, *, file: str | None = None, run: str | None = None, kind: str = "rhombus", drop: bool = False
-    ) -> dict[str, object]:
+    def open(self, *, file: str = "", run: str = "", kind: str = "rhombus", drop: bool = False) -> dict[str, object]:
         """Take up another scene: the ``file`` of the folder, a shipped ``kind`` to start from, or that of a ``run``.
         Raises SceneError where the one that is open is not saved, unless ``drop`` says that it may go.
         """
         if self.document.changed and any(self.document.steps) and not drop:
             raise SceneError(f"{self.document.name} is not saved: save it, or open the other one again to drop it")
-        if file is not None:
+        if file:
             found = SceneDocument.load(inside(self.home, file))
-        elif run is not None:
+        elif run:
             found = self._of_run(self.finished.folder(run))
         else:
             found = _template(kind)
@@ -234,7 +233,7 @@ class Session:
 
     # -- runs ----------------------------------------------------------------------------------------------------------
     def run(
-        self, *, name: str | None = None, quick: bool = False, full: bool = True, kind: str = RUN, typed: str = ""
+        self, *, name: str = "", quick: bool = False, full: bool = True, kind: str = RUN, typed: str = ""
     ) -> dict[str, object]:
         """Put the scene as it is now at the end of the list of runs, with a first look before it where ``quick`` asks
         for it; or another ``kind`` of task with what is ``typed`` for it. Raises SceneError where it is wrong.

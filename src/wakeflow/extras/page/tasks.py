@@ -55,7 +55,9 @@ def _mapped(scene: Scene, typed: str, _: Path) -> Work:
 
     def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
         del planned
-        found = operating_map(scene, folder, air=axes.get(blower), feed=axes.get(RATE), listener=listener, **how)
+        found = operating_map(
+            scene, folder, air=axes.get(blower, ()), feed=axes.get(RATE, ()), listener=listener, **how
+        )
         return _outcome(found[0])
 
     return work
@@ -66,7 +68,7 @@ def _capacity(scene: Scene, typed: str, _: Path) -> Work:
 
     def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
         del planned
-        found, _ = capacity(scene, folder, feed=axes.get(RATE), listener=listener, **how)
+        found, _ = capacity(scene, folder, feed=axes.get(RATE, ()), listener=listener, **how)
         limits = scene.limit.asked
         return "; ".join([_outcome(found), *met_lines(met_up_to(found.table, limits), limits)])
 

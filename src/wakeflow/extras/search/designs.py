@@ -95,7 +95,7 @@ def _next(history: History, propose: Proposer, price: Price) -> tuple[int, Seque
 def _ahead(history: History, level: int, few: int) -> list[DesignPoint]:
     """A few contenders of a level, before them the scene as it is: what every design is measured by."""
     own, able = history.task.as_it_stands, history.contenders(level)[:few]
-    if own is None or own not in history.known() or own in history.evaluations[level]:
+    if own not in history.known() or own in history.evaluations[level]:
         return able
     return [own, *(place for place in able if place != own)]
 
@@ -167,7 +167,7 @@ def search(
         scenes = _Scenes(asked, folder, partial(sweep, scheduler=executor, listener=listener))
         history = explore(asked, scenes.evaluate, tell=partial(listener, "search"), price=price)
         best = history.recommended()
-        if best is None:
+        if not best:
             raise SceneError(_nothing_found(history, scenes))
         for level, made in enumerate(history.evaluations):  # the tables and figures of all designs, nothing is computed
             scenes.compute([scenes.variant(level, place) for place in made], scenes.folder(level))
@@ -178,8 +178,8 @@ def search(
     front = tuple(map(design, history.front()))
     rivals = tuple(one for one in front if one.name != design(best).name)
     own = asked.as_it_stands
-    stands = None if own is None or own not in history.evaluations[-1] or own not in known else design(own)
-    return Search(asked, folder, design(best), front, rivals, tried, seconds, stands)
+    unchanged = design(own) if own in history.evaluations[-1] and own in known else None
+    return Search(asked, folder, design(best), front, rivals, tried, seconds, unchanged)
 
 
 def affordable(task: SearchTask, tell: Callable[[str], None]) -> tuple[SearchTask, Price]:

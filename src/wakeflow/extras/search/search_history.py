@@ -109,14 +109,14 @@ class History:
         able = [place for place in kept if not any(self._clearly_better(other, place, level) for other in kept)]
         return sorted(able, key=lambda place: tuple(known[place].losses))
 
-    def recommended(self, level: int = -1) -> DesignPoint | None:
+    def recommended(self, level: int = -1) -> DesignPoint:
         """Of the designs that no other beats by its values the one that is nearest to the best of every goal, each in
-        units of its range over them; None where nothing could be computed.
+        units of its range over them; empty where nothing could be computed.
         """
         kept = self._kept(level)
         best = [a for a, one in kept.items() if not any(_dominates(b.losses, one.losses) for b in kept.values())]
         if not best:
-            return None
+            return ()
         losses = np.array([kept[place].losses for place in best])
         span = np.ptp(losses, axis=0)
         off = (losses - losses.min(axis=0)) / np.where(span > 0.0, span, 1.0)
@@ -195,7 +195,7 @@ HOPELESS = 1e6  # excess of a design that cannot be computed
 def at_random(history: History, count: int) -> list[DesignPoint]:
     """Points of a scrambled Sobol' sequence, from where the history ends; the first is the scene as it is."""
     task, before = history.task, len(history.evaluations[0])
-    own = [] if task.as_it_stands is None else [task.as_it_stands]
+    own = [task.as_it_stands] if task.as_it_stands else []
     if before < len(own):
         return own + _balanced(task, 0, count - len(own))
     return _balanced(task, before - len(own), count)

@@ -36,8 +36,8 @@ def operating_map(
     scene: Scene | Path | str,
     out: Path | str,
     *,
-    air: Sequence[object] | None = None,
-    feed: Sequence[object] | None = None,
+    air: Sequence[object] = (),
+    feed: Sequence[object] = (),
     **how: Any,
 ) -> tuple[Sweep, Path]:
     """Sweep ``scene`` over air speeds and feed rates, by default four fifths, once and six fifths of its own, and draw
@@ -66,7 +66,7 @@ def operating_map(
 
 
 def capacity(
-    scene: Scene | Path | str, out: Path | str, *, feed: Sequence[object] | None = None, **how: Any
+    scene: Scene | Path | str, out: Path | str, *, feed: Sequence[object] = (), **how: Any
 ) -> tuple[Sweep, Path]:
     """Sweep ``scene`` over feed rates, by default a quarter to twice its own, and draw what is lost of every fraction
     with a target, the dirt in its bins and what a scene with prices earns over the rate; returns both. ``how`` and
@@ -87,15 +87,15 @@ def capacity(
     return _swept(asked, {RATE: rates}, out, "capacity", draw, how)
 
 
-def met_up_to(table: ResultTable, limits: Mapping[str, float]) -> dict[str, float | None]:
-    """The feed rate (kg/s) up to which every answer of a capacity curve meets each of the ``limits``; None where not
-    even the least does.
+def met_up_to(table: ResultTable, limits: Mapping[str, float]) -> dict[str, float]:
+    """The feed rate (kg/s) up to which every answer of a capacity curve meets each of the ``limits``; 0 where not even
+    the least does.
     """
     rows = sorted(table.done, key=lambda entry: float(entry.inputs[RATE]))
     found = {}
     for name, most in limits.items():
         met = list(takewhile(lambda row, n=name, m=most: not row.reason and row.by_name[n].high <= m, rows))  # type: ignore[misc]
-        found[name] = float(met[-1].inputs[RATE]) if met else None
+        found[name] = float(met[-1].inputs[RATE]) if met else 0.0
     return found
 
 
@@ -139,9 +139,9 @@ def _swept(
     return found, figure
 
 
-def met_lines(met: Mapping[str, float | None], limits: Mapping[str, float]) -> list[str]:
+def met_lines(met: Mapping[str, float], limits: Mapping[str, float]) -> list[str]:
     """Up to which feed rate (kg/s) each limit is met, a line each."""
-    rates = {name: "at none of these rates" if rate is None else f"up to {say(3600.0 * rate, 'kg/h', 4)}"
+    rates = {name: f"up to {say(3600.0 * rate, 'kg/h', 4)}" if rate else "at none of these rates"
              for name, rate in met.items()}  # fmt: skip
     return [f"{name} at most {100 * limits[name]:.4g} %: met {until}" for name, until in rates.items()]
 

@@ -154,7 +154,8 @@ def sensitivity(
     """
     if not isinstance(scene, Result) and not (isinstance(scene, Path | str) and Path(scene).is_dir()):
         _ends(_axes(over), Scene.of(scene))  # what is wrong with a key is said before anything is computed
-    result = _finished(scene, out, rung, force, partial(run, workers=workers, listener=listener, planned=planned))
+    how = {"rung": rung, "force": force}
+    result = _finished(scene, how, partial(run, out=out, workers=workers, listener=listener, planned=planned))
     folder = result.folder if out is None else path_of(out, "out")
     _claim(folder)
     moves, axes, failed = drawn_moves(result.landings), _axes(over, result), {}
@@ -185,17 +186,11 @@ def _claim(folder: Path) -> None:
     sums.refuse_foreign(folder, saved(folder / FIGURE), TORNADO)
 
 
-def _finished(
-    scene: Scene | Result | Path | str,
-    out: Path | str | None,
-    rung: str | None,
-    force: States | None,
-    run_it: Callable[..., Result],
-) -> Result:
+def _finished(scene: Scene | Result | Path | str, how: Mapping[str, object], run_it: Callable[..., Result]) -> Result:
     """The run that is asked about, computed where it has not been."""
     if not isinstance(scene, Result) and (isinstance(scene, Scene) or not Path(scene).is_dir()):
-        return run_it(scene, out, rung=rung, force=force)
-    if rung is not None or force:
+        return run_it(scene, **how)
+    if any(how.values()):
         raise SceneError("a finished run has its rung and its terms; give its scene to change them")
     return scene if isinstance(scene, Result) else Result.load(scene)
 

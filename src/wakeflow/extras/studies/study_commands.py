@@ -236,7 +236,6 @@ def _operated(
     """A map or a curve of a scene over what an operator turns, drawn and printed."""
     from ...runs.effort import quick_settings
     from ...runs.progress import live
-    from ...show.screen import print_lines
     from ...show.terminal import show_sweep
     from .operating import counted_lines, met_at, met_lines, met_up_to
 
@@ -258,7 +257,7 @@ def _operated(
     return SOME_FAILED if found.failed else 0
 
 
-def _values(key: str, text: str | None) -> Sequence[object] | None:
+def _values(key: str, text: str | None) -> Sequence[object]:
     from ...many.axis import axis_of_text
 
-    return None if text is None else axis_of_text(f"{key}={text}").values
+    return () if text is None else axis_of_text(f"{key}={text}").values

@@ -24,8 +24,7 @@ from ..plan_words import UNITS
 from ..words import NO_VALUE
 
 if TYPE_CHECKING:
-    from ...air.kinds.airflow_table import Airflow, MeshReport
-    from ...planning.feed_funnel import FunnelSummary
+    from ...answer.result import Result
 
 # tables that the page tells in other places
 ELSEWHERE = ("fraction", "numerics", "picture", "uncertainty", "force", "report", "limit", "price")
@@ -174,35 +173,37 @@ SHOWN = {  # a unit as the page writes it, and how many of it are one
 }  # fmt: skip
 
 
-def airflow_rows(airflow: Airflow | None, mesh: MeshReport | None) -> list[tuple[str, ...]]:
+def airflow_rows(result: Result) -> list[tuple[str, ...]]:
     """(name, value with interval, unit) of what was measured in the air; nothing for what is not known."""
+    airflow = result.airflow
     if airflow is None:
         return []
     return [
-        *_told("", AIRFLOW, airflow),
-        *_told("suction zone, ", SUCTION, airflow.suction),
-        *_told("the paper's momentum model, ", ("cp_front", "cd"), airflow.momentum),
-        *_told("mesh, ", ("min_angle", "max_aspect"), mesh),
-        *_told("mesh, ", ("non_orthogonality", "skewness"), airflow.mesh),
-        *_told("divergence of the tracker's field, |div u| h / U, ", ("rms", "max"), airflow.divergence),
-        *_told("time-resolved field, ", ("modes", "velocity", "pressure"), airflow.truncation),
+        *_cells("", AIRFLOW, airflow),
+        *_cells("suction zone, ", SUCTION, airflow.suction),
+        *_cells("the paper's momentum model, ", ("cp_front", "cd"), airflow.momentum),
+        *_cells("mesh, ", ("min_angle", "max_aspect"), result.mesh),
+        *_cells("mesh, ", ("non_orthogonality", "skewness"), airflow.mesh),
+        *_cells("divergence of the tracker's field, |div u| h / U, ", ("rms", "max"), airflow.divergence),
+        *_cells("time-resolved field, ", ("modes", "velocity", "pressure"), airflow.truncation),
     ]
 
 
-def end_rows(airflow: Airflow | None) -> list[tuple[str, ...]]:
+def end_rows(result: Result) -> list[tuple[str, ...]]:
     """(name, steady, best estimate, time-resolved, unit) of what a best estimate lies between; nothing without one."""
+    airflow = result.airflow
     if airflow is None or airflow.ends is None:
         return []
     beside = (airflow.ends.steady, airflow, airflow.ends.time_resolved)
-    return [*_told("", ENDS, *beside), *_told("suction zone, ", SUCTION, *(record.suction for record in beside))]
+    return [*_cells("", ENDS, *beside), *_cells("suction zone, ", SUCTION, *(record.suction for record in beside))]
 
 
-def funnel_rows(funnel: FunnelSummary | None) -> list[tuple[str, ...]]:
+def funnel_rows(result: Result) -> list[tuple[str, ...]]:
     """(name, value with interval, unit) of the feed funnel; nothing without one."""
-    return list(_told("", FUNNEL, funnel))
+    return list(_cells("", FUNNEL, result.funnel))
 
 
-def _told(about: str, names: Sequence[str], *records: object) -> Iterator[tuple[str, ...]]:
+def _cells(about: str, names: Sequence[str], *records: object) -> Iterator[tuple[str, ...]]:
     """(what it is, a value of each record, unit) of every column in ``names`` that all of the records have."""
     if not all(records):
         return
