@@ -262,7 +262,7 @@ def read_sweep_file(
     with TaskFile.open(path, "sweep", KNOWN) as file:
         found = variants(
             file.scene, file.inside("over"), design=file.table.get("design", "grid"),
-            count=file.table.get("count"), seed=file.whole_number("seed"),
+            count=file.whole_number("count", least=1) or None, seed=file.whole_number("seed"),
             fixed={**flat(file.inside("set")), **fixed}, listener=listener,
         )  # fmt: skip
         return _distinct(found)

@@ -91,7 +91,7 @@ def film_of(
 
 
 def flown_film(pipeline: Pipeline, span: float = 0.0) -> Film:
-    """The granules that are in the machine of a ``pipeline`` over ``span`` (s), on one clock; by default over one long flight."""
+    """The granules that are in the machine of a ``pipeline`` over ``span`` (s), on one clock; 0: one long flight."""
     return FilmStage(pipeline.track_stage).fly(span)
 
 

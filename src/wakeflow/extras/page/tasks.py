@@ -55,10 +55,8 @@ def _mapped(scene: Scene, typed: str, _: Path) -> Work:
 
     def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
         del planned
-        found = operating_map(
-            scene, folder, air=axes.get(blower, ()), feed=axes.get(RATE, ()), listener=listener, **how
-        )
-        return _outcome(found[0])
+        air, feed = axes.get(blower, ()), axes.get(RATE, ())
+        return _outcome(operating_map(scene, folder, air=air, feed=feed, listener=listener, **how)[0])
 
     return work
 
