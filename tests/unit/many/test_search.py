@@ -10,6 +10,7 @@ import pytest
 import wakeflow as wf
 from support import CASES, Here, shipped
 from wakeflow.answer.result_table import TableQuantity
+from wakeflow.cli import app  # noqa: F401 - it imports the commands of extras, show_search among them
 from wakeflow.core.errors import SceneError
 from wakeflow.core.graded import Grade
 from wakeflow.extras.search.designs import affordable, explore, refuse_void, search, with_fan
