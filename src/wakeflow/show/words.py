@@ -173,10 +173,10 @@ def air_words(airflow: Airflow) -> str:
 def loading_words(result: Result) -> str:
     """What the granules' force on the air does, in one line."""
     loading = required(required(result.airflow).loading)
-    if loading.cd is None:
+    if loading.cd is None or loading.cd_without is None:
         does = f"driven to {say(required(loading.speed), 'm/s', 2)}"
     else:
-        does = f"steady Cd {required(loading.cd_without).value:.3f} to {loading.cd.value:.3f}"
+        does = f"steady Cd {loading.cd_without.value:.3f} to {loading.cd.value:.3f}"
     passes = f"{loading.passes} pass{'es' if loading.passes != 1 else ''}"
     told = f"air loading: {passes}, {loading.given:.2g} N/m on the air, {does}"
     effects = None if result.landings is None else result.landings.air_loading
@@ -226,12 +226,12 @@ def money_lines(result: Result) -> list[str]:
     if result.void:
         return [f"Money: {VOID}."]
     products = _unit_words(money.products, "EUR/h")
-    if money.fan is None:
+    if money.fan is None or money.total is None:
         return [f"The products are worth {products}; the fan's cost is not known: this airflow has no pressure drop."]
     fan = ""
     if money.fan_power is not None:
         fan = f", less {money.fan:.3g} EUR/h for a fan that draws {say(money.fan_power, 'W', 3)}"
-    return [f"It earns {_unit_words(required(money.total), 'EUR/h')}: products worth {products}{fan}."]
+    return [f"It earns {_unit_words(money.total, 'EUR/h')}: products worth {products}{fan}."]
 
 
 def split_cure(line: str) -> tuple[str, str]:

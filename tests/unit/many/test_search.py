@@ -197,7 +197,7 @@ def test_it_finds_the_best_within_its_budget_and_says_what_may_be_as_good() -> N
     assert sum(spent) <= 400.0
     assert min(spent) >= 0.3 * sum(spent)
     assert lost(history) < 0.01
-    known = history.known()
+    known = history.expectations()
     coarse = [place for place in history.evaluations[0] if place not in history.evaluations[1]]
     truth = {place: -hill(1, [place])[0].quantities["good"].value for place in coarse}
     inside = [known[place].low[0] <= truth[place] <= known[place].high[0] for place in coarse]
@@ -259,7 +259,7 @@ def test_several_goals_have_a_front_and_a_middle() -> None:
     history = explore(task(600.0, goals=(Goal("good"), Goal("cheap"))), hill)
     front, best = history.front(), history.recommended()
     assert len(front) >= 3
-    known = history.known()
+    known = history.expectations()
     kept = [place for place in history.evaluations[-1] if place in known]
     for place in kept:  # off the front is what another is better than in both, whatever their intervals
         beaten = any(np.all(known[other].high <= known[place].low) for other in kept if other != place)

@@ -72,7 +72,7 @@ def _done(scene: Scene, ask: dict[str, Any], listener: _InJson) -> str:
     if ask["options"].get("quick"):
         scene, how = quick_settings(scene, how)
     work = task_of(ask["kind"], scene, ask["typed"], Path(ask["files"]))
-    return work(Path(ask["folder"]), listener, listener.planned, how)
+    return work(Path(ask["folder"]), {"listener": listener, **how})
 
 
 def _calibrated(scene: Scene, ask: dict[str, Any], listener: _InJson) -> str:

@@ -95,7 +95,7 @@ def _next(history: History, propose: Proposer, price: Price) -> tuple[int, Seque
 def _ahead(history: History, level: int, few: int) -> list[DesignPoint]:
     """A few contenders of a level, before them the scene as it is: what every design is measured by."""
     own, able = history.task.as_it_stands, history.contenders(level)[:few]
-    if own not in history.known() or own in history.evaluations[level]:
+    if own not in history.expectations() or own in history.evaluations[level]:
         return able
     return [own, *(place for place in able if place != own)]
 
@@ -171,7 +171,7 @@ def search(
             raise SceneError(_nothing_found(history, scenes))
         for level, made in enumerate(history.evaluations):  # the tables and figures of all designs, nothing is computed
             scenes.compute([scenes.variant(level, place) for place in made], scenes.folder(level))
-    known = history.known()
+    known = history.expectations()
     design = partial(scenes.design, history.evaluations[-1], known)
     tried = tuple(len(made) for made in history.evaluations)
     seconds = tuple(history.seconds(level) for level in range(len(asked.levels)))

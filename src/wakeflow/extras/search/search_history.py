@@ -73,7 +73,7 @@ class History:
         """Core-seconds that a level has taken."""
         return sum(one.seconds for one in self.evaluations[level].values())
 
-    def known(self) -> dict[DesignPoint, Expected]:
+    def expectations(self) -> dict[DesignPoint, Expected]:
         """What is expected of every design that could be computed."""
         shifts = [self._shift(level) for level in range(len(self.evaluations))]
         known: dict[DesignPoint, Expected] = {}
@@ -93,7 +93,7 @@ class History:
         """Designs of the level before that are not computed at this one, and may be best as far as their intervals
         tell: none that keeps the limits is better even at the bad ends of its intervals. The likeliest come first.
         """
-        known = self.known()
+        known = self.expectations()
         ahead = [
             place for place in self.evaluations[level - 1] if place in known and place not in self.evaluations[level]
         ]
@@ -105,7 +105,7 @@ class History:
         """The designs of a level that keep the limits and that no other is clearly better than; where none keeps them,
         the one that comes nearest to that.
         """
-        kept, known = self._kept(level), self.known()
+        kept, known = self._kept(level), self.expectations()
         able = [place for place in kept if not any(self._clearly_better(other, place, level) for other in kept)]
         return sorted(able, key=lambda place: tuple(known[place].losses))
 
@@ -124,7 +124,7 @@ class History:
 
     def _kept(self, level: int) -> dict[DesignPoint, Expected]:
         """The designs of a level that are worth something and keep the limits, or come nearest to that."""
-        known = self.known()
+        known = self.expectations()
         made = {
             place: known[place] for place, one in self.evaluations[level].items() if place in known and not one.void
         }
@@ -138,7 +138,7 @@ class History:
         """
         a, b = (self.evaluations[level][place] for place in (one, other))
         if a.entry is None or b.entry is None:
-            known = self.known()
+            known = self.expectations()
             return _dominates(known[one].high, known[other].low)
         gains = [(goal.sign, difference_of(b.entry, a.entry, goal.quantity)) for goal in self.task.goals]
         return all(gain is not None and gain.clear and sign * gain.value > 0.0 for sign, gain in gains)
@@ -247,7 +247,7 @@ def by_estimator(history: History, count: int) -> list[DesignPoint]:
 
 def _as_trials(history: History) -> list[tuple[DesignPoint, list[float], list[float]]]:
     """Every design with its losses and excesses; one that cannot be computed is as bad as the worst, and hopeless."""
-    known = history.known()
+    known = history.expectations()
     if not known:
         return []
     worst = [max(one.losses[goal] for one in known.values()) for goal in range(len(history.task.goals))]

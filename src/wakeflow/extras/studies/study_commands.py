@@ -22,7 +22,7 @@ from ...cli.options import (
     Threads,
     scene_and_folder,
 )  # fmt: skip
-from ...core.errors import SceneError, known
+from ...core.errors import SceneError
 from ...core.quantities import say, speaking
 from ...scene.overrides import setting
 from ...show.screen import print_lines, print_table, screen_table
@@ -136,12 +136,11 @@ def show_moves(found: Sensitivity, quantities: Sequence[str] = ()) -> None:
 
 def show_remaining(result: Result, left: Mapping[str, Sequence[Remaining]]) -> None:
     """Print what measuring inputs would leave of the interval of each recovery."""
-
     from ...show.words import percent
 
     for name, rows in left.items():
-        value = known(known(result.landings).separation.recovery[name])
-        title = f"recovery.{name}, {percent(value)} %; half of its 95 % interval, points, with inputs known better"
+        now = f"recovery.{name}, {percent(result.recovery(name))} %"
+        title = f"{now}; half of its 95 % interval, points, with inputs known better"
         heads = ("input", "now ±", "known to ±", "alone", "with those above")
         if rows:
             print_table(heads, map(_left, rows[:MAX_INPUTS]), title)

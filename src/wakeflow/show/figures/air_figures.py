@@ -76,7 +76,7 @@ def draw_pressure(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow
 def _airflow_title(airflow: Airflow, *, in_time: bool) -> str:
     cd, reynolds = known(airflow.cd), known(airflow.reynolds)
     number = f"{reynolds:.0f}" if reynolds >= 100 else f"{reynolds:.3g}"
-    interval = "" if cd.low is None else f" ({cd.low:.3f} to {cd.high:.3f})"
+    interval = f" ({cd.low:.3f} to {cd.high:.3f})" if cd.known else ""  # none of a given case
     what = "Mean pressure and streamlines" if in_time else "Pressure and streamlines"
     return f"{what}\n{airflow.rung}, {airflow.verdict};  Re = {number};  $C_D$ = {cd.value:.3f}{interval}"
 

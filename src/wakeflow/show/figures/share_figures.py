@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import known
 from ..canvas import COLOURS, INK, MM, bins_across, foremost, fraction_colours, new_figure, of_all, save, text_width
 from ..outcome import add_figure
 from ..words import UNKNOWN_ERROR, percent
@@ -193,7 +192,7 @@ def draw_partition(paper: Paper, scene: Scene, curves: Sequence[PartitionCurve])
             axes.errorbar(at, share, reach, fmt="none", ecolor=colour, elinewidth=0.7, alpha=0.5)
             axes.plot(at, share, ":", lw=0.9, color=colour, zorder=1)
             axes.plot([], [], "o-", ms=3, lw=1.2, color=colour, label=_told(curve, scale, unit))
-            if curve.cut is not None and curve.cut.value is not None:
+            if curve.cut is not None:
                 axes.plot([scale * curve.cut.value] * 2, [0.0, 50.0], ":", color=colour, linewidth=1.0)
         for level in (25.0, 50.0, 75.0):
             axes.axhline(level, color="#9aa3ad", linewidth=0.5, zorder=0)
@@ -216,7 +215,7 @@ def _product_colours(scene: Scene, curves: Sequence[PartitionCurve]) -> dict[tup
 
 def _told(curve: PartitionCurve, scale: float, unit: str) -> str:
     name = " or ".join(curve.product)
-    if curve.cut is None or curve.cut.value is None:
+    if curve.cut is None:
         return f"{name}: {curve.why}"
     sharp = "" if curve.ep is None else f", Ep {scale * curve.ep:.3g} {unit}, I {curve.imperfection:.2g}"
     return f"{name}: cut {scale * curve.cut.value:.3g} {unit}{sharp}"
@@ -245,7 +244,7 @@ ROW = 0.3  # inches
 
 def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[np.object_]:
     """Draw a panel a fraction and a row a bin: a mark a wake, and the answer with its 95 % interval as a bar."""
-    rows = _wake_rows(scene, landings)
+    rows, bracket = _wake_rows(scene, landings), landings.bracket or {}
     panels = foremost(scene, list(dict.fromkeys(name for name, _ in rows)))
     wakes = list(dict.fromkeys(wake for _, _, wake in _marks(landings)))
     counts = [sum(name == one for one, _ in rows) for name in panels]
@@ -262,9 +261,8 @@ def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[
             axes.barh([level], ends[0], left=ends[1], height=0.55, color=colours[name], alpha=0.35)
             axes.plot([100 * share.value] * 2, [level - 0.28, level + 0.28], color=colours[name], linewidth=2.5)
             for marker, wake in zip(MARKERS, wakes, strict=False):
-                found = known(landings.bracket)[name][place].get(wake)
-                if found is not None:
-                    axes.plot([100 * found], [level], marker, ms=5, mfc="white", mec=INK, mew=0.9)
+                if wake in bracket[name][place]:
+                    axes.plot([100 * bracket[name][place][wake]], [level], marker, ms=5, mfc="white", mec=INK, mew=0.9)
         axes.set_yticks(range(len(places)), places, fontsize=8)
         axes.set_ylim(len(places) - 0.5, -0.5)
         axes.set_title(name, fontsize=9, loc="left")
