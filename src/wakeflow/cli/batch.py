@@ -65,17 +65,17 @@ def sweep(
     from ..core.process import cores
     from ..many.compute import SweepEstimate, look_ahead
     from ..many.compute import sweep as compute
-    from ..many.variant import asked_for
+    from ..many.variant import read_scenes
     from ..runs.progress import live
     from ..show.terminal import show_sweep
 
     how = {**gate.how, "neighbours": neighbours}
     with live(enabled=not quiet) as listener:
-        found, name = asked_for(scene, settings, design, count, seed, listener)
+        scenes, name = read_scenes(scene, settings, design, count, seed, listener)
         folder = out or Path("runs", name)
         if not dry_run:
             how |= {"scheduler": scheduler, "workers": workers, "report": report}
-        made = (look_ahead if dry_run else compute)(found, folder, listener=listener, **how)
+        made = (look_ahead if dry_run else compute)(scenes, folder, listener=listener, **how)
     if isinstance(made, SweepEstimate):
         print_lines(_estimate_lines(made, workers or cores()))
     elif not quiet:

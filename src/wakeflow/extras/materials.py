@@ -48,8 +48,8 @@ def _print_one(name: str, one: Material) -> None:
     from ..show.screen import plain
 
     console = Console()
-    for told, source in _values(name, one):
-        console.print(plain(told), style="bold")
+    for line, source in _values(name, one):
+        console.print(plain(line), style="bold")
         console.print(Padding(plain(source), (0, 0, 0, 4)))
 
 
@@ -69,8 +69,8 @@ def _values(name: str, one: Material) -> Iterator[tuple[str, str]]:
         for key, ends in one.moisture.ends.items():
             unit, scale = ("mm", 1e3) if key == "diameter" else (UNITS.get(key, ""), 1.0)
             pairs = zip(ends, one.moisture.share, strict=True)
-            told = ", ".join(f"{scale * value:.4g} {unit}".strip() + f" at {100 * wet:.3g}%" for value, wet in pairs)
-            yield f"{key} by moisture: {told}", one.moisture.source
+            values = ", ".join(f"{scale * value:.4g} {unit}".strip() + f" at {100 * wet:.3g}%" for value, wet in pairs)
+            yield f"{key} by moisture: {values}", one.moisture.source
 
 
 def _within(one: Material, name: str) -> str:
@@ -86,8 +86,8 @@ def _mean(one: Material, quantity: str) -> str:
     value, margin = getattr(one, quantity), default_margins().get(quantity)
     if margin is None or not isinstance(value, int | float):
         return ""
-    own = one.half_of(quantity)
-    half = margin.half(float(value), one.evidence[quantity].confidence, 0.0) if own is None else own
+    given = one.half_of(quantity)
+    half = margin.half(float(value), one.evidence[quantity].confidence, 0.0) if given is None else given
     return f" (a lot's mean: +- {half:.2g})"
 
 

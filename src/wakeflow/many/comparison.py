@@ -104,18 +104,18 @@ def compare(runs: Sequence[Result | Path | str]) -> RunComparison:
     """
     if isinstance(runs, Result | Path | str) or not isinstance(runs, Iterable):
         raise SceneError("give a list of runs to compare, as in compare([one, other])")
-    found = [run if isinstance(run, Result) else Result.load(run) for run in runs]
-    if len(found) < 2:
+    results = [run if isinstance(run, Result) else Result.load(run) for run in runs]
+    if len(results) < 2:
         raise SceneError("give at least two runs to compare")
-    folders = [run.folder.resolve() for run in found]
-    if twice := [run.folder for run, folder in zip(found, folders, strict=True) if folders.count(folder) > 1]:
+    folders = [run.folder.resolve() for run in results]
+    if twice := [run.folder for run, folder in zip(results, folders, strict=True) if folders.count(folder) > 1]:
         raise SceneError(f"{twice[0]} is given twice")
-    columns = differing([Scene.parse(run.scene) for run in found]) | _options(found)
-    names = _names([run.folder for run in found])
+    columns = differing([Scene.parse(run.scene) for run in results]) | _options(results)
+    names = _names([run.folder for run in results])
     rows = GrowingTable()
-    for place, (name, run) in enumerate(zip(names, found, strict=True)):
+    for place, (name, run) in enumerate(zip(names, results, strict=True)):
         rows.add(name, {key: values[place] for key, values in columns.items()}, run)
-    return RunComparison(rows.table, tuple(found))
+    return RunComparison(rows.table, tuple(results))
 
 
 def _options(runs: Sequence[Result]) -> dict[str, list[object]]:

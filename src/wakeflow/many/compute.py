@@ -107,12 +107,12 @@ def look_ahead(
     listener: Listener = null_listener,
 ) -> SweepEstimate:
     """What :func:`sweep` would have to do; starts nothing. Raises SceneError as it does."""
-    found, request = _variants(scenes), Request.asked(None, rung, force, target_error)
-    agenda = make_agenda(found, path_of(out, "out"), request, neighbours=neighbours, listener=listener)
+    given, request = _variants(scenes), Request.asked(None, rung, force, target_error)
+    agenda = make_agenda(given, path_of(out, "out"), request, neighbours=neighbours, listener=listener)
     airflows = sum(step.airflow for step in agenda.steps)
     flights = len(agenda.steps) - airflows
-    before = len(found) - flights - len(agenda.problems)
-    return SweepEstimate(len(found), before, agenda.problems, airflows, flights, agenda.seconds, agenda.disk)
+    before = len(given) - flights - len(agenda.problems)
+    return SweepEstimate(len(given), before, agenda.problems, airflows, flights, agenda.seconds, agenda.disk)
 
 
 def sweep(
@@ -145,7 +145,7 @@ def sweep(
     """
     from filelock import FileLock, Timeout
 
-    found, (listener, _) = _variants(scenes), as_listener(listener)
+    given, (listener, _) = _variants(scenes), as_listener(listener)
     _check_workers(workers, scheduler)
     count, request = workers or cores(), Request.asked(None, rung, force, target_error)
     folder = _folder_of(out)
@@ -155,11 +155,11 @@ def sweep(
             listener("sweep", "planning")
             with executor_on(scheduler, count, folder) as executor:
                 agenda = make_agenda(
-                    found, folder, request, threads=partial(_threads, executor), report=report, neighbours=neighbours,
+                    given, folder, request, threads=partial(_threads, executor), report=report, neighbours=neighbours,
                     listener=listener,
                 )  # fmt: skip
                 _check_disk(agenda, folder)
-                rows = _Rows(folder, found, agenda)
+                rows = _Rows(folder, given, agenda)
                 with sums.writing(folder, partial(_tables, folder), COMMAND):
                     at_once = executor.size if isinstance(executor, Cluster) else count
                     do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended, at_once)

@@ -353,9 +353,9 @@ def fraction_colours(names: Sequence[str]) -> dict[str, str]:
     """One colour a fraction, by its name: that of :data:`KNOWN`, else one that the name alone decides, or the next that
     no other of ``names`` has. Beyond nine fractions colours come again.
     """
-    found = {name: KNOWN[name] for name in names if name in KNOWN}
-    for name in sorted(set(names) - set(found)):
+    chosen = {name: KNOWN[name] for name in names if name in KNOWN}
+    for name in sorted(set(names) - set(chosen)):
         first = zlib.crc32(name.encode()) % len(COLOURS)
         turns = [COLOURS[(first + i) % len(COLOURS)] for i in range(len(COLOURS))]
-        found[name] = next((colour for colour in turns if colour not in found.values()), turns[0])
-    return {name: found[name] for name in names}
+        chosen[name] = next((colour for colour in turns if colour not in chosen.values()), turns[0])
+    return {name: chosen[name] for name in names}

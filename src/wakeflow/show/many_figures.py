@@ -58,8 +58,8 @@ def main_quantities(table: ResultTable) -> list[str]:
     wanted += [f"purity.{place}.{fraction}" for fraction, places in table.targets.items() for place in places]
     wanted += [f"loss.{fraction}" for fraction in table.targets]
     wanted += dict.fromkeys(f"dirt.{place}" for places in table.targets.values() for place in places)
-    found = [name for name in ("money.total", *wanted) if name in table.names]
-    return found or [name for name in table.names if name.startswith("share.") and not name.endswith(".elsewhere")]
+    there = [name for name in ("money.total", *wanted) if name in table.names]
+    return there or [name for name in table.names if name.startswith("share.") and not name.endswith(".elsewhere")]
 
 
 def numeric_inputs(table: ResultTable) -> list[str]:
@@ -104,9 +104,9 @@ class _Legend(NamedTuple):
 
     @classmethod
     def of(cls, looks: Mapping[str, _Look], styles: Mapping[str, LineStyleType]) -> _Legend:
-        told = {shorten(rest, LONGEST, placeholder=" ..."): style for rest, style in styles.items() if rest}
-        widest = max(text_width(text, LETTERS) for text in (*looks, *told))
-        return cls(looks, told, max(1, int(PANEL / (widest + SAMPLE))))
+        labels = {shorten(rest, LONGEST, placeholder=" ..."): style for rest, style in styles.items() if rest}
+        widest = max(text_width(text, LETTERS) for text in (*looks, *labels))
+        return cls(looks, labels, max(1, int(PANEL / (widest + SAMPLE))))
 
     @property
     def rows(self) -> int:
@@ -148,10 +148,10 @@ def _shifts(panel: Mapping[str, _Lines]) -> dict[str, dict[str, float]]:
     room = 0.0
     if len(values) > 1 and len(lines) > 1:
         room = float(min(SPREAD * np.diff(values).min(), WIDE * np.ptp(values)))
-    found: dict[str, dict[str, float]] = {name: {} for name in panel}
+    shifts: dict[str, dict[str, float]] = {name: {} for name in panel}
     for (name, rest), shift in zip(lines, np.linspace(-0.5 * room, 0.5 * room, len(lines)), strict=True):
-        found[name][rest] = float(shift)
-    return found
+        shifts[name][rest] = float(shift)
+    return shifts
 
 
 def _lines(
@@ -160,7 +160,7 @@ def _lines(
     """A quantity's lines in their styles with whiskers; points alone where there are no styles, for they are many."""
     for rest, points in groups.items():
         points = sorted(points, key=lambda point: (point[0], point[1].value))
-        spots = spots_of([found for _, found in points], _scale(points[0][1].name, points[0][1].unit))
+        spots = spots_of([quantity for _, quantity in points], _scale(points[0][1].name, points[0][1].unit))
         axes.errorbar(
             [x + shifts[rest] for x, _ in points], spots[0], spots[1:], linestyle=styles.get(rest, "none"),
             marker=look.marker, ms=3, lw=1.2, elinewidth=0.8, capsize=1.5, color=look.colour,
@@ -228,13 +228,13 @@ def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: st
 
 def _alike(table: ResultTable, names: Sequence[str]) -> list[list[str]]:
     """The quantities, those that have the same values in all scenes together."""
-    found: dict[object, list[str]] = {}
+    groups: dict[object, list[str]] = {}
     for name in names:
         values = [entry.by_name.get(name) for entry in table.done]
-        found.setdefault(tuple(None if one is None else (*one, name.partition(".")[0]) for one in values), []).append(
+        groups.setdefault(tuple(None if one is None else (*one, name.partition(".")[0]) for one in values), []).append(
             name
         )
-    return list(found.values())
+    return list(groups.values())
 
 
 def _cells(axes: Axes, grid: _Grid, name: str, unit: str) -> Any:
@@ -313,14 +313,14 @@ def draw_trade_off(path: Path, table: ResultTable) -> None:
     places: list[tuple[int, float, float]] = []  # scene, recovery and purity in percent
     for marker, (fraction, place) in zip(itertools.cycle(MARKERS), pairs, strict=False):
         wanted = (f"recovery.{fraction}", f"purity.{place}.{fraction}")
-        found = {
+        points = {
             number: tuple(entry.by_name[name] for name in wanted)
             for number, entry in enumerate(table.done, start=1)
             if set(wanted) <= set(entry.by_name)
         }
-        if not found:
+        if not points:
             continue
-        (x, *xerr), (y, *yerr) = (spots_of(side, 100.0) for side in zip(*found.values(), strict=True))
+        (x, *xerr), (y, *yerr) = (spots_of(side, 100.0) for side in zip(*points.values(), strict=True))
         axes.errorbar(
             x, y, xerr=np.array(xerr), yerr=np.array(yerr), fmt=marker, ms=4, lw=0.7, color=colours[fraction],
             label=f"{fraction} in {place}",
@@ -328,7 +328,7 @@ def draw_trade_off(path: Path, table: ResultTable) -> None:
         spots = np.column_stack([x, y])
         front = spots[on_front(spots)]
         axes.plot(*front[np.argsort(front[:, 0])].T, color=colours[fraction], lw=1.2, alpha=0.6)
-        places += zip(found, x.tolist(), y.tolist(), strict=True)
+        places += zip(points, x.tolist(), y.tolist(), strict=True)
     axes.set(xlabel="recovery (%)", ylabel="purity (%)")
     _name_scenes(axes, named, places)
     handles = sorted(zip(*axes.get_legend_handles_labels(), strict=True), key=lambda one: one[1] in named)
@@ -447,15 +447,15 @@ def _figures(folder: Path, table: ResultTable) -> dict[Path, Callable[[Path], No
     names, keys = main_quantities(table), numeric_inputs(table)
     if not names or not table.done:
         return {}
-    found: dict[Path, Callable[[Path], None]] = {
+    drawn: dict[Path, Callable[[Path], None]] = {
         folder / f"lines-{key}.png": partial(draw_lines, table=table, names=names, key=key) for key in keys
     }
     for x, y in itertools.combinations(keys, 2):
         if grid_of(table, x, y).rows:
-            found[folder / f"map-{x}-{y}.png"] = partial(draw_map, table=table, names=names, x=x, y=y)
+            drawn[folder / f"map-{x}-{y}.png"] = partial(draw_map, table=table, names=names, x=x, y=y)
     if any(pairs_of(table)):
-        found[folder / "trade-off.png"] = partial(draw_trade_off, table=table)
-    return found
+        drawn[folder / "trade-off.png"] = partial(draw_trade_off, table=table)
+    return drawn
 
 
 def of_worth(table: ResultTable) -> ResultTable:

@@ -87,8 +87,8 @@ def _separated(result: Result, separation: Separation, *, parted: bool) -> Table
     title = f"{of}share of each fraction's mass, %{', granules colliding' if met else ''}"
     rows: list[list[str | Text]] = []
     for one in words.bins_in_words(result, separation):
-        told = [(_parted(share) if parted else share, wanted) for share, wanted in one.shares]
-        shares = [Text(share, style="bold green" if wanted else "") for share, wanted in told]
+        pairs = [(_parted(share) if parted else share, wanted) for share, wanted in one.shares]
+        shares = [Text(share, style="bold green" if wanted else "") for share, wanted in pairs]
         purest = "\n".join(f"{name} {_parted(share)}".strip() for name, share in one.purities)
         rows.append([one.place, *shares, one.flow, purest])
     below = [] if result.void else measure_next(result)  # more exact numbers mend no answer that is worth nothing
@@ -107,14 +107,14 @@ def measure_next(result: Result) -> list[str]:
     """What a measurement would make of each recovery and each purity of a target; without targets, on which numbers
     each fraction's least certain share depends most.
     """
-    if told := words.measurement_lines(result):
-        return [*told, HOW_TO_MEASURE]
-    told = []
+    if lines := words.measurement_lines(result):
+        return [*lines, HOW_TO_MEASURE]
+    lines = []
     for name, (place, parts) in ({} if result.landings is None else least_certain(result.landings)).items():
         if known := weightiest(parts):
             inputs = ", ".join(f"{key} {part.points}" for key, part in known)
-            told.append(f"{name} in {place} depends most on (points each): {inputs}")
-    return [*told, HOW_TO_MEASURE] if told else []
+            lines.append(f"{name} in {place} depends most on (points each): {inputs}")
+    return [*lines, HOW_TO_MEASURE] if lines else []
 
 
 def alone_table(separation: Separation, alone: Separation) -> Table:
@@ -124,7 +124,7 @@ def alone_table(separation: Separation, alone: Separation) -> Table:
         return [name, *(f"{words.percent(one)}  ({words.change_of(one, met)})" for one, met in pairs)]
 
     rows = [
-        row(place, ((alone.fractions[name][place], found[place]) for name, found in separation.fractions.items()))
+        row(place, ((alone.fractions[name][place], together[place]) for name, together in separation.fractions.items()))
         for place in separation.bins
     ]
     recoveries = row("recovery", ((alone.recovery.get(n), separation.recovery.get(n)) for n in separation.fractions))
@@ -314,13 +314,13 @@ def _difference(one: Difference) -> Text:
     return plain(difference_text(one), "bold" if one.clear else "")
 
 
-def show_agreement(found: Agreement) -> None:
+def show_agreement(agreement: Agreement) -> None:
     """Print a row a tray, both shares with their 95 % intervals, and the verdict in a sentence."""
     rows = [
         [tray.about, percent(tray.measured), percent(tray.computed), f"{100 * tray.used:.0f}", f"{tray.pull:+.1f}"]
-        for tray in found.trays
+        for tray in agreement.trays
     ]
     heads = ["tray", "measured, %", "computed, %", "of the interval, %", "from the others, sd"]
     caption = "of the interval: the part of both 95 % intervals together that the difference takes"
     print_table(heads, rows, "measured and computed shares", caption)
-    print_lines([found.sentence])
+    print_lines([agreement.sentence])

@@ -75,8 +75,10 @@ def number_by_name(data: Any, what: str, names: Iterable[str]) -> None:
 
 def pieces(folder: Path, *names: str) -> list[Path]:
     """The pieces in the folders ``names``, by default all that there are, next to their indices in ``folder``."""
-    found = ((folder / name, re.compile(PIECES[name])) for name in names or PIECES)
-    return [path for place, own in found if place.is_dir() for path in place.iterdir() if own.fullmatch(path.name)]
+    places = ((folder / name, re.compile(PIECES[name])) for name in names or PIECES)
+    return [
+        path for place, pattern in places if place.is_dir() for path in place.iterdir() if pattern.fullmatch(path.name)
+    ]
 
 
 def clear_pieces(folder: Path, *names: str) -> None:
@@ -249,20 +251,22 @@ def write_tracks(
     ``tracks``: fraction name to what :class:`.outcome.Outcome` holds of each. In a ``field`` that repeats,
     ``loop time (s)`` is the time in field.pvd of the air that a granule is in.
     """
-    found = sorted(_granules(tracks, scene), key=lambda one: len(one.track["time"]) > 1)  # VTK: vertices before lines
-    data = lines_of([one.track["position"] for one in found])
-    if found:
+    granules = sorted(
+        _granules(tracks, scene), key=lambda one: len(one.track["time"]) > 1
+    )  # VTK: vertices before lines
+    data = lines_of([one.track["position"] for one in granules])
+    if granules:
         clock, velocity, arriving = (
-            np.concatenate([one.track[key] for one in found]) for key in ("time", "velocity", "arriving")
+            np.concatenate([one.track[key] for one in granules]) for key in ("time", "velocity", "arriving")
         )
-        sizes = [len(one.track["time"]) for one in found]
-        born = np.array([one.track["time"][0] for one in found])
+        sizes = [len(one.track["time"]) for one in granules]
+        born = np.array([one.track["time"][0] for one in granules])
         points = {"time since release (s)": clock - np.repeat(born, sizes), **_moving(velocity)}
         points[ARRIVING] = lifted(arriving)
         if field is not None and field.period is not None:
             points["loop time (s)"] = _loop_time(clock, field)
         data.point_data.update({name: np.asarray(values, dtype=np.float32) for name, values in points.items()})
-        data.cell_data.update({**_columns(found), "release (s)": born})
+        data.cell_data.update({**_columns(granules), "release (s)": born})
     _name_numbers(data, scene)
     return save_piece(data, Path(folder) / "tracks.vtp")
 
@@ -280,9 +284,9 @@ def write_moving(
     clear_pieces(Path(folder), "granules")
     if field is None or field.period is None or not scene.numerics.snapshots:
         return None
-    found = [one for one in _granules(tracks, scene) if len(one.track["time"]) > 1]
+    granules = [one for one in _granules(tracks, scene) if len(one.track["time"]) > 1]
     times = moments_of(field, scene.numerics.snapshots)
-    return save_series(path, times, (_at_phase(found, scene, float(t), field.period) for t in times), ".vtp")
+    return save_series(path, times, (_at_phase(granules, scene, float(t), field.period) for t in times), ".vtp")
 
 
 def write_landings(folder: Path | str, granules: Track, scene: Scene) -> Path:
@@ -305,13 +309,13 @@ def _granules(tracks: Mapping[str, Sequence[Track]], scene: Scene) -> Iterator[_
                 yield _Granule(places[name], shares[name] / len(part), track)
 
 
-def _columns(found: Sequence[_Granule]) -> Columns:
+def _columns(granules: Sequence[_Granule]) -> Columns:
     """What is known of each granule."""
-    numbers = {key: np.array([int(one.track[key]) for one in found], dtype=np.int32) for key in ("bin", "fate")}
+    numbers = {key: np.array([int(one.track[key]) for one in granules], dtype=np.int32) for key in ("bin", "fate")}
     return {
-        "fraction": np.array([one.fraction for one in found], dtype=np.int32),
-        "diameter (m)": np.array([float(one.track["diameter"]) for one in found]),
-        "weight": np.array([one.weight for one in found]),
+        "fraction": np.array([one.fraction for one in granules], dtype=np.int32),
+        "diameter (m)": np.array([float(one.track["diameter"]) for one in granules]),
+        "weight": np.array([one.weight for one in granules]),
         **numbers,
     }
 
@@ -325,11 +329,11 @@ def _loop_time(clock: Array, field: FlowField) -> Array:
     return np.asarray(begin + (clock - begin) % field.time_axis.period)
 
 
-def _at_phase(found: Sequence[_Granule], scene: Scene, time: float, period: float) -> Any:
+def _at_phase(granules: Sequence[_Granule], scene: Scene, time: float, period: float) -> Any:
     """Every granule at the moments of its flight that are whole periods (s) from ``time`` (s)."""
     here: list[int] = []
     clock, position, velocity = [np.zeros(0)], [np.zeros((0, 2))], [np.zeros((0, 2))]
-    for number, one in enumerate(found):
+    for number, one in enumerate(granules):
         born, ends = one.track["time"][[0, -1]]
         moments = np.arange(time + period * np.ceil((born - time) / period), ends, period)
         where, pace = Path2D.of(one.track).at(moments)
@@ -339,7 +343,7 @@ def _at_phase(found: Sequence[_Granule], scene: Scene, time: float, period: floa
         velocity.append(pace)
     data = _points(np.concatenate(position))
     if here:
-        rows = {name: values[here] for name, values in _columns(found).items()}
+        rows = {name: values[here] for name, values in _columns(granules).items()}
         since = {"time since release (s)": np.concatenate(clock), **_moving(np.concatenate(velocity))}
         data.point_data.update({**rows, "track": np.array(here, dtype=np.int32), **since})
     _name_numbers(data, scene)

@@ -24,7 +24,7 @@ from wakeflow.many import compute
 from wakeflow.many.agenda import make_agenda
 from wakeflow.many.axis import Axis, axes_of, axis_of_text, designs
 from wakeflow.many.compute import look_ahead
-from wakeflow.many.variant import Variant, asked_for, read_sweep_file, variants
+from wakeflow.many.variant import Variant, read_scenes, read_sweep_file, variants
 from wakeflow.scene.changes import differing, folder_name, run_folder
 
 
@@ -85,9 +85,9 @@ def test_a_key_with_a_star_is_one_number() -> None:
 
 def test_values_that_are_equal_are_one_scene() -> None:
     margins = "fraction.soft.restitution={value = 0.1, uncertainty = 0.01},{value = 0.1, uncertainty = 0.02}"
-    assert len(asked_for(CASES / "vacuum.toml", [margins], "grid", None, 0)[0]) == 2
+    assert len(read_scenes(CASES / "vacuum.toml", [margins], "grid", None, 0)[0]) == 2
     for text, names in (("80 mm,0.08 m,90 mm", ["0.08", "0.09"]), ("0.08,0.08", ["0.08"])):
-        found, _ = asked_for(CASES / "vacuum.toml", [f"feed.height={text}"], "grid", None, 0)
+        found, _ = read_scenes(CASES / "vacuum.toml", [f"feed.height={text}"], "grid", None, 0)
         assert [one.name for one in found] == [f"feed.height={name}" for name in names]
 
 

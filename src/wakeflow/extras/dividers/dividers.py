@@ -210,8 +210,8 @@ def _start(gain: Array, slack: Array, count: int) -> list[Stretch]:
     while falls_short(high) and high < 1e9:
         high *= 4.0
     high = halved(falls_short, 0.0, high, STEPS)[1]
-    found = [] if falls_short(high) else _most(gain + high * slack, count)
-    return found + [(0, 0)] * (count - len(found))
+    chosen = [] if falls_short(high) else _most(gain + high * slack, count)
+    return chosen + [(0, 0)] * (count - len(chosen))
 
 
 def _most(value: Array, count: int) -> list[Stretch]:
@@ -245,8 +245,11 @@ def _judged(result: Result, on: str, landed: Landed1D, fraction: str, purity: fl
             inside |= ~chosen_on & (landed.place >= low) & (landed.place < high)
     chosen = best_stretches(landed, purity, count)
     mass, wanted = landed.mass, landed.wanted
-    product, own = float(mass[inside].sum()), float(mass[inside & wanted].sum())
-    recovery, pure = own / (float(mass[wanted].sum()) + landed.lost), own / product if product > 0.0 else math.nan
+    product, pure_mass = float(mass[inside].sum()), float(mass[inside & wanted].sum())
+    recovery, pure = (
+        pure_mass / (float(mass[wanted].sum()) + landed.lost),
+        pure_mass / product if product > 0.0 else math.nan,
+    )
     first = float(landed.line[0, 0 if on in LEVEL else 1])
     if on not in result.joint.cells.edges or not chosen or product == 0.0:
         return Dividers(fraction, purity, landed.line, chosen, Number(pure), Number(recovery))

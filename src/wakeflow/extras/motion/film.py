@@ -248,12 +248,12 @@ def _still(film: Film, scene: Scene, window: Window, seconds: float) -> tuple[Fi
         for name in foremost(scene, list(film.paths))
     ]
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False, fontsize=9)
-    told = [
+    lines = [
         f"slowed {seconds / film.span:.3g} times",
         f"a slice of {MM * film.depth:.2g} mm",
         "granules meet" if film.met else "each flies alone",
     ]
-    text = axes.text(1.06, 0.02, "\n".join(told), transform=axes.transAxes, fontsize=8, va="bottom")
+    text = axes.text(1.06, 0.02, "\n".join(lines), transform=axes.transAxes, fontsize=8, va="bottom")
     clock = axes.annotate("0 ms", (0, 1), xycoords=text, xytext=(0, 6), textcoords="offset points", fontsize=11)
     return figure.figure, axes, clock
 

@@ -78,13 +78,13 @@ def film_of(
     What the run's own cache still holds is not computed again. Raises SceneError where the folder holds no such run,
     and for a fraction that it has not.
     """
-    tables, asked = asked_in(folder)
+    tables, request = asked_in(folder)
     for name in fractions:
         if name not in tables["fraction"]:
             known = list(tables["fraction"])
             raise SceneError(f"unknown fraction {name!r}{did_you_mean(name, known)} (known: {', '.join(known)})")
     with cache_in_use(cache_root()), one_thread_of_blas():
-        pipeline, _ = stages_of(Scene.parse(tables), asked, None, listener)
+        pipeline, _ = stages_of(Scene.parse(tables), request, None, listener)
         air = None if pipeline.scene.air is None else pipeline.field[1]
         film = flown_film(pipeline, span)
     return pipeline.scene, air, replace(film, paths={name: film.paths[name] for name in fractions or film.paths})

@@ -119,9 +119,9 @@ def _seconds(span: str) -> float:
     from ...core.quantities import quantity
 
     try:
-        found = float(span) if PLAIN.fullmatch(span) else quantity(span, "s", "0.2 s")
+        lasting = float(span) if PLAIN.fullmatch(span) else quantity(span, "s", "0.2 s")
     except ValueError as problem:
         raise SceneError(f"--span {span!r}: {problem}") from None
-    if not 0.0 < found <= MAX_SPAN:
+    if not 0.0 < lasting <= MAX_SPAN:
         raise SceneError(f"--span {span!r}: must be positive, and an hour at most")
-    return found
+    return lasting

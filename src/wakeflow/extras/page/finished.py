@@ -79,17 +79,17 @@ class StoredLandings:
 
     def profile(self, cells: int = 80) -> dict[str, dict[str, list[float]]]:
         """By side with bins and by fraction: the share of its mass that lands in each of ``cells`` along the side."""
-        found: dict[str, dict[str, list[float]]] = {}
+        sides: dict[str, dict[str, list[float]]] = {}
         for on in dict.fromkeys(one.on for one in self.scene.on_sides().values()):
             number = SIDES.index(on)
             span = self.scene.channel.span(on)
             here = self.side == number
-            found[on] = {
+            sides[on] = {
                 name: np.histogram(self.place[mine], cells, span, weights=self.weight[mine])[0].tolist()
                 for i, name in enumerate(self.scene.fraction)
                 for mine in [here & (self.fraction == i)]
             }
-        return found
+        return sides
 
 
 class FinishedRuns:
@@ -162,7 +162,7 @@ class FinishedRuns:
         return self._answer(self._stored(run), ends)
 
     def _answer(self, stored: StoredLandings, ends: Ends) -> dict[str, object]:
-        found, void = stored.result.between(ends).shares, stored.result.void
+        shares, void = stored.result.between(ends).shares, stored.result.void
 
         def cells(numbers: Mapping[str, Number | None]) -> dict[str, object]:
             return {
@@ -171,11 +171,11 @@ class FinishedRuns:
             }
 
         return {
-            "shares": {name: cells(row) for name, row in found.fractions.items()},
-            "purity": {place: cells(row) for place, row in found.purity.items() if row},
-            **{kind: cells(getattr(found, kind)) for kind in ("recovery", "loss", "dirt")},
-            "lost": {name: rate_words(one, void=void) for name, one in found.lost.items()},
-            "limits": _verdicts(stored, ends, found),
+            "shares": {name: cells(row) for name, row in shares.fractions.items()},
+            "purity": {place: cells(row) for place, row in shares.purity.items() if row},
+            **{kind: cells(getattr(shares, kind)) for kind in ("recovery", "loss", "dirt")},
+            "lost": {name: rate_words(one, void=void) for name, one in shares.lost.items()},
+            "limits": _verdicts(stored, ends, shares),
         }
 
     def before(self, *, run: str) -> dict[str, object]:
@@ -195,25 +195,26 @@ class FinishedRuns:
         table = compare([self.folder(names[place + other]), self.folder(run)]).table
         first, last = table.entries
         void = [one.reason == VOID for one in table.entries]
-        found = [(name, difference_of(first, last, name)) for name in main_quantities(table)]
+        differences = [(name, difference_of(first, last, name)) for name in main_quantities(table)]
         return {
             "run": run, "other": rows[place + other], "differs": apart,
             "rows": [
                 [name.replace(".", " of ", 1).replace(".", ", "), percent(first.by_name.get(name), void=void[0]),
                  percent(last.by_name.get(name), void=void[1]),
                  VOID if any(void) else "" if one is None else difference_text(one), one is not None and one.clear]
-                for name, one in found
+                for name, one in differences
             ],
         }  # fmt: skip
 
     def compare(self, *, runs: tuple[str, ...]) -> dict[str, object]:
         """Write the page of several ``runs`` side by side; returns its name."""
-        found = compare([self.folder(name) for name in runs])
+        comparison = compare([self.folder(name) for name in runs])
         place = Path(tempfile.mkdtemp(dir=self._compared))
         with self._drawing:
-            found.write(place)
-        return {"page": place.name, "differs": {key: [str(entry.inputs.get(key, "")) for entry in found.table.entries]
-                                                for key in found.table.inputs}}  # fmt: skip
+            comparison.write(place)
+        table = comparison.table
+        differing = {key: [str(entry.inputs.get(key, "")) for entry in table.entries] for key in table.inputs}
+        return {"page": place.name, "differs": differing}
 
     def sweep(self, *, sweep: str) -> dict[str, object]:
         """A sweep's points."""
@@ -225,12 +226,12 @@ def _landings_in(folder: Path, _: int) -> StoredLandings:
     return StoredLandings.of(Result.load(folder))
 
 
-def _verdicts(stored: StoredLandings, ends: Ends, found: Separation) -> list[str]:
+def _verdicts(stored: StoredLandings, ends: Ends, shares: Separation) -> list[str]:
     """Of each limit of a run whether it is kept with its bins between ``ends``, in the words of the report."""
     result = stored.result
     if dict(ends) == stored.ends:
         return verdict_lines(result)
-    parts = {"loss": found.loss, "dirt": found.dirt}
+    parts = {"loss": shares.loss, "dirt": shares.dirt}
     now = [(one, parts[kind].get(of)) for one in result.limits for kind, _, of in [one.limit.partition(".")]]
     moved = [replace(one, value=value, verdict=judged(result, value, one.most), decides="") for one, value in now]
     return verdict_lines(replace(result, limits=tuple(moved)))
@@ -244,20 +245,22 @@ def within(result: Result) -> dict[str, object]:
     """By fraction the places (m) of some tracks; the mean ``air`` as rows x, y (m), u, v (m/s), none without air.
     Raises SceneError where the run left no report to draw from.
     """
-    found = outcome_of(result)
-    channel = found.scene.channel
+    outcome = outcome_of(result)
+    channel = outcome.scene.channel
     step = (channel.top - channel.bottom) / CORNERS
     tracks = {
-        name: [np.round(_thinned(path.at(path.moments(step))[0]), 5).tolist() for path in map(Path2D.of, own[:TRACKS])]
-        for name, own in found.tracks.items()
+        name: [
+            np.round(_thinned(path.at(path.moments(step))[0]), 5).tolist() for path in map(Path2D.of, drawn[:TRACKS])
+        ]
+        for name, drawn in outcome.tracks.items()
     }
-    if found.field is None:
+    if outcome.field is None:
         return {"tracks": tracks, "air": []}
     step = channel.width / ACROSS
     x = np.arange(-channel.width / 2 + step / 2, channel.width / 2, step)
     y = np.arange(channel.bottom + step / 2, channel.top, step)
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    velocity = found.field.mean().sample(points)[0]
+    velocity = outcome.field.mean().sample(points)[0]
     rows = np.hstack([points, velocity])[np.isfinite(velocity).all(axis=1)]
     return {"tracks": tracks, "air": np.round(rows, 5).tolist()}
 

@@ -124,9 +124,9 @@ def _choices(place: Place, node: Node, data: JsonTable) -> list[str]:
             return list(materials)
         case ("fraction", _, "target"):
             return list(data.get("bin", {}))
-    found: list[str] = []
+    choices: list[str] = []
     for one in (node, *node.get("anyOf", ())):
-        found += map(str, one.get("enum", ()))
+        choices += map(str, one.get("enum", ()))
         if one.get("type") == "boolean":
-            found += ["true", "false"]
-    return found
+            choices += ["true", "false"]
+    return choices

@@ -80,10 +80,10 @@ def _calibrated(scene: Scene, ask: dict[str, Any], listener: _InJson) -> str:
     from ..trays.calibration import calibrate
 
     how = {"listener": listener, "planned": listener.planned, **ask["options"]}
-    found = calibrate(scene, ask["measured"], ask["folder"], **how)
-    told = [f"{key} {one.value:.3g} ({one.low:.3g} to {one.high:.3g})" for key, one in found.inputs.items()
+    posterior = calibrate(scene, ask["measured"], ask["folder"], **how)
+    narrower = [f"{key} {one.value:.3g} ({one.low:.3g} to {one.high:.3g})" for key, one in posterior.inputs.items()
             if one.narrower < NARROWER]  # fmt: skip
-    return f"{found.agreement.sentence} {'; '.join(told) or 'No number of the scene became narrower'}."
+    return f"{posterior.agreement.sentence} {'; '.join(narrower) or 'No number of the scene became narrower'}."
 
 
 if __name__ == "__main__":

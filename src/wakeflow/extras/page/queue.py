@@ -117,10 +117,10 @@ class RunQueue:
         self._thread.join()
 
     def _find(self, number: int) -> Run:
-        found = next((one for one in self.runs if one.number == number), None)
-        if found is None:
+        match = next((one for one in self.runs if one.number == number), None)
+        if match is None:
             raise SceneError(f"no run {number} in the list")
-        return found
+        return match
 
     def _waiting(self) -> Iterator[Run]:
         """Each run that waits, as soon as there is one, until the end of the thread."""
@@ -159,10 +159,10 @@ class RunQueue:
 
         with TemporaryDirectory(prefix="wakeflow-") as place:
             ask, log = Path(place, "ask.json"), Path(place, "log")
-            asked = {"text": one.text, "name": one.scene, "base": str(one.base.absolute()), "changes": one.changes,
+            request = {"text": one.text, "name": one.scene, "base": str(one.base.absolute()), "changes": one.changes,
                      "options": one.options, "folder": str(one.folder), "measured": one.measured, "kind": one.kind,
                      "typed": one.typed, "files": str(one.files.absolute())}  # fmt: skip
-            ask.write_text(json.dumps(asked))
+            ask.write_text(json.dumps(request))
             command = [sys.executable, "-P", "-m", "wakeflow.extras.page.job", str(ask)]
             try:
                 run_program(command, cwd=Path.cwd(), log=log, on_line=hear, on_idle=lambda _: self._check(one))

@@ -172,8 +172,8 @@ class _Guarded(RequestHandler):
 
     def write_error(self, status_code: int, **_: Any) -> None:
         self.set_header("Content-Type", "text/plain; charset=utf-8")
-        told = {403: "Open the address that wakeflow open has printed.\n", 404: "There is nothing here.\n"}
-        self.finish(told.get(status_code, f"{status_code}\n"))
+        words = {403: "Open the address that wakeflow open has printed.\n", 404: "There is nothing here.\n"}
+        self.finish(words.get(status_code, f"{status_code}\n"))
 
     def log_exception(self, kind: Any, value: Any, trace: Any) -> None:
         if not isinstance(value, HTTPError):

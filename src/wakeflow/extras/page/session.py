@@ -197,13 +197,13 @@ class Session:
         if self.document.changed and any(self.document.steps) and not drop:
             raise SceneError(f"{self.document.name} is not saved: save it, or open the other one again to drop it")
         if file:
-            found = SceneDocument.load(inside(self.home, file))
+            document = SceneDocument.load(inside(self.home, file))
         elif run:
-            found = self._of_run(self.finished.folder(run))
+            document = self._of_run(self.finished.folder(run))
         else:
-            found = _template(kind)
-        found.version = self.document.version + 1
-        self.document, self._drawn, self._held = found, {}, None
+            document = _template(kind)
+        document.version = self.document.version + 1
+        self.document, self._drawn, self._held = document, {}, None
         return self._tell_scene()
 
     # -- the plan ------------------------------------------------------------------------------------------------------
@@ -244,15 +244,15 @@ class Session:
         if kind != RUN:
             task_of(kind, look.scene, typed, self.home)
         free = self._free(name or (document.name if kind == RUN else f"{document.name}-{kind}"), look.scene, kind)
-        asked: dict[str, Any] = {
+        common: dict[str, Any] = {
             "text": document.text, "base": document.base, "scene": document.name, "kind": kind, "typed": typed,
             "files": self.home,
         }  # fmt: skip
         if quick and kind != "search":  # whose levels begin with one
             folder = self.runs / f"{free}-first-look"
-            self.queue.add(name=f"{free} first look", folder=folder, options={"quick": True}, **asked)
+            self.queue.add(name=f"{free} first look", folder=folder, options={"quick": True}, **common)
         if full:
-            self.queue.add(name=free, folder=self.runs / free, **asked)
+            self.queue.add(name=free, folder=self.runs / free, **common)
         return self.list()
 
     def _free(self, name: str, scene: Scene, kind: str = RUN) -> str:
@@ -262,10 +262,10 @@ class Session:
         for number in range(1, 1000):
             free = name if number == 1 else f"{name}-{number}"
             folder = self.runs / free
-            asked = [one for one in self.queue.runs if one.folder == folder and one.state not in ("done", "failed")]
+            waiting = [one for one in self.queue.runs if one.folder == folder and one.state not in ("done", "failed")]
             one_run = kind in (RUN, "protocol")
             there = (folder / FILE).exists() if one_run else folder.exists()
-            if not asked and (not there or (one_run and _same(folder, scene))):
+            if not waiting and (not there or (one_run and _same(folder, scene))):
                 return free
         raise SceneError(f"a thousand runs are called {name}: choose another name")
 
@@ -297,11 +297,11 @@ class Session:
 
         def part(where: str, typed: str) -> float:
             try:
-                found = percent_typed(typed)
+                share = percent_typed(typed)
             except ValueError as problem:
                 wrong[where] = str(problem)
                 return 0.0
-            return found
+            return share
 
         shares = [part(f"{fraction} in {place}", typed) for fraction, place, typed in rows]
         sure = part("±", error)
@@ -312,10 +312,10 @@ class Session:
         if wrong:
             return {"wrong": wrong}
         result = Result.load(folder)
-        own = folder.name.removesuffix(CALIBRATED)
+        name = folder.name.removesuffix(CALIBRATED)
         self.queue.add(
-            name=f"{own} and what was measured", folder=folder.with_name(own + CALIBRATED), base=self.home, scene=own,
-            text=Scene.parse(result.scene).as_toml(),
+            name=f"{name} and what was measured", folder=folder.with_name(name + CALIBRATED), base=self.home,
+            scene=name, text=Scene.parse(result.scene).as_toml(),
             options={"rung": result.options.rung, "force": result.options.force},
             measured={
                 "fraction": [row[0] for row in rows], "bin": [row[1] for row in rows], "share": shares,
@@ -353,14 +353,14 @@ def _notes(plan: Plan) -> dict[str, list[str]]:
 
 def _falls(plan: Plan, scene: Scene) -> list[dict[str, object]]:
     """Of each fraction its terminal velocity (m/s) and what the air does with it far from the bodies."""
-    found: list[dict[str, object]] = []
+    rows: list[dict[str, object]] = []
     for name, one in plan.fractions.items():
         speed = one.terminal_velocity
         if scene.air is None or speed is None:
-            told = "falls freely"
+            does = "falls freely"
         elif scene.air.rises:
-            told = "is lifted" if speed < scene.air.speed else "falls"
+            does = "is lifted" if speed < scene.air.speed else "falls"
         else:
-            told = f"falls at {scene.air.speed + speed:.3g} m/s at most"
-        found.append({"name": name, "terminal": speed, "told": told})
-    return found
+            does = f"falls at {scene.air.speed + speed:.3g} m/s at most"
+        rows.append({"name": name, "terminal": speed, "told": does})
+    return rows

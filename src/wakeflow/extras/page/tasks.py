@@ -106,10 +106,10 @@ def percent_typed(typed: str) -> float:
     >>> percent_typed("26,5"), percent_typed("26.5 %")
     (0.265, 0.265)
     """
-    found = re.fullmatch(r"\s*(\d+(?:[.,]\d*)?|[.,]\d+)\s*%?\s*", typed, re.ASCII)
-    if found is None:
+    match = re.fullmatch(r"\s*(\d+(?:[.,]\d*)?|[.,]\d+)\s*%?\s*", typed, re.ASCII)
+    if match is None:
         raise ValueError(f"{typed!r} is no percent; write a number such as 26.5 or 26,5")
-    part = float(found[1].replace(",", "."))
+    part = float(match[1].replace(",", "."))
     if part > 100.0:
         raise ValueError(f"{typed!r}: a share is at most 100 %")
     return part / 100.0
@@ -144,12 +144,12 @@ def _axes(scene: Scene, typed: str, known: Sequence[str]) -> dict[str, Sequence[
     given = {RATE: scene.feed.rate, SPEED: air and air.speed, TURNS: air and air.fan and air.fan.speed_ratio}
     if lacking := [key for key in known if not given[key]]:
         raise SceneError(f"the scene has no {lacking[0]} to vary: give it one")
-    found: dict[str, Sequence[object]] = {axis.key: axis.values for axis in map(axis_of_text, _parts(typed))}
-    if wrong := [key for key in found if key not in known]:
+    axes: dict[str, Sequence[object]] = {axis.key: axis.values for axis in map(axis_of_text, _parts(typed))}
+    if wrong := [key for key in axes if key not in known]:
         raise SceneError(f"{wrong[0]}: write {' or '.join(known)}, as in {known[-1]}='200:800:4 kg/hour'")
-    return found
+    return axes
 
 
-def _outcome(found: Sweep) -> str:
-    failed = "; ".join(f"{name}: {why}" for name, why in found.failed.items())
-    return f"{found.table!r}" + (f"; {failed}" if failed else "")
+def _outcome(made: Sweep) -> str:
+    failed = "; ".join(f"{name}: {why}" for name, why in made.failed.items())
+    return f"{made.table!r}" + (f"; {failed}" if failed else "")

@@ -94,10 +94,10 @@ def _next(history: History, propose: Proposer, price: Price) -> tuple[int, Seque
 
 def _ahead(history: History, level: int, few: int) -> list[DesignPoint]:
     """A few contenders of a level, before them the scene as it is: what every design is measured by."""
-    own, able = history.task.as_it_stands, history.contenders(level)[:few]
-    if own not in history.expectations() or own in history.evaluations[level]:
+    unchanged, able = history.task.as_it_stands, history.contenders(level)[:few]
+    if unchanged not in history.expectations() or unchanged in history.evaluations[level]:
         return able
-    return [own, *(place for place in able if place != own)]
+    return [unchanged, *(place for place in able if place != unchanged)]
 
 
 # -- A search carried out ----------------------------------------------------------------------------------------------
@@ -158,14 +158,14 @@ def search(
 
     Raises SceneError where the task is none, a level lacks a quantity that is asked for, or no design can be computed.
     """
-    asked = task if isinstance(task, SearchTask) else read_search_file(task)
+    given = task if isinstance(task, SearchTask) else read_search_file(task)
     check_workers(workers)
     folder, (listener, _) = made_folder(path_of(out, "out")), as_listener(listener)
-    asked, price = affordable(asked, partial(listener, "search"))
-    refuse_void(asked)
+    given, price = affordable(given, partial(listener, "search"))
+    refuse_void(given)
     with executor_on(scheduler, workers or cores(), folder) as executor:
-        scenes = _Scenes(asked, folder, partial(sweep, scheduler=executor, listener=listener))
-        history = explore(asked, scenes.evaluate, tell=partial(listener, "search"), price=price)
+        scenes = _Scenes(given, folder, partial(sweep, scheduler=executor, listener=listener))
+        history = explore(given, scenes.evaluate, tell=partial(listener, "search"), price=price)
         best = history.recommended()
         if not best:
             raise SceneError(_nothing_found(history, scenes))
@@ -174,12 +174,12 @@ def search(
     known = history.expectations()
     design = partial(scenes.design, history.evaluations[-1], known)
     tried = tuple(len(made) for made in history.evaluations)
-    seconds = tuple(history.seconds(level) for level in range(len(asked.levels)))
+    seconds = tuple(history.seconds(level) for level in range(len(given.levels)))
     front = tuple(map(design, history.front()))
     rivals = tuple(one for one in front if one.name != design(best).name)
-    own = asked.as_it_stands
+    own = given.as_it_stands
     unchanged = design(own) if own in history.evaluations[-1] and own in known else None
-    return Search(asked, folder, design(best), front, rivals, tried, seconds, unchanged)
+    return Search(given, folder, design(best), front, rivals, tried, seconds, unchanged)
 
 
 def affordable(task: SearchTask, tell: Callable[[str], None]) -> tuple[SearchTask, Price]:
@@ -194,12 +194,12 @@ def affordable(task: SearchTask, tell: Callable[[str], None]) -> tuple[SearchTas
     kept = _paid(prices, task.budget) or int(prices[0] <= OVERSPENT * task.budget)
     if kept == len(levels):
         return task, prices.__getitem__
-    told = (
+    shortened = (
         f"done the budget of {duration(task.budget)} does not pay for the finest {len(levels) - kept} of {len(levels)} "
         f"levels, where a design takes about {duration(prices[-1])}: the answer is of "
     )
     if kept and not make_plan(_at(task, levels[kept - 1])).why_void:
-        tell(f"{told}level {kept}")
+        tell(f"{shortened}level {kept}")
         return replace(task, levels=levels[:kept]), prices.__getitem__
     quick = {**levels[-1], **quick_keys(_at(task, levels[-1]))}
     price = _expected_price(_at(task, quick))
@@ -209,7 +209,7 @@ def affordable(task: SearchTask, tell: Callable[[str], None]) -> tuple[SearchTas
             "core; give more, or coarser settings in [[search.level]]"
         )
     kept = _paid(prices[:kept], task.budget - price)
-    tell(f"{told}quick settings, about {duration(price)} a design")
+    tell(f"{shortened}quick settings, about {duration(price)} a design")
     return replace(task, levels=(*levels[:kept], quick)), [*prices[:kept], price].__getitem__
 
 
@@ -233,7 +233,7 @@ def refuse_void(task: SearchTask) -> None:
         lows.update(ends[0])
         highs.update(ends[1])
         tried += ends
-    told = ""
+    first = ""
     for changes in tried:
         try:
             why = make_plan(finest.replace(changes)).why_void
@@ -241,9 +241,9 @@ def refuse_void(task: SearchTask) -> None:
             continue
         if not why:
             return
-        told = told or why
-    if told:
-        raise SceneError(f"search: every answer of the finest level would be void, so that none is computed: {told}")
+        first = first or why
+    if first:
+        raise SceneError(f"search: every answer of the finest level would be void, so that none is computed: {first}")
 
 
 def _expected_price(scene: Scene) -> float:
@@ -277,8 +277,8 @@ class _Scenes:
     def evaluate(self, level: int, places: Sequence[DesignPoint]) -> list[Evaluation]:
         """Sweep designs at a level."""
         variants = [self.variant(level, place) for place in places]
-        found: Sweep = self.compute(variants, self.folder(level), figures=False)
-        return [self._evaluation(place, entry, found) for place, entry in zip(places, found.table.entries, strict=True)]
+        made: Sweep = self.compute(variants, self.folder(level), figures=False)
+        return [self._evaluation(place, entry, made) for place, entry in zip(places, made.table.entries, strict=True)]
 
     def design(
         self, made: Mapping[DesignPoint, Evaluation], known: Mapping[DesignPoint, Expected], place: DesignPoint
@@ -289,11 +289,11 @@ class _Scenes:
         allowed = bool((known[place].excess <= 0.0).all())
         return FoundDesign(name, self.changes(place), made[place].quantities, self.folder(last) / name, allowed)
 
-    def _evaluation(self, place: DesignPoint, entry: Entry, found: Sweep) -> Evaluation:
+    def _evaluation(self, place: DesignPoint, entry: Entry, made: Sweep) -> Evaluation:
         if not entry.quantities:
             self.problems[place] = entry.reason
             return Evaluation(MIN_DESIGN_TIME, problem=entry.reason)
-        spent = {(stage, time.seconds) for stage, time in found.result(entry.name).seconds.items()}
+        spent = {(stage, time.seconds) for stage, time in made.result(entry.name).seconds.items()}
         new = spent - self.counted  # a stage that took the very same time is the same one, from the cache
         self.counted |= new
         spent_here = max(MIN_DESIGN_TIME, sum(seconds for _, seconds in new))

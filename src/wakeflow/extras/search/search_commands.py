@@ -55,50 +55,50 @@ def search(
     task = read_search_file(file, held, budget)
     folder = out or Path("runs", run_folder(file.stem, task.scene, held, {}))
     with live(enabled=not quiet) as listener:
-        found = find(task, folder, scheduler=scheduler, workers=workers, listener=listener)
+        result = find(task, folder, scheduler=scheduler, workers=workers, listener=listener)
     if not quiet:
-        show_search(found)
+        show_search(result)
 
 
-def show_search(found: Search) -> None:
+def show_search(result: Search) -> None:
     """Print the front, the recommended design first, how sure it is, and what to measure to be surer."""
     from ...show.terminal import measure_next
 
-    task = found.task
+    task = result.task
     keys = [axis.keys[0] for axis in task.within]
     rows = [
         [
             label,
             *(_value(design.changes[key]) for key in keys),
-            *(_quantity(design.quantities.get(name)) for name in task.asked),
+            *(_quantity(design.quantities.get(name)) for name in task.quantities),
         ]
-        for label, design in _labelled(found)
+        for label, design in _labelled(result)
     ]
-    heads = ["", *(head.replace(".", "\n") for head in (*keys, *task.asked))]
+    heads = ["", *(head.replace(".", "\n") for head in (*keys, *task.quantities))]
     print_table(heads, rows, f"designs for {', '.join(map(str, task.goals))}")
-    print_lines([*_verdict(found, found.recommended), *measure_next(found.result), f"results: {found.folder}"])
+    print_lines([*_verdict(result, result.recommended), *measure_next(result.result), f"results: {result.folder}"])
 
 
-def _labelled(found: Search) -> Iterator[tuple[str, FoundDesign]]:
+def _labelled(result: Search) -> Iterator[tuple[str, FoundDesign]]:
     """The recommended design, the others on the front, and the scene as it is, each once."""
-    best, own = found.recommended, found.as_it_stands
-    name = None if own is None else own.name
+    best, unchanged = result.recommended, result.as_it_stands
+    name = None if unchanged is None else unchanged.name
     yield "recommended" if best.name != name else f"recommended: {AS_IT_STANDS}", best
-    for design in found.front:
+    for design in result.front:
         if design.name != best.name:
             yield "on the front" if design.name != name else f"on the front: {AS_IT_STANDS}", design
-    if own is not None and name not in {best.name, *(design.name for design in found.front)}:
-        yield AS_IT_STANDS if own.allowed else f"{AS_IT_STANDS}, beyond the limits", own
+    if unchanged is not None and name not in {best.name, *(design.name for design in result.front)}:
+        yield AS_IT_STANDS if unchanged.allowed else f"{AS_IT_STANDS}, beyond the limits", unchanged
 
 
-def _verdict(found: Search, best: FoundDesign) -> Sequence[str]:
-    levels = zip(found.tried, found.seconds, strict=True)
+def _verdict(result: Search, best: FoundDesign) -> Sequence[str]:
+    levels = zip(result.tried, result.seconds, strict=True)
     cost = ", ".join(f"{tried} designs in {seconds:.0f} s" for tried, seconds in levels)
     lines = [f"recommended, the first: {best.folder}", f"computed, from the coarsest level on: {cost} of one core"]
     if not best.allowed:
         lines.append("! no design that was computed keeps the limits; this one comes nearest")
-    if found.rivals:
-        lines.append(f"! within the intervals {len(found.rivals)} other designs may be as good")
+    if result.rivals:
+        lines.append(f"! within the intervals {len(result.rivals)} other designs may be as good")
     return lines
 
 

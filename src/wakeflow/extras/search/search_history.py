@@ -63,7 +63,7 @@ class History:
     def add(self, level: int, made: Mapping[DesignPoint, Evaluation]) -> None:
         """Take in what was computed. Raises SceneError where it lacks a quantity that is asked for."""
         for evaluation in made.values():
-            for name in self.task.asked:
+            for name in self.task.quantities:
                 if not evaluation.problem and name not in evaluation.quantities:
                     hint = did_you_mean(name, list(evaluation.quantities))
                     raise SceneError(f"level {level + 1} has no quantity {name!r}{hint}")
@@ -155,11 +155,11 @@ class History:
         return np.array(losses), np.array(excess)
 
     def _expected(self, evaluation: Evaluation, losses: Array, excess: Array, spread: Array) -> Expected:
-        own, broken = self._numbers(evaluation)
-        found = [(goal.sign, evaluation.quantities[goal.quantity]) for goal in self.task.goals]
-        ends = [[-sign * (one.value if end is None else end) for end in one.ends] for sign, one in found]
-        (best, worst), middle = np.sort(ends, axis=1).T, own + losses
-        low, high = middle - np.hypot(own - best, spread), middle + np.hypot(worst - own, spread)
+        computed, broken = self._numbers(evaluation)
+        numbers = [(goal.sign, evaluation.quantities[goal.quantity]) for goal in self.task.goals]
+        ends = [[-sign * (one.value if end is None else end) for end in one.ends] for sign, one in numbers]
+        (best, worst), middle = np.sort(ends, axis=1).T, computed + losses
+        low, high = middle - np.hypot(computed - best, spread), middle + np.hypot(worst - computed, spread)
         if evaluation.void:  # as good or as bad as anything
             low, high = np.full_like(low, -np.inf), np.full_like(high, np.inf)
         return Expected(middle, low, high, broken + excess)
@@ -195,10 +195,10 @@ HOPELESS = 1e6  # excess of a design that cannot be computed
 def at_random(history: History, count: int) -> list[DesignPoint]:
     """Points of a scrambled Sobol' sequence, from where the history ends; the first is the scene as it is."""
     task, before = history.task, len(history.evaluations[0])
-    own = [task.as_it_stands] if task.as_it_stands else []
-    if before < len(own):
-        return own + _balanced(task, 0, count - len(own))
-    return _balanced(task, before - len(own), count)
+    first = [task.as_it_stands] if task.as_it_stands else []
+    if before < len(first):
+        return first + _balanced(task, 0, count - len(first))
+    return _balanced(task, before - len(first), count)
 
 
 def _balanced(task: SearchTask, before: int, count: int) -> list[DesignPoint]:
@@ -251,6 +251,6 @@ def _as_trials(history: History) -> list[tuple[DesignPoint, list[float], list[fl
     if not known:
         return []
     worst = [max(one.losses[goal] for one in known.values()) for goal in range(len(history.task.goals))]
-    told = [(place, one.losses.tolist(), [*one.excess.tolist(), 0.0]) for place, one in known.items()]
+    trials = [(place, one.losses.tolist(), [*one.excess.tolist(), 0.0]) for place, one in known.items()]
     bad = [*[HOPELESS] * (len(history.task.limits) + 1)]
-    return told + [(place, [float(value) for value in worst], bad) for place in history.failed()]
+    return trials + [(place, [float(value) for value in worst], bad) for place in history.failed()]

@@ -74,7 +74,7 @@ class SearchTask:
         return () if any(map(math.isnan, places)) else places
 
     @property
-    def asked(self) -> list[str]:
+    def quantities(self) -> list[str]:
         """Names of the quantities of goals and limits, each once."""
         names = [goal.quantity for goal in self.goals] + [limit.quantity for limit in self.limits]
         return list(dict.fromkeys(names))
@@ -104,9 +104,9 @@ def _task(file: TaskFile, scene: Scene, held: Mapping[str, object], budget: obje
     if not goals:
         raise SceneError("search.maximise or search.minimise: name at least one quantity, such as 'recovery.wheat'")
     where = {name: _limit(name, ends) for name, ends in file.inside("where").items()}
-    own = {name: QuantityLimit(name, most=most) for name, most in scene.limit.asked.items()}
+    limits = {name: QuantityLimit(name, most=most) for name, most in scene.limit.asked.items()}
     task = SearchTask(
-        scene, tuple(_within(file, held)), tuple(goals), _seconds(budget), tuple({**own, **where}.values()),
+        scene, tuple(_within(file, held)), tuple(goals), _seconds(budget), tuple({**limits, **where}.values()),
         _levels(file.table.get("level", [{}]), held), file.whole_number("seed"),
         file.whole_number("at_a_time", least=1) or AT_A_TIME,
     )  # fmt: skip
@@ -122,7 +122,7 @@ def quantities_to_seek(scene: Scene) -> list[str]:
 def _check_names(task: SearchTask) -> None:
     """Raise SceneError where a goal, a limit or a key to change is none of the scene: before anything is computed."""
     known = quantities_to_seek(task.scene)
-    for name in task.asked:
+    for name in task.quantities:
         if name not in known:
             example = f"recovery.{next(iter(task.scene.fraction))}"
             raise SceneError(f"no quantity {name!r}{did_you_mean(name, known) or f' (as {example!r} is one)'}")
@@ -178,8 +178,8 @@ def _levels(given: Any, held: Mapping[str, object]) -> tuple[JsonMapping, ...]:
 
 
 def _names(table: Mapping[str, object], key: str) -> Sequence[str]:
-    found = table.get(key, [])
-    names = [found] if isinstance(found, str) else found
+    given = table.get(key, [])
+    names = [given] if isinstance(given, str) else given
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise SceneError(f"search.{key}: name quantities, such as 'recovery.wheat'")
     return names

@@ -161,9 +161,9 @@ def sensitivity(
     moves, axes, failed = drawn_moves(result.landings), _axes(over, result), {}
     if axes:
         made_folder(folder)
-        found, pairs = _ends(axes, Scene.parse(result.scene))
+        ends, pairs = _ends(axes, Scene.parse(result.scene))
         done = sweep(
-            found, folder / FLOWN, rung=result.options.rung, force=result.options.force, scheduler=scheduler,
+            ends, folder / FLOWN, rung=result.options.rung, force=result.options.force, scheduler=scheduler,
             workers=workers, figures=False, listener=listener,
         )  # fmt: skip
         moves, failed = _joined(_swept_moves(pairs, done), moves), done.failed
@@ -201,17 +201,17 @@ def _axes(over: Mapping[str, object] | Sequence[str], result: Result | None = No
     """
     alone = [] if isinstance(over, Mapping) else [text for text in over if "=" not in text]
     if isinstance(over, Mapping):
-        found = axes_of(over, "sensitivity")
+        axes = axes_of(over, "sensitivity")
     else:
-        found = [axis_of_text(text, "--over") for text in over if "=" in text]
-    keys = [*(key for axis in found for key in axis.keys), *alone]
+        axes = [axis_of_text(text, "--over") for text in over if "=" in text]
+    keys = [*(key for axis in axes for key in axis.keys), *alone]
     if twice := next((key for key in keys if keys.count(key) > 1), None):
         raise SceneError(f"--over {twice} is given twice; give its two ends once, as in --over {twice}=LOW,HIGH")
     if result is not None:
-        found += [_own_interval(key, result) for key in alone]
-    if single := [axis.key for axis in found if len(axis.values) < 2]:
+        axes += [_own_interval(key, result) for key in alone]
+    if single := [axis.key for axis in axes if len(axis.values) < 2]:
         raise SceneError(f"{single[0]}: give its two ends, as in --over {single[0]}=LOW,HIGH")
-    return found
+    return axes
 
 
 def _own_interval(key: str, result: Result) -> Axis:
@@ -244,8 +244,8 @@ def _ends(axes: Sequence[Axis], scene: Scene) -> tuple[list[Variant], dict[str, 
     if not axes:
         return [], {}
     ends = {axis.key: [axis.values[0], axis.values[-1]] for axis in axes}
-    found = variants(scene, ends, design="one-at-a-time")
-    return found, {axis.key: _pair(axis, found[1 + 2 * i : 3 + 2 * i]) for i, axis in enumerate(axes)}
+    made = variants(scene, ends, design="one-at-a-time")
+    return made, {axis.key: _pair(axis, made[1 + 2 * i : 3 + 2 * i]) for i, axis in enumerate(axes)}
 
 
 def _pair(axis: Axis, ends: Sequence[Variant]) -> tuple[End, End]:
@@ -286,9 +286,9 @@ def _swept_moves(pairs: Mapping[str, tuple[End, End]], done: Sweep) -> list[Inpu
     return moves
 
 
-def _joined(swept: Sequence[InputMove], told: Sequence[InputMove]) -> list[InputMove]:
+def _joined(swept: Sequence[InputMove], of_draws: Sequence[InputMove]) -> list[InputMove]:
     """What was swept, with the index that the draws gave it, and what was not."""
-    drawn = {(one.quantity, one.key): one for one in told}
+    drawn = {(one.quantity, one.key): one for one in of_draws}
     moves = []
     for one in swept:
         before = drawn.pop((one.quantity, one.key), None)

@@ -101,27 +101,27 @@ def sensitivity(
     from ...runs.progress import live
     from .sensitivity import sensitivity as find
 
-    asked: Scene | Path = scene
+    subject: Scene | Path = scene
     if not scene.is_dir():
-        asked, out = scene_and_folder(scene, settings, gate, out)
+        subject, out = scene_and_folder(scene, settings, gate, out)
     elif settings:
         raise SceneError("a finished run has its numbers; give its scene file to change them with --set")
     with live(enabled=not quiet) as listener:
-        found = find(asked, out, over=over, workers=workers, listener=listener, planned=listener.planned, **gate.how)
-    figure, left = found.plot(of), found.remaining(dict(setting(one, "--known", "KEY=HALF") for one in known))
+        result = find(subject, out, over=over, workers=workers, listener=listener, planned=listener.planned, **gate.how)
+    figure, left = result.plot(of), result.remaining(dict(setting(one, "--known", "KEY=HALF") for one in known))
     if not quiet:
-        show_moves(found, of)
-        show_remaining(found.result, left)
-        print(f"{figure}\n{found.folder / 'sensitivity.csv'}")
+        show_moves(result, of)
+        show_remaining(result.result, left)
+        print(f"{figure}\n{result.folder / 'sensitivity.csv'}")
 
 
-def show_moves(found: Sensitivity, quantities: Sequence[str] = ()) -> None:
+def show_moves(result: Sensitivity, quantities: Sequence[str] = ()) -> None:
     """Print what each input alone does to ``quantities``, by default to each fraction's share that is moved most, and
     the part that it has of the variance; what failed, and where the draws do not tell enough.
     """
     from rich.console import Console
 
-    console, shown = Console(), found.of(quantities)
+    console, shown = Console(), result.of(quantities)
     for name, moves in shown.items():
         sure = [one for one in moves if one.error is None or one.error < one.reach]
         if sure:
@@ -129,8 +129,8 @@ def show_moves(found: Sensitivity, quantities: Sequence[str] = ()) -> None:
         if rest := len(moves) - len(sure):
             which = f"{rest} other input{'s' if rest > 1 else ''}" if sure else "any input"
             console.print(f"{name}: what {which} may change is within its own error", soft_wrap=True)
-    lines = [f"! {name}: {reason}" for name, reason in found.failed.items()]
-    lines += [_advice(name, left, shown[name]) for name in shown if (left := found.unexplained(name)) is not None]
+    lines = [f"! {name}: {reason}" for name, reason in result.failed.items()]
+    lines += [_advice(name, left, shown[name]) for name in shown if (left := result.unexplained(name)) is not None]
     print_lines(lines)
 
 
@@ -238,22 +238,22 @@ def _operated(
     from ...show.terminal import show_sweep
     from .operating import counted_lines, met_at, met_lines, met_up_to
 
-    asked, folder = scene_and_folder(scene, options.settings, options.pace, None)
+    machine, folder = scene_and_folder(scene, options.settings, options.pace, None)
     how = options.pace.how
     if options.pace.quick:
-        asked, how = quick_settings(asked, how)
+        machine, how = quick_settings(machine, how)
     rates, target = _values("feed.rate", feed), options.out or folder.with_name(f"{folder.name}+{name}")
     with live(enabled=not options.quiet) as listener:
-        found, figure = made(asked, target, feed=rates, workers=options.workers, listener=listener, **how)
+        sweep, figure = made(machine, target, feed=rates, workers=options.workers, listener=listener, **how)
     if not options.quiet:
-        show_sweep(found.table, found.folder)
-        limits = asked.limit.asked
+        show_sweep(sweep.table, sweep.folder)
+        limits = machine.limit.asked
         if name == "capacity":
-            print_lines(met_lines(met_up_to(found.table, limits), limits))
+            print_lines(met_lines(met_up_to(sweep.table, limits), limits))
         else:
-            print_lines(counted_lines(met_at(found.table, limits), limits))
+            print_lines(counted_lines(met_at(sweep.table, limits), limits))
         print(figure)
-    return SOME_FAILED if found.failed else 0
+    return SOME_FAILED if sweep.failed else 0
 
 
 def _values(key: str, text: str | None) -> Sequence[object]:

@@ -110,16 +110,16 @@ def _zones(axes: Axes, grid: PlotGrid, scene: Scene, window: Window, numbers: Ma
     ahead = y > np.mean(upstream * outline[:, 1])
     shade = (y < np.min(upstream * outline[:, 1])) & (np.abs(x) < width / 2)  # right behind the body
     pressed = np.where(ahead & (np.abs(x) < width) & (cp > PRESSING_LEVEL), cp, -np.inf)
-    found: dict[str, tuple[Any, float]] = {}  # the cell that a name points to, and which way the name is moved
+    places: dict[str, tuple[Any, float]] = {}  # the cell that a name points to, and which way the name is moved
     if np.isfinite(pressed).any():
-        found["pressing zone"] = np.unravel_index(np.argmax(pressed), pressed.shape), upstream
+        places["pressing zone"] = np.unravel_index(np.argmax(pressed), pressed.shape), upstream
     low = shade & (cp < SUCTION_LEVEL)
     if not low.any():
         low = ~ahead & (cp < SUCTION_LEVEL)
     if low.any():  # its deeper half: in a narrow channel the zone itself may reach far downstream
         sucked = np.argwhere(low & (cp <= 0.5 * (SUCTION_LEVEL + cp[low].min())))
-        found["suction zone"] = sucked[np.argmin(np.sum((sucked - np.median(sucked, axis=0)) ** 2, axis=1))], -upstream
-    for name, ((i, j), way) in found.items():
+        places["suction zone"] = sucked[np.argmin(np.sum((sucked - np.median(sucked, axis=0)) ** 2, axis=1))], -upstream
+    for name, ((i, j), way) in places.items():
         _callout(axes, numbers.get(name, "") + name, (grid.x[j], grid.y[i]), 0.7 * way * width, window)
 
 

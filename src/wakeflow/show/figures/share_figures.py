@@ -68,9 +68,9 @@ def draw_landing(
     colours = fraction_colours(names)
     cells: list[tuple[object, ...]] = []  # of all panels, one below the other
     for row, name in enumerate(names):
-        found = separation.fractions[name]
+        landed = separation.fractions[name]
         shares = {place: f"{percent(row).partition(' ')[0]} %".replace(f"{UNKNOWN_ERROR} %", UNKNOWN_ERROR)
-                  for place, row in found.items()}  # fmt: skip
+                  for place, row in landed.items()}  # fmt: skip
         peak = 0.0
         for axes, wall in zip(panels[row], walls, strict=True):
             edges, share = _histogram(wall, scene, landings[name])
@@ -89,8 +89,8 @@ def draw_landing(
         _name_bins(axes, wall, scene, wide)
     for axes, wall in zip(panels[-1], walls, strict=True):
         axes.set_xlabel(wall.title)
-    told = of_all(names, landings)
-    figure.suptitle(f"Where each fraction lands: percent of its mass{told}; curves: percent per cm", fontsize=TEXT_SIZE)
+    some = of_all(names, landings)
+    figure.suptitle(f"Where each fraction lands: percent of its mass{some}; curves: percent per cm", fontsize=TEXT_SIZE)
     heads = ("fraction", "wall", "from (m)", "to (m)", "share of its mass (%)")
     columns = (np.concatenate(column) for column in zip(*cells, strict=True))
     save(figure, paper, dict(zip(heads, columns, strict=True)))
@@ -191,7 +191,7 @@ def draw_partition(paper: Paper, scene: Scene, curves: Sequence[PartitionCurve])
             reach = np.array([share - low, high - share])
             axes.errorbar(at, share, reach, fmt="none", ecolor=colour, elinewidth=0.7, alpha=0.5)
             axes.plot(at, share, ":", lw=0.9, color=colour, zorder=1)
-            axes.plot([], [], "o-", ms=3, lw=1.2, color=colour, label=_told(curve, scale, unit))
+            axes.plot([], [], "o-", ms=3, lw=1.2, color=colour, label=_cut_words(curve, scale, unit))
             if curve.cut is not None:
                 axes.plot([scale * curve.cut.value] * 2, [0.0, 50.0], ":", color=colour, linewidth=1.0)
         for level in (25.0, 50.0, 75.0):
@@ -207,13 +207,13 @@ def draw_partition(paper: Paper, scene: Scene, curves: Sequence[PartitionCurve])
 
 def _product_colours(scene: Scene, curves: Sequence[PartitionCurve]) -> dict[tuple[str, ...], str]:
     """That of the fraction which should land in a product; of a bin that is nobody's target one of its own."""
-    own = fraction_colours(list(scene.fraction))
-    wanted = {fraction.targets: own[name] for name, fraction in scene.fraction.items()}
+    colours = fraction_colours(list(scene.fraction))
+    wanted = {fraction.targets: colours[name] for name, fraction in scene.fraction.items()}
     products = list(dict.fromkeys(curve.product for curve in curves))
     return {product: wanted.get(product, COLOURS[i % len(COLOURS)]) for i, product in enumerate(products)}
 
 
-def _told(curve: PartitionCurve, scale: float, unit: str) -> str:
+def _cut_words(curve: PartitionCurve, scale: float, unit: str) -> str:
     name = " or ".join(curve.product)
     if curve.cut is None:
         return f"{name}: {curve.why}"
@@ -224,7 +224,7 @@ def _told(curve: PartitionCurve, scale: float, unit: str) -> str:
 def _curve_columns(curves: Sequence[PartitionCurve]) -> dict[str, ArrayLike]:
     sizes = [len(curve.at) for curve in curves]
     names = (" or ".join(curve.product) for curve in curves)
-    found: dict[str, ArrayLike] = {
+    table: dict[str, ArrayLike] = {
         "product": np.repeat(list(names), sizes),
         "by": np.repeat([curve.by for curve in curves], sizes),
         "unit": np.repeat([curve.unit for curve in curves], sizes),
@@ -233,8 +233,8 @@ def _curve_columns(curves: Sequence[PartitionCurve]) -> dict[str, ArrayLike]:
         ("value", "at"), ("mass of the feed (1)", "mass"), ("share (1)", "share"), ("low (1)", "low"),
         ("high (1)", "high"),
     ):  # fmt: skip
-        found[head] = np.concatenate([np.array(getattr(curve, key)) for curve in curves])
-    return found
+        table[head] = np.concatenate([np.array(getattr(curve, key)) for curve in curves])
+    return table
 
 
 MARKERS = "<>^vsDPX*"
@@ -280,7 +280,7 @@ def _marks(landings: LandingResults) -> list[tuple[str, str, str]]:
     """Fraction, bin and wake of every share that was flown in another wake."""
     bracket = landings.bracket or {}
     return [
-        (name, place, wake) for name, places in bracket.items() for place, found in places.items() for wake in found
+        (name, place, wake) for name, places in bracket.items() for place, shares in places.items() for wake in shares
     ]
 
 
@@ -299,9 +299,9 @@ def _wake_rows(scene: Scene, landings: LandingResults) -> list[tuple[str, str]]:
 def _wake_columns(landings: LandingResults) -> dict[str, ArrayLike]:
     marks, bracket = _marks(landings), landings.bracket or {}
     heads = ("fraction", "bin", "wake")
-    found: dict[str, ArrayLike] = {head: [mark[i] for mark in marks] for i, head in enumerate(heads)}
-    found["share (%)"] = 100.0 * np.array([bracket[name][place][wake] for name, place, wake in marks])
-    return found
+    table: dict[str, ArrayLike] = {head: [mark[i] for mark in marks] for i, head in enumerate(heads)}
+    table["share (%)"] = 100.0 * np.array([bracket[name][place][wake] for name, place, wake in marks])
+    return table
 
 
 def _landings(outcome: Outcome) -> tuple[object, ...]:

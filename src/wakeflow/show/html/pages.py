@@ -20,7 +20,7 @@ from ...scene.own_files import LOGOS
 from ...scene.rungs import rungs
 from ...scene.uncertainty import source_of
 from .. import words
-from ..asked_pictures import found
+from ..asked_pictures import finished_pictures
 from ..canvas import bins_across, fraction_colours
 from ..figures import captions
 from ..many_figures import main_quantities
@@ -55,8 +55,8 @@ def write_html(folder: Path | str, outcome: Outcome) -> Path:
     """Write ``folder/report.html`` from a run and the PNG files in ``folder/figures``."""
     folder = Path(folder)
     path = folder / "report.html"
-    asked = found(folder / "figures")
-    texts = {**captions(), **{name: picture.text or name for name, picture in asked.items()}}
+    drawn = finished_pictures(folder / "figures")
+    texts = {**captions(), **{name: picture.text or name for name, picture in drawn.items()}}
     pictures = inlined_pictures(folder / "figures", texts) | inlined_pictures(folder / "figures", FRONT, ".svg")
     with atomic_write(path) as stream:
         parts = [page_additions[name].part(folder, outcome) for name in page_additions]
@@ -121,8 +121,8 @@ def _grades(result: Result) -> list[tuple[str, list[str]]]:
 
 def _origin(result: Result) -> list[tuple[str, str]]:
     made = {name: value for name, value in vars(result.provenance).items() if name != "host"}  # a report is passed on
-    told = [(name, words.NO_VALUE if value is None else str(value)) for name, value in made.items()]
-    return [*told, *result.versions.items(), ("fingerprint of the answer", result.key)]
+    provenance = [(name, words.NO_VALUE if value is None else str(value)) for name, value in made.items()]
+    return [*provenance, *result.versions.items(), ("fingerprint of the answer", result.key)]
 
 
 def _logo(scene: Scene) -> str:
@@ -136,19 +136,19 @@ def _logo(scene: Scene) -> str:
 def _cut(curve: PartitionCurve) -> tuple[str, ...]:
     """A row of the partition curves' cuts; sizes in mm."""
     scale, unit = (1e3, "mm") if curve.by == "size" else (1.0, curve.unit)
-    cut, told = curve.cut, [words.NO_VALUE] * 3
+    cut, cells = curve.cut, [words.NO_VALUE] * 3
     if cut is not None:
         sharp = rows.number(None if curve.ep is None else scale * curve.ep)
-        told = [f"{rows.measured_text(cut, scale)} {unit}", sharp, rows.number(curve.imperfection)]
-    return (" or ".join(curve.product), curve.by, *told, curve.why)
+        cells = [f"{rows.measured_text(cut, scale)} {unit}", sharp, rows.number(curve.imperfection)]
+    return (" or ".join(curve.product), curve.by, *cells, curve.why)
 
 
 def _made_of(row: BudgetRow) -> str:
     """The parts of an error in words, the largest first, those that are zero left out, unknown ones last."""
     known = sorted((part for part in row.parts if part.error), key=lambda part: -(part.error or 0.0))
     unknown = [part for part in row.parts if part.error is None]
-    told = [f"{part.source} {words.error_text(row, part.error)}" for part in known]
-    return ", ".join([*told, *(f"{part.source} {words.UNKNOWN_ERROR}" for part in unknown)])
+    parts = [f"{part.source} {words.error_text(row, part.error)}" for part in known]
+    return ", ".join([*parts, *(f"{part.source} {words.UNKNOWN_ERROR}" for part in unknown)])
 
 
 def _how(part: BudgetPart) -> str:
@@ -179,8 +179,8 @@ def _inputs(result: Result) -> list[tuple[str, ...]]:
         most = sorted(moves[key], key=lambda move: move[0])[:MAX_MOVED]
         with speaking(UNITS):
             ends = [say(value, one.unit, 3) for value in (one.value, one.low, one.high)]
-        told = ", ".join(text for _, text in most)
-        shown.append((most[0][0] if most else 0.0, (key, *ends, source_of(key, one.why), told)))
+        moved = ", ".join(text for _, text in most)
+        shown.append((most[0][0] if most else 0.0, (key, *ends, source_of(key, one.why), moved)))
     return [row for _, row in sorted(shown, key=lambda one: one[0])]
 
 
@@ -235,17 +235,17 @@ def _rows(table: ResultTable, differences: Differences) -> list[_Row]:
         if not any(one is not None and (one.value or one.high) for one in numbers):
             continue
         later = [differences.get(name, {}).get(entry.name) for entry in table.entries[1:]]
-        told = [(NO_VALUE, False) if one is None else (difference_text(one), one.clear) for one in later]
-        rows.append(_Row(name, [_value(name, one) for one in numbers], told, any(clear for _, clear in told)))
+        changes = [(NO_VALUE, False) if one is None else (difference_text(one), one.clear) for one in later]
+        rows.append(_Row(name, [_value(name, one) for one in numbers], changes, any(clear for _, clear in changes)))
     return rows
 
 
-def _value(name: str, found: TableQuantity | None) -> str:
-    if found is None:
+def _value(name: str, quantity: TableQuantity | None) -> str:
+    if quantity is None:
         return NO_VALUE
     if is_part(name):
-        return f"{percent(found)} %"
-    return f"{number(found.value)} {found.unit}".removesuffix(" 1")
+        return f"{percent(quantity)} %"
+    return f"{number(quantity.value)} {quantity.unit}".removesuffix(" 1")
 
 
 def _bins(scenes: Sequence[Scene]) -> list[str]:
@@ -255,13 +255,13 @@ def _bins(scenes: Sequence[Scene]) -> list[str]:
 
 def _shares(entry: Entry) -> Mapping[tuple[str, str], Mapping[str, object]]:
     """Percent by fraction and bin: value, low and high, and their words."""
-    found = {}
+    shares = {}
     for name, one in entry.by_name.items():
         kind, *of = name.split(".", 2)
         if kind == "share" and len(of) == 2:
             value, low, high = (100.0 * part for part in (one if one.known else (one.value,) * 3))
-            found[of[0], of[1]] = {"value": value, "low": low, "high": high, "told": _value(name, one)}
-    return found
+            shares[of[0], of[1]] = {"value": value, "low": low, "high": high, "told": _value(name, one)}
+    return shares
 
 
 def _pairs(names: Sequence[str], runs: Sequence[Result]) -> list[_Pair]:
@@ -270,7 +270,7 @@ def _pairs(names: Sequence[str], runs: Sequence[Result]) -> list[_Pair]:
     folders = {name: inlined_pictures(run.folder / "figures", texts) for name, run in zip(names, runs, strict=True)}
     pairs = []
     for which, caption in texts.items():
-        found = [(name, pictures[which]) for name, pictures in folders.items() if which in pictures]
-        if len(found) > 1:
-            pairs.append(_Pair(which, caption, found, any(shape_of(picture) == "long" for _, picture in found)))
+        shown = [(name, pictures[which]) for name, pictures in folders.items() if which in pictures]
+        if len(shown) > 1:
+            pairs.append(_Pair(which, caption, shown, any(shape_of(picture) == "long" for _, picture in shown)))
     return pairs

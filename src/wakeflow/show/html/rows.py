@@ -99,9 +99,9 @@ def material_rows(scene: Scene) -> list[MaterialRow]:
 
 
 def _material(name: str, fraction: Fraction) -> Iterator[MaterialRow]:
-    own = fraction.properties
+    properties = fraction.properties
     for key, (quantity, unit) in QUANTITIES.items():
-        value = getattr(own, key)
+        value = getattr(properties, key)
         if value is None or (value == 0.0 and key.startswith(("rebound", "tangential"))):
             continue
         yield MaterialRow(name, quantity, _property(value, unit), *fraction.evidence(key))
@@ -120,17 +120,17 @@ def _length(value: float, unit: str) -> str:
     return f"{1e6 * value:.4g} µm" if small else say(value, unit, 4).replace("^3", "³")
 
 
-def scene_in_full(scene: Scene, asked: Request | None = None) -> str:
-    """The scene as TOML in SI units with every default that was used, and what was ``asked`` beside it, as --rung or
+def scene_in_full(scene: Scene, request: Request | None = None) -> str:
+    """The scene as TOML in SI units with every default that was used, and what was ``request`` beside it, as --rung or
     --force; loading it gives a scene that computes the same.
     """
     import tomlkit
 
     tables = json.loads(scene.model_dump_json(exclude_none=True, by_alias=True))
-    if asked is not None:
-        beside = {"rung": asked.rung, "target_error": asked.target_error}
+    if request is not None:
+        beside = {"rung": request.rung, "target_error": request.target_error}
         tables["numerics"].update({key: value for key, value in beside.items() if value is not None})
-        tables["force"] = {**tables.get("force", {}), **asked.force}
+        tables["force"] = {**tables.get("force", {}), **request.force}
     return tomlkit.dumps(_rounded(tables))
 
 
@@ -228,11 +228,11 @@ def measured_text(value: str | float | Number | Sequence[float], scale: float) -
     return " to ".join(number(member * scale) for member in value)
 
 
-def _interval(found: Number, scale: float) -> str:
-    text = number(found.value * scale) if math.isfinite(found.value) else NO_VALUE
-    if not found.known:
+def _interval(measured: Number, scale: float) -> str:
+    text = number(measured.value * scale) if math.isfinite(measured.value) else NO_VALUE
+    if not measured.known:
         return text
-    return f"{text} ({number(found.low * scale)} to {number(found.high * scale)})"
+    return f"{text} ({number(measured.low * scale)} to {number(measured.high * scale)})"
 
 
 def number(value: float | None) -> str:
