@@ -175,9 +175,9 @@ class Session:
         self._say("scene", state)
         return state
 
-    def save(self, *, name: str = "") -> dict[str, object]:
+    def save(self, *, name: str | None = None) -> dict[str, object]:
         """Write the scene to its file, or to a new one called ``name`` in the folder of the first."""
-        self.document.save(_new_file(self.home, name) if name else NO_FILE)
+        self.document.save(NO_FILE if name is None else _new_file(self.home, name))
         return self._tell_scene()
 
     def settle(self, *, keep: bool) -> dict[str, object]:
