@@ -5,28 +5,17 @@ from __future__ import annotations
 import json
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from ..show.screen import has_screen, print_pairs, print_parts, warn
-from .options import (
-    PACE,
-    AsJson,
-    Budget,
-    Folder,
-    Pace,
-    Picture,
-    Quiet,
-    Settings,
-    Stage,
-    Threads,
-    next_to,
-    scene_and_folder,
-)  # fmt: skip
+from .options import PACE, AsJson, Budget, Folder, Pace, Picture, Quiet, Settings, Threads, next_to, scene_and_folder
 
 if TYPE_CHECKING:
     from ..scene import Scene
+
+Stage = Literal["funnel", "mesh", "airflow", "tracks"]  # after which a run can stop
 
 
 def run(

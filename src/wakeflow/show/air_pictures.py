@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,13 +63,18 @@ def at_moments(field: FlowField, count: int) -> tuple[Array, Iterator[FlowField]
     return times, (_at_time(field, float(time)) for time in times)
 
 
-def _at_time(field: FlowField, time: float) -> FlowField:
+def frozen(field: FlowField, time: float) -> FlowField:
+    """The steady field that one in time is at a ``time`` (s), on the mesh at rest."""
     weights = field.weights(time)
     state = field.mapped(lambda nodal: np.tensordot(weights, nodal, axes=1))
+    return replace(state, times=None, period=None, coefficients=None, truncation=None)
+
+
+def _at_time(field: FlowField, time: float) -> FlowField:
+    state = frozen(field, time)
     k = None if state.k is None else np.maximum(state.k, 0.0)  # the modes left out may be more than all of it
     moved = 0.0 if field.motion is None else field.motion.displacement(time)
-    steady: dict[str, Any] = dict.fromkeys(("times", "period", "coefficients", "truncation", "motion"))
-    return replace(state, points=field.points + moved, k=k, **steady)
+    return replace(state, points=field.points + moved, k=k, motion=None)
 
 
 def trace_streamlines(axes: Axes, mean: FlowField, window: Window, grid: PlotGrid) -> None:

@@ -18,22 +18,8 @@ from numpy.typing import NDArray
 
 from ...core.errors import SceneError
 from ...core.files import atomic_write
-from ...show.canvas import (
-    BODY,
-    COLOURS,
-    INK,
-    MM,
-    STREAM,
-    Window,
-    air_arrow,
-    canvas,
-    draw_bins,
-    foremost,
-    fraction_colours,
-    frame,
-    solids,
-    streams,
-)  # fmt: skip
+from ...show import canvas
+from ...show.canvas import BODY, COLOURS, INK, MM, STREAM, Window, fraction_colours
 from ...show.html.rows import page_template
 from ...show.moving import Path2D, body_displacement
 from ...show.outcome import Outcome, PagePart
@@ -114,7 +100,7 @@ class MovingMachine:
     def __init__(self, axes: Axes, scene: Scene, diameters: Sequence[float], colours: Sequence[str]) -> None:
         from matplotlib.collections import EllipseCollection
 
-        self.scene, self.bodies = scene, solids(axes, scene)
+        self.scene, self.bodies = scene, canvas.solids(axes, scene)
         self.outlines = [body.outline() for body in scene.body.values()]
         size = MM * np.asarray(diameters)
         self.discs = EllipseCollection(
@@ -236,16 +222,16 @@ def _still(film: Film, scene: Scene, window: Window, seconds: float) -> tuple[Fi
     """Walls, bins, the air's direction, who is who, how the film was made; and the text that is its clock."""
     from matplotlib.lines import Line2D
 
-    figure, axes, scale = canvas(window)
+    figure, axes, scale = canvas.canvas(window)
     for wall in window[:2]:
         axes.plot([MM * wall] * 2, [MM * end for end in window[2:]], color=INK, linewidth=1.3)
-    frame(axes, window, draw_bins(axes, scene, scale))
-    air_arrow(axes, scene, window)
-    streams(axes, scene)
+    canvas.frame(axes, window, canvas.draw_bins(axes, scene, scale))
+    canvas.air_arrow(axes, scene, window)
+    canvas.streams(axes, scene)
     colours = fraction_colours(list(scene.fraction))
     handles = [
         Line2D([], [], marker="o", linewidth=0, color=colours[name], label=_named(name, film.one_in[name]))
-        for name in foremost(scene, list(film.paths))
+        for name in canvas.foremost(scene, list(film.paths))
     ]
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False, fontsize=9)
     lines = [

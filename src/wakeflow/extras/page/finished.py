@@ -136,11 +136,10 @@ class FinishedRuns:
         stored = self._stored(run)
         scene, channel = stored.scene, stored.scene.channel
         with self._drawing:
-            drawn = sketch_svg(scene)
+            drawn = vars(sketch_svg(scene))
         return {
-            "svg": drawn.svg, "origin": drawn.origin, "scale": drawn.scale,
-            "walls": channel.sides,
-            "run": run, "folder": str(stored.result.folder), "calibrated": calibrated_with(stored.result),
+            **drawn, "walls": channel.sides, "run": run, "folder": str(stored.result.folder),
+            "calibrated": calibrated_with(stored.result),
             "report": (stored.result.folder / "report.html").is_file(),
             "protocol": (stored.result.folder / "protocol.html").is_file(),
             "colours": fraction_colours(list(scene.fraction)),

@@ -22,6 +22,7 @@ from ...core.store import cache_root
 from ...runs.planned import make_plan
 from ...runs.progress import on_this_machine
 from ...scene import Scene
+from ...scene.changes import template_of
 from ...show.plan_words import cost_words, plan_lines
 from ...show.sketch import sketch_svg
 from ..search.task import quantities_to_seek
@@ -116,9 +117,9 @@ class Session:
 
     def _draw(self, scene: Scene, units: Mapping[str, str]) -> dict[str, object]:
         with self._drawing:
-            drawn = sketch_svg(scene, units)
+            drawn = vars(sketch_svg(scene, units))
         return {
-            "svg": drawn.svg, "origin": drawn.origin, "scale": drawn.scale, "step": step_of(scene),
+            **drawn, "step": step_of(scene),
             "handles": [one.table() for one in handles_of(scene).values()],
             "bodies": {name: body.outline().tolist() for name, body in scene.body.items()},
         }  # fmt: skip
@@ -326,10 +327,8 @@ class Session:
 
 
 def _template(kind: str) -> SceneDocument:
-    known = scene_templates()
-    if kind not in known:
-        raise SceneError(f"unknown scene {kind!r}{did_you_mean(kind, list(known))} (known: {', '.join(known)})")
-    return SceneDocument(known[kind].read_text(encoding="utf-8"), name=kind, base=known[kind].parent)
+    path = template_of(kind)
+    return SceneDocument(path.read_text(encoding="utf-8"), name=kind, base=path.parent)
 
 
 def _new_file(home: Path, name: str) -> Path:

@@ -10,18 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from ...cli.options import (
-    GATE,
-    PACE,
-    Folder,
-    Gate,
-    Pace,
-    Processes,
-    Quiet,
-    Settings,
-    Threads,
-    scene_and_folder,
-)  # fmt: skip
+from ...cli.options import GATE, PACE, Folder, Gate, Pace, Processes, Quiet, Settings, Threads, scene_and_folder
 from ...core.errors import SceneError
 from ...core.quantities import say, speaking
 from ...scene.overrides import setting

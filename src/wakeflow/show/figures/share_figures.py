@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-    from ...answer.shares import LandingResults, PartitionCurve, Separation
+    from ...answer.shares import PartitionCurve, Separation
+    from ...core.number import Number
     from ...scene import Scene
     from ..canvas import Paper
     from ..outcome import Landed, Outcome
@@ -240,13 +241,19 @@ def _curve_columns(curves: Sequence[PartitionCurve]) -> dict[str, ArrayLike]:
 MARKERS = "<>^vsDPX*"
 MIN_SHARE = 1e-3  # a share that is smaller in every wake is not drawn
 ROW = 0.3  # inches
+Bracket = Mapping[str, Mapping[str, Mapping[str, float]]]  # shares by fraction, bin and wake
 
 
-def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[np.object_]:
-    """Draw a panel a fraction and a row a bin: a mark a wake, and the answer with its 95 % interval as a bar."""
-    rows, bracket = _wake_rows(scene, landings), landings.bracket or {}
+def draw_wakes(
+    paper: Paper, scene: Scene, bracket: Bracket, shares: Mapping[str, Mapping[str, Number]]
+) -> NDArray[np.object_]:
+    """Draw a panel a fraction and a row a bin: a mark a wake, and the answer with its 95 % interval as a bar.
+
+    ``bracket``: the shares in each wake; ``shares``: the answer's, by fraction and bin.
+    """
+    rows = _wake_rows(scene, bracket, shares)
     panels = foremost(scene, list(dict.fromkeys(name for name, _ in rows)))
-    wakes = list(dict.fromkeys(wake for _, _, wake in _marks(landings)))
+    wakes = list(dict.fromkeys(wake for _, _, wake in _marks(bracket)))
     counts = [sum(name == one for one, _ in rows) for name in panels]
     figure = new_figure(6.4, 1.1 + ROW * sum(counts) + 0.45 * len(panels), paper)
     grid: NDArray[np.object_] = figure.subplots(
@@ -256,7 +263,7 @@ def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[
     for axes, name in zip(grid, panels, strict=True):
         places = [place for one, place in rows if one == name]
         for level, place in enumerate(places):
-            share = landings.separation.fractions[name][place]
+            share = shares[name][place]
             ends = [100 * (share.high - share.low)], [100 * share.low]
             axes.barh([level], ends[0], left=ends[1], height=0.55, color=colours[name], alpha=0.35)
             axes.plot([100 * share.value] * 2, [level - 0.28, level + 0.28], color=colours[name], linewidth=2.5)
@@ -272,32 +279,30 @@ def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[
     grid[0].legend(fontsize=7, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
     grid[-1].set_xlim(-1.0, 101.0)
     grid[-1].set_xlabel("share of the fraction's mass (%)")
-    save(figure, paper, _wake_columns(landings))
+    save(figure, paper, _wake_columns(bracket))
     return grid
 
 
-def _marks(landings: LandingResults) -> list[tuple[str, str, str]]:
+def _marks(bracket: Bracket) -> list[tuple[str, str, str]]:
     """Fraction, bin and wake of every share that was flown in another wake."""
-    bracket = landings.bracket or {}
     return [
         (name, place, wake) for name, places in bracket.items() for place, shares in places.items() for wake in shares
     ]
 
 
-def _wake_rows(scene: Scene, landings: LandingResults) -> list[tuple[str, str]]:
+def _wake_rows(scene: Scene, bracket: Bracket, shares: Mapping[str, Mapping[str, Number]]) -> list[tuple[str, str]]:
     """Fractions and bins that some of the fraction lands in, bins from left to right."""
-    bracket = landings.bracket or {}
     bins = [*bins_across(scene), "elsewhere"]
     return [
         (name, place)
         for name, places in bracket.items()
         for place in bins
-        if max([*places.get(place, {}).values(), landings.separation.fractions[name][place].value]) > MIN_SHARE
+        if max([*places.get(place, {}).values(), shares[name][place].value]) > MIN_SHARE
     ]
 
 
-def _wake_columns(landings: LandingResults) -> dict[str, ArrayLike]:
-    marks, bracket = _marks(landings), landings.bracket or {}
+def _wake_columns(bracket: Bracket) -> dict[str, ArrayLike]:
+    marks = _marks(bracket)
     heads = ("fraction", "bin", "wake")
     table: dict[str, ArrayLike] = {head: [mark[i] for mark in marks] for i, head in enumerate(heads)}
     table["share (%)"] = 100.0 * np.array([bracket[name][place][wake] for name, place, wake in marks])
@@ -317,7 +322,9 @@ def _curves(outcome: Outcome) -> tuple[object, ...]:
 
 def _in_wakes(outcome: Outcome) -> tuple[object, ...]:
     landings = outcome.result.landings
-    return () if landings is None or not landings.bracket else (outcome.scene, landings)
+    if landings is None or not landings.bracket:
+        return ()
+    return outcome.scene, landings.bracket, landings.separation.fractions
 
 
 add_figure("landing", "Where the mass of each fraction lands.", draw_landing, _landings, always=True)
