@@ -62,7 +62,7 @@ def explore(
         )
         history.add(level, dict(zip(places, evaluate(level, places), strict=True)))
 
-    while (batch := _next(history, propose, price)) is not None:
+    while (batch := _next(history, propose, price))[1]:
         compute(*batch)
     for level in range(1, len(task.levels)):  # an answer is of the finest level: its price was set aside
         if not history.evaluations[level]:
@@ -70,9 +70,9 @@ def explore(
     return history
 
 
-def _next(history: History, propose: Proposer, price: Price) -> tuple[int, Sequence[DesignPoint]] | None:
-    """The level that is furthest behind its part of the budget and has something to compute, with designs for it; None
-    where what is left of the budget would not pay for them, with one design of each level that has none set aside.
+def _next(history: History, propose: Proposer, price: Price) -> tuple[int, Sequence[DesignPoint]]:
+    """The level that is furthest behind its part of the budget and has something to compute, with designs for it; no
+    design where what is left of the budget would not pay for them, with one design of each level that has none set aside.
     """
     task, levels = history.task, range(len(history.task.levels))
     left = task.budget - sum(history.seconds(level) for level in levels)
@@ -84,12 +84,12 @@ def _next(history: History, propose: Proposer, price: Price) -> tuple[int, Seque
         if not made and each > 0.0:  # a first look at what it costs
             most = max(1, min(most, int(FIRST_LOOK * free / each)))
         if level == 0:
-            return (0, propose(history, most)) if most > 0 and left > 0.0 else None
+            return 0, propose(history, most) if most > 0 and left > 0.0 else ()
         few = max(1, min(most, task.at_a_time // 4))
         ready = len(history.evaluations[level - 1]) >= task.at_a_time or history.evaluations[level]
         if most > 0 and left > 0.0 and ready and (able := _ahead(history, level, few)):
             return level, able
-    return None
+    return 0, ()
 
 
 def _ahead(history: History, level: int, few: int) -> list[DesignPoint]:
