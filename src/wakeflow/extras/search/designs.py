@@ -71,8 +71,8 @@ def explore(
 
 
 def _next(history: History, propose: Proposer, price: Price) -> tuple[int, Sequence[DesignPoint]]:
-    """The level that is furthest behind its part of the budget and has something to compute, with designs for it; no
-    design where what is left of the budget would not pay for them, with one design of each level that has none set aside.
+    """The level that is furthest behind its part of the budget and has something to compute, with designs for it; none
+    where what is left of the budget would not pay for them, with one design of each level that has none set aside.
     """
     task, levels = history.task, range(len(history.task.levels))
     left = task.budget - sum(history.seconds(level) for level in levels)
