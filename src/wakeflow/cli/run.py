@@ -121,16 +121,16 @@ def plan(
         else:
             print_pairs([*plan_lines(made, machine, cost, units_written(scene)), ("", told_by_all(made))])
     if picture is not None or not as_json:
-        _draw(picture or next_to(folder, "-plan.png"), machine, scene, told=not as_json, show=show)
+        _draw(picture or next_to(folder, "-plan.png"), machine, scene, print_path=not as_json, show=show)
 
 
-def _draw(path: Path, machine: Scene, scene: Path, *, told: bool, show: bool) -> None:
+def _draw(path: Path, machine: Scene, scene: Path, *, print_path: bool, show: bool) -> None:
     """Draw what a scene file asks for, in the units that it writes; print the picture's path, and open it."""
     from ..scene import units_written
     from ..show.sketch import write_sketch
 
     write_sketch(path, machine, units_written(scene))
-    if told:
+    if print_path:
         print(f"drawing: {path}")
     if show:
         _open(path)

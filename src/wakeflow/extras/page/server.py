@@ -249,32 +249,21 @@ class _Handler(_Known):
 
     def get(self, _: str, path: str) -> None:
         first, _, rest = path.partition("/")
-        if path in FILES:
-            self._file(FILES[path])
-        elif first in REPORTS and rest:
-            self._report(rest.removesuffix("/"), REPORTS[first])
-        elif first == "figure" and rest:
-            self._figure(rest)
-        else:
-            raise HTTPError(404)
-
-    def _file(self, path: Path) -> None:
-        self.set_header("Content-Type", f"{mimetypes.guess_type(path.name or 'page.html')[0]}; charset=utf-8")
-        self.finish(path.read_bytes())
-
-    def _figure(self, name: str) -> None:
+        finished = self.page.session.finished
         try:
-            self._file(self.page.session.finished.figure(name))
+            if path in FILES:
+                file = FILES[path]
+            elif first in REPORTS and rest:
+                file = finished.file(rest.removesuffix("/"), REPORTS[first])
+                self.set_header("Content-Security-Policy", REPORT)
+            elif first == "figure" and rest:
+                file = finished.figure(rest)
+            else:
+                raise HTTPError(404)
         except SceneError:
             raise HTTPError(404) from None
-
-    def _report(self, name: str, kind: str) -> None:
-        try:
-            path = self.page.session.finished.file(name, kind)
-        except SceneError:
-            raise HTTPError(404) from None
-        self.set_header("Content-Security-Policy", REPORT)
-        self._file(path)
+        self.set_header("Content-Type", f"{mimetypes.guess_type(file.name or 'page.html')[0]}; charset=utf-8")
+        self.finish(file.read_bytes())
 
     async def post(self, _: str, name: str) -> None:
         try:

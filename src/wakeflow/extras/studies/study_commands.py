@@ -112,7 +112,7 @@ def show_moves(result: Sensitivity, quantities: Sequence[str] = ()) -> None:
 
     console, shown = Console(), result.of(quantities)
     for name, moves in shown.items():
-        sure = [one for one in moves if one.error is None or one.error < one.reach]
+        sure = [move for move in moves if move.error is None or move.error < move.reach]
         if sure:
             console.print(_moves_table(name, sure[:MAX_INPUTS]))
         if rest := len(moves) - len(sure):
@@ -135,40 +135,42 @@ def show_remaining(result: Result, left: Mapping[str, Sequence[Remaining]]) -> N
             print_table(heads, map(_left, rows[:MAX_INPUTS]), title)
 
 
-def _left(one: Remaining) -> list[str]:
+def _left(left: Remaining) -> list[str]:
     from ...show.plan_words import UNITS
 
     with speaking(UNITS):
-        halves = [say(half, one.unit or "1", 2) for half in (one.now, one.measured)]
-    return [one.key, *halves, *(f"{100 * half:.1f}" for half in (one.alone, one.together))]
+        halves = [say(half, left.unit or "1", 2) for half in (left.now, left.measured)]
+    return [left.key, *halves, *(f"{100 * half:.1f}" for half in (left.alone, left.together))]
 
 
 def _moves_table(name: str, moves: Sequence[InputMove]) -> Table:
-    one = moves[0]
-    title = f"{name}, {_number(one, one.value)} {'%' if one.is_part else one.measure}; changes"
-    title += f" in {'percentage points' if one.is_part else one.measure}"
+    first = moves[0]
+    title = f"{name}, {_number(first, first.value)} {'%' if first.is_part else first.measure}; changes"
+    title += f" in {'percentage points' if first.is_part else first.measure}"
     return screen_table(("input", "from", "to", "at from", "at to", "±", "part"), map(_row, moves), title)
 
 
-def _row(one: InputMove) -> list[str]:
+def _row(move: InputMove) -> list[str]:
     from ...show.plan_words import UNITS
     from ...show.words import NO_VALUE
 
     with speaking(UNITS):
-        ends = [say(end, one.unit or "1", 3) for end in (one.low, one.high)]
-    changes = (NO_VALUE if change is None else f"{_number(one, change):+.2g}" for change in (one.at_low, one.at_high))
-    error = NO_VALUE if one.error is None else f"{_number(one, one.error):.2g}"
-    index = NO_VALUE if one.index is None else f"{100 * one.index:.0f} %"
-    return [one.key, *ends, *changes, error, index]
+        ends = [say(end, move.unit or "1", 3) for end in (move.low, move.high)]
+    changes = (
+        NO_VALUE if change is None else f"{_number(move, change):+.2g}" for change in (move.at_low, move.at_high)
+    )
+    error = NO_VALUE if move.error is None else f"{_number(move, move.error):.2g}"
+    index = NO_VALUE if move.index is None else f"{100 * move.index:.0f} %"
+    return [move.key, *ends, *changes, error, index]
 
 
-def _number(one: InputMove, number: float) -> float:
-    return float(f"{(100.0 if one.is_part else 1.0) * number:.3g}")
+def _number(move: InputMove, number: float) -> float:
+    return float(f"{(100.0 if move.is_part else 1.0) * number:.3g}")
 
 
 def _advice(name: str, left: float, moves: Sequence[InputMove]) -> str:
     """How to know more of a share of which what each input does alone explains too little."""
-    keys = " ".join(f"--over {one.key}" for one in moves[:2])
+    keys = " ".join(f"--over {move.key}" for move in moves[:2])
     part = f"{100 * left:.0f} % of its uncertainty (of the variance)"
     return f"{name}: {part} is no single input's; runs at both ends of the largest tell more: {keys}"
 
