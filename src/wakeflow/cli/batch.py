@@ -148,9 +148,9 @@ def clean(
 
     most, root = None if keep is None else bytes_of(keep), cache_root()
     stages = kept_stages(root)
-    finished = [one for one in stages if one.finished]
+    finished = [stage for stage in stages if stage.finished]
     old = finished if everything else [] if most is None else oldest_beyond(finished, most)
-    gone = [one for one in stages if not one.finished] + old
+    gone = [stage for stage in stages if not stage.finished] + old
     print(f"cache: {root}")
     if gone:
         show_stages(gone, "to be removed")
@@ -160,7 +160,7 @@ def clean(
         else:
             gone = remove_stages(root, gone)
             show_removed(gone, done=True)
-    show_stages([one for one in finished if one not in gone])
+    show_stages([stage for stage in finished if stage not in gone])
 
 
 def _agreed() -> bool:
@@ -170,7 +170,7 @@ def _agreed() -> bool:
 
 def show_removed(stages: Sequence[KeptStage], *, done: bool) -> None:
     """Say in one line what was or would be removed from the cache, and what making it again would take."""
-    size, spent = sum(one.size for one in stages) / 1e6, sum(one.seconds or 0.0 for one in stages)
+    size, spent = sum(stage.size for stage in stages) / 1e6, sum(stage.seconds or 0.0 for stage in stages)
     verb, frees = ("removed", "freed") if done else ("would be removed", "would be freed")
     print(f"{len(stages)} stages {verb}, {size:.1f} MB {frees}, {duration(spent)} to make again")
 
@@ -179,15 +179,15 @@ def show_stages(stages: Sequence[KeptStage], title: str = "in the cache") -> Non
     """Print stages of the cache, the one that was used longest ago first: size, time to make it again."""
 
     def sums(used: str, what: str, part: Sequence[KeptStage]) -> list[str]:
-        size, spent = sum(one.size for one in part), sum(one.seconds or 0.0 for one in part)
+        size, spent = sum(stage.size for stage in part), sum(stage.seconds or 0.0 for stage in part)
         return [used, f"{len(part)} {what}", "", f"{size / 1e6:.1f}", duration(spent)]
 
     rows: list[list[str]] = []
-    for one in stages[:MAX_ROWS]:
-        used = datetime.fromtimestamp(one.used, UTC).astimezone().strftime("%Y-%m-%d %H:%M")
-        again = NONE if one.seconds is None else duration(one.seconds)
-        key = one.folder.name[:12] + ("" if one.finished else " unfinished")
-        rows.append([used, one.stage, key, f"{one.size / 1e6:.1f}", again])
+    for stage in stages[:MAX_ROWS]:
+        used = datetime.fromtimestamp(stage.used, UTC).astimezone().strftime("%Y-%m-%d %H:%M")
+        again = NONE if stage.seconds is None else duration(stage.seconds)
+        key = stage.folder.name[:12] + ("" if stage.finished else " unfinished")
+        rows.append([used, stage.stage, key, f"{stage.size / 1e6:.1f}", again])
     if len(stages) > MAX_ROWS:
         rows.append(sums("later", "more", stages[MAX_ROWS:]))
     heads = ("used", "stage", "key", "MB", "to make again")

@@ -75,8 +75,8 @@ class RunComparison(InTable):
     def by_quantity(self) -> dict[str, dict[str, Difference]]:
         """The differences by quantity and run."""
         rows: dict[str, dict[str, Difference]] = {}
-        for one in self.differences:
-            rows.setdefault(one.quantity, {})[one.scene] = one
+        for difference in self.differences:
+            rows.setdefault(difference.quantity, {})[difference.scene] = difference
         return rows
 
     def frame(self, *, wide: bool = False) -> Any:

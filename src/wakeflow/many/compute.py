@@ -239,14 +239,14 @@ class _Rows:
         self.rows = GrowingTable()
         self.written = time.monotonic()
         todo = {step.name for step in self.agenda.steps}
-        for one in self.variants:
-            problem = self.agenda.problems.get(one.name)
+        for variant in self.variants:
+            problem = self.agenda.problems.get(variant.name)
             if problem is not None:
-                self._fail(one, problem)
-            elif one.name in todo:
-                self.rows.entries[one.name] = Entry(one.name, one.inputs, OPEN)
+                self._fail(variant, problem)
+            elif variant.name in todo:
+                self.rows.entries[variant.name] = Entry(variant.name, variant.inputs, OPEN)
             else:
-                self._read(one)
+                self._read(variant)
 
     def ended(self, step: Step, problem: str) -> None:
         """Take in what a step has left."""
@@ -261,15 +261,15 @@ class _Rows:
             self.rows.table.tidy().write_csv(self.folder / TABLE)
             self.written = time.monotonic()
 
-    def _read(self, one: Variant) -> None:
-        result = finished(self.folder / one.name, self.agenda.stamps[one.name])
+    def _read(self, variant: Variant) -> None:
+        result = finished(self.folder / variant.name, self.agenda.stamps[variant.name])
         if result is None:
-            self._fail(one, f"its result in {one.name} cannot be read")
+            self._fail(variant, f"its result in {variant.name} cannot be read")
         else:
-            self.rows.add(one.name, one.inputs, result)
+            self.rows.add(variant.name, variant.inputs, result)
 
-    def _fail(self, one: Variant, problem: str) -> None:
-        self.rows.entries[one.name] = Entry(one.name, one.inputs, FAILED, problem)
+    def _fail(self, variant: Variant, problem: str) -> None:
+        self.rows.entries[variant.name] = Entry(variant.name, variant.inputs, FAILED, problem)
 
     def finish(self, *, figures: bool) -> Sweep:
         """Write the tables and draw the ``figures``."""

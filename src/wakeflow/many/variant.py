@@ -205,10 +205,10 @@ def _variant(
 def _distinct(every: Iterable[Variant]) -> list[Variant]:
     """The variants without those whose scene is an earlier one's too, as of 80 mm and 0.08 m."""
     first: dict[str, Variant] = {}
-    for one in every:
-        whole = one.inputs if one.scene is None else flat(one.scene.tables())
+    for variant in every:
+        whole = variant.inputs if variant.scene is None else flat(variant.scene.tables())
         rounded = {key: float(f"{v:.{DIGITS}g}") if isinstance(v, float) else v for key, v in whole.items()}
-        first.setdefault(repr(rounded), one)
+        first.setdefault(repr(rounded), variant)
     return list(first.values())
 
 
@@ -216,14 +216,14 @@ def named(every: Sequence[Variant]) -> list[Variant]:
     """The same variants, those without a name called after their inputs; no name is taken twice."""
     result: list[Variant] = []
     taken: set[str] = set()
-    for one in every:
-        wanted = one.name or folder_name(one.inputs) or UNCHANGED
+    for variant in every:
+        wanted = variant.name or folder_name(variant.inputs) or UNCHANGED
         name, number = wanted, 1
         while name in taken:
             number += 1
             name = f"{wanted}-{number}"
         taken.add(name)
-        result.append(replace(one, name=name))
+        result.append(replace(variant, name=name))
     return result
 
 

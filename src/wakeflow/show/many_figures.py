@@ -231,9 +231,9 @@ def _alike(table: ResultTable, names: Sequence[str]) -> list[list[str]]:
     groups: dict[object, list[str]] = {}
     for name in names:
         values = [entry.by_name.get(name) for entry in table.done]
-        groups.setdefault(tuple(None if one is None else (*one, name.partition(".")[0]) for one in values), []).append(
-            name
-        )
+        groups.setdefault(
+            tuple(None if quantity is None else (*quantity, name.partition(".")[0]) for quantity in values), []
+        ).append(name)
     return list(groups.values())
 
 
@@ -415,7 +415,7 @@ def spots_of(quantities: Iterable[TableQuantity], scale: float) -> Array:
     """Values of quantities and how far their intervals reach below and above (3, n); nan of :data:`NOTHING`, zero where
     no interval is known.
     """
-    value, *ends = np.array([(*one,) for one in quantities], dtype=float).reshape(-1, 3).T
+    value, *ends = np.array([(*quantity,) for quantity in quantities], dtype=float).reshape(-1, 3).T
     gaps = (value - ends[0], ends[1] - value)
     below, above = (np.where(np.isfinite(gap), np.maximum(gap, 0.0), value - value) for gap in gaps)
     return scale * np.stack([value, below, above])
@@ -460,4 +460,4 @@ def _figures(folder: Path, table: ResultTable) -> dict[Path, Callable[[Path], No
 
 def of_worth(table: ResultTable) -> ResultTable:
     """The table without void answers, which say nothing."""
-    return ResultTable([one for one in table.entries if one.reason != VOID], table.targets)
+    return ResultTable([entry for entry in table.entries if entry.reason != VOID], table.targets)

@@ -26,7 +26,9 @@ def plain(words: str | Text, style: str = "") -> Text:
 
     if isinstance(words, Text):
         return words
-    return Text("".join(one if one.isprintable() or one == "\n" else repr(one)[1:-1] for one in words), style)
+    return Text(
+        "".join(letter if letter.isprintable() or letter == "\n" else repr(letter)[1:-1] for letter in words), style
+    )
 
 
 def screen_table(

@@ -86,11 +86,11 @@ def _separated(result: Result, separation: Separation, *, parted: bool) -> Table
     )
     title = f"{of}share of each fraction's mass, %{', granules colliding' if met else ''}"
     rows: list[list[str | Text]] = []
-    for one in words.bins_in_words(result, separation):
-        pairs = [(_parted(share) if parted else share, wanted) for share, wanted in one.shares]
+    for row in words.bins_in_words(result, separation):
+        pairs = [(_parted(share) if parted else share, wanted) for share, wanted in row.shares]
         shares = [Text(share, style="bold green" if wanted else "") for share, wanted in pairs]
-        purest = "\n".join(f"{name} {_parted(share)}".strip() for name, share in one.purities)
-        rows.append([one.place, *shares, one.flow, purest])
+        purest = "\n".join(f"{name} {_parted(share)}".strip() for name, share in row.purities)
+        rows.append([row.place, *shares, row.flow, purest])
     below = [] if result.void else measure_next(result)  # more exact numbers mend no answer that is worth nothing
     first = [*words.verdict_lines(result), *words.money_lines(result)]
     caption = "\n".join(filter(None, [*first, words.holds(result), words.in_three_dimensions(result), *below]))
@@ -193,7 +193,7 @@ Column = tuple[str, ...]  # its head and its cells
 def show_sweep(table: ResultTable, folder: Path) -> None:
     """Print the table of a sweep, what failed, and the ``folder`` where everything is."""
     show_table(table)
-    print_lines((f"! {one.name}: {one.reason}" for one in table.entries if one.state == FAILED), "yellow")
+    print_lines((f"! {entry.name}: {entry.reason}" for entry in table.entries if entry.state == FAILED), "yellow")
     print_lines([f"results: {folder}"])
 
 
@@ -310,8 +310,8 @@ def _show_keys(table: ResultTable) -> None:
     print_table(["key", *(entry.name for entry in table.entries)], rows, "what differs")
 
 
-def _difference(one: Difference) -> Text:
-    return plain(difference_text(one), "bold" if one.clear else "")
+def _difference(difference: Difference) -> Text:
+    return plain(difference_text(difference), "bold" if difference.clear else "")
 
 
 def show_agreement(agreement: Agreement) -> None:

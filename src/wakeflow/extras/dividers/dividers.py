@@ -132,7 +132,7 @@ def cut(line: Array, low: float, high: float) -> list[tuple[float, float]]:
     """The points of a polyline (k, 2) between two places (m) along it: what a bin's ``points`` are."""
     at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     places = [low, *at[(at > low) & (at < high)].tolist(), high]
-    return [(float(np.interp(one, at, line[:, 0])), float(np.interp(one, at, line[:, 1]))) for one in places]
+    return [(float(np.interp(place, at, line[:, 0])), float(np.interp(place, at, line[:, 1]))) for place in places]
 
 
 def _line(scene: Scene, on: str) -> Array:
@@ -191,7 +191,7 @@ def _best_beside(gain: Array, slack: Array, others: Sequence[Stretch]) -> Stretc
         taken[low:high] = 1.0
     have = float(slack[taken > 0].sum())
     sums = [np.concatenate([[0.0], np.cumsum(part)]) for part in (gain, slack, taken)]
-    held, left, crossed = (one[None, :] - one[:, None] for one in sums)  # [low, high]
+    held, left, crossed = (sum_[None, :] - sum_[:, None] for sum_ in sums)  # [low, high]
     allowed = (left + have >= -1e-15) & (crossed == 0) & np.triu(np.ones_like(held, dtype=bool))
     value = np.where(allowed, held, -np.inf)
     if not np.isfinite(value).any():

@@ -83,8 +83,8 @@ def _mp4(frames: Iterator[Image.Image], rate: float, path: Path) -> bytes:
     try:
         writer = write_frames(str(draft), first.size, fps=rate, quality=7, macro_block_size=EVEN)
         writer.send(None)
-        for one in (first, *frames):
-            writer.send(one.tobytes())
+        for frame in (first, *frames):
+            writer.send(frame.tobytes())
         writer.close()
         return draft.read_bytes()
     finally:
@@ -143,7 +143,7 @@ def gif_of(frames: Iterable[Image.Image], rate: float) -> bytes:
 
     palette = Image.new("P", (1, 1))
     palette.putpalette(_colours())
-    first, *rest = (one.quantize(palette=palette, dither=Image.Dither.NONE) for one in frames)
+    first, *rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
     stream = io.BytesIO()
     first.save(stream, "GIF", save_all=True, append_images=rest, duration=round(1000 / rate), loop=0, optimize=False)
     return stream.getvalue()
@@ -151,7 +151,7 @@ def gif_of(frames: Iterable[Image.Image], rate: float) -> bytes:
 
 def _colours() -> list[int]:
     """Red, green, blue of all that is shown: greys, the air's shades, and each colour with its way to white."""
-    solid = np.array([[int(one[i : i + 2], 16) for i in (1, 3, 5)] for one in (*COLOURS, STREAM, BODY)])
+    solid = np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in (*COLOURS, STREAM, BODY)])
     tints = [255 - part * (255 - solid) for part in np.linspace(1.0, 0.0, TINTS, endpoint=False)]
     greys = np.repeat(np.linspace(0, 255, GREYS)[:, None], 3, axis=1)
     air = tone(np.linspace(-1.0, 1.0, 2 * LEVELS + 1))
@@ -172,7 +172,7 @@ class _Set:
         self.figure.set_dpi(size / max(self.box.width, self.box.height))
         scale = axes.get_window_extent().width / channel.width  # dots per m
         colours, least = fraction_colours(list(scene.fraction)), VISIBLE * size / scale
-        drawn = [(colours[name], Path2D.of(one)) for name, part in film.paths.items() for one in part]
+        drawn = [(colours[name], Path2D.of(track)) for name, part in film.paths.items() for track in part]
         self.paths = [path for _, path in drawn]
         sizes = [max(least, path.diameter) for path in self.paths]
         self.machine = MovingMachine(axes, scene, sizes, [colour for colour, _ in drawn])

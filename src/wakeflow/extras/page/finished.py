@@ -75,12 +75,12 @@ class StoredLandings:
     @property
     def ends(self) -> dict[str, tuple[float, float]]:
         """The run's own dividers: from and to (m) of each bin that is open on a side."""
-        return {name: one.ends for name, one in self.scene.on_sides().items() if one.keeps_part is None}
+        return {name: bin_.ends for name, bin_ in self.scene.on_sides().items() if bin_.keeps_part is None}
 
     def profile(self, cells: int = 80) -> dict[str, dict[str, list[float]]]:
         """By side with bins and by fraction: the share of its mass that lands in each of ``cells`` along the side."""
         sides: dict[str, dict[str, list[float]]] = {}
-        for on in dict.fromkeys(one.on for one in self.scene.on_sides().values()):
+        for on in dict.fromkeys(bin_.on for bin_ in self.scene.on_sides().values()):
             number = SIDES.index(on)
             span = self.scene.channel.span(on)
             here = self.side == number
@@ -165,15 +165,15 @@ class FinishedRuns:
 
         def cells(numbers: Mapping[str, Number | None]) -> dict[str, object]:
             return {
-                key: None if one is None else [one.value, *one.ends, percent(one, void=void)]
-                for key, one in numbers.items()
+                key: None if number is None else [number.value, *number.ends, percent(number, void=void)]
+                for key, number in numbers.items()
             }
 
         return {
             "shares": {name: cells(row) for name, row in shares.fractions.items()},
             "purity": {place: cells(row) for place, row in shares.purity.items() if row},
             **{kind: cells(getattr(shares, kind)) for kind in ("recovery", "loss", "dirt")},
-            "lost": {name: rate_words(one, void=void) for name, one in shares.lost.items()},
+            "lost": {name: rate_words(number, void=void) for name, number in shares.lost.items()},
             "limits": _verdicts(stored, ends, shares),
         }
 
@@ -231,8 +231,8 @@ def _verdicts(stored: StoredLandings, ends: Ends, shares: Separation) -> list[st
     if dict(ends) == stored.ends:
         return verdict_lines(result)
     parts = {"loss": shares.loss, "dirt": shares.dirt}
-    now = [(one, parts[kind].get(of)) for one in result.limits for kind, _, of in [one.limit.partition(".")]]
-    moved = [replace(one, value=value, verdict=judged(result, value, one.most), decides="") for one, value in now]
+    now = [(limit, parts[kind].get(of)) for limit in result.limits for kind, _, of in [limit.limit.partition(".")]]
+    moved = [replace(limit, value=value, verdict=judged(result, value, limit.most), decides="") for limit, value in now]
     return verdict_lines(replace(result, limits=tuple(moved)))
 
 

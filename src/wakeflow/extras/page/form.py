@@ -116,8 +116,8 @@ def _choices(place: Place, node: Node, data: JsonTable) -> list[str]:
         case ("fraction", _, "target"):
             return list(data.get("bin", {}))
     choices: list[str] = []
-    for one in (node, *node.get("anyOf", ())):
-        choices += map(str, one.get("enum", ()))
-        if one.get("type") == "boolean":
+    for kind in (node, *node.get("anyOf", ())):
+        choices += map(str, kind.get("enum", ()))
+        if kind.get("type") == "boolean":
             choices += ["true", "false"]
     return choices

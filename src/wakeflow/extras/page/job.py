@@ -81,8 +81,11 @@ def _calibrated(scene: Scene, ask: dict[str, Any], listener: _InJson) -> str:
 
     how = {"listener": listener, "planned": listener.planned, **ask["options"]}
     posterior = calibrate(scene, ask["measured"], ask["folder"], **how)
-    narrower = [f"{key} {one.value:.3g} ({one.low:.3g} to {one.high:.3g})" for key, one in posterior.inputs.items()
-            if one.narrower < NARROWER]  # fmt: skip
+    narrower = [
+        f"{key} {input_.value:.3g} ({input_.low:.3g} to {input_.high:.3g})"
+        for key, input_ in posterior.inputs.items()
+        if input_.narrower < NARROWER
+    ]
     return f"{posterior.agreement.sentence} {'; '.join(narrower) or 'No number of the scene became narrower'}."
 
 

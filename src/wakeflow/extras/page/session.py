@@ -56,7 +56,7 @@ class Session:
         self._drawn: dict[str, object] = {}
         self._planned: dict[str, object] = {}
         self._held: Scene | None = None  # what is dragged is dragged from there
-        self.actions = {one.__name__: checked(one) for one in (
+        self.actions = {action.__name__: checked(action) for action in (
             self.state, self.edit, self.save, self.settle, self.open, self.plan, self.run, self.job, self.list,
             self.measured, done.landings, done.inside, done.dividers, done.before, done.compare, done.sweep,
         )}  # fmt: skip
@@ -120,7 +120,7 @@ class Session:
             drawn = vars(sketch_svg(scene, units))
         return {
             **drawn, "step": step_of(scene),
-            "handles": [one.table() for one in handles_of(scene).values()],
+            "handles": [handle.table() for handle in handles_of(scene).values()],
             "bodies": {name: body.outline().tolist() for name, body in scene.body.items()},
         }  # fmt: skip
 
@@ -263,7 +263,7 @@ class Session:
         for number in range(1, 1000):
             free = name if number == 1 else f"{name}-{number}"
             folder = self.runs / free
-            waiting = [one for one in self.queue.runs if one.folder == folder and one.state not in ("done", "failed")]
+            waiting = [run for run in self.queue.runs if run.folder == folder and run.state not in ("done", "failed")]
             one_run = kind in (RUN, "protocol")
             there = (folder / FILE).exists() if one_run else folder.exists()
             if not waiting and (not there or (one_run and _same(folder, scene))):
@@ -281,12 +281,12 @@ class Session:
     def list(self) -> dict[str, object]:
         """The runs that were asked for, and what is on the disk."""
         return {
-            "queue": [one.table() for one in self.queue.runs], "kinds": list(scene_templates()),
+            "queue": [run.table() for run in self.queue.runs], "kinds": list(scene_templates()),
             "shown": self.shown, "tasks": list(TASKS), **listing(self.runs, self.home),
         }  # fmt: skip
 
     def _queue_changed(self) -> None:
-        self._say("queue", {"queue": [one.table() for one in self.queue.runs]})
+        self._say("queue", {"queue": [run.table() for run in self.queue.runs]})
 
     # -- measured trays -----------------------------------------------------------------------------------------------
     def measured(self, *, run: str, rows: tuple[tuple[str, str, str], ...], error: str) -> dict[str, object]:
@@ -346,15 +346,15 @@ def _same(folder: Path, scene: Scene) -> bool:
 
 def _notes(plan: Plan) -> dict[str, list[str]]:
     """All that the plan says beyond its lines, by heading."""
-    left = dict.fromkeys(f"{one.name}: {one.why}" for one in plan.left_out)
+    left = dict.fromkeys(f"{term.name}: {term.why}" for term in plan.left_out)
     return {"computed": list(plan.used), "left out": list(left), "notes": list(plan.warnings)}
 
 
 def _falls(plan: Plan, scene: Scene) -> list[dict[str, object]]:
     """Of each fraction its terminal velocity (m/s) and what the air does with it far from the bodies."""
     rows: list[dict[str, object]] = []
-    for name, one in plan.fractions.items():
-        speed = one.terminal_velocity
+    for name, fraction in plan.fractions.items():
+        speed = fraction.terminal_velocity
         if scene.air is None or speed is None:
             does = "falls freely"
         elif scene.air.rises:

@@ -176,7 +176,7 @@ def search(
     tried = tuple(len(made) for made in history.evaluations)
     seconds = tuple(history.seconds(level) for level in range(len(given.levels)))
     front = tuple(map(design, history.front()))
-    rivals = tuple(one for one in front if one.name != design(best).name)
+    rivals = tuple(design_ for design_ in front if design_.name != design(best).name)
     own = given.as_it_stands
     unchanged = design(own) if own in history.evaluations[-1] and own in known else None
     return Search(given, folder, design(best), front, rivals, tried, seconds, unchanged)
@@ -248,7 +248,7 @@ def refuse_void(task: SearchTask) -> None:
 
 def _expected_price(scene: Scene) -> float:
     """Core-seconds of a scene alone, on hardware as a plan takes it."""
-    return max(MIN_DESIGN_TIME, sum(one.whole for one in make_plan(scene).stages if one.name != "report"))
+    return max(MIN_DESIGN_TIME, sum(stage.whole for stage in make_plan(scene).stages if stage.name != "report"))
 
 
 @dataclass
@@ -304,7 +304,7 @@ class _Scenes:
 
 def _nothing_found(history: History, scenes: _Scenes) -> str:
     """Why a search recommends nothing."""
-    void = [place for place, one in history.evaluations[-1].items() if one.void]
+    void = [place for place, evaluation in history.evaluations[-1].items() if evaluation.void]
     if not void:
         return f"no design could be computed; the first: {next(iter(scenes.problems.values()))}"
     last = len(history.task.levels) - 1

@@ -102,11 +102,11 @@ def _verdict(result: Search, best: FoundDesign) -> Sequence[str]:
     return lines
 
 
-def _quantity(one: TableQuantity | None) -> str:
+def _quantity(quantity: TableQuantity | None) -> str:
     from ...show.words import quantity_text
 
-    unit = "" if one is None or one.unit == "1" else f" {one.unit}"
-    return f"{quantity_text(one)}{unit}"
+    unit = "" if quantity is None or quantity.unit == "1" else f" {quantity.unit}"
+    return f"{quantity_text(quantity)}{unit}"
 
 
 def _value(value: object) -> str:

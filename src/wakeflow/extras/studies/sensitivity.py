@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...answer.measurements import SWEPT, InputMove, Remaining, drawn_moves, grouped, least_sure, remaining
 from ...answer.result import Result
-from ...answer.result_table import Difference, differences_of
+from ...answer.result_table import differences_of
 from ...answer.shares import InputSummary
 from ...core import sums
 from ...core.errors import SceneError
@@ -85,13 +85,13 @@ class Sensitivity:
             if name not in self.by_quantity:
                 raise SceneError(f"no quantity {name!r} in this table{did_you_mean(name, list(self.by_quantity))}")
         every = {name: self.by_quantity[name] for name in quantities or self.main}
-        return {name: [one for one in moves if one.reach > 0.0] or moves for name, moves in every.items()}
+        return {name: [move for move in moves if move.reach > 0.0] or moves for name, moves in every.items()}
 
     def unexplained(self, quantity: str) -> float | None:
         """The part of a share's variance that no input has alone, where that is much: inputs act together, or the share
         is bent over them. None where it is not, or where no draws tell.
         """
-        indices = [one.index for one in self.by_quantity[quantity] if one.index is not None]
+        indices = [move.index for move in self.by_quantity[quantity] if move.index is not None]
         return 1.0 - sum(indices) if indices and sum(indices) < EXPLAINED else None
 
     def remaining(self, known: Mapping[str, float | str] | None = None) -> dict[str, list[Remaining]]:
@@ -251,13 +251,13 @@ def _ends(axes: Sequence[Axis], scene: Scene) -> tuple[list[Variant], dict[str, 
 def _pair(axis: Axis, ends: Sequence[Variant]) -> tuple[End, End]:
     """The scenes in which an input lies at its lower and at its upper end. Raises SceneError where it is no number."""
     pair = []
-    for one in ends:
-        value = one.inputs.get(axis.keys[0])
-        if one.scene is None:
-            raise SceneError(f"{axis.key}: {one.problem}")
+    for variant in ends:
+        value = variant.inputs.get(axis.keys[0])
+        if variant.scene is None:
+            raise SceneError(f"{axis.key}: {variant.problem}")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise SceneError(f"{axis.key} = {value!r}: a sensitivity is that of a number")
-        pair.append((float(value), one.name))
+        pair.append((float(value), variant.name))
     return min(pair), max(pair)
 
 
@@ -266,31 +266,27 @@ def _swept_moves(pairs: Mapping[str, tuple[End, End]], done: Sweep) -> list[Inpu
     base, changes = done.table.entries[0], differences_of(done.table.entries)
     if not base.quantities:
         raise SceneError(f"the scene as it is cannot be computed: {base.reason}")
-    by_name: dict[tuple[str, str], Difference] = {(one.scene, one.quantity): one for one in changes}
+    by_name = {(change.scene, change.quantity): change for change in changes}
     moves = []
     for key, ((low, at_low), (high, at_high)) in pairs.items():
         unit = unit_of(key.partition("=")[0].strip().removeprefix("-"))
-        for one in base.quantities:
-            there = [by_name.get((scene, one.name)) for scene in (at_low, at_high)]
+        for number in base.quantities:
+            there = [by_name.get((scene, number.name)) for scene in (at_low, at_high)]
             known = [change for change in there if change is not None]
-            if one.name.startswith(PASSED_OVER) or not known:
+            if number.name.startswith(PASSED_OVER) or not known:
                 continue
             error = max(change.half for change in known) if all(change.known for change in known) else None
-            at_ends = [None if change is None else change.value for change in there]
-            moves.append(
-                InputMove(
-                    one.name, one.value, one.unit, key, low, high, unit, at_ends[0], at_ends[1], error, None, None,
-                    SWEPT,
-                )
-            )  # fmt: skip
+            change_low, change_high = (None if change is None else change.value for change in there)
+            what = number.name, number.value, number.unit
+            moves.append(InputMove(*what, key, low, high, unit, change_low, change_high, error, None, None, SWEPT))
     return moves
 
 
 def _joined(swept: Sequence[InputMove], of_draws: Sequence[InputMove]) -> list[InputMove]:
     """What was swept, with the index that the draws gave it, and what was not."""
-    drawn = {(one.quantity, one.key): one for one in of_draws}
+    drawn = {(move.quantity, move.key): move for move in of_draws}
     moves = []
-    for one in swept:
-        before = drawn.pop((one.quantity, one.key), None)
-        moves.append(one if before is None else replace(one, index=before.index, index_error=before.index_error))
+    for move in swept:
+        before = drawn.pop((move.quantity, move.key), None)
+        moves.append(move if before is None else replace(move, index=before.index, index_error=before.index_error))
     return [*moves, *drawn.values()]

@@ -97,7 +97,7 @@ def sensitivity(
         raise SceneError("a finished run has its numbers; give its scene file to change them with --set")
     with live(enabled=not quiet) as listener:
         result = find(subject, out, over=over, workers=workers, listener=listener, planned=listener.planned, **gate.how)
-    figure, left = result.plot(of), result.remaining(dict(setting(one, "--known", "KEY=HALF") for one in known))
+    figure, left = result.plot(of), result.remaining(dict(setting(pair, "--known", "KEY=HALF") for pair in known))
     if not quiet:
         show_moves(result, of)
         show_remaining(result.result, left)

@@ -100,10 +100,10 @@ def draw_tornado(paper: Paper, panels: Mapping[str, Sequence[InputMove]]) -> NDA
 def _panel(axes: Axes, name: str, moves: Sequence[InputMove]) -> None:
     part = moves[0].is_part
     scale, unit = (100.0, "percentage points") if part else (1.0, moves[0].measure)
-    heads = [one.key for one in moves]
+    heads = [move.key for move in moves]
     for end, (colour, _) in ENDS.items():
-        changes = [scale * (getattr(one, end) or 0.0) for one in moves]
-        errors = [scale * (one.error or 0.0) if getattr(one, end) is not None else 0.0 for one in moves]
+        changes = [scale * (getattr(move, end) or 0.0) for move in moves]
+        errors = [scale * (move.error or 0.0) if getattr(move, end) is not None else 0.0 for move in moves]
         shades = [FAINT if error >= abs(change) else colour for change, error in zip(changes, errors, strict=True)]
         axes.barh(heads, changes, color=shades, height=0.62)
         for head, change, error, shade in zip(heads, changes, errors, shades, strict=True):

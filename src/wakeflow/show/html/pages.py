@@ -175,13 +175,13 @@ def _inputs(result: Result) -> list[tuple[str, ...]]:
             for key, effect in effects.items():
                 moves[key].append((-effect.half, f"{name} in {place} {100 * effect.half:.2g}"))
     shown = []
-    for key, one in landings.inputs.items():
+    for key, input_ in landings.inputs.items():
         most = sorted(moves[key], key=lambda move: move[0])[:MAX_MOVED]
         with speaking(UNITS):
-            ends = [say(value, one.unit, 3) for value in (one.value, one.low, one.high)]
+            ends = [say(value, input_.unit, 3) for value in (input_.value, input_.low, input_.high)]
         moved = ", ".join(text for _, text in most)
-        shown.append((most[0][0] if most else 0.0, (key, *ends, source_of(key, one.why), moved)))
-    return [row for _, row in sorted(shown, key=lambda one: one[0])]
+        shown.append((most[0][0] if most else 0.0, (key, *ends, source_of(key, input_.why), moved)))
+    return [row for _, row in sorted(shown, key=lambda input_: input_[0])]
 
 
 # -- Finished runs side by side: compare.html --------------------------------------------------------------------------
@@ -232,11 +232,13 @@ def _rows(table: ResultTable, differences: Differences) -> list[_Row]:
     rows = []
     for name in (name for name in table.names if name.startswith(COMPARED)):
         numbers = [entry.by_name.get(name) for entry in table.entries]
-        if not any(one is not None and (one.value or one.high) for one in numbers):
+        if not any(change is not None and (change.value or change.high) for change in numbers):
             continue
         later = [differences.get(name, {}).get(entry.name) for entry in table.entries[1:]]
-        changes = [(NO_VALUE, False) if one is None else (difference_text(one), one.clear) for one in later]
-        rows.append(_Row(name, [_value(name, one) for one in numbers], changes, any(clear for _, clear in changes)))
+        changes = [(NO_VALUE, False) if change is None else (difference_text(change), change.clear) for change in later]
+        rows.append(
+            _Row(name, [_value(name, change) for change in numbers], changes, any(clear for _, clear in changes))
+        )
     return rows
 
 
@@ -256,11 +258,11 @@ def _bins(scenes: Sequence[Scene]) -> list[str]:
 def _shares(entry: Entry) -> Mapping[tuple[str, str], Mapping[str, object]]:
     """Percent by fraction and bin: value, low and high, and their words."""
     shares = {}
-    for name, one in entry.by_name.items():
+    for name, share in entry.by_name.items():
         kind, *of = name.split(".", 2)
         if kind == "share" and len(of) == 2:
-            value, low, high = (100.0 * part for part in (one if one.known else (one.value,) * 3))
-            shares[of[0], of[1]] = {"value": value, "low": low, "high": high, "told": _value(name, one)}
+            value, low, high = (100.0 * part for part in (share if share.known else (share.value,) * 3))
+            shares[of[0], of[1]] = {"value": value, "low": low, "high": high, "told": _value(name, share)}
     return shares
 
 
