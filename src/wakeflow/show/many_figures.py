@@ -231,9 +231,8 @@ def _alike(table: ResultTable, names: Sequence[str]) -> list[list[str]]:
     groups: dict[object, list[str]] = {}
     for name in names:
         values = [entry.by_name.get(name) for entry in table.done]
-        groups.setdefault(
-            tuple(None if quantity is None else (*quantity, name.partition(".")[0]) for quantity in values), []
-        ).append(name)
+        kind = name.partition(".")[0]
+        groups.setdefault(tuple(value and (*value, kind) for value in values), []).append(name)
     return list(groups.values())
 
 

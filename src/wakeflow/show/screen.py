@@ -26,9 +26,8 @@ def plain(words: str | Text, style: str = "") -> Text:
 
     if isinstance(words, Text):
         return words
-    return Text(
-        "".join(letter if letter.isprintable() or letter == "\n" else repr(letter)[1:-1] for letter in words), style
-    )
+    shown = (letter if letter.isprintable() or letter == "\n" else repr(letter)[1:-1] for letter in words)
+    return Text("".join(shown), style)
 
 
 def screen_table(

@@ -157,7 +157,7 @@ class History:
     def _expected(self, evaluation: Evaluation, losses: Array, excess: Array, spread: Array) -> Expected:
         computed, broken = self._numbers(evaluation)
         numbers = [(goal.sign, evaluation.quantities[goal.quantity]) for goal in self.task.goals]
-        ends = [[-sign * (goal.value if end is Ngoal else end) for end in goal.ends] for sign, goal in numbers]
+        ends = [[-sign * (goal.value if end is None else end) for end in goal.ends] for sign, goal in numbers]
         (best, worst), middle = np.sort(ends, axis=1).T, computed + losses
         low, high = middle - np.hypot(computed - best, spread), middle + np.hypot(worst - computed, spread)
         if evaluation.void:  # as good or as bad as anything

@@ -181,7 +181,7 @@ def _inputs(result: Result) -> list[tuple[str, ...]]:
             ends = [say(value, input_.unit, 3) for value in (input_.value, input_.low, input_.high)]
         moved = ", ".join(text for _, text in most)
         shown.append((most[0][0] if most else 0.0, (key, *ends, source_of(key, input_.why), moved)))
-    return [row for _, row in sorted(shown, key=lambda input_: input_[0])]
+    return [row for _, row in sorted(shown, key=lambda row: row[0])]
 
 
 # -- Finished runs side by side: compare.html --------------------------------------------------------------------------
@@ -232,13 +232,11 @@ def _rows(table: ResultTable, differences: Differences) -> list[_Row]:
     rows = []
     for name in (name for name in table.names if name.startswith(COMPARED)):
         numbers = [entry.by_name.get(name) for entry in table.entries]
-        if not any(change is not None and (change.value or change.high) for change in numbers):
+        if not any(value is not None and (value.value or value.high) for value in numbers):
             continue
         later = [differences.get(name, {}).get(entry.name) for entry in table.entries[1:]]
         changes = [(NO_VALUE, False) if change is None else (difference_text(change), change.clear) for change in later]
-        rows.append(
-            _Row(name, [_value(name, change) for change in numbers], changes, any(clear for _, clear in changes))
-        )
+        rows.append(_Row(name, [_value(name, value) for value in numbers], changes, any(clear for _, clear in changes)))
     return rows
 
 
