@@ -132,9 +132,8 @@ def _options(runs: Sequence[Result]) -> dict[str, list[object]]:
 def _names(folders: Sequence[Path]) -> list[str]:
     """The last parts of the folders' paths, as many as tell them apart; ? for a byte that is not UTF-8."""
     parts = [Path(str(folder.absolute()).encode(errors="replace").decode()).parts for folder in folders]
-    deep = max(len(one) for one in parts)
-    for count in range(1, deep + 1):
-        names = ["/".join(one[-count:]) for one in parts]
+    for count in range(1, max(map(len, parts)) + 1):
+        names = ["/".join(folder[-count:]) for folder in parts]
         if len(set(names)) == len(names):
             return names
     return [str(folder) for folder in folders]

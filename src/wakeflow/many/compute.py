@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..answer.result import Request, Result
 from ..answer.result_table import FAILED, OPEN, Entry, ResultTable
@@ -236,40 +236,33 @@ class _Rows:
     agenda: Agenda
 
     def __post_init__(self) -> None:
-        self.rows = GrowingTable()
-        self.written = time.monotonic()
+        self.rows, self.written = GrowingTable(), time.monotonic()
+        self.by_name = {variant.name: variant for variant in self.variants}
         todo = {step.name for step in self.agenda.steps}
-        for variant in self.variants:
-            problem = self.agenda.problems.get(variant.name)
-            if problem is not None:
-                self._fail(variant, problem)
-            elif variant.name in todo:
-                self.rows.entries[variant.name] = Entry(variant.name, variant.inputs, OPEN)
+        for name, variant in self.by_name.items():
+            if name in todo:
+                self.rows.entries[name] = Entry(name, variant.inputs, OPEN)
             else:
-                self._read(variant)
+                self._take(name, self.agenda.problems.get(name, ""))
 
     def ended(self, step: Step, problem: str) -> None:
         """Take in what a step has left."""
-        one = next((variant for variant in self.variants if variant.name == step.name), None)
-        if step.airflow or one is None:
+        if step.airflow:
             return
-        if problem:
-            self._fail(one, problem)
-        else:
-            self._read(one)
+        self._take(step.name, problem)
         if time.monotonic() - self.written >= WRITE_EVERY:
             self.rows.table.tidy().write_csv(self.folder / TABLE)
             self.written = time.monotonic()
 
-    def _read(self, variant: Variant) -> None:
-        result = finished(self.folder / variant.name, self.agenda.stamps[variant.name])
+    def _take(self, name: str, problem: str) -> None:
+        """What there is of a scene: its numbers, or the ``problem`` for which it has none."""
+        inputs = self.by_name[name].inputs
+        result = None if problem else finished(self.folder / name, self.agenda.stamps[name])
         if result is None:
-            self._fail(variant, f"its result in {variant.name} cannot be read")
+            problem = problem or f"its result in {name} cannot be read"
+            self.rows.entries[name] = Entry(name, inputs, FAILED, problem)
         else:
-            self.rows.add(variant.name, variant.inputs, result)
-
-    def _fail(self, variant: Variant, problem: str) -> None:
-        self.rows.entries[variant.name] = Entry(variant.name, variant.inputs, FAILED, problem)
+            self.rows.add(name, inputs, result)
 
     def finish(self, *, figures: bool) -> Sweep:
         """Write the tables and draw the ``figures``."""
