@@ -338,7 +338,7 @@ def test_modules_that_run_while_a_duct_is_made_stand_in_the_closure(cases: Path)
 def test_the_keys_of_all_stages_are_found_by_their_modules() -> None:
     assert set(CODE) == {
         "spec", "airflow", "span_run", "case_field", "analytic", "user_case", "combined", "gathered_force",
-        "fraction_flights", "slab_stage", "input_samples", "film_stage", "vtk_files", "figures",
+        "fraction_flights", "slab_stage", "input_samples", "film_stage", "vtk", "figures",
     }  # fmt: skip
 
 
