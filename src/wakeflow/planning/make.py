@@ -326,13 +326,13 @@ def _planned(
     """The plan of a scene by a ``rung``, with its terms as switched, for the error ``target`` of a share."""
     airflow, motion = _airflow(given, rung, target, switches)
     flown, chain = airflow.flown(given), given.air is not None and airflow.kind == "none"
-    check_switches(flown, switches, airflow.turbulence or "")
+    check_switches(flown, switches, airflow.turbulence)
     known = approaches(flown, airflow)
     obstacle = FIRST_LOOK if chain else why_no_collisions(flown) or too_many_to_collide(flown, _laws(known))
     crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
     airflow, known = _under_load(flown, airflow, known, target, switches)
     together = whole_terms(airflow, crowd)
-    gate = TermGate(flown, switches, target, airflow.turbulence or "", together, obstacle, motion.moved)
+    gate = TermGate(flown, switches, target, airflow.turbulence, together, obstacle, motion.moved)
     fractions, chosen = {}, {}
     for name, one in known.items():
         fractions[name], chosen[name] = _decide(gate, name, one)
@@ -363,7 +363,7 @@ def _airflow(scene: Scene, rung: str, target: float, switches: Mapping[str, bool
     if airflow.stepping != "time-resolved":
         return airflow, AirMotion()
     motion = vibration_of_scene(scene, airflow.accuracy, asked=switches.get(VIBRATION))
-    if airflow.span is not None and motion.used:
+    if airflow.span and motion.used:
         raise SceneError(f"rung = {rung!r} holds the body still in the air, and here {motion.why}; choose standard")
     return replace(airflow, moving=motion.used), motion
 

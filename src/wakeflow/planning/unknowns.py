@@ -454,7 +454,7 @@ def _add_of_wake(name: Literal["theta", "strength"]) -> None:
 
     def acting_in(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         airflow: AirflowPlan = plan.airflow
-        if airflow.wake is not None and airflow.brackets:
+        if airflow.wake and airflow.brackets:
             yield _ranged(scene, f"wake.{name}", getattr(airflow.wake, name), "measured wakes (laws/wakes.toml)")
 
     def vary(drawn: Drawn) -> Variation:

@@ -40,7 +40,7 @@ class Wake(StrEnum):
     ANSWER = "answer"  # the answer's own
 
 
-def wakes_beside(brackets: bool, estimate: WakeEstimate | None) -> dict[Wake, tuple[float, float]]:
+def wakes_beside(brackets: bool, estimate: WakeEstimate) -> dict[Wake, tuple[float, float]]:
     """Theta and strength of the wakes in which part of the granules fly beside the answer's own.
 
     Around a best estimate: its two ends. Around a time-resolved wake that is the answer itself: the steady one, and two
@@ -48,7 +48,7 @@ def wakes_beside(brackets: bool, estimate: WakeEstimate | None) -> dict[Wake, tu
     """
     if not brackets:
         return {}
-    if estimate is None:
+    if not estimate:
         return {Wake.STEADY: (0.0, 0.0), Wake.MEAN: (1.0, 0.0), Wake.HALF: (1.0, 0.5)}
     return {Wake.STEADY: (0.0, 0.0), Wake.TIME_RESOLVED: (1.0, 1.0)}
 

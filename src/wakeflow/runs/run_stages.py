@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -71,7 +72,7 @@ def stages_of(
         plan = plan_of(fed)  # the bounds on loading follow the rate
         pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan)
     fan = None if pipeline.scene.air is None else pipeline.scene.air.fan
-    if fan is not None and plan.airflow.stepping is not None and request.until not in ("funnel", "mesh"):
+    if fan is not None and plan.airflow.stepping and request.until not in ("funnel", "mesh"):
         pipeline = _blown(pipeline, plan_of)
     return pipeline, poured
 
@@ -87,7 +88,8 @@ def _blown(pipeline: Pipeline, plan_of: Callable[[Scene], Plan]) -> Pipeline:
         for _ in range(FEW):
             scene, air = pipeline.scene, pipeline.air if own else pipeline.airs.bare_steady[0]
             found, speed = known(air.numbers.by_fan(scene, loaded=loaded)), scene.airstream.speed
-            if found.off <= max(EVEN * speed, half_of(scene, "air.speed", "air_speed", speed)) or found.meets is None:
+            near = found.off <= max(EVEN * speed, half_of(scene, "air.speed", "air_speed", speed))
+            if near or math.isnan(found.meets):
                 break
             pipeline.listener("airflow", f"the fan has the air at {found.meets:.3g} m/s by its drop, not {speed:.3g}")
             blown = scene.replace({CHANNEL: air.numbers.loss(scene, loaded=loaded)})

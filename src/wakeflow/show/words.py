@@ -162,7 +162,7 @@ def _unit_words(number: Number, unit: str) -> str:
 def air_words(airflow: Airflow) -> str:
     """The airflow in one line."""
     drop, cd, base = airflow.pressure_drop, airflow.cd, airflow.cp_base
-    if cd is None or base is None:
+    if not cd or not base:
         return f"airflow: {airflow.verdict}, {airflow.flow_rate:.3g} m²/s, pressure drop {drop:.2g} Pa"
     interval = f" ({cd.low:.3f} to {cd.high:.3f})" if cd.known else ""  # none of a given case
     return (
@@ -174,10 +174,10 @@ def air_words(airflow: Airflow) -> str:
 def loading_words(result: Result) -> str:
     """What the granules' force on the air does, in one line."""
     loading = required(required(result.airflow).loading)
-    if loading.cd is None:
-        does = f"driven to {say(required(loading.speed), 'm/s', 2)}"
+    if not loading.cd:
+        does = f"driven to {say(loading.speed, 'm/s', 2)}"
     else:
-        does = f"steady Cd {required(loading.cd_without).value:.3f} to {loading.cd.value:.3f}"
+        does = f"steady Cd {loading.cd_without.value:.3f} to {loading.cd.value:.3f}"
     passes = f"{loading.passes} pass{'es' if loading.passes != 1 else ''}"
     told = f"air loading: {passes}, {loading.given:.2g} N/m on the air, {does}"
     effects = None if result.landings is None else result.landings.air_loading

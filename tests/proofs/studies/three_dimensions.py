@@ -163,10 +163,10 @@ def on_axis(spec: FlowSpec, fields: Sequence[FlowField]) -> tuple[Array, Array, 
     x = np.column_stack([np.full(len(PLACES), middle), spec.along * (rear + PLACES * spec.mesh.projected_width)])
     velocities, modelled = [], []
     for field in fields:
-        times = [0.0] if field.period is None else np.linspace(0.0, field.period, 400, endpoint=False)
+        times = np.linspace(0.0, field.period, 400, endpoint=False) if field.period else [0.0]
         velocities += [field.sample(x, float(t))[0] for t in times]
         mean = field.mean()
-        if mean.k is not None:
+        if mean.has("k"):
             as_speed = FlowField.from_arrays(mean.points, mean.triangles, np.stack([mean.k, mean.k], axis=1))
             modelled.append(as_speed.sample(x)[0][:, 0])
     u, k = np.array(velocities), np.mean(modelled, axis=0) if modelled else 0.0

@@ -174,7 +174,7 @@ def test_what_needs_no_solver_tells_what_it_leaves_unknown(
     assert plan.airflow.kind == kind
     assert pipeline.air.at_once
     assert pipeline.air.unknown == unknown
-    assert pipeline.air.mesh_quality is None
+    assert not pipeline.air.mesh_quality
     with pytest.raises(SceneError, match="neither mesh nor OpenFOAM case"):
         _ = pipeline.solution
 

@@ -332,7 +332,7 @@ def test_the_bound_holds_and_is_not_idle(loaded: wf.Result) -> None:
     asked, pipeline = loaded_scene(), loaded_pipeline()
     plan, bare = pipeline.plan, pipeline.loading.steady.field
     calm = plan.with_forces(("drag", "gravity", "buoyancy", "pressure-gradient"))
-    grains = feedstock(asked, calm, "chaff", None).granules
+    grains = feedstock(asked, calm, "chaff", 0.0).granules
     ends = [
         Flight(asked, calm, Realisations(air), 1e-6).fly("chaff", grains).position for air in (bare, pipeline.field[1])
     ]

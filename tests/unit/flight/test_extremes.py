@@ -262,7 +262,7 @@ def test_a_scene_at_any_strength(cases: Path, mode: str, gamma: float) -> None:
     scene = Scene.parse(tables).replace({"feed.mode": mode, "feed.count": 512})
     plan = make_plan(scene)
     for name in scene.fraction:
-        feed = feedstock(scene, plan, name, None)
+        feed = feedstock(scene, plan, name, 0.0)
         tracks = Flight(scene, plan, Realisations(None), 1e-4).fly(name, feed.granules)
         assert np.all(tracks.fate == Fate.BINNED), tracks.counts()
         assert tracks.impacts.max() < 1000

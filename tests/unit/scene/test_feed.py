@@ -73,7 +73,7 @@ def test_the_feed_falls_by_its_profile_and_each_granule_stands_for_the_same_mass
     spread = {}
     for profile in ("uniform", {"distribution": "normal", "std": "2 mm"}):
         scene = vacuum.replace({"feed.profile": profile, "feed.count": 4096})
-        feed = feedstock(scene, make_plan(scene), "hard", None)
+        feed = feedstock(scene, make_plan(scene), "hard", 0.0)
         spread[str(profile)] = feed.granules.position[:, 0].std()
         assert feed.granules.position[:, 0].mean() == pytest.approx(0.0125, abs=1e-4)
         assert np.ptp(feed.granules.weight) == 0.0

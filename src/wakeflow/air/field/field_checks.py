@@ -85,24 +85,24 @@ def period(value: float, *, timed: bool) -> float:
     return length
 
 
-def times(values: ArrayLike, period: float | None) -> Array:
-    """Increasing times (T,) s that span no more than the ``period`` (s), where there is one."""
+def times(values: ArrayLike, period: float) -> Array:
+    """Increasing times (T,) s that span no more than the ``period`` (s), where it is not 0."""
     clock = finite("times", values, "s")
     if clock.ndim != 1 or not len(clock):
         raise SceneError(f"times: shape {clock.shape}, expected (T,)")
     if np.any(np.diff(clock) <= 0):
         raise SceneError(f"times: must increase, but do not after entry {int(np.argmax(np.diff(clock) <= 0))}")
-    if period is not None and not (np.isfinite(period) and period > 0 and period >= clock[-1] - clock[0]):
+    if period and not (np.isfinite(period) and period >= clock[-1] - clock[0]):
         raise SceneError(f"period = {period:g} s is shorter than the {clock[-1] - clock[0]:g} s the times span")
     return clock
 
 
-def coefficients(values: ArrayLike, knots: Array | None, period: float) -> Array:
+def coefficients(values: ArrayLike, knots: Array, period: float) -> Array:
     """Coefficients (T, R) of splines whose ``knots`` (T,) s are the times: uniform over the ``period`` (s; 0 without
     one), at least four.
     """
     array = finite("coefficients", values)
-    if knots is None or not period or len(knots) < 4:
+    if not period or len(knots) < 4:
         raise SceneError("coefficients: need a period and at least four times, the knots of the splines")
     if array.ndim != 2 or array.shape[0] != len(knots) or array.shape[1] < 1:
         raise SceneError(f"coefficients: shape {array.shape}, expected ({len(knots)}, R), a row for each time")

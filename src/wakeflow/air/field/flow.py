@@ -9,7 +9,7 @@ splines).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from weakref import ref
@@ -25,16 +25,21 @@ from ...core.tables import load_arrays, save_arrays
 from ...laws.gas import MEAN_FREE_PATH, PRESSURE, TEMPERATURE
 from ...laws.gas import mean_free_path as path_in_gas
 from . import field_checks as checks
-from .modes import MIN_KNOTS, MeshOscillation, TimeAxis, Truncation, compress, design
+from .modes import AT_REST, KEPT_WHOLE, MIN_KNOTS, MeshOscillation, TimeAxis, Truncation, compress, design
 from .triangles import VECTORS, Divergence, Triangles, divergence_of, gradient_operators, mirrored
 
 Array = NDArray[np.float64]
+EMPTY: Array = np.zeros(0)
+STEADY: dict[str, Any] = {"times": EMPTY, "period": 0.0, "coefficients": EMPTY, "truncation": KEPT_WHOLE}
 POSITIVE = ("k", "dissipation")
-SCALARS = ("period", "density", "viscosity", "temperature", "mean_free_path")
+GAS = ("density", "viscosity", "temperature", "mean_free_path")
 NODAL = ("velocity", "pressure", *POSITIVE, "given_gradient")  # the arrays with a value at every node
-MIN_TURBULENCE_RATIO = (
-    0.05  # of their means: k and dissipation of a compressed field are no smaller. Chosen: a lifetime stays finite
-)
+# Of their means: k and dissipation of a compressed field are no smaller. Chosen: a lifetime stays finite
+MIN_TURBULENCE_RATIO = 0.05
+
+
+def _none() -> Any:
+    return field(default_factory=lambda: EMPTY)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,21 +51,22 @@ class FlowField(Triangles):
     s, ``temperature`` K, ``mean_free_path`` of the gas's molecules m, 0 in a liquid. Nodal arrays have a leading axis T
     when ``times`` is given: the snapshots; or R, when ``coefficients`` (T, R) is given too: the mean and R - 1 modes,
     ``times`` being the splines' uniform knots, and ``truncation`` what was cut off. ``motion``: the mesh swings as a
-    rigid whole, ``points`` being its middle position; velocities are absolute.
+    rigid whole, ``points`` being its middle position; velocities are absolute. What a field has not (:meth:`has`) is an
+    empty array, a period of 0, a motion of 0.
     """
 
     velocity: Array
-    pressure: Array | None = None
-    times: Array | None = None
-    period: float | None = None
-    k: Array | None = None
-    dissipation: Array | None = None
+    pressure: Array = _none()
+    times: Array = _none()
+    period: float = 0.0
+    k: Array = _none()
+    dissipation: Array = _none()
     density: float = 1.2
     viscosity: float = 1.8e-5
-    given_gradient: Array | None = None
-    coefficients: Array | None = None
-    motion: MeshOscillation | None = None
-    truncation: Truncation | None = None
+    given_gradient: Array = _none()
+    coefficients: Array = _none()
+    motion: MeshOscillation = AT_REST
+    truncation: Truncation = KEPT_WHOLE
     temperature: float = TEMPERATURE
     mean_free_path: float = MEAN_FREE_PATH
 
@@ -97,10 +103,10 @@ class FlowField(Triangles):
         """
         nodes = checks.points(points)
         cells = checks.cells(triangles, nodes)
-        period = None if period is None else checks.period(period, timed=times is not None)
-        clock = None if times is None else checks.times(times, period)
-        parts = None if coefficients is None else checks.coefficients(coefficients, clock, period or 0.0)
-        lead = (len(nodes),) if clock is None else ((clock if parts is None else parts.T).shape[0], len(nodes))
+        length = 0.0 if period is None else checks.period(period, timed=times is not None)
+        clock = EMPTY if times is None else checks.times(times, length)
+        parts = EMPTY if coefficients is None else checks.coefficients(coefficients, clock, length)
+        lead = (*(parts.shape[1:] or clock.shape), len(nodes)) if len(clock) else (len(nodes),)
         given = (
             ("velocity", velocity, (*lead, 2), "m/s"), ("pressure", pressure, lead, "Pa"), ("k", k, lead, "m^2/s^2"),
             ("dissipation", dissipation, lead, "m^2/s^3"), ("pressure_gradient", pressure_gradient, (*lead, 2), "Pa/m"),
@@ -108,10 +114,10 @@ class FlowField(Triangles):
         nodal: dict[str, Any] = {n: checks.of_shape(n, v, shape, unit) for n, v, shape, unit in given if v is not None}
         if walls is not None and "k" in nodal:
             nodal["k"][..., checks.flags("walls", walls, (len(nodes),))] = 0.0
-        lost = None if truncation is None else Truncation.from_array(checks.finite("truncation", truncation))
+        lost = KEPT_WHOLE if truncation is None else Truncation.from_array(checks.finite("truncation", truncation))
         field = cls(
-            nodes, cells, times=clock, period=period, coefficients=parts, truncation=lost,
-            given_gradient=nodal.pop("pressure_gradient", None), **nodal,
+            nodes, cells, times=clock, period=length, coefficients=parts, truncation=lost,
+            given_gradient=nodal.pop("pressure_gradient", EMPTY), **nodal,
             **_gas(temperature, density=density, viscosity=viscosity, mean_free_path=mean_free_path),
         )  # fmt: skip
         return field if motion is None else field.moving(*checks.motion(motion))
@@ -138,10 +144,20 @@ class FlowField(Triangles):
 
     # -- values ----------------------------------------------------------------------------------------------------
 
+    def has(self, name: str) -> bool:
+        """Whether there is what the class calls ``name``."""
+        value = getattr(self, name)
+        return value.size > 0 if isinstance(value, np.ndarray) else bool(value)
+
+    @property
+    def in_time(self) -> bool:
+        """Whether the field is one in time."""
+        return len(self.times) > 0
+
     @cached_property
-    def pressure_gradient(self) -> Array | None:
-        """Pressure gradient at the nodes (.., N, 2) Pa/m, second order up to the boundary; None without pressure."""
-        if self.given_gradient is not None or self.pressure is None:
+    def pressure_gradient(self) -> Array:
+        """Pressure gradient at the nodes (.., N, 2) Pa/m, second order up to the boundary; none without pressure."""
+        if self.has("given_gradient") or not self.has("pressure"):
             return self.given_gradient
         along_x, along_y = gradient_operators(self.points, self.triangles)
         flat = np.atleast_2d(self.pressure).T
@@ -151,9 +167,7 @@ class FlowField(Triangles):
     @cached_property
     def time_axis(self) -> TimeAxis:
         """The field's functions of time."""
-        times = np.zeros(0) if self.times is None else self.times
-        period = np.inf if self.period is None else self.period
-        return TimeAxis(times, period, np.zeros((0, 0)) if self.coefficients is None else self.coefficients)
+        return TimeAxis(self.times, self.period or np.inf, self.coefficients)
 
     def weights(self, t: float) -> Array:
         """The weight of each snapshot or part (R,) in the field at time ``t`` (s); a lone 1 when steady."""
@@ -171,7 +185,7 @@ class FlowField(Triangles):
         The tracker's interpolant: linear in triangles, in time as the class says; in a moving mesh where it is then.
         """
         points, t = np.atleast_2d(numbers("x", x, "m")), number("t", t, "s")
-        if self.motion is not None:
+        if self.motion:
             points = points - self.motion.displacement(t)
         triangle = self.locate(points)
         inside = triangle >= 0
@@ -182,14 +196,14 @@ class FlowField(Triangles):
         velocity, pressure, gradient = (np.full((len(points), *shape), np.nan) for shape in ((2,), (), (2,)))
         parts = (self.velocity, self.pressure, self.pressure_gradient)
         for result, nodal in zip((velocity, pressure, gradient), parts, strict=True):
-            if nodal is not None:
-                now = nodal if self.times is None else np.tensordot(shares, nodal, axes=1)
+            if nodal.size:
+                now = np.tensordot(shares, nodal, axes=1) if self.in_time else nodal
                 result[inside] = np.einsum("nk,nk...->n...", weight, now[corner])
         return velocity, pressure, gradient
 
     def divergence(self) -> Divergence:
         """Divergence of the interpolated velocity in every triangle, and how large it is against U / h."""
-        if self.coefficients is not None:
+        if self.has("coefficients"):
             return self.snapshots().divergence()
         return divergence_of(self, self.velocity)
 
@@ -197,11 +211,11 @@ class FlowField(Triangles):
 
     def mean(self) -> FlowField:
         """The time mean as a steady field: trapezoidal rule over the snapshots, round the period if there is one."""
-        if self.times is None:
-            return self
-        share = self.time_axis.mean_weights()
-        steady: dict[str, Any] = {"times": None, "period": None, "coefficients": None, "truncation": None}
-        return self.mapped(lambda nodal: np.tensordot(share, nodal, axes=1)).with_values(**steady)
+        return self.still(self.time_axis.mean_weights()) if self.in_time else self
+
+    def still(self, weights: Array) -> FlowField:
+        """A steady field: the snapshots or parts of one in time, with these ``weights`` (R,)."""
+        return self.mapped(lambda nodal: np.tensordot(weights, nodal, axes=1)).with_values(**STEADY)
 
     def compressed(self, error: float = 0.01, knots: int | None = None) -> FlowField:
         """Snapshots over a period as mean and modes with smooth functions of time; see :mod:`.modes`.
@@ -211,7 +225,7 @@ class FlowField(Triangles):
         Nodal values are rounded to single precision. Raises SceneError without a period or with fewer than eight
         snapshots. A field that is compressed already, or steady, comes back as it is.
         """
-        if self.times is None or self.coefficients is not None:
+        if not self.in_time or self.has("coefficients"):
             return self
         axis = self.time_axis
         tried = range(MIN_KNOTS, len(axis.times) + 1) if knots is None else [knots]
@@ -222,10 +236,10 @@ class FlowField(Triangles):
 
     def snapshots(self) -> FlowField:
         """Mean and modes as snapshots at the knots; other fields as they are."""
-        if self.coefficients is None:
+        if not self.has("coefficients"):
             return self
         values: dict[str, Any] = {name: self.at_knots(name) for name in nodal(self)}
-        return self.with_values(**values, coefficients=None, truncation=None)
+        return self.with_values(**values, coefficients=EMPTY, truncation=KEPT_WHOLE)
 
     def at_knots(self, name: str) -> Array:
         """A nodal array (T, N, ..) at the knots of a field of mean and modes.
@@ -246,7 +260,7 @@ class FlowField(Triangles):
         """
         across, along = checks.of_shape("amplitude", amplitude, (2,), "m").tolist()
         swing = MeshOscillation(across, along, number("omega", omega, "rad/s"), number("phase", phase, "rad"))
-        swing.check(self.times is not None, self.time_axis.period)
+        swing.check(self.in_time, self.time_axis.period)
         return self.with_values(motion=swing)
 
     def mirrored(self, x: float = 0.0) -> FlowField:
@@ -257,7 +271,7 @@ class FlowField(Triangles):
         Raises SceneError when points lie on both sides, or none on the axis.
         """
         points, triangles, whole = mirrored(self.points, self.triangles, nodal(self), x)
-        if self.motion is not None and self.motion.x != 0.0:
+        if self.motion.x != 0.0:
             raise SceneError("mirrored: the mesh moves across the axis")
         return replace(self, points=points, triangles=triangles, **whole)
 
@@ -265,7 +279,7 @@ class FlowField(Triangles):
         """The mirror image of the field about the vertical line at ``x``."""
         points = (2 * x, 0.0) + self.points * (-1.0, 1.0)
         image: dict[str, Any] = {n: values * (-1.0, 1.0) for n, values in nodal(self).items() if n in VECTORS}
-        motion = None if self.motion is None else self.motion._replace(x=-self.motion.x)
+        motion = self.motion._replace(x=-self.motion.x)
         triangles = np.ascontiguousarray(self.triangles[:, ::-1])
         return replace(self, points=points, triangles=triangles, motion=motion, **image)
 
@@ -295,10 +309,10 @@ class FlowField(Triangles):
 
     def save(self, path: Path | str) -> None:
         """Write all arrays to one .npz file, whole or not at all; nodal arrays of modes in single precision."""
-        names = (name for name in self.__dataclass_fields__ if getattr(self, name) is not None)
-        short = NODAL if self.coefficients is not None else ()
-        arrays = {name: getattr(self, name) for name in names}
-        if self.truncation is not None:
+        short = NODAL if self.has("coefficients") else ()
+        kept = (name for name in self.__dataclass_fields__ if self.has(name) or name in GAS)
+        arrays = {name: getattr(self, name) for name in kept}
+        if self.truncation:
             arrays["truncation"] = astuple(self.truncation)
         save_arrays(path, {n: np.asarray(a, dtype=np.float32 if n in short else None) for n, a in arrays.items()})
 
@@ -314,7 +328,7 @@ class FlowField(Triangles):
             raise SceneError(f"{path}: is not a flow field written by wakeflow")
         sums.check(file.parent, file.name, AGAIN)
         try:
-            scalars = {n: float(content.pop(n)) for n in SCALARS if n in content}
+            scalars = {n: float(content.pop(n)) for n in ("period", *GAS) if n in content}
             gradient = content.pop("given_gradient", None)
             return cls.from_arrays(**content, pressure_gradient=gradient, **scalars)
         except (TypeError, IndexError, ValueError) as problem:
@@ -326,7 +340,7 @@ AGAIN = "it cannot be read as a flow field; the run that wrote it writes it anew
 
 def nodal(field: FlowField) -> dict[str, Any]:
     """The nodal arrays that a ``field`` has, by name."""
-    return {name: values for name in NODAL if (values := getattr(field, name)) is not None}
+    return {name: getattr(field, name) for name in NODAL if field.has(name)}
 
 
 def _gas(temperature: float, **numbers: Any) -> dict[str, Any]:

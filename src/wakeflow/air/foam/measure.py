@@ -11,15 +11,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.number import Number
+from ...core.number import NO_NUMBER, Number
 from ...core.record import JsonTable, from_json
 from ...laws.turbulence import NUT
-from .airflow_result import AT_REST, CaseResult, CheckMesh, MeshMotionSummary, RunStatistics
+from .airflow_result import AT_REST, NO_STATISTICS, AirflowResult, CheckMesh, MeshMotionSummary, RunStatistics
 from .case import FlowSpec, axis_points
 from .force_history import CD, Tail, read_table, spread
 from .read import LOOP, STATES, CaseFields, Snapshot, late_states, loop_of, mean_of, nodes_of
 from .reconstruction import PlaneMesh, triangulate
-from .statistics import evaluate, is_still
+from .statistics import NOTHING, evaluate, is_still
 from .steady import WINDOW
 from .suction import suction_zone
 
@@ -36,8 +36,8 @@ class Coefficients:
     cd: Number
     cl_rms: Number
     cp_base: Number
-    strouhal: Number | None = None
-    statistics: RunStatistics | None = None
+    strouhal: Number = NO_NUMBER
+    statistics: RunStatistics = NO_STATISTICS
     notes: tuple[str, ...] = ()
 
 
@@ -73,11 +73,11 @@ def at_rest(spec: FlowSpec, rows: Array) -> Coefficients:
 def in_time(spec: FlowSpec, rows: Array, begin: float) -> Coefficients:
     """Means since the end of the start-up; from ``begin`` (s) on where there are too few periods for that."""
     swings = spec.vibration is not None and is_still(rows, spec.convective_time, swings=True)
-    result = None if swings else evaluate(rows, spec.accuracy)
-    if result is None:  # an irregular wake that shed less than six times, or one that only swings with the body
+    result = NOTHING if swings else evaluate(rows, spec.accuracy)
+    if not result:  # an irregular wake that shed less than six times, or one that only swings with the body
         note = f"the airflow shed too few vortices in {rows[-1, 0]:.3g} s for intervals: they are the ranges it spanned"
         return spanned(rows[rows[:, 0] >= begin], *(() if swings else (note,)))
-    number = None if result.frequency is None else result.frequency.times(spec.convective_time)
+    number = result.frequency.times(spec.convective_time)
     made_of = RunStatistics(result.periods, result.begin, spec.accuracy, result.excess)
     note = (
         f"the airflow's intervals are up to {result.excess:.1f} times as wide as asked, from {result.periods} periods, "
@@ -129,7 +129,9 @@ def _since(spec: FlowSpec, folder: Path, rows: Array, loop: JsonTable) -> tuple[
     return begin, spanned(late, _unsettled(late[:, 1]))
 
 
-def measure(spec: FlowSpec, folder: Path, verdict: str, *, residuals: dict[str, float], mesh: CheckMesh) -> CaseResult:
+def measure(
+    spec: FlowSpec, folder: Path, verdict: str, *, residuals: dict[str, float], mesh: CheckMesh
+) -> AirflowResult:
     """Measure the solved case ``folder``: the latest time of a steady airflow, the loop of a time-resolved one.
 
     ``verdict``, ``residuals`` and the quality of the ``mesh`` are passed on into the result. Raises
@@ -143,7 +145,7 @@ def measure(spec: FlowSpec, folder: Path, verdict: str, *, residuals: dict[str, 
     nodes = mean_of(nodes_of(fields, times[0], shots))
     result, at_rear = plane_numbers(spec, fields, times[-1], shots, nodes, Edges.of(fields))
     flow_rate, mass_error = _mass_balance(spec, fields, shots)
-    return CaseResult(
+    return AirflowResult(
         stepping=spec.stepping,
         verdict=verdict,
         turbulence=spec.turbulence,
@@ -157,9 +159,9 @@ def measure(spec: FlowSpec, folder: Path, verdict: str, *, residuals: dict[str, 
         mass_error=mass_error,
         steps=len(rows),
         field_time="all" if loop else "states" if states else "latest",
-        period=loop.get("period"),
+        period=loop.get("period", np.nan),
         motion=motion_in(loop),
-        loop_mismatch=loop.get("mismatch"),
+        loop_mismatch=loop.get("mismatch", np.nan),
         residuals=residuals,
         mesh=mesh,
         statistics=history.statistics,
@@ -178,7 +180,7 @@ def plane_numbers(
     edges: Edges,
 ) -> tuple[JsonTable, float]:
     """What ``shots`` and their ``mean`` at the nodes, kinematic pressure (n,) and velocity (n, 2), say of a plane
-    airflow by the names of :class:`CaseResult`, and Cp at the rear of the first body.
+    airflow by the names of :class:`AirflowResult`, and Cp at the rear of the first body.
 
     ``time`` is the folder of the last shot.
     """

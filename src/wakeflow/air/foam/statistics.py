@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.number import Number, student
+from ...core.number import NO_NUMBER, Number, student
 from .force_history import upward_crossings
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ PERIODIC = {"length": 0.01, "drag": 0.01, "lift": 0.03}  # relative spread from 
 class Statistics:
     """Means since ``begin`` (s, the end of the start-up) over ``periods`` whole periods of mean length ``period`` (s).
 
-    ``frequency`` (1/s) is None and ``period`` 0 where the lift shows no shedding; the mean is then taken over equal
+    ``frequency`` (1/s) is none and ``period`` 0 where the lift shows no shedding; the mean is then taken over equal
     pieces of the record. ``cp_base`` is in the units of the history. ``excess``: the largest of half-width over the
     half-width asked; the answer is settled when it is at most 1.
     """
@@ -60,10 +60,14 @@ class Statistics:
     periods: int
     cd: Number
     cl_rms: Number
-    frequency: Number | None
+    frequency: Number
     cp_base: Number
     excess: float
     verdict: str
+
+    def __bool__(self) -> bool:
+        """Whether there are any, :data:`NOTHING` being none."""
+        return self.periods > 0
 
     @property
     def stands(self) -> bool:
@@ -74,8 +78,11 @@ class Statistics:
         return self.excess <= max(SURE, 1.0 / (1.0 + (FEW / self.periods) ** 3))
 
 
-def evaluate(rows: Array, accuracy: float) -> Statistics | None:
-    """The statistics of ``rows`` (n, 4): time (s), Cd, Cl, base pressure coefficient; None with too few periods.
+NOTHING = Statistics(0.0, 0.0, 0, NO_NUMBER, NO_NUMBER, NO_NUMBER, NO_NUMBER, np.inf, "broadband")
+
+
+def evaluate(rows: Array, accuracy: float) -> Statistics:
+    """The statistics of ``rows`` (n, 4): time (s), Cd, Cl, base pressure coefficient; NOTHING with too few periods.
 
     ``accuracy``: half-width of the 95 % intervals asked, relative; see :func:`wanted` for small values. An interval
     covers what the mean would become if the run went on; not the error of mesh, time step or model.
@@ -85,7 +92,7 @@ def evaluate(rows: Array, accuracy: float) -> Statistics | None:
     if not shedding:
         table = _pieces(rows)
     if len(table) < MIN_PERIODS:
-        return None
+        return NOTHING
     first = start_up_of(table)
     kept = table[first:]
     weight = kept[:, 1]
@@ -103,7 +110,7 @@ def evaluate(rows: Array, accuracy: float) -> Statistics | None:
         periods=len(kept),
         cd=wide["cd"],
         cl_rms=wide["cl_rms"],
-        frequency=wide.get("strouhal"),
+        frequency=wide.get("strouhal", NO_NUMBER),
         cp_base=wide["cp_base"],
         excess=max(max(part.high - part.value, part.value - part.low) / half[name] for name, part in wide.items()),
         verdict=_verdict(kept, square) if shedding else "broadband",
@@ -255,5 +262,5 @@ class Stopping:
         if now < self.next:
             return False
         result = evaluate(rows, self.accuracy)
-        self.next = now + max(LATER * (now - first), 2 * result.period if result else 0.0)
-        return result is not None and result.stands
+        self.next = now + max(LATER * (now - first), 2 * result.period)
+        return bool(result) and result.stands

@@ -92,8 +92,7 @@ def _verdict(spec: FlowSpec, rows: Array) -> str:
     """steady | periodic | broadband; the wake that only swings with a vibrating body is periodic."""
     if is_still(rows, spec.convective_time, swings=spec.vibration is not None):
         return "steady" if spec.vibration is None else "periodic"
-    result = evaluate(rows, spec.accuracy)
-    return result.verdict if result else "broadband"
+    return evaluate(rows, spec.accuracy).verdict
 
 
 def _start_up(spec: FlowSpec, folder: Path, listener: ProgressListener) -> None:

@@ -8,6 +8,7 @@ case; the kinds themselves are in the modules that :mod:`.every_kind` names.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -25,12 +26,12 @@ from ...laws.turbulence import USUAL, turbulence_models
 from ...planning.plan import Plan
 from ...planning.stage_cache import StageCache, code_of, version_of
 from ...scene import Scene
-from ..mesh.spec import MeshReport
-from .airflow_table import Airflow, CaseAirflow, SpanAirflow
+from ..mesh.spec import NO_MESH, MeshReport
+from .airflow_table import Airflow
 from .realisations import Realisations
 
 if TYPE_CHECKING:
-    from ..field import FlowField, Truncation
+    from ..field import FlowField
     from ..foam import FlowSpec
     from ..mesh import MeshSpec
 
@@ -80,7 +81,7 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
         ranks=0 if scene.numerics.ranks == "auto" else scene.numerics.ranks,
         vibration=MeshMotion(float(amplitude[1]), omega) if how.moving else None,
     )
-    return plane if how.span is None else SpanSpec(**vars(plane), span=how.span)
+    return SpanSpec(**vars(plane), span=how.span) if how.span else plane
 
 
 # -- Air ---------------------------------------------------------------------------------------------------------------
@@ -145,14 +146,9 @@ class FlownAir(ABC):
         return replace(self.make_numbers(), rung=self.plan.rung)
 
     @property
-    def mesh_quality(self) -> MeshReport | None:
-        """Counts and quality of the mesh; None without one."""
-        return None
-
-    @property
-    def truncation(self) -> Truncation | None:
-        """What the field lost when it was stored as a mean and modes; None for a field that is stored whole."""
-        return self.field.truncation
+    def mesh_quality(self) -> MeshReport:
+        """Counts and quality of the mesh; no cells without one."""
+        return NO_MESH
 
     @property
     def in_case(self) -> CaseAir:
@@ -160,9 +156,9 @@ class FlownAir(ABC):
         raise SceneError(f"airflow {self.plan.airflow.kind}: it has neither mesh nor OpenFOAM case")
 
     @property
-    def solver(self) -> str | None:
-        """Version of the OpenFOAM that solves it; None where none does."""
-        return None
+    def solver(self) -> str:
+        """Version of the OpenFOAM that solves it; empty where none does."""
+        return ""
 
 
 airflow_kinds: Registry[type[FlownAir]] = Registry("kind of airflow")
@@ -205,9 +201,9 @@ class CaseAir(FlownAir):
         return self.mesh_spec.half
 
     @property
-    def measured(self) -> CaseAirflow:
+    def measured(self) -> Airflow:
         """What was measured on the case."""
-        return load(CaseAirflow, self.solution[1] / "case" / "airflow.json")
+        return load(Airflow, self.solution[1] / "case" / "airflow.json")
 
     def make_numbers(self) -> Airflow:
         return self.measured
@@ -216,7 +212,7 @@ class CaseAir(FlownAir):
     def stored(self) -> StoredFields:
         """The fields that granules can fly in, in the cache."""
         span = self.plan.airflow.span
-        return plane_fields(self) if span is None else layer_fields(self, span)
+        return layer_fields(self, span) if span else plane_fields(self)
 
     @property
     def key(self) -> str:
@@ -239,7 +235,7 @@ class CaseAir(FlownAir):
 
     @property
     def unknown(self) -> tuple[str, ...]:
-        statistics = () if self.measured.period is None else ("airflow-statistics",)
+        statistics = () if math.isnan(self.measured.period) else ("airflow-statistics",)
         return ("mesh", *(("airflow-model",) if self.model_is_unknown else ()), *statistics)
 
     @property
@@ -277,7 +273,7 @@ def plane_fields(air: CaseAir) -> StoredFields:
 
     folder = _made("field", air, write)
     shown, cycles = folder / "field.npz", 1
-    if air.measured.period is not None:
+    if not math.isnan(air.measured.period):
         cycles = max(1, int(loop_of(air.case)["periods"]))
     return StoredFields(shown, sorted(folder.glob("state-*.npz")) or [shown], cycles)
 
@@ -290,7 +286,7 @@ def layer_fields(air: CaseAir, span: Span) -> StoredFields:
     """
     from .case_field import layer_file, save_layers
 
-    spec, result = air.flow_spec, load(SpanAirflow, air.case / "airflow.json")
+    spec, result = air.flow_spec, air.measured
     flown = result.span.flown
 
     def write(part: Path) -> None:
@@ -299,7 +295,7 @@ def layer_fields(air: CaseAir, span: Span) -> StoredFields:
 
     folder = _made("layers", air, write)
     files = [layer_file(folder, number) for number in range(len(flown))]
-    number = 1.0 / CONVECTIVE_PERIOD if result.strouhal is None else result.strouhal.value
+    number = result.strouhal.value if result.strouhal else 1.0 / CONVECTIVE_PERIOD
     sheddings = result.period / spec.convective_time * number
     return StoredFields(files[0], files, max(1, int(sheddings / len(flown))))
 
@@ -323,11 +319,11 @@ class MadeOf(CaseAir):
         return self.bare.mesh_spec
 
     @property
-    def mesh_quality(self) -> MeshReport | None:
+    def mesh_quality(self) -> MeshReport:
         return self.bare.mesh_quality
 
     @property
-    def solver(self) -> str | None:
+    def solver(self) -> str:
         return self.bare.solver
 
     @property

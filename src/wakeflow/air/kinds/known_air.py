@@ -62,7 +62,7 @@ class AnalyticAir(FlownAir):
     def make_numbers(self) -> Airflow:
         from .analytic import duct_airflow
 
-        return duct_airflow(self.scene, self.plan.airflow.turbulence or "")
+        return duct_airflow(self.scene, self.plan.airflow.turbulence)
 
     @property
     def unknown(self) -> tuple[str, ...]:

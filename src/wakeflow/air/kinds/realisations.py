@@ -35,9 +35,9 @@ class Realisations:
         return 1 + len(self.others)
 
     @property
-    def period(self) -> float | None:
-        """Over which granules are released (s); None in a steady airflow and in a vacuum."""
-        return None if self.field is None else self.field.period
+    def period(self) -> float:
+        """Over which granules are released (s); 0 in a steady airflow and in a vacuum."""
+        return 0.0 if self.field is None else self.field.period
 
     def make(self, number: int) -> FlowField | None:
         """One of the fields. Raises SceneError where its period is not the first one's."""
@@ -57,7 +57,7 @@ class Realisations:
 
     def cycle_of(self, time: NDArray[np.float64]) -> NDArray[np.uint16]:
         """The cycle, from 0, within which granules are released at ``time`` (n,) s."""
-        if self.period is None:
+        if not self.period:
             return np.zeros(len(time), dtype=np.uint16)
         return np.minimum(np.floor(time / self.period % 1.0 * self.cycles), self.cycles - 1).astype(np.uint16)
 

@@ -39,7 +39,7 @@ class AirflowModel(Source[Comparison[Wake]]):
         them. None where the computed airflow is the flow itself, or is the steady end.
         """
         wakes = pipeline.plan.airflow.wakes_beside
-        if not wakes or pipeline.field[1].times is None:
+        if not wakes or not pipeline.field[1].in_time:
             return None
         shares, seconds = {}, 0.0
         for wake, numbers in wakes.items():
@@ -59,7 +59,7 @@ class AirflowModel(Source[Comparison[Wake]]):
         wakes = fraction.flights.of(self)
         if wakes is None:
             return self.unless_known(fraction)
-        if fraction.pipeline.plan.airflow.wake is not None:
+        if fraction.pipeline.plan.airflow.wake:
             return {}
         found = {}
         for number, bin_ in enumerate(fraction.shares):

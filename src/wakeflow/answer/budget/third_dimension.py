@@ -73,7 +73,7 @@ def _keeps_or_rocks(scene: Scene) -> bool:
 
 def _known_shares(scene: Scene, plan: Plan) -> dict[str, dict[str, Entry]]:
     """The entries for a machine like the scene's, by fraction and bin."""
-    if plan.airflow.wake is None or scene.airstream.direction != "down" or _keeps_or_rocks(scene):
+    if not plan.airflow.wake or scene.airstream.direction != "down" or _keeps_or_rocks(scene):
         return {}
     body = next(iter(scene.body.values()))
     if abs(scene.feed.position - body.at[0]) > NEAR * scene.width:

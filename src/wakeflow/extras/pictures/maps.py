@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import SceneError, known
+from ...core.errors import SceneError
 from ...core.record import to_json
 from ...scene.pictures import Density
 from ...show import canvas
@@ -32,7 +32,7 @@ GRID = 120  # points along the longer side of the airflow's data
 def draw_streamlines(view: View) -> PictureFiles:
     """Pressure coefficient and streamlines, zones numbered as in the paper's Fig. 7; data on a regular grid."""
     outcome, scene = view.outcome, view.scene
-    if outcome.field is None or outcome.field.pressure is None or outcome.airflow is None:
+    if outcome.field is None or not outcome.field.has("pressure") or outcome.airflow is None:
         raise SceneError(f"picture.{view.name}: streamlines need an airflow with pressure")
     draw_pressure(view.file(".png"), outcome.field, scene, outcome.airflow, numbered=True)
     mean = as_flown(outcome.field.mean(), scene)
@@ -40,7 +40,7 @@ def draw_streamlines(view: View) -> PictureFiles:
     grid = PlotGrid.sample(canvas.triangulation(mean), _channel(view), [*mean.velocity.T, cp], GRID)
     columns = grid.columns(("air vx (m/s)", "air vy (m/s)", "Cp"))
     data = view.write_csv(tuple(columns), zip(*columns.values(), strict=True))
-    suction = known(outcome.airflow.suction)
+    suction = outcome.airflow.suction
     size = [MM * (length or 0.0) for length in (suction.length, suction.width)]
     text = (
         "1 direction of the air, 2 pressing zone, 3 body, 4 suction zone "

@@ -211,14 +211,14 @@ def fall_start(scene: Scene, radius: Array) -> tuple[Array, Array]:
     )
 
 
-def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
+def _times(scene: Scene, points: Array, field_period: float) -> Array:
     """Times (s) of a stream that is uniform over the vibration's and the shedding's periods, from points (n, 2); 0 in a
     channel without a body.
     """
     if not scene.body:
         return np.zeros(len(points))
     if scene.vibration is None:
-        return points[:, 0] * (field_period or 0.0)
+        return points[:, 0] * field_period
     period = scene.vibration.period
     if scene.feed.start == "resting":
         points = np.stack([np.full(len(points), _dead_point(scene.vibration) / period), points[:, 1]], axis=1)
@@ -305,12 +305,12 @@ def feedstock(
     scene: Scene,
     plan: Plan,
     name: str,
-    field_period: float | None,
+    field_period: float,
     replicates: Sequence[int] = range(REPLICATES),
     variation: GranuleVariation = AS_GIVEN,
     part: slice = EVERY,
 ) -> Feedstock:
-    """The granules of one fraction as they enter the field; ``field_period`` (s) of a time-resolved airflow.
+    """The granules of one fraction as they enter the field; ``field_period`` (s) of a time-resolved airflow, or 0.
 
     ``replicates``: only those, and of each a ``part``, the same granules as among all, but for what a ``variation``
     changes of each.

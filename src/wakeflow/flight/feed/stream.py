@@ -164,7 +164,7 @@ class _Source:
         position, velocity = released(scene, how, grains, x, level, speed)
         low = float(start.min())
         line = plumb.placed(np.array([(-scene.channel.width, low), (scene.channel.width, low)]))
-        whole = np.linspace(0.0, field.period or 0.0, len(x), endpoint=False)
+        whole = np.linspace(0.0, field.period, len(x), endpoint=False)
         fall = tracking.track(
             field, hung(scene, grains.replace(position=position, velocity=velocity, time=whole)), until=LONGEST,
             tolerance=TOLERANCE, length=scene.width, drag=how.drag, forces=how.forces, lines=(line,), seed=seed,

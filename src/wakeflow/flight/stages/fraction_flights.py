@@ -101,7 +101,7 @@ class Flight:
 
     def landings(self, name: str) -> Landings:
         """Where all granules of a fraction land, in air that does not vary."""
-        feed = feedstock(self.scene, self.plan, name, None)
+        feed = feedstock(self.scene, self.plan, name, 0.0)
         cycle = self.airs.cycle_of(feed.granules.time)
         parts = landing_columns(feed, self.fly(name, feed.granules), len(self.scene.bin), 0, cycle)
         parts.pop("injected")

@@ -139,7 +139,7 @@ class Gatherer:
         before = density.copy()
         for name in self.scene.fraction:
             self.tell(f"{name}: {count} granules, for their force on the air")
-            feed = feedstock(few, flight.plan, name, None, range(COMPARED))
+            feed = feedstock(few, flight.plan, name, 0.0, range(COMPARED))
             tracks = flight.fly(name, feed.granules, record=POINTS, stream=STREAM)
             flow, how = self._flow(name), self._how(self.plan.fractions[name].forces)
             density += force_on_the_air(tracks, feed.granules, flow, self.boxes, **how).density

@@ -200,7 +200,7 @@ class DrawStage:
 
         airs = self.tracks.airs
         wake = self.tracks.plan.airflow.wake
-        if wake is not None and (air.theta is not None or air.strength is not None):
+        if wake and (air.theta is not None or air.strength is not None):
             theta = wake.theta.value if air.theta is None else air.theta
             strength = wake.strength.value if air.strength is None else air.strength
             airs = self.tracks.realised((theta, strength))

@@ -214,7 +214,7 @@ class SlabFlight:
         if image and field is not None:
             field = field.image
         period = self.airs.period
-        operation = self.operation if period is None else period * math.ceil(self.operation / period)
+        operation = period * math.ceil(self.operation / period) if period else self.operation
         stream = self._stream(field, number, operation)
         tracks = self._track(field, stream, number, self.recorded)
         self.also(number, stream, tracks)

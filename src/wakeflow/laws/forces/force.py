@@ -216,21 +216,8 @@ def drag_scale(grains: Grains, air: AirProperties) -> Array:
 class Field(Protocol):
     """What tells whether a field has what a force needs of it."""
 
-    @property
-    def pressure(self) -> Array | None:
-        """Pa; None where there is none, or its gradient is given."""
-
-    @property
-    def given_gradient(self) -> Array | None:
-        """Of the pressure, Pa/m; None where it is that of ``pressure``."""
-
-    @property
-    def k(self) -> Array | None:
-        """Turbulent kinetic energy, m2/s2; None in laminar air."""
-
-    @property
-    def dissipation(self) -> Array | None:
-        """Its dissipation, m2/s3; None in laminar air."""
+    def has(self, name: str) -> bool:
+        """Whether it has "pressure", its "given_gradient", "k" or its "dissipation"."""
 
 
 @dataclass(frozen=True)
@@ -326,9 +313,9 @@ class Force:
 
     def lacks(self, field: Field) -> str:
         """What ``field`` lacks for it, in words; empty where it has all."""
-        if self.needs == "pressure" and field.pressure is None and field.given_gradient is None:
+        if self.needs == "pressure" and not (field.has("pressure") or field.has("given_gradient")):
             return "a field with pressure"
-        if self.needs == "turbulence" and (field.k is None or field.dissipation is None):
+        if self.needs == "turbulence" and not (field.has("k") and field.has("dissipation")):
             return "a field with k and dissipation; a laminar airflow has none"
         return ""
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ...air.field.flow import vorticity
 from ...air.kinds.airflow_table import momentum_of
-from ...core.errors import known
 from ...core.geometry import along
 from .. import canvas
 from ..air_pictures import SUCTION_LEVEL, TOUCHING, as_flown, pressure_coefficient, trace_streamlines, window_round_body
@@ -43,7 +42,7 @@ def draw_pressure(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow
     Cp = -0.5 bounds the suction zone; ``numbered`` puts the numbers of the paper's Fig. 7 before the zones' names.
     Raises ValueError without pressure or air.
     """
-    if field.pressure is None or scene.air is None:
+    if not field.has("pressure") or scene.air is None:
         raise ValueError("the pressure picture needs a field with pressure and a scene with air")
     mean = as_flown(field.mean(), scene)
     cp = pressure_coefficient(mean, scene, airflow)
@@ -74,7 +73,7 @@ def draw_pressure(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow
 
 
 def _airflow_title(airflow: Airflow, *, in_time: bool) -> str:
-    cd, reynolds = known(airflow.cd), known(airflow.reynolds)
+    cd, reynolds = airflow.cd, airflow.reynolds
     number = f"{reynolds:.0f}" if reynolds >= 100 else f"{reynolds:.3g}"
     interval = "" if cd.low is None else f" ({cd.low:.3f} to {cd.high:.3f})"
     what = "Mean pressure and streamlines" if in_time else "Pressure and streamlines"
@@ -179,7 +178,8 @@ def draw_vorticity(paper: Paper, field: FlowField, scene: Scene, airflow: Airflo
     from matplotlib.ticker import MaxNLocator
 
     window = window_round_body(scene, airflow)
-    now = {} if field.times is None else {f"at {1e3 * float(field.times[0]):.3g} ms of the loop": _first(field)}
+    first = field.times[:1].tolist()  # none of a steady one
+    now = {f"at {1e3 * time:.3g} ms of the loop": field.still(field.weights(time)) for time in first}
     shown = {**now, "mean": as_flown(field.mean(), scene)}
     scaled = {name: vorticity(one) * scene.width / scene.airstream.speed for name, one in shown.items()}
     here = canvas.inside_window(field.points, window)
@@ -210,19 +210,10 @@ def _strong(size: Array, area: Array) -> float:
     return float(size[order][np.searchsorted(reached, FULL * reached[-1])])
 
 
-def _first(field: FlowField) -> FlowField:
-    """A field in time as it is at its first moment."""
-    from dataclasses import replace
-
-    weights = field.weights(float(field.time_axis.times[0]))
-    still = field.mapped(lambda nodal: np.tensordot(weights, nodal, axes=1))
-    return replace(still, times=None, period=None, coefficients=None, truncation=None)
-
-
 def air_of(outcome: AirAndTracks) -> Air:
     """The air round the bodies; empty of a run without one that sees them."""
     field, airflow = outcome.field, outcome.airflow
-    if field is None or airflow is None or airflow.cd is None or not outcome.scene.body:
+    if field is None or airflow is None or not airflow.cd or not outcome.scene.body:
         return ()
     return field, outcome.scene, airflow
 
@@ -230,7 +221,7 @@ def air_of(outcome: AirAndTracks) -> Air:
 def air_with_pressure(outcome: AirAndTracks) -> Air:
     """As :func:`air_of`; empty without pressure too."""
     air = air_of(outcome)
-    return air if air and air[0].pressure is not None else ()
+    return air if air and air[0].has("pressure") else ()
 
 
 def _air_at_the_surface(outcome: AirAndTracks) -> Air:

@@ -168,7 +168,7 @@ def draw_residence(
     axes.set_xlabel("time in the suction zone (ms)")
     axes.set_ylabel("share of the tracks that stay longer (%)")
     axes.grid(color="#dddddd", linewidth=0.5)
-    across = airflow.suction is not None and airflow.suction.spans(scene.channel.width)
+    across = airflow.suction.spans(scene.channel.width)
     axes.legend(
         title=SPANS if across else None, title_fontsize=7.5, alignment="left", fontsize=7.5,
         frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0),

@@ -189,7 +189,7 @@ def airflow_rows(airflow: Airflow | None, mesh: MeshReport | None) -> list[tuple
 
 def end_rows(airflow: Airflow | None) -> list[tuple[str, ...]]:
     """(name, steady, best estimate, time-resolved, unit) of what a best estimate lies between; nothing without one."""
-    if airflow is None or airflow.ends is None:
+    if airflow is None or not airflow.ends:
         return []
     beside = (airflow.ends.steady, airflow, airflow.ends.time_resolved)
     return [*_told("", ENDS, *beside), *_told("suction zone, ", SUCTION, *(record.suction for record in beside))]

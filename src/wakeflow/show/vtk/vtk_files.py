@@ -177,10 +177,10 @@ def write_field(folder: Path | str, field: FlowField, scene: Scene, airflow: Air
     field.save(folder / ITSELF)
     mean = as_flown(field.mean(), scene)
     level = None
-    if mean.pressure is not None and airflow is not None and not scene.airstream.still:
+    if mean.has("pressure") and airflow is not None and not scene.airstream.still:
         level = inlet_pressure(mean, scene, airflow)
-    steady = save_piece(_grid(mean, scene, level), folder / NAMES[0 if field.times is None else 1])
-    if field.times is None or not scene.numerics.snapshots:
+    steady = save_piece(_grid(mean, scene, level), folder / NAMES[int(field.in_time)])
+    if not field.in_time or not scene.numerics.snapshots:
         return steady
     times, states = at_moments(field, scene.numerics.snapshots)
     return save_series(folder / "field.pvd", times, (_grid(state, scene, level) for state in states), ".vtu")
@@ -200,11 +200,11 @@ def _grid(state: FlowField, scene: Scene, level: float | None) -> Any:
 
     grid = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: state.triangles}, lifted(state.points))
     values = {"velocity (m/s)": lifted(state.velocity), "vorticity (1/s)": vorticity(state)}
-    if state.pressure is not None:
+    if state.has("pressure"):
         values["pressure (Pa)"] = state.pressure
         if level is not None:
             values["Cp"] = (state.pressure - level) / dynamic_pressure(state, scene)
-    if state.k is not None:
+    if state.has("k"):
         values["k (m2/s2)"] = state.k
     for name, nodal in values.items():
         grid.point_data[name] = np.asarray(nodal, dtype=np.float32)

@@ -50,7 +50,7 @@ def write_tracks(
         born = np.array([one.track["time"][0] for one in found])
         points = {"time since release (s)": clock - np.repeat(born, sizes), **_moving(velocity)}
         points[ARRIVING] = lifted(arriving)
-        if field is not None and field.period is not None:
+        if field is not None and field.period:
             points["loop time (s)"] = _loop_time(clock, field)
         data.point_data.update({name: np.asarray(values, dtype=np.float32) for name, values in points.items()})
         data.cell_data.update({**_columns(found), "release (s)": born})
@@ -69,7 +69,7 @@ def write_moving(
     path = Path(folder) / "granules.pvd"
     path.unlink(missing_ok=True)
     clear_pieces(Path(folder), "granules")
-    if field is None or field.period is None or not scene.numerics.snapshots:
+    if field is None or not field.period or not scene.numerics.snapshots:
         return None
     found = [one for one in _granules(tracks, scene) if len(one.track["time"]) > 1]
     times = moments_of(field, scene.numerics.snapshots)
