@@ -68,6 +68,15 @@ class Null:
         return {**read, "serialization": written}
 
 
+def without_none(table: JsonMapping) -> JsonTable:
+    """The table, and those in it, without the keys that have no value."""
+    return {
+        key: without_none(value) if isinstance(value, Mapping) else value
+        for key, value in table.items()
+        if value is not None
+    }
+
+
 class Column(NamedTuple):
     """One key of a record's JSON table: the ``name`` of its field, the ``kind`` of value, ``unit`` and ``meaning``."""
 

@@ -252,7 +252,7 @@ def _chosen(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
         return NoAirPlan(asked, "asked for: the air is left out", "", "", scene.symmetric, half=False)
     if not scene.body or scene.air.still:
         return _analytic(scene, asked)
-    if scene.air.case is not None:
+    if scene.air.case:
         return _given(scene.air.case, asked)
     name, why = (asked, "asked for") if rungs[asked].kind else _auto(scene.reynolds, target_error)
     return _at_body(scene, scene.reynolds, name, why)

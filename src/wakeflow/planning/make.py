@@ -280,7 +280,7 @@ def _obstacle(scene: Scene, airflow: AirflowPlan) -> str:
             return "granules that do not fall straight along the channel drive no jet that is known"
     elif airflow.kind not in KINDS:
         return f"rung {airflow.rung} has no steady airflow that OpenFOAM could solve on; use draft or standard"
-    if scene.feed.rate is None:
+    if not scene.feed.rate:
         return "the scene has no feed.rate, which says how dense the curtain is"
     return ""
 
@@ -460,7 +460,7 @@ def _sticking(scene: Scene, approaches: Mapping[str, Approach]) -> Iterator[Left
     """Of each fraction whose granules meet far heavier ones at the scene's feed rate: how much of it at most stays on
     those, the share that meets any, as meetings by chance are (Poisson).
     """
-    if scene.feed.rate is None:
+    if not scene.feed.rate:
         return
     mass = {name: float(np.median(granule_masses(scene, name))) for name in approaches}
     for name, own in approaches.items():

@@ -266,7 +266,7 @@ def warning_lines(
     yield from lifting_notices(scene, fractions)
     yield from floor_notices(scene)
     yield from body_checks(scene)
-    if scene.feed.rate is not None:  # without one there is a rate only to give throughputs a scale
+    if scene.feed.rate:  # without one there is a rate only to give throughputs a scale
         yield from strained(validity, {LIFTED[term] for term in whole if term in LIFTED})
 
 

@@ -283,8 +283,8 @@ def _settles(scene: Scene, plan: Plan, name: str) -> bool:
 
 def _how_known(fraction: Fraction, _name: str) -> str:
     """How well it is known how granules turn: as their material's impact model is, or given."""
-    own = fraction.impact is not None or fraction.own_inertia is not None
-    return GIVEN if own or fraction.material is None else materials[fraction.material].evidence["impact"].confidence
+    own = fraction.impact or fraction.own_inertia
+    return GIVEN if own or not fraction.material else materials[fraction.material].evidence["impact"].confidence
 
 
 def _add_of_fractions(
@@ -342,11 +342,11 @@ def _moistures(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         fraction, key = scene.fraction[name], f"fraction.{name}.moisture"
         wet = _water(fraction)
         if _moved_by_water(scene, plan, name):
-            share = wet.middle if fraction.moisture is None else fraction.moisture
-            causes = _causes("moisture", fraction.material or "", METER)
+            share = fraction.moisture or wet.middle
+            causes = _causes("moisture", fraction.material, METER)
             if key in scene.uncertainty:
                 yield _unknown(scene, key, "moisture", share, "1", fraction=name)
-            elif fraction.moisture is not None:
+            elif fraction.moisture:
                 why = "a moisture meter (chosen)"
                 yield Unknown(key, "moisture", share, METER, METER, "1", why, name, causes)
             else:
@@ -411,14 +411,14 @@ def _of_scene(
 
 def _fall(scene: Scene, _: Plan) -> Iterator[Unknown]:
     """The height of the feed, or the speed that is given instead."""
-    start, unit = ("speed", "m/s") if scene.feed.height is None else ("height", "m")
+    start, unit = ("height", "m") if scene.feed.height else ("speed", "m/s")
     if value := getattr(scene.feed, start):
         yield _unknown(scene, f"feed.{start}", "feed_fall", value, unit)
 
 
 def _vary_fall(drawn: Drawn) -> Variation:
     """A height goes as the square of the speed that it gives."""
-    return replace(drawn.made, feed_fall=drawn.factor ** (2.0 if drawn.scene.feed.height is None else 1.0))
+    return replace(drawn.made, feed_fall=drawn.factor ** (1.0 if drawn.scene.feed.height else 2.0))
 
 
 def _entrainment(scene: Scene, plan: Plan) -> Iterator[Unknown]:

@@ -64,7 +64,7 @@ def family_of(scene: Scene) -> ShapeFamily:
     (body, *others) = scene.body.values()
     outline = body.outline()
     standing = wall_edge(outline, scene.channel.width / 2)
-    if others or standing or (body.rounding or 0.0) > SHARP * scene.width:
+    if others or standing or body.rounding > SHARP * scene.width:
         return ShapeFamily()
     across, along = np.ptp(outline, axis=0)
     if body.shape == "rhombus":
@@ -119,7 +119,7 @@ def span_of(scene: Scene) -> Span:
         raise SceneError(f"rung = '3d' resolves a turbulent wake; at Re {reynolds:.3g} it is laminar: choose standard")
     if scene.air is not None and scene.air.profile == "parabolic":
         raise SceneError("rung = '3d': a parabolic inlet is laminar and its wake is not; air.profile = 'uniform'")
-    layers = asked.layers if asked.layers is not None else max(MIN_LAYERS, math.ceil(LAYERS_A_WIDTH * asked.depth))
+    layers = asked.layers or max(MIN_LAYERS, math.ceil(LAYERS_A_WIDTH * asked.depth))
     return Span(asked.depth, layers, asked.shedding_cycles)
 
 

@@ -120,7 +120,7 @@ def _neighbour(folder: Path, before: tuple[Path, ...], listener: Listener) -> Pi
 
 def _fed(scene: Scene, poured: FunnelSummary) -> Scene:
     """The scene with the funnel's rate as its feed's. Raises SceneError where it needs one and the flow stopped."""
-    if poured.rate is None and scene.feed.rate is None:
+    if poured.rate is None and not scene.feed.rate:
         raise SceneError(
             f"funnel: the flow stops with {poured.left} of {poured.beads} beads inside; widen "
             "funnel.orifice, shake it harder (funnel.gamma) or give feed.rate"

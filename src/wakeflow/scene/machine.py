@@ -20,6 +20,7 @@ from ..laws.operating_point import FanPoint
 from ..laws.shape import shapes
 from ..laws.vibration import Record, integrated
 from .table import (
+    UNSET,
     AirFlow,
     AnyAngle,
     Array,
@@ -78,8 +79,8 @@ class Body(LawTable):
 
     model_config = ConfigDict(json_schema_extra=_shape_or_drawing)
     shape: str = Field(description="one of: " + ", ".join(shapes))
-    rounding: Length | None = Field(
-        None, description="radius of all edges; width and height are those of the sharp shape"
+    rounding: Annotated[Length, UNSET] = Field(
+        0.0, description="radius of all edges; width and height are those of the sharp shape"
     )
     at: Point = Field([0.0, 0.0], description="where the body's centre is")
 
@@ -92,7 +93,7 @@ class Body(LawTable):
     def outline(self) -> Array:
         """Corners (k, 2) in the scene's frame (m), counter-clockwise."""
         sharp = made_by(shapes, self.shape, **self.given)
-        return np.asarray((sharp if self.rounding is None else rounded(sharp, self.rounding)) + np.asarray(self.at))
+        return np.asarray((rounded(sharp, self.rounding) if self.rounding else sharp) + np.asarray(self.at))
 
 
 class Inlet(Table):
@@ -147,7 +148,9 @@ class Fan(LawTable):
         1.0, description="turns over those of the curve: flow grows with it, pressure with its square"
     )
     rest_drop: Drop = Field(0.0, description="of ducts, filter, cyclone and damper together at rest_flow")
-    rest_flow: AirFlow | None = Field(None, description="at which rest_drop was measured; it grows with the square")
+    rest_flow: Annotated[AirFlow, UNSET] = Field(
+        0.0, description="at which rest_drop was measured; it grows with the square"
+    )
     rest_loss: Loss = Field(0.0, description="instead: their drop over density speed^2 / 2 of the channel's mean speed")
     channel_loss: Loss | None = Field(
         None, description="the same of channel and bodies, at first; default estimated. A run computes it"
@@ -163,7 +166,7 @@ class Fan(LawTable):
         flow = given.get("flow", (0.0, 1.0))
         if len(flow) != len(given.get("pressure", flow)) or len(flow) < 2 or flow[0] != 0.0 or not rise(flow):
             raise SceneError("the curve needs as many pressures as flows, two at least; flows rise from 0")
-        if (self.rest_drop > 0.0) != (self.rest_flow is not None and self.rest_flow > 0.0):
+        if (self.rest_drop > 0.0) != (self.rest_flow > 0.0):
             raise SceneError("rest_drop is that at rest_flow: give both, above 0")
         return self
 
@@ -222,7 +225,7 @@ class Air(Table):
     profile: Literal["uniform", "parabolic"] = Field(
         "uniform", description="at the inlet; parabolic: fully developed laminar flow, speed is its mean"
     )
-    case: str | None = Field(None, description="folder of a solved OpenFOAM case, relative to the scene file")
+    case: Annotated[str, UNSET] = Field("", description="folder of a solved OpenFOAM case, relative to the scene file")
     time: Literal["latest", "mean", "all"] | None = Field(
         None, description="of the case: its last time (default), the mean of its times, or all of them"
     )
@@ -269,7 +272,7 @@ class Air(Table):
     def _moves_or_rests(self) -> Air:
         if 0.0 < self.speed < SLOWEST_AIR:
             raise SceneError(f"speed = {self.speed:g} m/s: at least {SLOWEST_AIR:g} m/s, or 0 for air at rest")
-        if self.still and self.case is not None:
+        if self.still and self.case:
             raise SceneError("speed = 0 does not go with case: the case says how fast its air is")
         if self.still and self.profile != "uniform":
             raise SceneError("speed = 0 does not go with profile: air at rest has none")
@@ -277,9 +280,9 @@ class Air(Table):
 
     @model_validator(mode="after")
     def _case_alone(self) -> Air:
-        if self.case is None and self.time is not None:
+        if self.time and not self.case:
             raise SceneError("time is for a case of your own: give case as well")
-        if self.case is not None and self.profile != "uniform":
+        if self.case and self.profile != "uniform":
             raise SceneError("profile does not go with case: the case has its own inlet")
         return self
 

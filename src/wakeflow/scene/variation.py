@@ -73,7 +73,7 @@ class Variation:
         """The scene with the curtain and the air's speed of this draw."""
         feed = scene.feed
         changed = {"width": feed.width * self.feed_width, "position": feed.position + self.feed_shift}
-        if feed.height is not None:
+        if feed.height:
             changed["height"] = feed.height * self.feed_fall
         if feed.speed is not None:
             changed["speed"] = feed.speed * math.sqrt(self.feed_fall)

@@ -22,7 +22,7 @@ from .measured import Tray
 from .pictures import AnyPicture
 from .plumb import Plumb
 from .rungs import rungs
-from .table import Array, Gravity, Name, Table, WithUnit, flat
+from .table import UNSET, Array, Gravity, Name, Table, WithUnit, flat
 from .trade import LimitTable, PriceTable
 from .uncertainty import UncertaintyTable, margins
 
@@ -77,8 +77,8 @@ class SpanTable(Table):
     """[numerics.span]: what rung 3d computes of the third dimension."""
 
     depth: Annotated[float, Field(ge=0.5, le=20.0)] = Field(2.5, description="of the periodic span, in body widths")
-    layers: Annotated[int, Field(ge=4, le=512)] | None = Field(
-        None, description="of cells over the span; 8 a body width by default"
+    layers: Annotated[int, Field(ge=4, le=512), UNSET] = Field(
+        0, description="of cells over the span; 8 a body width by default"
     )
     shedding_cycles: Annotated[float, Field(ge=0.5, le=1000.0)] = Field(
         30.0, description="recorded: of six body widths of travel each, the usual length of a cycle"
@@ -96,8 +96,8 @@ class Numerics(Table):
         0.01, description="error of a bin's share that is asked for: terms that could not move so much are left out"
     )
     mesh_scale: Annotated[float, Field(ge=0.2, le=4.0)] = Field(1.0, description="factor on every cell edge")
-    averaging: Annotated[float, Field(ge=0.001, le=0.5), WithUnit("1", "1 %")] | None = Field(
-        None, description="relative half width of drag's and base pressure's averages at which a shedding airflow ends"
+    averaging: Annotated[float, Field(ge=0.001, le=0.5), WithUnit("1", "1 %"), UNSET] = Field(
+        0.0, description="relative half width of drag's and base pressure's averages at which a shedding airflow ends"
     )
     ranks: Annotated[Literal["auto"] | int, BeforeValidator(_ranks)] = Field(
         "auto", description="MPI processes of an airflow, 1 to 256; auto: by its cells alone, two from 60 000 on"
@@ -117,9 +117,9 @@ class Numerics(Table):
 class ReportTable(Table):
     """[report]: what stands on the report's first page beside the answer."""
 
-    title: Annotated[str, Field(min_length=1, max_length=200)] | None = Field(None, description="default: the folder")
-    note: Annotated[str, Field(max_length=2000)] | None = Field(None, description="a few words of yours below it")
-    logo: str | None = Field(None, description="a PNG, SVG or JPEG file, relative to the scene file")
+    title: Annotated[str, Field(min_length=1, max_length=200), UNSET] = Field("", description="default: the folder")
+    note: Annotated[str, Field(max_length=2000), UNSET] = Field("", description="a few words of yours below it")
+    logo: Annotated[str, UNSET] = Field("", description="a PNG, SVG or JPEG file, relative to the scene file")
 
 
 def _switches(value: object) -> object:
@@ -140,8 +140,8 @@ def _same_line(one: Array, other: Array) -> bool:
 class SceneTables(Table):
     """All tables of a scene, and what follows from them."""
 
-    materials: str | None = Field(
-        None, description="file of materials of your own, relative to the scene file: its values are read in"
+    materials: Annotated[str, UNSET] = Field(
+        "", description="file of materials of your own, relative to the scene file: its values are read in"
     )
     body: dict[Name, Body] = Field({}, description="without one the air is known, and nothing is solved")
     channel: Channel
@@ -250,11 +250,11 @@ class SceneTables(Table):
         return paired and are_symmetric([body.outline() for body in self.body.values()])
 
     @property
-    def images(self) -> tuple[int, ...] | None:
-        """The place of each bin's mirror image among the bins, that of elsewhere last; None where the bins, the
+    def images(self) -> tuple[int, ...]:
+        """The place of each bin's mirror image among the bins, that of elsewhere last; none where the bins, the
         machine, its motion, the feed, gravity or an airflow of the user's are not their own image about x = 0.
         """
-        own_air = self.air is not None and self.air.case is not None
+        own_air = self.air is not None and self.air.case != ""
         motion = self.vibration
         still = motion is None or (motion.pivot is None and abs(float(motion.along[0])) < SAME)
         if (
@@ -262,13 +262,13 @@ class SceneTables(Table):
             or own_air
             or self.funnel is not None
         ):
-            return None
+            return ()
         lines = [(place.line(self), place.keeps_part) for place in self.bin.values()]
         result = [
             [i for i, other in enumerate(lines) if other[1] == keeps and _same_line(other[0], line * (-1.0, 1.0))]
             for line, keeps in lines
         ]
-        return (*(item[0] for item in result), len(lines)) if all(result) else None
+        return (*(item[0] for item in result), len(lines)) if all(result) else ()
 
     @property
     def collecting(self) -> dict[str, int]:
@@ -300,7 +300,7 @@ class SceneTables(Table):
         if not self.body:
             return 0.0, float(self.entry @ self.plumb.down)
         if feed.speed is None:
-            return feed.height or 0.0, 0.0
+            return feed.height, 0.0
         above = min(feed.speed**2 / (2 * self.gravity), self.width)
         return above, math.sqrt(max(0.0, feed.speed**2 - 2 * self.gravity * above))
 
@@ -329,5 +329,4 @@ class SceneTables(Table):
 
     def mass_shares(self) -> dict[str, float]:
         """Share of every fraction in the feed, by mass; they add up to 1."""
-        given = {name: f.mass_share for name, f in self.fraction.items()}
-        return {name: share if share is not None else 1.0 / len(given) for name, share in given.items()}
+        return {name: each.mass_share or 1.0 / len(self.fraction) for name, each in self.fraction.items()}

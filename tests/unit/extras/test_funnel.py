@@ -97,7 +97,7 @@ def test_wrong_tables_say_why(cases: Path, changes: dict[str, Any], told: str) -
 
 def test_the_feed_takes_the_funnels_rate(cases: Path) -> None:
     scene = Scene.load(cases / "funnel.toml")
-    assert scene.feed.rate is None
+    assert not scene.feed.rate
     assert scene.fed(0.02).feed.mass_flow == 0.02
     assert scene.fed().feed.mass_flow == scene.funnel.expected_rate  # type: ignore[union-attr]
     own = scene.replace({"feed.rate": 0.2})

@@ -125,7 +125,7 @@ def rows(plan: Plan) -> dict[str, Any]:
 @pytest.mark.parametrize("name", ["rhombus", "prism", "vacuum"])
 def test_at_the_feed_rate_of_a_limit_the_limit_is_reached(name: str) -> None:
     scene = shipped(name)
-    if scene.feed.rate is not None:
+    if scene.feed.rate:
         scene = scene.replace({"feed.rate": 0.7 * scene.feed.mass_flow})  # at no limit by chance
     for row in make_plan(scene).validity:
         if row.limit == math.inf:

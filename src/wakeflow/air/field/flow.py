@@ -38,8 +38,8 @@ NODAL = ("velocity", "pressure", *POSITIVE, "given_gradient")  # the arrays with
 MIN_TURBULENCE_RATIO = 0.05
 
 
-def _none() -> Any:
-    return field(default_factory=lambda: EMPTY)
+def _empty() -> Array:
+    return EMPTY
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,15 +56,15 @@ class FlowField(Triangles):
     """
 
     velocity: Array
-    pressure: Array = _none()
-    times: Array = _none()
+    pressure: Array = field(default_factory=_empty)
+    times: Array = field(default_factory=_empty)
     period: float = 0.0
-    k: Array = _none()
-    dissipation: Array = _none()
+    k: Array = field(default_factory=_empty)
+    dissipation: Array = field(default_factory=_empty)
     density: float = 1.2
     viscosity: float = 1.8e-5
-    given_gradient: Array = _none()
-    coefficients: Array = _none()
+    given_gradient: Array = field(default_factory=_empty)
+    coefficients: Array = field(default_factory=_empty)
     motion: MeshOscillation = AT_REST
     truncation: Truncation = KEPT_WHOLE
     temperature: float = TEMPERATURE

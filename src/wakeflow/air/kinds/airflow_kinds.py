@@ -53,7 +53,7 @@ def mesh_spec(scene: Scene, plan: Plan, grid: int = 0) -> MeshSpec:
         rung="standard" if plan.airflow.stepping == "time-resolved" else "draft",
         scale=scene.numerics.mesh_scale * plan.airflow.scales[grid],
         inlets=[SideInlet(name, inlet.side, *inlet.span) for name, inlet in channel.inlet.items()],
-        extend=channel.extend and air.case is None,
+        extend=channel.extend and not air.case,
         half=plan.airflow.half,
     )
 

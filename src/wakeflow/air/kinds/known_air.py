@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...core.errors import SceneError, known
+from ...core.errors import SceneError
 from ...core.geometry import ForceDensity
 from ...core.record import save
 from ...core.store import content_key, digest_files
@@ -103,7 +103,7 @@ class GivenAir(CaseAir):
 
     @property
     def case(self) -> Path:
-        return Path(known(self.scene.airstream.case))
+        return Path(self.scene.airstream.case)
 
     @property
     def half(self) -> bool:

@@ -139,7 +139,7 @@ class Cone:
 def _layers(funnel: Funnel) -> tuple[Array, float]:
     """Bead centres (n, 3) on a cubic lattice in the funnel, and the height (m) of the uppermost."""
     step, reach = SPACING * funnel.high, 0.5 * funnel.high / math.cos(funnel.half_angle)
-    slope, widest = math.tan(funnel.half_angle), math.inf if funnel.width is None else funnel.width / 2
+    slope, widest = math.tan(funnel.half_angle), funnel.width / 2 if funnel.width else math.inf
     found: list[Array] = []
     layer = count = 0
     while count < funnel.beads:
@@ -157,7 +157,7 @@ def cone_of(funnel: Funnel) -> Cone:
     """The funnel's inner wall, high enough for the loose heap and for the beads that the vibration throws up."""
     _, fill = _layers(funnel)
     slope = math.tan(funnel.half_angle)
-    top = fill + funnel.high if funnel.width is None else (funnel.width - funnel.orifice) / (2 * slope)
+    top = (funnel.width - funnel.orifice) / (2 * slope) if funnel.width else fill + funnel.high
     peak = BRIM_SPEED_RATIO * funnel.amplitude * 2 * math.pi * funnel.shaken_at
     brim = max(top, fill) + 5 * funnel.high + 2 * funnel.amplitude + peak**2 / (2 * funnel.gravity)
     return Cone(funnel.orifice / 2, slope, top, brim)

@@ -69,7 +69,7 @@ def _curves(view: View, picture: Curves, name: str, paths: list[Path2D]) -> Iter
         if picture.origin == "separation":
             origin = path.position[first]
             met = float(motion.at(start, origin)[1][1])
-        if picture.drop is not None:
+        if picture.drop:
             found = path.falls_to(origin[1] - picture.drop, first)
             if found is not None:
                 end = found
@@ -104,7 +104,7 @@ def _plot(axes: Axes, picture: Curves, curves: list[_Curve], colours: dict[str, 
     axes.legend(frameon=False, fontsize=8)
     axes.tick_params(labelsize=8)
     where = "after the separation point" if picture.origin == "separation" else ""
-    if picture.drop is not None:
+    if picture.drop:
         where += f", down to {MM * picture.drop:g} mm below it"
     axes.set_title(f"Granules {where}".strip(), fontsize=9, loc="left")
 
@@ -119,7 +119,7 @@ def _rows(curves: list[_Curve]) -> Iterator[tuple[object, ...]]:
 
 def _numbers(picture: Curves, curves: list[_Curve]) -> dict[str, object]:
     """At the drop: time, x and vx of each fraction's chosen granule, and the range of x over all; the ratio of x."""
-    if picture.drop is None:
+    if not picture.drop:
         return {}
     table: JsonTable = {"drop": picture.drop, "fractions": {}}
     for name in dict.fromkeys(curve.fraction for curve in curves):

@@ -50,7 +50,7 @@ def operating_map(
     from ...show.many_figures import draw_map, main_quantities
 
     asked = Scene.of(scene)
-    if asked.air is None or asked.air.still or asked.feed.rate is None:
+    if asked.air is None or asked.air.still or not asked.feed.rate:
         raise SceneError("a map needs an air.speed above 0 and a feed.rate in the scene")
     fan = asked.air.fan
     key, own = (SPEED, asked.air.speed) if fan is None else (TURNS, fan.speed_ratio)
@@ -75,7 +75,7 @@ def capacity(
     from ...show.many_figures import draw_lines
 
     asked = Scene.of(scene)
-    if asked.feed.rate is None:
+    if not asked.feed.rate:
         raise SceneError("a capacity curve needs a feed.rate in the scene")
     rates = list(feed) if feed else [part * asked.feed.rate for part in RATES]
     if len(rates) < 2:

@@ -211,7 +211,7 @@ class DrawStage:
 def _entering(scene: Scene) -> float:
     """Energy (m2/s2) of the turbulence that the stream brings; infinite where a case of the user's does."""
     air = scene.air
-    return math.inf if air is None or air.case is not None else entering_energy(air.turbulence, air.speed)
+    return math.inf if air is None or air.case else entering_energy(air.turbulence, air.speed)
 
 
 def _part(count: int, number: int) -> range:
