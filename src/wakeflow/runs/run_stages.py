@@ -120,12 +120,12 @@ def _neighbour(folder: Path, before: tuple[Path, ...], listener: Listener) -> Pi
 
 def _fed(scene: Scene, poured: FunnelSummary) -> Scene:
     """The scene with the funnel's rate as its feed's. Raises SceneError where it needs one and the flow stopped."""
-    if poured.rate is None and not scene.feed.rate:
+    if not poured.rate and not scene.feed.rate:
         raise SceneError(
             f"funnel: the flow stops with {poured.left} of {poured.beads} beads inside; widen "
             "funnel.orifice, shake it harder (funnel.gamma) or give feed.rate"
         )
-    return scene.fed(None if poured.rate is None else poured.rate.value)
+    return scene.fed(poured.rate.value if poured.rate else None)
 
 
 def airflow_told(scene: Scene, plan: Plan) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..air.field import AT_REST, EMPTY
-from ..air.field.flow import stream_function
+from ..air.field.flow import still, stream_function
 from ..core.geometry import distance_to
 from .canvas import MM, PlotGrid, Window, inside_window, triangulation
 
@@ -66,7 +66,7 @@ def at_moments(field: FlowField, count: int) -> tuple[Array, Iterator[FlowField]
 
 
 def _at_time(field: FlowField, time: float) -> FlowField:
-    state = field.still(field.weights(time))
+    state = still(field, field.weights(time))
     k = np.maximum(state.k, 0.0)  # the modes left out may be more than all of it
     return replace(state, points=field.points + field.motion.displacement(time), k=k, motion=AT_REST)
 

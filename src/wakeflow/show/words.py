@@ -194,13 +194,13 @@ def loading_words(result: Result) -> str:
 def funnel_words(funnel: FunnelSummary) -> str:
     """The feed funnel in one line."""
     rate, law = funnel.rate, funnel.beverloo_cone
-    if rate is None:
+    if not rate:
         return f"funnel: {funnel.verdict} with {funnel.left} of {funnel.beads} beads inside"
     found = f"funnel: {1e3 * rate.value:.3g} g/s"
     if rate.known:
         found += f" ({1e3 * rate.low:.3g} to {1e3 * rate.high:.3g})"
-    empty = "" if funnel.time_to_empty is None else f", empty after {funnel.time_to_empty:.3g} s"
-    return found + empty + ("" if law is None else f"; Beverloo's law with cone factor, at rest: {1e3 * law:.3g} g/s")
+    empty = f", empty after {funnel.time_to_empty:.3g} s" if funnel.time_to_empty > 0.0 else ""
+    return found + empty + (f"; Beverloo's law with cone factor, at rest: {1e3 * law:.3g} g/s" if law > 0.0 else "")
 
 
 def verdict_lines(result: Result) -> list[str]:

@@ -192,8 +192,8 @@ def test_a_short_or_stopped_flow_claims_nothing() -> None:
     short = rate_of(_curve(1.0, pulse=0.5, period=0.3), 1.0, 0.3)
     assert not short.known
     stopped = Curve(np.linspace(0, 1, 100), np.linspace(1.0, 0.6, 100), np.full(100, 60.0))
-    assert rate_of(stopped, 1.0, 0.0) is None
-    assert time_to_empty(stopped, 1.0) is None
+    assert not rate_of(stopped, 1.0, 0.0)
+    assert math.isnan(time_to_empty(stopped, 1.0))
 
 
 def test_without_the_engine_one_line_says_what_to_install(

@@ -65,8 +65,8 @@ class FlowField(Triangles):
     viscosity: float = 1.8e-5
     given_gradient: Array = field(default_factory=_empty)
     coefficients: Array = field(default_factory=_empty)
-    motion: MeshOscillation = AT_REST
-    truncation: Truncation = KEPT_WHOLE
+    motion: MeshOscillation = field(default_factory=lambda: AT_REST)
+    truncation: Truncation = field(default_factory=lambda: KEPT_WHOLE)
     temperature: float = TEMPERATURE
     mean_free_path: float = MEAN_FREE_PATH
 
@@ -211,11 +211,7 @@ class FlowField(Triangles):
 
     def mean(self) -> FlowField:
         """The time mean as a steady field: trapezoidal rule over the snapshots, round the period if there is one."""
-        return self.still(self.time_axis.mean_weights()) if self.in_time else self
-
-    def still(self, weights: Array) -> FlowField:
-        """A steady field: the snapshots or parts of one in time, with these ``weights`` (R,)."""
-        return self.mapped(lambda nodal: np.tensordot(weights, nodal, axes=1)).with_values(**STEADY)
+        return still(self, self.time_axis.mean_weights()) if self.in_time else self
 
     def compressed(self, error: float = 0.01, knots: int | None = None) -> FlowField:
         """Snapshots over a period as mean and modes with smooth functions of time; see :mod:`.modes`.
@@ -341,6 +337,11 @@ AGAIN = "it cannot be read as a flow field; the run that wrote it writes it anew
 def nodal(field: FlowField) -> dict[str, Any]:
     """The nodal arrays that a ``field`` has, by name."""
     return {name: getattr(field, name) for name in NODAL if field.has(name)}
+
+
+def still(field: FlowField, weights: Array) -> FlowField:
+    """A steady field: the snapshots or parts of one in time, with these ``weights`` (R,)."""
+    return field.mapped(lambda nodal: np.tensordot(weights, nodal, axes=1)).with_values(**STEADY)
 
 
 def _gas(temperature: float, **numbers: Any) -> dict[str, Any]:

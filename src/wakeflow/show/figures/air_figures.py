@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...air.field.flow import vorticity
+from ...air.field.flow import still, vorticity
 from ...air.kinds.airflow_table import momentum_of
 from ...core.geometry import along
 from .. import canvas
@@ -179,7 +179,7 @@ def draw_vorticity(paper: Paper, field: FlowField, scene: Scene, airflow: Airflo
 
     window = window_round_body(scene, airflow)
     first = field.times[:1].tolist()  # none of a steady one
-    now = {f"at {1e3 * time:.3g} ms of the loop": field.still(field.weights(time)) for time in first}
+    now = {f"at {1e3 * time:.3g} ms of the loop": still(field, field.weights(time)) for time in first}
     shown = {**now, "mean": as_flown(field.mean(), scene)}
     scaled = {name: vorticity(one) * scene.width / scene.airstream.speed for name, one in shown.items()}
     here = canvas.inside_window(field.points, window)

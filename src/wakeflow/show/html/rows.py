@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ...answer.result import Request
 from ...core.number import Number
 from ...core.quantities import say, speaking
-from ...core.record import columns, to_json
+from ...core.record import columns, to_json, without_none
 from ...scene import Fraction, Scene
 from ...scene.changes import flat
 from ...scene.messages import unit_of
@@ -125,7 +125,7 @@ def scene_in_full(scene: Scene, asked: Request | None = None) -> str:
     """
     import tomlkit
 
-    tables = json.loads(scene.model_dump_json(exclude_none=True, by_alias=True))
+    tables = without_none(json.loads(scene.model_dump_json(exclude_none=True, by_alias=True)))
     if asked is not None:
         beside = {"rung": asked.rung, "target_error": asked.target_error}
         tables["numerics"].update({key: value for key, value in beside.items() if value is not None})
