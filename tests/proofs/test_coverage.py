@@ -18,7 +18,7 @@ from proofs.coverage.stored_air import StoredFlow, field_of, oval, stream
 from support import shipped
 from wakeflow.core.geometry import area
 from wakeflow.core.store import Store, cache_root
-from wakeflow.scene.variation import AirVariation, Variation
+from wakeflow.scene.changes import AirVariation, Variation
 
 
 def number(value: float, low: float, high: float, truth: float, scene: str = "one") -> Counted:

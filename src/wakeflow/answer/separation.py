@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from ..flight.stages.input_samples import DrawnLandings, InputSamples
 from ..flight.stages.landings import Landings
-from ..planning.dependence import Dependence
-from ..planning.unknowns import Unknown, unknown_kinds
+from ..planning.unknowns import Dependence, Unknown, unknown_kinds
 from ..scene import Scene
 from .cells import LandingCells
 from .draws import DRAWS, LACK, ErrorSource, column, columns, less_at_ends

@@ -26,7 +26,6 @@ from ..scene import Fraction, Scene
 from ..scene.overrides import share_in
 from ..scene.whole import States, switched
 from .airflow_choice import JET, AirflowPlan, AirMotion, choose_airflow, vibration_of_scene
-from .carried_round import Deflection, deflection
 from .collision_rates import RECIRCULATION, Encounters, ejection_speed, encounters, shifted
 from .collisions import (
     LIGHT,
@@ -39,7 +38,6 @@ from .collisions import (
 )
 from .cost import estimate_cost, expected_stages
 from .coupling import Limit, limits, with_driven_air
-from .dependence import orders
 from .plan import FractionPlan, Plan, whole_terms
 from .plan_messages import missing_lines, used_lines, warning_lines
 from .stages import FliesAgain
@@ -57,7 +55,8 @@ from .terms import (
     limit_of,
     moved_by_air,
 )
-from .uniform_fall import FallTimes, UniformFall
+from .uniform_fall import Deflection, FallTimes, UniformFall, deflection
+from .unknowns import orders
 
 # -- The scales of a flight -------------------------------------------------------------------------------------------
 SIZES = (0.05, 0.5, 0.95)  # mass quantiles of the granules that the bounds are taken over: 90 % lie between

@@ -21,7 +21,7 @@ from ..core.errors import LONGEST, SceneError
 from ..core.files import atomic_write, check_tables, path_of, read_toml
 from ..core.quantities import say, speaking
 from ..core.record import JsonTable, without_none
-from .bins.built_in import SideBin
+from .bins import SideBin
 from .checks import CHECKS, OVER_THE_TOP
 from .measured import trays_in
 from .messages import EVERYWHERE, doubts, explain, units_in, with_units

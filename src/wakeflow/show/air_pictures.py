@@ -145,7 +145,7 @@ def dynamic_pressure(field: FlowField, scene: Scene) -> float:
 
 def suction_nodes(mean: FlowField, cp: Array, scene: Scene) -> NDArray[np.bool_]:
     """Nodes (N,) of the suction zone: ``cp`` (N,) below its border, downstream of the first body's widest place, and
-    joined to the body by such nodes (as ``air.foam.suction`` measures it).
+    joined to the body by such nodes (as ``air.foam.measure`` measures it).
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

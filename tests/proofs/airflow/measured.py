@@ -20,8 +20,8 @@ from proofs.airflow.residence import ResidenceTime, residence_time
 from wakeflow.air.field import FlowField
 from wakeflow.air.field.combined import blended_wake, interpolated
 from wakeflow.air.foam.case import read_parameters
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.air.kinds.airflow_table import Airflow
-from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.core.errors import known
 from wakeflow.core.lazy import cached_property
 from wakeflow.core.number import Number
@@ -140,7 +140,7 @@ class SolvedAirflow:
     @cached_property
     def last_periods(self) -> NDArray[np.float64]:
         """Rows (n, 3) of time (s), Cd, Cl over the last period of a shedding wake; all rows of another."""
-        from wakeflow.air.foam.force_history import read_table
+        from wakeflow.air.foam.statistics import read_table
 
         rows = read_table(self.case, "forceCoefficients", (HISTORY_CD, HISTORY_CL))
         period = self.found.period

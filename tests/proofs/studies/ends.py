@@ -34,11 +34,10 @@ from numpy.typing import NDArray
 import wakeflow as wf
 from support import shipped
 from wakeflow.air.foam.case import FlowSpec, MeshMotion
-from wakeflow.air.foam.force_history import CD, CL, read_table, upward_crossings
 from wakeflow.air.foam.read import CaseFields, time_folders
 from wakeflow.air.foam.solver import run_segment
 from wakeflow.air.foam.start import perturb, start_from
-from wakeflow.air.foam.statistics import Stopping, evaluate
+from wakeflow.air.foam.statistics import CD, CL, Stopping, evaluate, read_table, upward_crossings
 from wakeflow.air.foam.watch import Watch
 from wakeflow.air.mesh import build_mesh, ends, plan_mesh
 from wakeflow.flight.stages.pipeline import Pipeline

@@ -30,8 +30,7 @@ from wakeflow.air.foam.case import FlowSpec, axis_points
 from wakeflow.air.foam.read import CaseFields
 from wakeflow.air.foam.spanwise.span_measure import measure_span
 from wakeflow.air.foam.spanwise.span_record import SpanRecord, lead_of, read_layers
-from wakeflow.air.kinds.airflow_kinds import flow_spec, mesh_spec
-from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.air.kinds.airflow_kinds import Realisations, flow_spec, mesh_spec
 from wakeflow.core.number import Number
 from wakeflow.core.store import Store, cache_root
 from wakeflow.flight.feed.feedstock import feedstock

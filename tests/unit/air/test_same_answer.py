@@ -22,10 +22,10 @@ from support import CASES, RHOMBUS, ROOT, WIDTH, kept_airflow, rhombus_spec, shi
 from wakeflow.air.foam import watch
 from wakeflow.air.foam.airflow import solve_airflow
 from wakeflow.air.foam.case import FlowSpec
-from wakeflow.air.foam.force_history import oscillation
 from wakeflow.air.foam.programs import AirflowFailure
 from wakeflow.air.foam.read import time_folders
 from wakeflow.air.foam.solver import last_state, segment_ends
+from wakeflow.air.foam.statistics import oscillation
 from wakeflow.air.foam.steady import (
     SEGMENT,
     STATES_KEPT,

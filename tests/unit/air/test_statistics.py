@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wakeflow.air.foam.force_history import Tail
-from wakeflow.air.foam.statistics import Stopping, cycles, evaluate, is_still, start_up_of
+from wakeflow.air.foam.statistics import Stopping, Tail, cycles, evaluate, is_still, start_up_of
 
 STEPS = 40  # a period of 1 s
 TRUTH = {"cd": 2.0, "cp_base": -1.5, "frequency": 1.0}

@@ -19,8 +19,7 @@ from wakeflow.answer.spread import share_interval
 from wakeflow.core.errors import SceneError
 from wakeflow.core.number import Number
 from wakeflow.flight.stages.input_samples import DrawnLandings, InputSamples
-from wakeflow.planning.dependence import Dependence
-from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Unknown
+from wakeflow.planning.unknowns import FARTHEST, SIGMAS, Dependence, Unknown
 from wakeflow.scene import Scene
 
 

@@ -13,9 +13,8 @@ import pytest
 
 import wakeflow as wf
 from wakeflow.air.field import FlowField
-from wakeflow.air.kinds.airflow_kinds import FlownAir, airflow_kinds
+from wakeflow.air.kinds.airflow_kinds import FlownAir, Realisations, airflow_kinds
 from wakeflow.air.kinds.airflow_table import Airflow
-from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.core.errors import SceneError
 from wakeflow.core.store import Store, content_key
 from wakeflow.flight.stages import airs

@@ -16,9 +16,8 @@ import wakeflow as wf
 from support import landings_in, loaded_scene, shipped
 from wakeflow import flight as tracking
 from wakeflow.air.foam.momentum_source import LEVELS, SOURCE
-from wakeflow.air.kinds.airflow_kinds import FlownAir
+from wakeflow.air.kinds.airflow_kinds import FlownAir, Realisations
 from wakeflow.air.kinds.airflow_table import Airflow
-from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.answer.budget.slab_sources import BetweenGranulesRestitution, shows
 from wakeflow.answer.notices import _step_not_reached, air_notices
 from wakeflow.answer.separation import separate

@@ -16,7 +16,7 @@ from proofs.problems.flights import taylor_green, two_modes
 from proofs.problems.reference_all_terms import reference_end_states
 from support import FLOOR, G, distance
 from wakeflow.air.field import FlowField
-from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.flight import Body, Fate, Granules, Motion, Tracks, track
 from wakeflow.flight.feed.feedstock import feedstock
 from wakeflow.flight.stages.fraction_flights import Flight

@@ -11,7 +11,7 @@ import wakeflow as wf
 from support import shipped
 from wakeflow.air.field import FlowField
 from wakeflow.air.field.combined import varied
-from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.core.errors import SceneError
 from wakeflow.extras.motion.film_stage import SINGLY, Film, flown_film
 from wakeflow.flight.feed.feedstock import feedstock, samples

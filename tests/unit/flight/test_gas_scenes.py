@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from support import shipped
-from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.core.errors import SceneError, known
 from wakeflow.flight.feed.feedstock import feedstock, granules_of
 from wakeflow.flight.stages.fraction_flights import Flight

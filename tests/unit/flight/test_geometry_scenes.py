@@ -13,8 +13,8 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.air.kinds.analytic import decaying, duct_field
-from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.answer.separation import separate
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError

@@ -12,7 +12,7 @@ import pytest
 import wakeflow as wf
 from support import DOCS, G, shipped
 from wakeflow.air.field import FlowField
-from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.core.errors import SceneError
 from wakeflow.flight import Granules
 from wakeflow.flight.feed.feedstock import feedstock

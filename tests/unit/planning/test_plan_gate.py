@@ -18,7 +18,7 @@ from proofs.report import cell
 from proofs.studies import bounds as gates
 from support import CASES, landings_in, shipped
 from wakeflow.air.field import EMPTY, FlowField
-from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.answer.budget.budget import total_notices
 from wakeflow.answer.budget.flown_again import compared, free_ends
 from wakeflow.answer.budget.inputs import most_crossing, truncation_terms

@@ -20,11 +20,11 @@ from wakeflow.laws.best_estimate import NO_ESTIMATE, best_estimate
 from wakeflow.laws.impaction import Cylinder, Front, Impaction, Wedge, approach, fronts
 from wakeflow.laws.material import default_margins, materials
 from wakeflow.planning.airflow_choice import FLAT_BELOW, LAMINAR_BELOW, SHEDDING_ABOVE, choose_airflow
-from wakeflow.planning.carried_round import Deflection, deflection
 from wakeflow.planning.cost import EACH_STAGE, airflow_cost, flown_again
 from wakeflow.planning.make import TURNING
 from wakeflow.planning.plan import COMPARED, INPUT_SAMPLES, REPLICATES
 from wakeflow.planning.stages import Workload
+from wakeflow.planning.uniform_fall import Deflection, deflection
 from wakeflow.planning.unknowns import SIGMAS, Unknown, unknown_kinds, unknowns, variation_at
 from wakeflow.planning.wake import Wake, family_of, wake_of, wakes_beside
 from wakeflow.runs.planned import make_plan

@@ -18,15 +18,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...core import sums
-from ...core.arrays import number, numbers
+from ...core.arrays import number, numbers, truths, whole
 from ...core.errors import SceneError
 from ...core.lazy import cached_property
 from ...core.tables import load_arrays, save_arrays
 from ...laws.gas import MEAN_FREE_PATH, PRESSURE, TEMPERATURE
 from ...laws.gas import mean_free_path as path_in_gas
-from . import field_checks as checks
 from .modes import AT_REST, KEPT_WHOLE, MIN_KNOTS, MeshOscillation, TimeAxis, Truncation, compress, design
-from .triangles import VECTORS, Divergence, Triangles, divergence_of, gradient_operators, mirrored
+from .triangles import VECTORS, Divergence, Triangles, divergence_of, double_area, gradient_operators, mirrored
 
 Array = NDArray[np.float64]
 EMPTY: Array = np.zeros(0)
@@ -101,26 +100,26 @@ class FlowField(Triangles):
         times that do not increase, a period shorter than the time they span, density, viscosity and temperature that
         are not positive, or a mean free path that is negative.
         """
-        nodes = checks.points(points)
-        cells = checks.cells(triangles, nodes)
-        length = 0.0 if period is None else checks.period(period, timed=times is not None)
-        clock = EMPTY if times is None else checks.times(times, length)
-        parts = EMPTY if coefficients is None else checks.coefficients(coefficients, clock, length)
+        nodes = _points(points)
+        cells = _cells(triangles, nodes)
+        length = 0.0 if period is None else _period(period, timed=times is not None)
+        clock = EMPTY if times is None else _times(times, length)
+        parts = EMPTY if coefficients is None else _coefficients(coefficients, clock, length)
         lead = (*(parts.shape[1:] or clock.shape), len(nodes)) if len(clock) else (len(nodes),)
         given = (
             ("velocity", velocity, (*lead, 2), "m/s"), ("pressure", pressure, lead, "Pa"), ("k", k, lead, "m^2/s^2"),
             ("dissipation", dissipation, lead, "m^2/s^3"), ("pressure_gradient", pressure_gradient, (*lead, 2), "Pa/m"),
         )  # fmt: skip
-        nodal: dict[str, Any] = {n: checks.of_shape(n, v, shape, unit) for n, v, shape, unit in given if v is not None}
+        nodal: dict[str, Any] = {n: _of_shape(n, v, shape, unit) for n, v, shape, unit in given if v is not None}
         if walls is not None and "k" in nodal:
-            nodal["k"][..., checks.flags("walls", walls, (len(nodes),))] = 0.0
-        lost = KEPT_WHOLE if truncation is None else Truncation.from_array(checks.finite("truncation", truncation))
+            nodal["k"][..., _flags("walls", walls, (len(nodes),))] = 0.0
+        lost = KEPT_WHOLE if truncation is None else Truncation.from_array(_finite("truncation", truncation))
         field = cls(
             nodes, cells, times=clock, period=length, coefficients=parts, truncation=lost,
             given_gradient=nodal.pop("pressure_gradient", EMPTY), **nodal,
             **_gas(temperature, density=density, viscosity=viscosity, mean_free_path=mean_free_path),
         )  # fmt: skip
-        return field if motion is None else field.moving(*checks.motion(motion))
+        return field if motion is None else field.moving(*_motion(motion))
 
     @classmethod
     def from_openfoam(
@@ -254,7 +253,7 @@ class FlowField(Triangles):
         The points are those of the middle position; velocities stay what they are, absolute. A field in time must
         repeat after a whole number of swings, which is a SceneError otherwise.
         """
-        across, along = checks.of_shape("amplitude", amplitude, (2,), "m").tolist()
+        across, along = _of_shape("amplitude", amplitude, (2,), "m").tolist()
         swing = MeshOscillation(across, along, number("omega", omega, "rad/s"), number("phase", phase, "rad"))
         swing.check(self.in_time, self.time_axis.period)
         return self.with_values(motion=swing)
@@ -349,10 +348,10 @@ def _gas(temperature: float, **numbers: Any) -> dict[str, Any]:
     given = {name: value for name, value in numbers.items() if value is not None}
     path = 0.0 if given else MEAN_FREE_PATH
     return {
-        "density": checks.positive("density", given.get("density", 1.2), "kg/m^3"),
-        "viscosity": checks.positive("viscosity", given.get("viscosity", 1.8e-5), "Pa*s"),
-        "temperature": checks.positive("temperature", temperature, "K"),
-        "mean_free_path": checks.positive("mean_free_path", given.get("mean_free_path", path), "m", or_zero=True),
+        "density": _positive("density", given.get("density", 1.2), "kg/m^3"),
+        "viscosity": _positive("viscosity", given.get("viscosity", 1.8e-5), "Pa*s"),
+        "temperature": _positive("temperature", temperature, "K"),
+        "mean_free_path": _positive("mean_free_path", given.get("mean_free_path", path), "m", or_zero=True),
     }
 
 
@@ -389,3 +388,111 @@ def stream_function(field: FlowField) -> Array:
     psi = np.zeros(size)
     psi[1:] = spsolve(matrix[1:, 1:], right[1:])
     return psi
+
+
+# -- Checks of what a flow field is made of; SceneError names what is wrong --------------------------------------------
+Index = NDArray[np.int64]
+FLAT = 1e-12  # area over the square of its longest edge below which a triangle has none: round-off
+
+
+def _finite(name: str, values: ArrayLike, unit: str = "1") -> Array:
+    """A contiguous copy in double precision, in ``unit``; every value is finite."""
+    array = numbers(name, values, unit)
+    bad = ~np.isfinite(array)
+    if bad.any():
+        first = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise SceneError(f"{name}: {int(bad.sum())} of {array.size} values are not finite, the first at {first}")
+    return array
+
+
+def _points(values: ArrayLike) -> Array:
+    """Points (N, 2) m, at least three."""
+    nodes = _finite("points", values, "m")
+    if nodes.ndim != 2 or nodes.shape[1] != 2 or len(nodes) < 3:
+        raise SceneError(f"points: shape {nodes.shape}, expected (N, 2) with N of at least 3")
+    return nodes
+
+
+def _positive(name: str, value: float, unit: str = "1", *, or_zero: bool = False) -> float:
+    """A number in ``unit`` that is positive, or ``or_zero``, and finite."""
+    result = number(name, value, unit)
+    if not (np.isfinite(result) and (result > 0 or (or_zero and result == 0))):
+        raise SceneError(f"{name} = {result:g} must be positive{' or 0' if or_zero else ''} and finite")
+    return result
+
+
+def _of_shape(name: str, values: ArrayLike, shape: tuple[int, ...], unit: str = "1") -> Array:
+    """Numbers in ``unit`` of exactly this shape."""
+    return _shaped(name, _finite(name, values, unit), shape)
+
+
+def _flags(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Truth values, or numbers that are one where they are not 0, of exactly this shape."""
+    return _shaped(name, truths(name, values), shape)
+
+
+def _shaped(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+    if array.shape != shape:
+        raise SceneError(f"{name}: shape {array.shape}, expected {shape}")
+    return array
+
+
+def _cells(triangles: ArrayLike, nodes: Array) -> Index:
+    """Triangles (M, 3) of numbers of the ``nodes`` (N, 2), each with an area; clockwise ones are turned round."""
+    cells = whole("triangles", triangles)
+    if cells.ndim != 2 or cells.shape[1] != 3 or not len(cells):
+        raise SceneError(f"triangles: shape {cells.shape}, expected (M, 3) of integers")
+    if cells.min() < 0 or cells.max() >= len(nodes):
+        raise SceneError(f"triangles: node {int(cells.max())} and {int(cells.min())}, allowed 0 to {len(nodes) - 1}")
+    double = double_area(nodes, cells)
+    cells[double < 0] = cells[double < 0][:, ::-1]
+    p = nodes[cells]
+    longest = np.max(np.sum((p - np.roll(p, 1, axis=1)) ** 2, axis=2), axis=1)
+    flat = np.abs(double) <= FLAT * longest
+    if flat.any():
+        raise SceneError(
+            f"triangles: {int(flat.sum())} of {len(cells)} have no area, the first is {int(flat.argmax())}"
+        )
+    return np.ascontiguousarray(cells)
+
+
+def _period(value: float, *, timed: bool) -> float:
+    """A period (s), which goes with the times of snapshots."""
+    length = number("period", value, "s")
+    if not timed:
+        raise SceneError(f"period = {length} s needs the times of the snapshots")
+    return length
+
+
+def _times(values: ArrayLike, period: float) -> Array:
+    """Increasing times (T,) s that span no more than the ``period`` (s), where it is not 0."""
+    clock = _finite("times", values, "s")
+    if clock.ndim != 1 or not len(clock):
+        raise SceneError(f"times: shape {clock.shape}, expected (T,)")
+    if np.any(np.diff(clock) <= 0):
+        raise SceneError(f"times: must increase, but do not after entry {int(np.argmax(np.diff(clock) <= 0))}")
+    if period and not (np.isfinite(period) and period >= clock[-1] - clock[0]):
+        raise SceneError(f"period = {period:g} s is shorter than the {clock[-1] - clock[0]:g} s the times span")
+    return clock
+
+
+def _coefficients(values: ArrayLike, knots: Array, period: float) -> Array:
+    """Coefficients (T, R) of splines whose ``knots`` (T,) s are the times: uniform over the ``period`` (s; 0 without
+    one), at least four.
+    """
+    array = _finite("coefficients", values)
+    if not period or len(knots) < 4:
+        raise SceneError("coefficients: need a period and at least four times, the knots of the splines")
+    if array.ndim != 2 or array.shape[0] != len(knots) or array.shape[1] < 1:
+        raise SceneError(f"coefficients: shape {array.shape}, expected ({len(knots)}, R), a row for each time")
+    if not np.allclose(np.diff(knots), period / len(knots), rtol=1e-6, atol=0.0):
+        raise SceneError("coefficients: the times, the knots of the splines, must be uniform over the period")
+    if not (np.allclose(array[:, 0], 1.0) and np.allclose(array[:, 1:].mean(axis=0), 0.0, atol=1e-9)):
+        raise SceneError("coefficients: the first column must be 1, for the mean, and the others have the mean 0")
+    return array
+
+
+def _motion(values: ArrayLike) -> tuple[tuple[float, float], float, float]:
+    """Amplitude (x, y) m, omega (rad/s) and, where it is given, phase (rad) of a moving mesh from a flat list."""
+    x, y, omega, *phase = _finite("motion", values).ravel().tolist()
+    return (x, y), omega, phase[0] if phase else 0.0

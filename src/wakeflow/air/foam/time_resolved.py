@@ -15,11 +15,10 @@ from ...core.errors import FoamError
 from ...core.files import write_json
 from ...core.record import JsonTable
 from .case import FlowSpec, MeshMotion
-from .force_history import Tail
 from .read import LOOP, CaseFields, time_folders
 from .solver import PHASE, SAME, drop_after, last_state, purge, run_segment, segment_ends
 from .start import first_step, start_in_time
-from .statistics import Stopping, cycles, evaluate, is_still
+from .statistics import Stopping, Tail, cycles, evaluate, is_still
 from .watch import ProgressListener, Watch
 
 Array = NDArray[np.float64]

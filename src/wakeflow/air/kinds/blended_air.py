@@ -18,10 +18,9 @@ from ..field import FlowField
 from ..field.combined import Wakes
 from ..foam import FlowSpec
 from ..foam.airflow_result import SuctionZone
-from ..foam.suction import suction_zone
-from .airflow_kinds import CaseAir, MadeOf, airflow_kinds
+from ..foam.measure import suction_zone
+from .airflow_kinds import CaseAir, MadeOf, Realisations, airflow_kinds
 from .airflow_table import Airflow, WakeEnd, WakeEnds
-from .realisations import Realisations
 
 
 # -- The air between two wakes -----------------------------------------------------------------------------------------

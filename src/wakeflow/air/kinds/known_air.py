@@ -13,9 +13,8 @@ from ...core.record import save
 from ...core.store import content_key, digest_files
 from ...planning.stage_cache import code_of
 from ..mesh.spec import MeshReport
-from .airflow_kinds import CaseAir, FlownAir, airflow_kinds
+from .airflow_kinds import CaseAir, FlownAir, Realisations, airflow_kinds
 from .airflow_table import Airflow
-from .realisations import Realisations
 
 if TYPE_CHECKING:
     from ..field import FlowField

@@ -36,10 +36,9 @@ from ...runs.planned import make_plan
 from ...runs.progress import as_listener
 from ...runs.run_stages import one_thread_of_blas
 from ...scene import Fraction, Scene
-from ...scene.fraction import MAX_COEFFICIENT
+from ...scene.fraction import MAX_COEFFICIENT, Coefficient
 from ...scene.measured import Measured, Tray, read_trays, trays_of_columns
 from ...scene.overrides import share_in
-from ...scene.rebound import Coefficient
 from ...scene.whole import States, switched
 from .calibration_match import Matched, matched
 from .calibration_update import DISCREPANCY, Updated, half_of, left_by

@@ -25,7 +25,7 @@ from ...laws.restitution import Restitution, restitution_at
 from ...planning.collisions import MASS_LEVELS, CollisionPlan, number_rates
 from ...planning.plan import FractionPlan, Plan
 from ...scene import Scene
-from ...scene.variation import AS_GIVEN, GranuleVariation, Variation
+from ...scene.changes import AS_GIVEN, GranuleVariation, Variation
 from .. import Granules
 from .feedstock import entering, fall_start, granules_of, highest, hung, released, varied_granules
 

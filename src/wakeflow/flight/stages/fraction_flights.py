@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import flight as tracking
-from ...air.kinds.realisations import Realisations
+from ...air.kinds.airflow_kinds import Realisations
 from ...core.errors import SceneError
 from ...core.geometry import wall_edge
 from ...core.process import cores
 from ...core.tables import Columns
 from ...planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
 from ...scene import Scene
+from ...scene.changes import GranuleVariation
 from ...scene.pictures import TRACKS_RECORDED
-from ...scene.variation import GranuleVariation
 from .. import Body, Granules, Tracks
 from ..feed.feedstock import Feedstock, feedstock
 from ..feed.first_contact import motion_of

@@ -22,15 +22,14 @@ from ...core.lazy import cached_property
 from ...core.tables import AnyArray, Columns, save_arrays
 from ...laws.size import normal_points
 from ...laws.turbulence import entering_energy
-from ...planning.dependence import Dependence, correlated, dependence
 from ...planning.plan import INPUT_SAMPLES, REPLICATES, SAME_AIR, replicate_size
 from ...planning.stage_cache import code_of
-from ...planning.unknowns import FARTHEST, Unknown, unknowns, variation_at
-from ...scene.variation import AirVariation, Variation
+from ...planning.unknowns import FARTHEST, Dependence, Unknown, correlated, dependence, unknowns, variation_at
+from ...scene.changes import AirVariation, Variation
 from .landings import BLOCKS, block_of
 
 if TYPE_CHECKING:
-    from ...air.kinds.realisations import Realisations
+    from ...air.kinds.airflow_kinds import Realisations
     from ...scene import Scene
     from .landings import Tracked
     from .track_stage import TrackStage

@@ -17,11 +17,11 @@ from ...core.lazy import cached_property
 from ...core.process import cores
 from ...core.store import Store, cache_root
 from ...core.tables import Columns
-from ...planning.dependence import Dependence
 from ...planning.feed_funnel import ENGINE, FunnelSummary, bead_engines
 from ...planning.plan import Plan
 from ...planning.stage_cache import Listener, StageCache, StageTimes, null_listener
 from ...planning.stages import OWN, AirLabel, StageKey
+from ...planning.unknowns import Dependence
 from ...scene import Scene
 from .air_loading import AirLoading
 from .airs import Airs

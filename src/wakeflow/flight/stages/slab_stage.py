@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ... import flight as tracking
 from ...air.field import FlowField
-from ...air.kinds.realisations import Realisations
+from ...air.kinds.airflow_kinds import Realisations
 from ...core.errors import SceneError
 from ...core.lazy import cached_property
 from ...core.process import cores
@@ -26,7 +26,7 @@ from ...planning.collisions import CollisionPlan
 from ...planning.plan import Plan
 from ...planning.stage_cache import code_of
 from ...scene import Scene
-from ...scene.variation import AS_GIVEN, Variation
+from ...scene.changes import AS_GIVEN, Variation
 from ..feed.feedstock import Feedstock
 from ..feed.stream import SlabFeed, slab_stream
 from .fraction_flights import PATIENCE, landing_columns, passage, track_in

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...air.foam.force_history import CD, CL, read_table
 from ...air.foam.polymesh import read_polymesh
 from ...air.foam.read import loop_of
+from ...air.foam.statistics import CD, CL, read_table
 from ...air.kinds.airflow_kinds import CaseAir
 from ...air.kinds.airflow_table import Airflow
 from .pipeline import Pipeline

@@ -19,7 +19,7 @@ from ...scene import Scene
 from .compilation import Compilation
 
 if TYPE_CHECKING:
-    from ...air.kinds.realisations import Realisations
+    from ...air.kinds.airflow_kinds import Realisations
     from ...scene import Picture
     from .fraction_flights import Flight
     from .landings import Tracked

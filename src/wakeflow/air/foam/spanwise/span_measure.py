@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from ....core.errors import FoamError
 from ..airflow_result import AirflowResult, AxisProfiles, SpanwiseMotion
 from ..case import SpanSpec, axis_points
-from ..force_history import Tail
-from ..measure import Edges, in_time, plane_numbers
+from ..measure import AxisCrossings, Edges, in_time, plane_numbers
 from ..read import mean_of, nodes_of, time_folders
 from ..reconstruction import Reconstruction, triangulate
-from ..suction import AxisCrossings
+from ..statistics import Tail
 from .span_record import K_AT, OMEGA_AT, SpanRecord, apart, des_dissipation, lead_of
 
 Array = NDArray[np.float64]
