@@ -54,12 +54,10 @@ def covered(
         off = rng.gamma(spread**-2, spread**2, clusters) - 1.0
         near = {"soft": mean * (1.0 + off), "hard": other * np.maximum(0.0, 1.0 - narrow / spread * off)}
         found = separate(scene, {name: landed(rng, every, fields) for name, every in near.items()})
-        recovery, purity = found.recovery["soft"], found.purity["near"]
-        assert recovery is not None
         for name, truth in (("soft", mean), ("hard", other)):
             hits[name] += _holds(found.fractions[name]["near"], truth)
-        hits["recovery"] += _holds(recovery, 1.5 * mean)
-        hits["purity"] += _holds(purity["soft"], pure)
+        hits["recovery"] += _holds(found.recovery["soft"], 1.5 * mean)
+        hits["purity"] += _holds(found.purity["near"]["soft"], pure)
     return {name: count / DRAWS for name, count in hits.items()}
 
 
