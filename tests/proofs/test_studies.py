@@ -84,7 +84,7 @@ def test_kernels_go_along_a_slope_as_the_material_says_and_a_ball_as_a_ball() ->
             marks=pytest.mark.openfoam,
         ),
         pytest.param(
-            ["labyrinth", 64, 3], "{fraction}", list(shipped("labyrinth").fraction), marks=pytest.mark.openfoam
+            ["labyrinth", 64, 4], "{fraction}", list(shipped("labyrinth").fraction), marks=pytest.mark.openfoam
         ),
         (["flakes_in_air", "--count", 60], "{restitution}", ["0.2", "0.5"]),
         (["flakes", "--count", 8], "{plate}", ["6 x 2 x 0.2", "3 x 3 x 0.1", "10 x 3 x 0.2", "12.65 x 3.69 x 3.69"]),
@@ -157,7 +157,7 @@ def test_air_loading() -> None:
 @pytest.mark.openfoam
 def test_passes_that_do_not_settle_find_the_force_of_those_that_do() -> None:
     """On a coarse mesh; a share of 512 granules moves by two of them where one is turned at an edge."""
-    settled, quick = study("settled_passes", "rhombus", "--seeds", 1, "--most", 200, "--mesh-scale", 3.0)
+    settled, quick = study("settled_passes", "rhombus", "--seeds", 1, "--most", 200, "--mesh-scale", 4.0)
     assert quick["iterations"] < settled["iterations"]
     assert quick["cd_off"] < 0.5
     assert quick["share_off"] < 1.0

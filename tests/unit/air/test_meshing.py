@@ -330,8 +330,6 @@ def test_the_channel_is_meshed_exactly_when_it_must_not_be_extended(tmp_path: Pa
 
 
 SLOPES, BLOCKAGES = (10, 45, 80), (0.02, 0.2, 0.5)
-
-
 OTHERS = {"rhombus": "standard", "prism": "draft"}  # of the range each shape in one rung, so that both meet all of it
 
 

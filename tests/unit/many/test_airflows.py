@@ -20,11 +20,7 @@ from wakeflow.many.agenda import Job, Step, make_agenda, starts
 from wakeflow.runs import report_again
 from wakeflow.runs.planned import make_plan
 
-COARSE = {
-    "numerics.mesh_scale": 3.0,
-    "feed.count": 256,
-    "feed.rate": "0.5 kg/hour",
-}  # no granule meets or loads the air
+COARSE = {"numerics.mesh_scale": 3.0, "feed.count": 256, "feed.rate": "0.5 kg/hour"}  # too few to meet or load the air
 
 
 def test_the_most_central_starts_from_rest_and_the_others_from_the_nearest() -> None:

@@ -18,7 +18,7 @@ from wakeflow.runs.planned import make_plan
 
 TABLE = Path(__file__).with_name("shipped_shares.toml")
 SCENES = [path.stem for path in sorted(CASES.glob("*.toml")) if "fraction" in tomllib.loads(path.read_text())]
-COARSE = {"feed.count": 256, "numerics.mesh_scale": 3.0}
+COARSE = {"feed.count": 256, "numerics.mesh_scale": 4.0}
 CHANCE = 6.0  # granules of 256 that the rounding of another processor may send elsewhere
 
 
